@@ -1,0 +1,133 @@
+"""Piecewise fields of a state, kept by DOLFINx Expressions, and the integrals of Newton's method.
+
+All forms and Expressions are compiled once for a problem. Nothing here loops over cells.
+"""
+
+import numpy as np
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.materials import strain
+from perfplast_fenicsx.problem import Problem
+
+
+class Integral:
+    """A scalar form, compiled once, summed over the ranks at each call."""
+
+    def __init__(self, comm: MPI.Intracomm, form: ufl.Form) -> None:
+        self._comm = comm
+        self._form = fem.form(form)
+
+    def __call__(self) -> float:
+        """The integral now. Collective."""
+        return float(self._comm.allreduce(fem.assemble_scalar(self._form)))
+
+
+class Fields:
+    """Strain, stress and tangent data at u, and integrals along a direction.
+
+    Attributes:
+        u: Displacement (P1 vector).
+        e: ε(u), Mandel vectors.
+        stress: Σ(e).
+        du, de: A direction δu and ε(δu).
+        beta: Step length in the line-search integrals.
+        rho: ρ of Σ^{o,ρ}.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Create fields that are zero, and compile what evaluates them. Collective."""
+        law, V, S, Q = problem.moduli, problem.V, problem.S, problem.Q
+        mesh, comm, dx = problem.assembly.mesh, problem.comm, problem.measure()
+        self.u, self.du = fem.Function(V, name="displacement"), fem.Function(V)
+        self.e, self.de, self.stress = fem.Function(S), fem.Function(S), fem.Function(S)
+        self.beta = fem.Constant(mesh, default_scalar_type(1))
+        self.rho = fem.Constant(mesh, default_scalar_type(1))
+        self._a, self._normal = fem.Function(Q), fem.Function(S)
+
+        def on(space: fem.FunctionSpace, expression: ufl.core.expr.Expr) -> fem.Expression:
+            return fem.Expression(expression, interpolation_points(space.element))
+
+        a, normal = law.tangent_data(self.e, self.rho)
+        self._update = [
+            (self.e, on(S, strain(self.u))),
+            (self.stress, on(S, law.stress(self.e))),
+        ]
+        self._tangent = [(self._a, on(Q, a)), (self._normal, on(S, normal))]
+        self._strain_of_direction = on(S, strain(self.du))
+
+        e, de, s = self.e, self.de, self.stress
+        moved = law.stress(e + self.beta * de)
+        change = law.stress(e + de) - s
+
+        def square(stress: ufl.core.expr.Expr) -> ufl.Form:
+            return ufl.dot(law.compliance(stress), stress) * dx
+
+        def energy(strain_: ufl.core.expr.Expr) -> ufl.Form:
+            return ufl.dot(law.hooke(strain_), strain_) * dx
+
+        self.slope = Integral(comm, ufl.dot(moved, de) * dx)
+        self.potential = Integral(comm, law.potential(e) * dx)
+        self.stress_power = Integral(comm, ufl.dot(s, e) * dx)
+        self.stress_norm2 = Integral(comm, square(s))
+        self.moved_stress_norm2 = Integral(comm, square(law.stress(e + de)))
+        self.change_norm2 = Integral(comm, square(change))
+        self.u_norm2 = Integral(comm, energy(e))
+        self.du_norm2 = Integral(comm, energy(de))
+        self.moved_norm2 = Integral(comm, energy(e + de))
+        self.plastic_cells = Integral(comm, law.plastic(e) / ufl.CellVolume(mesh) * dx)
+        self._plastic_volume = Integral(comm, law.plastic(e) * dx)
+        self._volume = Integral(comm, fem.Constant(mesh, default_scalar_type(1)) * dx)()
+
+        self._force_form = fem.form(problem.internal_form(self.stress))
+        self._tangent_form = fem.form(problem.tangent_form(self._a, self._normal))
+        self._bcs, self._comm = problem.bcs, comm
+        self._fixed = problem.fixed[: V.dofmap.index_map.size_local].ravel()
+        self.force: PETSc.Vec = fem_petsc.create_vector(self._force_form)
+        self.stiffness: PETSc.Mat = fem_petsc.create_matrix(self._tangent_form)
+
+    def update(self) -> None:
+        """Bring strain and stress to u. Its ghosts must be up to date."""
+        for function, expression in self._update:
+            function.interpolate(expression)
+
+    def update_direction(self) -> None:
+        """Bring ε(δu) to δu. Its ghosts must be up to date."""
+        self.de.interpolate(self._strain_of_direction)
+
+    def plastic_fraction(self) -> float:
+        """Share of the volume that is plastic. Collective."""
+        return self._plastic_volume() / self._volume
+
+    def assemble_force(self) -> PETSc.Vec:
+        """⟨Σ(e), ε(v)⟩ as a vector, zero at supports. Collective."""
+        with self.force.localForm() as local:
+            local.set(0)
+        fem_petsc.assemble_vector(self.force, self._force_form)
+        self.force.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        fem_petsc.set_bc(self.force, self._bcs)
+        return self.force
+
+    def assemble_stiffness(self, rho: float) -> PETSc.Mat:
+        """Σ^{o,ρ}(e) as a matrix; supported unknowns keep a diagonal of its mean. Collective."""
+        self.rho.value = rho
+        for function, expression in self._tangent:
+            function.interpolate(expression)
+        self.stiffness.zeroEntries()
+        fem_petsc.assemble_matrix(self.stiffness, self._tangent_form, bcs=self._bcs)
+        self.stiffness.assemble()
+        self._scale_supports()
+        return self.stiffness
+
+    def _scale_supports(self) -> None:
+        """Give supported unknowns the weight of the others, lest Krylov solvers overlook them."""
+        diagonal = self.stiffness.getDiagonal()
+        values = diagonal.array
+        total = self._comm.allreduce(np.array([values[~self._fixed].sum(), (~self._fixed).sum()]))
+        values[self._fixed] = total[0] / max(total[1], 1)
+        self.stiffness.setDiagonal(diagonal)
+        diagonal.destroy()

@@ -1,0 +1,161 @@
+"""The current iterate of a Newton-like method: gradient, tangent, line search, increments.
+
+What ALG1 and the work-controlled methods do alike stands here; they differ in the step they take.
+"""
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from petsc4py import PETSc
+
+from perfplast_fenicsx.fields import Fields
+from perfplast_fenicsx.problem import Problem
+from perfplast_fenicsx.state import State
+
+SLOPE_REDUCTION = 1e-3
+"""The line search ends where |φ'(β)| is at most this share of |φ'(0)|."""
+
+MOST_BISECTIONS = 40
+
+ROUNDING = 1e-13
+"""Slopes below this share of the terms they are the difference of are rounding noise."""
+
+
+class Iterate:
+    """u ∈ K_h, its fields, and a direction δu.
+
+    Attributes:
+        fields: Strain, stress, integrals.
+        y: u in the contact basis.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Compile the forms. Collective."""
+        self.problem = problem
+        self.fields = Fields(problem)
+        self.y = problem.load.duplicate()
+        self._delta = problem.load.duplicate()
+        self._residual = problem.load.duplicate()
+        self._r = problem.load.duplicate()
+        self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
+        self._operator: PETSc.Mat | None = None
+
+    def begin(self, start: State | None) -> npt.NDArray[np.bool_]:
+        """Start from a state, or from zero displacement.
+
+        Returns:
+            The active set to begin with: the state's, or all pairs without gap.
+        """
+        u = self.fields.u
+        if start is None:
+            u.x.array[:] = 0
+        else:
+            u.x.array[:] = start.u.x.array
+        self.problem.basis.M.mult(u.x.petsc_vec, self.y)
+        self.fields.update()
+        return self.room() <= 0 if start is None else start.active.copy()
+
+    def room(self) -> npt.NDArray[np.float64]:
+        """g − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""
+        basis = self.problem.basis
+        room = basis.gap - self.y.array_r[basis.index]
+        return np.maximum(room, 0)
+
+    def work(self) -> float:
+        """α = L(u)."""
+        return float(self.problem.load.dot(self.fields.u.x.petsc_vec))
+
+    def energy(self, zeta: float) -> float:
+        """J_ζ(u) = Ψ(ε(u)) − ζL(u)."""
+        return self.fields.potential() - zeta * self.work()
+
+    def gradient(self, zeta: float) -> PETSc.Vec:
+        """⟨Σ(ε(u)), ε(·)⟩ − ζL in the contact basis; valid until the next call."""
+        self.fields.assemble_force().copy(self._residual)
+        self._residual.axpy(-zeta, self.problem.load)
+        self.problem.basis.T.multTranspose(self._residual, self._r)
+        return self._r
+
+    def operator(self, rho: float) -> PETSc.Mat:
+        """Σ^{o,ρ}(ε(u)) in the contact basis; valid until the next call."""
+        K = self.fields.assemble_stiffness(rho)
+        if not self.problem.num_pairs:
+            return K
+        T = self.problem.basis.T
+        self._operator = K.PtAP(T) if self._operator is None else K.PtAP(T, self._operator)
+        return self._operator
+
+    def aim(self, delta: PETSc.Vec) -> None:
+        """Take a direction, given in the contact basis."""
+        delta.copy(self._delta)
+        du = self.fields.du
+        self.problem.basis.T.mult(delta, du.x.petsc_vec)
+        du.x.array[: self._fixed.size][self._fixed] = 0
+        du.x.scatter_forward()
+        self.fields.update_direction()
+
+    def line_search(self, zeta: float) -> float:
+        """β = argmin over (0, 1] of J_ζ(u + β δu), by bisection on the monotone derivative.
+
+        β = 1 is taken where the derivative there is not positive, or so small against the one at 0,
+        or against the terms it is the difference of, that nothing is to be gained.
+        """
+        load = zeta * float(self.problem.load.dot(self.fields.du.x.petsc_vec))
+
+        def slope(beta: float) -> float:
+            self.fields.beta.value = beta
+            return self.fields.slope() - load
+
+        at_zero, at_one = slope(0.0), slope(1.0)
+        enough = max(SLOPE_REDUCTION * abs(at_zero), ROUNDING * abs(load))
+        if at_one <= enough or at_zero >= -ROUNDING * abs(load):
+            return 1.0
+        low, high = 0.0, 1.0
+        for _ in range(MOST_BISECTIONS):
+            middle = (low + high) / 2
+            here = slope(middle)
+            if abs(here) <= enough:
+                return middle
+            low, high = (middle, high) if here < 0 else (low, middle)
+        return high
+
+    def descends_until(self, alpha: float, zeta: float) -> bool:
+        """Does J_ζ still fall along δu where the work of the loads has grown to ``alpha``?
+
+        J_ζ is convex, so it then falls all the way. Rays that leave K_h do not count.
+        """
+        fields, basis = self.fields, self.problem.basis
+        work = float(self.problem.load.dot(fields.du.x.petsc_vec))
+        jump = self._delta.array_r[basis.index]
+        closing = jump > 1e-8 * self._delta.norm(PETSc.NormType.NORM_INFINITY)
+        if self.problem.comm.allreduce(int(closing.sum())) or work <= 0:
+            return False
+        fields.beta.value = (alpha - self.work()) / work
+        return bool(fields.beta.value > 1 and fields.slope() < zeta * work)
+
+    def increment(self, stopping: str) -> float:
+        """‖δu‖ or ‖δσ‖_E relative to the states before and after the full step (Remark 1)."""
+        fields = self.fields
+        if stopping == "stress":
+            change, before, after = (
+                fields.change_norm2(),
+                fields.stress_norm2(),
+                fields.moved_stress_norm2(),
+            )
+        else:
+            change, before, after = fields.du_norm2(), fields.u_norm2(), fields.moved_norm2()
+        total = np.sqrt(before) + np.sqrt(after)
+        return float(np.sqrt(max(change, 0)) / total) if total > 0 else 0.0
+
+    def advance(self, beta: float) -> None:
+        """u ← u + β δu."""
+        u = self.fields.u
+        u.x.array[:] += beta * self.fields.du.x.array
+        self.y.axpy(beta, self._delta)
+        self.fields.update()
+
+    def state(self, zeta: float, active: npt.NDArray[np.bool_]) -> State:
+        """A copy of u that later steps leave alone."""
+        u = fem.Function(self.problem.V, name="displacement")
+        u.x.array[:] = self.fields.u.x.array
+        return State(u, zeta, self.work(), active.copy())

@@ -1,0 +1,167 @@
+"""Linear systems of one step, with some unknowns held: presets by size, near-nullspace, reuse."""
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from perfplast_fenicsx.options import own_prefix
+from perfplast_fenicsx.problem import Problem
+from perfplast_fenicsx.rigidity import contact_gram, null_space
+
+PREFIX = "perfplast_"
+"""PETSc options prefix of every linear solve."""
+
+DIRECT_LIMIT = 15_000
+"""Up to so many unknowns a sparse Cholesky factorisation is the quicker one."""
+
+MOST_MODES = 12
+"""With more near-null motions than this (many bodies) only the common ones are kept."""
+
+DIRECT = {
+    "ksp_type": "preonly",
+    "pc_type": "cholesky",
+    "pc_factor_mat_solver_type": "mumps",
+}
+
+MULTIGRID = {
+    "ksp_type": "cg",
+    "ksp_norm_type": "unpreconditioned",
+    "ksp_max_it": 1000,
+    "pc_type": "gamg",
+    "pc_gamg_threshold": 0.01,
+    "pc_gamg_aggressive_coarsening": 1,
+    "pc_gamg_coarse_eq_limit": 1000,
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_ksp_max_it": 3,
+    "mg_levels_pc_type": "jacobi",
+    "mg_levels_esteig_ksp_type": "cg",
+    "mg_levels_ksp_chebyshev_esteig": "0,0.1,0,1.05",
+    "mg_coarse_pc_type": "redundant",
+    "mg_coarse_redundant_pc_type": "cholesky",
+}
+
+
+class LinearFailure(RuntimeError):
+    """A linear system that could not be solved; the message is the reason, alike on every rank."""
+
+
+class LinearSolver:
+    """Solves A y = b in the contact basis, with any set of unknowns held at zero.
+
+    CG + GAMG for large problems, MUMPS Cholesky for small ones; every PETSc option can be given
+    with the prefix ``perfplast_``.
+
+    Attributes:
+        iterations: Krylov iterations so far.
+        solves: Systems solved so far.
+        setups: Factorisations or multigrid set-ups so far.
+        name: What is used, for people.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.iterations = self.solves = self.setups = 0
+        self._modes: PETSc.NullSpace | None = None
+        self._problem = problem
+        direct = problem.num_dofs <= DIRECT_LIMIT
+        self._ksp = PETSc.KSP().create(problem.comm)
+        self._ksp.setOptionsPrefix(own_prefix(PREFIX, DIRECT if direct else MULTIGRID))
+        self._ksp.setFromOptions()
+        self.direct = self._ksp.getType() == "preonly"
+        self.name = f"{self._ksp.getType()} + {self._ksp.getPC().getType()}"
+        self._full: PETSc.Mat | None = None
+        self._reduced: PETSc.Mat | None = None
+        self._held = np.zeros(0, dtype=np.int32)
+        self._ready = False
+
+    def set_operator(self, A: PETSc.Mat) -> None:
+        """Take a new matrix, or the same one with new values; nothing is held."""
+        A.setOption(PETSc.Mat.Option.SPD, True)
+        if self._modes is None and not self.direct:
+            self._modes = near_null_space(self._problem, A)
+        if self._modes is not None:
+            A.setNearNullSpace(self._modes)
+        self._full = A
+        self._ready = False
+
+    def hold(self, held: npt.NDArray[np.int32]) -> None:
+        """Hold the unknowns with these local (owned) indices at zero. Collective."""
+        assert self._full is not None
+        changed = not np.array_equal(held, self._held)
+        if self._problem.comm.allreduce(changed) or not self._ready:
+            self._held = held.copy()
+            self._reduce()
+            self._ready = True
+
+    def _reduce(self) -> None:
+        full = self._full
+        assert full is not None
+        if self._reduced is None:
+            self._reduced = full.copy()
+            self._reduced.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+            self._reduced.setOption(PETSc.Mat.Option.SPD, True)
+            if self._modes is not None:
+                self._reduced.setNearNullSpace(self._modes)
+        else:
+            full.copy(self._reduced, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        first = full.getOwnershipRange()[0]
+        diagonal = full.getDiagonal()
+        scale = diagonal.sum() / diagonal.getSize()
+        self._reduced.zeroRowsColumns((self._held + first).astype(PETSc.IntType), diag=scale)
+        self._ksp.setOperators(self._reduced)
+        self.setups += 1
+
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> None:
+        """Solve for x; entries of b at held unknowns must be zero. Collective.
+
+        Raises:
+            LinearFailure: If the system is singular or the iteration fails.
+        """
+        if not self.direct:
+            self._ksp.setTolerances(rtol=rtol)
+        self._ksp.solve(b, x)
+        self.solves += 1
+        self.iterations += self._ksp.getIterationNumber()
+        reason = self._ksp.getConvergedReason()
+        if reason <= 0:
+            label = _REASONS.get(reason, str(reason))
+            raise LinearFailure(
+                f"the linear system could not be solved ({self.name}: {label}); it is singular or"
+                " nearly so, as where bodies lose all contact or everything flows plastically"
+            )
+
+
+_REASONS = {
+    value: name.lower().replace("_", " ")
+    for name, value in vars(PETSc.KSP.ConvergedReason).items()
+    if isinstance(value, int)
+}
+
+
+def near_null_space(problem: Problem, A: PETSc.Mat) -> PETSc.NullSpace:
+    """The rigid motions that closed contact leaves free, in the contact basis, orthonormal.
+
+    For one body these are its 6 (3 in 2D) rigid motions; two bodies on a plane have 9: the common
+    ones, and the in-plane motions of one body alone, which a frictionless interface lets slide.
+    """
+    V, bodies, basis = problem.V, problem.bodies, problem.basis
+    owned, gdim = V.dofmap.index_map.size_local, bodies.gdim
+    motions = null_space(contact_gram(V, bodies, problem.pairs))
+    if motions.shape[1] > MOST_MODES:
+        motions = np.tile(np.eye(bodies.num_modes), (bodies.count, 1))
+    x = V.tabulate_dof_coordinates()[:owned]
+    shares = motions.reshape(bodies.count, bodies.num_modes, -1)[bodies.of_node[:owned]]
+    nodal = np.einsum("nim,nmk->nik", bodies.rigid_modes(x), shares).reshape(owned * gdim, -1)
+    u, y = A.createVecs()
+    for k in range(nodal.shape[1]):
+        u.array[:] = nodal[:, k]
+        basis.M.mult(u, y)
+        nodal[:, k] = y.array
+    nodal[basis.index] = 0
+    gram = problem.comm.allreduce(nodal.T @ nodal)
+    orthonormal = np.linalg.solve(np.linalg.cholesky(gram), nodal.T)
+    vectors = []
+    for row in orthonormal:
+        vector = A.createVecRight()
+        vector.array[:] = row
+        vectors.append(vector)
+    return PETSc.NullSpace().create(vectors=vectors, comm=problem.comm)

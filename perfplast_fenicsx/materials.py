@@ -1,0 +1,216 @@
+r"""The law: Hooke's tensor C, the potential ψ, its derivative Σ and the tangents Σ°, Σ^{o,ρ}.
+
+Everything here is UFL: no mesh, no MPI, no arrays. Strains and stresses are *Mandel vectors*,
+
+    (e_xx, e_yy, e_zz, √2 e_yz, √2 e_xz, √2 e_xy)      in 3D,
+    (e_xx, e_yy, e_zz, √2 e_xy)                        in plane strain,
+
+so that ``dot(s, e)`` is σ:e and ``sqrt(dot(e, e))`` is the Frobenius norm. Plane strain is 3D with
+vanishing out-of-plane strain: the von Mises condition keeps its out-of-plane stress.
+
+With θ = 1 / max(1, 2μ‖dev e‖/γ), which is 1 exactly on the elastic branch and needs neither a
+condition nor a division by ‖dev e‖,
+
+    Σ(e)     = κ tr(e) δ + 2μθ dev e
+    ψ(e)     = ½ κ tr(e)² + μ θ(2 − θ) ‖dev e‖²
+    Σ°(e)[d] = κ tr(d) δ + 2μθ (dev d − (n̂:d) n̂),   n̂ = dev e/‖dev e‖ where plastic, 0 elsewhere
+
+(Section 2 of Čermák, Haslinger, Sysala, COMPLAS XII, 2013). An elastic body has γ = ∞.
+"""
+
+import math
+from dataclasses import dataclass
+
+import ufl
+
+from perfplast_fenicsx.errors import InputError
+
+Expr = ufl.core.expr.Expr
+
+
+def mandel_size(gdim: int) -> int:
+    """Number of Mandel components: 6 in 3D, 4 in plane strain."""
+    return {2: 4, 3: 6}[gdim]
+
+
+def strain(u: Expr) -> Expr:
+    """Small strain ε(u) = sym ∇u as a Mandel vector, shape (6,) or (4,) in plane strain."""
+    grad = ufl.grad(u)
+    if grad.ufl_shape == (2, 2):
+        shear = (grad[0, 1] + grad[1, 0]) / math.sqrt(2)
+        return ufl.as_vector([grad[0, 0], grad[1, 1], 0, shear])
+    pairs = ((1, 2), (0, 2), (0, 1))
+    shears = [(grad[i, j] + grad[j, i]) / math.sqrt(2) for i, j in pairs]
+    return ufl.as_vector([*(grad[i, i] for i in range(3)), *shears])
+
+
+def trace(e: Expr) -> Expr:
+    """Trace of a Mandel vector."""
+    return e[0] + e[1] + e[2]
+
+
+def deviator(e: Expr) -> Expr:
+    """Deviator of a Mandel vector."""
+    mean = trace(e) / 3
+    return ufl.as_vector([e[i] - mean if i < 3 else e[i] for i in range(len(e))])
+
+
+def spherical(pressure: Expr, size: int) -> Expr:
+    """Mandel vector of ``pressure`` times the unit tensor."""
+    return ufl.as_vector([pressure if i < 3 else 0 for i in range(size)])
+
+
+def tensor(s: Expr) -> Expr:
+    """The 3×3 symmetric tensor of a Mandel vector."""
+    zero = ufl.as_ufl(0.0)
+    shears = [s[i] / math.sqrt(2) for i in range(3, len(s))]
+    yz, xz, xy = (zero, zero, *shears) if len(shears) == 1 else shears
+    return ufl.as_tensor([[s[0], xy, xz], [xy, s[1], yz], [xz, yz, s[2]]])
+
+
+@dataclass(frozen=True)
+class Moduli:
+    """The three numbers of the law at a point, as UFL: κ, μ (stress) and γ (stress, ∞: elastic)."""
+
+    bulk: Expr
+    shear: Expr
+    yield_radius: Expr
+
+    def overstress(self, e: Expr) -> Expr:
+        """2μ‖dev e‖/γ: above 1 the point is plastic."""
+        d = deviator(e)
+        return 2 * self.shear * ufl.sqrt(ufl.dot(d, d)) / self.yield_radius
+
+    def secant(self, e: Expr) -> Expr:
+        """θ in (0, 1]: the share of the elastic deviatoric stress that the yield set admits."""
+        return 1 / ufl.max_value(1.0, self.overstress(e))
+
+    def plastic(self, e: Expr) -> Expr:
+        """1 where e lies outside the elastic range, else 0."""
+        return ufl.conditional(ufl.gt(self.overstress(e), 1.0), 1.0, 0.0)
+
+    def hooke(self, e: Expr) -> Expr:
+        """C e."""
+        return spherical(self.bulk * trace(e), len(e)) + 2 * self.shear * deviator(e)
+
+    def compliance(self, s: Expr) -> Expr:
+        """C⁻¹ s."""
+        return spherical(trace(s) / (9 * self.bulk), len(s)) + deviator(s) / (2 * self.shear)
+
+    def stress(self, e: Expr) -> Expr:
+        """Σ(e), the derivative of ψ."""
+        scaled = 2 * self.shear * self.secant(e) * deviator(e)
+        return spherical(self.bulk * trace(e), len(e)) + scaled
+
+    def potential(self, e: Expr) -> Expr:
+        """ψ(e), energy per volume."""
+        d, theta = deviator(e), self.secant(e)
+        volumetric = self.bulk * trace(e) ** 2 / 2
+        return volumetric + self.shear * theta * (2 - theta) * ufl.dot(d, d)
+
+    def direction(self, e: Expr) -> Expr:
+        """n̂ = dev e/‖dev e‖ where plastic, else 0. No division by zero at e = 0."""
+        d = deviator(e)
+        least = self.yield_radius / (2 * self.shear)
+        return self.plastic(e) * d / ufl.max_value(ufl.sqrt(ufl.dot(d, d)), least)
+
+    def tangent_data(self, e: Expr, rho: Expr) -> tuple[Expr, Expr]:
+        """What Σ^{o,ρ} = ρC + (1 − ρ)Σ° needs beside κ.
+
+        Returns:
+            a (scalar) and N (Mandel vector), with
+            Σ^{o,ρ}(e)[d] = κ tr(d) δ + a dev d − (N:d) N.
+        """
+        theta = self.secant(e)
+        a = 2 * self.shear * (rho + (1 - rho) * theta)
+        root = ufl.sqrt(2 * self.shear * (1 - rho) * theta)
+        return a, root * self.direction(e)
+
+
+def tangent(bulk: Expr, a: Expr, normal: Expr, d: Expr) -> Expr:
+    """Σ^{o,ρ}[d] from the data of :meth:`Moduli.tangent_data`."""
+    return spherical(bulk * trace(d), len(d)) + a * deviator(d) - ufl.dot(normal, d) * normal
+
+
+@dataclass(frozen=True)
+class Elastic:
+    """A linear elastic body.
+
+    Args:
+        young: Young's modulus E > 0 (stress).
+        poisson: Poisson's ratio ν in (−1, ½).
+
+    Raises:
+        InputError: If a number is out of its range.
+    """
+
+    young: float
+    poisson: float
+
+    def __post_init__(self) -> None:
+        _require_positive("young", self.young)
+        if not -1.0 < self.poisson < 0.5:
+            raise InputError(
+                f"poisson = {self.poisson} is outside (-1, 1/2); give Poisson's ratio strictly"
+                " between these (0.499 is fine for a nearly incompressible body)."
+            )
+
+    @property
+    def bulk(self) -> float:
+        """κ = E / (3(1 − 2ν))."""
+        return self.young / (3 * (1 - 2 * self.poisson))
+
+    @property
+    def shear(self) -> float:
+        """μ = E / (2(1 + ν))."""
+        return self.young / (2 * (1 + self.poisson))
+
+    @property
+    def yield_radius(self) -> float:
+        """γ = ∞: never yields."""
+        return math.inf
+
+
+@dataclass(frozen=True)
+class VonMises:
+    """An elastic–perfectly plastic body with the von Mises condition ‖dev σ‖ ≤ γ = √(2/3) σ_y.
+
+    Args:
+        young: Young's modulus E > 0 (stress).
+        poisson: Poisson's ratio ν in (−1, ½).
+        yield_stress: Uniaxial yield stress σ_y > 0.
+
+    Raises:
+        InputError: If a number is out of its range.
+    """
+
+    young: float
+    poisson: float
+    yield_stress: float
+
+    def __post_init__(self) -> None:
+        Elastic(self.young, self.poisson)
+        _require_positive("yield_stress", self.yield_stress)
+
+    @property
+    def bulk(self) -> float:
+        """κ = E / (3(1 − 2ν))."""
+        return Elastic(self.young, self.poisson).bulk
+
+    @property
+    def shear(self) -> float:
+        """μ = E / (2(1 + ν))."""
+        return Elastic(self.young, self.poisson).shear
+
+    @property
+    def yield_radius(self) -> float:
+        """γ = √(2/3) σ_y."""
+        return math.sqrt(2 / 3) * self.yield_stress
+
+
+Material = Elastic | VonMises
+
+
+def _require_positive(field: str, value: float) -> None:
+    if not (value > 0 and math.isfinite(value)):
+        raise InputError(f"{field} = {value} is not a positive number; give it in stress units.")

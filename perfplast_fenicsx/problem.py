@@ -1,0 +1,150 @@
+"""The discrete problem: spaces, supports, loads, contact and forms. It declares, never solves.
+
+    (P)_ζ   minimise J_ζ(v) = Ψ(ε(v)) − ζ L(v) over K_h = {v : (v_a − v_b)·n ≤ g at contact nodes}
+"""
+
+from collections.abc import Mapping, Sequence
+
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from perfplast_fenicsx.assembly import Assembly
+from perfplast_fenicsx.basis import ContactBasis, make_basis
+from perfplast_fenicsx.bodies import Bodies, find_bodies
+from perfplast_fenicsx.contact import Contact, ContactPairs, find_pairs
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.loads import Load, Support, work_form
+from perfplast_fenicsx.materials import Material, Moduli, mandel_size, strain, tangent
+from perfplast_fenicsx.rigidity import check_rigidity
+
+
+class Problem:
+    """Elastic–perfectly plastic bodies with supports, loads and frictionless contact.
+
+    Attributes:
+        assembly: The mesh and its names.
+        V: Continuous P1 displacements, one vector a node.
+        S: Piecewise constant Mandel vectors (strain, stress).
+        Q: Piecewise constant scalars.
+        bodies: Connected components and their rigid motions.
+        moduli: κ, μ, γ as functions of Q.
+        bcs: Homogeneous supports.
+        num_pairs: Contact pairs on all ranks together.
+        pairs: The contact inequalities hosted by this rank.
+        basis: Basis in which contact is a bound.
+        load: L as a vector in V's dual, zero at supported unknowns (ghosts summed).
+    """
+
+    def __init__(
+        self,
+        assembly: Assembly,
+        materials: Mapping[str, Material],
+        supports: Sequence[Support] = (),
+        loads: Sequence[Load] = (),
+        contacts: Sequence[Contact] = (),
+    ) -> None:
+        """Declare the problem. Collective.
+
+        Args:
+            assembly: Mesh with named volumes and surfaces.
+            materials: Law of each volume.
+            supports: Where the displacement is zero.
+            loads: What L(v) is the work of.
+            contacts: Pairs of surfaces that cannot penetrate each other.
+
+        Raises:
+            InputError: If names, materials, loads, contact surfaces or supports do not fit together.
+        """
+        self.assembly = assembly
+        mesh, gdim = assembly.mesh, assembly.mesh.geometry.dim
+        cell = mesh.basix_cell()
+        self.V = fem.functionspace(mesh, basix.ufl.element("P", cell, 1, shape=(gdim,)))
+        self.S = fem.functionspace(
+            mesh, basix.ufl.element("DG", cell, 0, shape=(mandel_size(gdim),))
+        )
+        self.Q = fem.functionspace(mesh, basix.ufl.element("DG", cell, 0))
+        self.bodies: Bodies = find_bodies(self.V)
+        self.moduli = self._moduli(materials)
+        self.bcs, self.fixed = self._supports(supports)
+        self.pairs: ContactPairs = find_pairs(
+            self.V, assembly, self.bodies, contacts, self.fixed
+        )
+        self.num_pairs: int = self.comm.allreduce(len(self.pairs.host))
+        check_rigidity(self.V, self.bodies, self.fixed, self.pairs)
+        self.basis: ContactBasis = make_basis(self.V, self.pairs)
+        self.load: PETSc.Vec = self._load(loads)
+
+    @property
+    def comm(self) -> MPI.Intracomm:
+        """The ranks that share the mesh."""
+        return self.assembly.mesh.comm
+
+    @property
+    def num_dofs(self) -> int:
+        """Displacement unknowns on all ranks together, supported ones included."""
+        return self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
+
+    def measure(self) -> ufl.Measure:
+        """dx with the quadrature of S."""
+        return ufl.Measure("dx", domain=self.assembly.mesh, metadata={"quadrature_degree": 0})
+
+    def tangent_form(self, a: fem.Function, normal: fem.Function) -> ufl.Form:
+        """⟨Σ^{o,ρ} ε(u), ε(v)⟩ from the tangent data a, N of :class:`materials.Moduli`."""
+        e, d = strain(ufl.TrialFunction(self.V)), strain(ufl.TestFunction(self.V))
+        return ufl.dot(tangent(self.moduli.bulk, a, normal, e), d) * self.measure()
+
+    def internal_form(self, stress: fem.Function) -> ufl.Form:
+        """⟨σ, ε(v)⟩."""
+        return ufl.dot(stress, strain(ufl.TestFunction(self.V))) * self.measure()
+
+    def _moduli(self, materials: Mapping[str, Material]) -> Moduli:
+        assembly = self.assembly
+        for name in materials:
+            assembly.cells(name)
+        missing = sorted(set(assembly.volumes) - set(materials))
+        if missing:
+            raise InputError(
+                f"volume '{missing[0]}' has no material; add one for it (this mesh has the volumes"
+                f" {', '.join(sorted(assembly.volumes))})."
+            )
+        functions = {name: fem.Function(self.Q) for name in ("bulk", "shear", "yield_radius")}
+        for field, function in functions.items():
+            for name, material in materials.items():
+                function.x.array[assembly.cells(name)] = getattr(material, field)
+        return Moduli(**functions)
+
+    def _supports(
+        self, supports: Sequence[Support]
+    ) -> tuple[list[fem.DirichletBC], npt.NDArray[np.bool_]]:
+        mesh, V = self.assembly.mesh, self.V
+        fdim, gdim = mesh.topology.dim - 1, mesh.geometry.dim
+        index_map = V.dofmap.index_map
+        fixed = np.zeros((index_map.size_local + index_map.num_ghosts, gdim), dtype=bool)
+        for support in supports:
+            nodes = fem.locate_dofs_topological(V, fdim, self.assembly.facets(support.on))
+            for axis in support.axes(gdim):
+                fixed[nodes, axis] = True
+        zero = default_scalar_type(0)
+        bcs = [
+            fem.dirichletbc(zero, np.flatnonzero(fixed[:, i]).astype(np.int32) * gdim + i, V.sub(i))
+            for i in range(gdim)
+        ]
+        return bcs, fixed
+
+    def _load(self, loads: Sequence[Load]) -> PETSc.Vec:
+        form = fem.form(work_form(self.assembly, loads, ufl.TestFunction(self.V)))
+        load = fem_petsc.assemble_vector(form)
+        load.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        fem_petsc.set_bc(load, self.bcs)
+        if load.norm() == 0:
+            raise InputError(
+                "the loads do no work on any admissible displacement, so nothing can be increased;"
+                " give a load that is not zero on a surface that is free to move."
+            )
+        return load
