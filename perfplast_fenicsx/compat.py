@@ -1,0 +1,57 @@
+"""Every difference between DOLFINx 0.9 and its successors that this package meets.
+
+Three more differences are met by how a call is written, the same for all versions:
+``create_mesh(comm, cells, x=..., e=...)`` with keywords (the order of ``x`` and ``e`` changed in
+0.10), ``dolfinx.graph.adjacencylist(data)`` for ``meshtags_from_entities`` (a C++ object in 0.9, a
+Python one later), and ``assemble_matrix(A, a, bcs, 1.0)`` with the diagonal's value by position
+(called ``diagonal`` in 0.9, ``diag`` later). Gmsh's arrays are distributed by
+:mod:`perfplast_fenicsx.assembly` and not by ``dolfinx.io.gmshio`` (``dolfinx.io.gmsh`` from 0.10,
+with another return value), whose checks stop one rank and leave the others waiting.
+"""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx.mesh import Mesh, entities_to_geometry
+
+
+def interpolation_points(element: Any) -> npt.NDArray[np.float64]:
+    """Points of the reference cell where an ``Expression`` for ``element`` is evaluated.
+
+    Args:
+        element: ``V.element`` of a function space.
+
+    Returns:
+        Points, shape (num_points, tdim). A method up to 0.9, a property from 0.10.
+    """
+    points = element.interpolation_points
+    return points() if callable(points) else points
+
+
+def geometry_dofmap(mesh: Mesh) -> npt.NDArray[np.int32]:
+    """Local geometry nodes of each local cell, shape (num_cells, nodes_per_cell).
+
+    ``geometry.dofmap`` up to 0.10; the first of ``geometry.dofmaps`` where that exists.
+    """
+    geometry = mesh.geometry
+    return geometry.dofmaps[0] if hasattr(geometry, "dofmaps") else geometry.dofmap
+
+
+def entity_nodes(mesh: Mesh, dim: int, entities: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    """Local geometry nodes of entities, shape (num_entities, nodes_per_entity). Not collective.
+
+    ``entities_to_geometry``, which in 0.9 ends the process when ``entities`` is empty, as it often
+    is on some of the ranks.
+
+    Args:
+        mesh: The mesh, with the connectivities between ``dim`` and the cells' dimension.
+        dim: Dimension of the entities.
+        entities: Local indices.
+    """
+    if entities.size:
+        return entities_to_geometry(mesh, dim, entities)
+    geometry = mesh.geometry
+    cmap = geometry.cmaps[0] if hasattr(geometry, "cmaps") else geometry.cmap
+    size = cmap.create_dof_layout().num_entity_closure_dofs(dim)
+    return np.empty((0, size), dtype=np.int32)
