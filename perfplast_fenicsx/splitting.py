@@ -1,0 +1,151 @@
+"""From one conforming gmsh mesh to bodies that share no node, with matching contact surfaces.
+
+Bodies cut from one geometry by ``gmsh.model.occ.fragment`` are meshed together and share the nodes
+of their interfaces. :func:`write_split` numbers the nodes of each body apart: the two sides of an
+interface then have the same nodes twice, whatever the geometry, and contact pairs match exactly.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import gmsh
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.errors import InputError
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Elements of one body, or of one side of a surface, in the nodes of the shared mesh.
+
+    Attributes:
+        dim: Dimension of the elements.
+        body: Tag of the physical volume that they belong to.
+        name: Physical name to write.
+        elements: Gmsh element type and node tags, shape (num_elements, nodes_per_element).
+    """
+
+    dim: int
+    body: int
+    name: str
+    elements: list[tuple[int, npt.NDArray[np.uint64]]]
+
+
+def write_split(path: str | Path) -> None:
+    """Write gmsh's current mesh as a .msh file (version 4.1) whose bodies share no node.
+
+    Each physical volume of the model is a body (physical surface in a plane model). Of the physical
+    surfaces (curves), the parts that bound one body keep their name; the parts between two bodies
+    are written once for each side, as ``BODY_NAME``: the interface ``seam`` of ``lower`` and
+    ``upper`` becomes ``lower_seam`` and ``upper_seam``. The bodies come apart along interfaces
+    without a name too. First and second order, any kind of element; not collective, on one process.
+
+    Args:
+        path: The file to write.
+
+    Raises:
+        InputError: If the model has no named volumes, a volume that is in none of them, an
+            entity in two groups, a group without a name, or a named surface on no body.
+    """
+    dim = gmsh.model.getDimension()
+    bodies = _groups(dim)
+    if not bodies:
+        raise InputError("the gmsh model has no physical volume; name each body before splitting")
+    parts = []
+    for entity in _entities(dim):
+        if entity not in bodies:
+            raise InputError(f"volume {entity} of the gmsh model is in no physical volume")
+        tag = bodies[entity]
+        parts.append(_Part(dim, tag, gmsh.model.getPhysicalName(dim, tag), _elements(dim, entity)))
+    for entity, group in _groups(dim - 1).items():
+        name = gmsh.model.getPhysicalName(dim - 1, group)
+        sides = sorted({bodies[volume] for volume in gmsh.model.getAdjacencies(dim - 1, entity)[0]})
+        if not sides:
+            raise InputError(f"'{name}' is on an entity of the gmsh model that bounds no body")
+        for tag in sides:
+            body = gmsh.model.getPhysicalName(dim, tag)
+            side = name if len(sides) == 1 else f"{body}_{name}"
+            parts.append(_Part(dim - 1, tag, side, _elements(dim - 1, entity)))
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    order = np.argsort(tags)
+    _write(path, dim, parts, tags[order], coordinates.reshape(-1, 3)[order])
+
+
+def on_plane(dim: int, axis: int, value: float) -> list[int]:
+    """Tags of the entities of dimension ``dim`` that lie in the plane x_axis = value.
+
+    Args:
+        dim: Dimension of the entities.
+        axis: 0, 1 or 2.
+        value: Position of the plane, found within 1e-6 of the model's units.
+    """
+    lower, upper = np.full(3, -1e9), np.full(3, 1e9)
+    lower[axis], upper[axis] = value - 1e-6, value + 1e-6
+    return [tag for _, tag in gmsh.model.getEntitiesInBoundingBox(*lower, *upper, dim)]
+
+
+def _entities(dim: int) -> list[int]:
+    return [tag for _, tag in gmsh.model.getEntities(dim)]
+
+
+def _groups(dim: int) -> dict[int, int]:
+    """Physical tag of each entity that has one."""
+    groups: dict[int, int] = {}
+    for entity in _entities(dim):
+        tags = gmsh.model.getPhysicalGroupsForEntity(dim, entity)
+        if len(tags) > 1:
+            raise InputError(f"entity {entity} of dimension {dim} is in {len(tags)} named groups")
+        if len(tags):
+            groups[entity] = int(tags[0])
+            if not gmsh.model.getPhysicalName(dim, groups[entity]):
+                raise InputError(f"physical group {tags[0]} of dimension {dim} has no name")
+    return groups
+
+
+def _elements(dim: int, entity: int) -> list[tuple[int, npt.NDArray[np.uint64]]]:
+    kinds, _, nodes = gmsh.model.mesh.getElements(dim, entity)
+    sizes = [gmsh.model.mesh.getElementProperties(kind)[3] for kind in kinds]
+    return [
+        (int(kind), array.reshape(-1, size))
+        for kind, array, size in zip(kinds, nodes, sizes, strict=True)
+    ]
+
+
+def _write(
+    path: str | Path,
+    dim: int,
+    parts: list[_Part],
+    tags: npt.NDArray[np.uint64],
+    coordinates: npt.NDArray[np.float64],
+) -> None:
+    """Write the parts as discrete entities of a model of their own."""
+    model = gmsh.model.getCurrent()
+    version = gmsh.option.getNumber("Mesh.MshFileVersion")
+    gmsh.model.add("split")
+    try:
+        first = 1
+        groups: dict[tuple[int, str], list[int]] = {}
+        for body in sorted({part.body for part in parts}):
+            mine = [part for part in parts if part.body == body]
+            solids = [part for part in mine if part.dim == dim]
+            used = np.unique(np.concatenate([n.ravel() for p in solids for _, n in p.elements]))
+            points = coordinates[np.searchsorted(tags, used)]
+            new = np.arange(first, first + used.size, dtype=np.uint64)
+            first += used.size
+            for part in mine:
+                entity = gmsh.model.addDiscreteEntity(part.dim)
+                groups.setdefault((part.dim, part.name), []).append(entity)
+                if part is solids[0]:
+                    gmsh.model.mesh.addNodes(dim, entity, new, points.ravel())
+                for kind, nodes in part.elements:
+                    renumbered = new[np.searchsorted(used, nodes)].ravel()
+                    gmsh.model.mesh.addElementsByType(entity, kind, [], renumbered)
+        for (group_dim, name), entities in groups.items():
+            gmsh.model.addPhysicalGroup(group_dim, entities, name=name)
+        gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
+        gmsh.write(str(path))
+    finally:
+        gmsh.option.setNumber("Mesh.MshFileVersion", version)
+        gmsh.model.remove()
+        gmsh.model.setCurrent(model)
