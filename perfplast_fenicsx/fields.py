@@ -87,7 +87,7 @@ class Fields:
         self._tangent_form = fem.form(problem.tangent_form(self._a, self._normal))
         self._bcs, self._comm = problem.bcs, comm
         self._fixed = problem.fixed[: V.dofmap.index_map.size_local].ravel()
-        self.force: PETSc.Vec = fem_petsc.create_vector(self._force_form)
+        self.force: PETSc.Vec = problem.load.duplicate()
         self.stiffness: PETSc.Mat = fem_petsc.create_matrix(self._tangent_form)
 
     def update(self) -> None:

@@ -122,7 +122,8 @@ class Iterate:
     def descends_until(self, alpha: float, zeta: float) -> bool:
         """Does J_ζ still fall along δu where the work of the loads has grown to ``alpha``?
 
-        J_ζ is convex, so it then falls all the way. Rays that leave K_h do not count.
+        At least ten times the work of u is looked at. J_ζ is convex, so it then falls all the way.
+        Rays that leave K_h do not count.
         """
         fields, basis = self.fields, self.problem.basis
         work = float(self.problem.load.dot(fields.du.x.petsc_vec))
@@ -130,8 +131,9 @@ class Iterate:
         closing = jump > 1e-8 * self._delta.norm(PETSc.NormType.NORM_INFINITY)
         if self.problem.comm.allreduce(int(closing.sum())) or work <= 0:
             return False
-        fields.beta.value = (alpha - self.work()) / work
-        return bool(fields.beta.value > 1 and fields.slope() < zeta * work)
+        here = self.work()
+        fields.beta.value = (max(alpha, 10 * here) - here) / work
+        return fields.slope() < zeta * work
 
     def increment(self, stopping: str) -> float:
         """‖δu‖ or ‖δσ‖_E relative to the states before and after the full step (Remark 1)."""

@@ -4,12 +4,9 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from perfplast_fenicsx.options import own_prefix
+from perfplast_fenicsx.options import LINEAR, own_prefix
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.rigidity import contact_gram, null_space
-
-PREFIX = "perfplast_"
-"""PETSc options prefix of every linear solve."""
 
 DIRECT_LIMIT = 15_000
 """Up to so many unknowns a sparse Cholesky factorisation is the quicker one."""
@@ -64,7 +61,7 @@ class LinearSolver:
         self._problem = problem
         direct = problem.num_dofs <= DIRECT_LIMIT
         self._ksp = PETSc.KSP().create(problem.comm)
-        self._ksp.setOptionsPrefix(own_prefix(PREFIX, DIRECT if direct else MULTIGRID))
+        self._ksp.setOptionsPrefix(own_prefix(LINEAR, DIRECT if direct else MULTIGRID))
         self._ksp.setFromOptions()
         self.direct = self._ksp.getType() == "preonly"
         self.name = f"{self._ksp.getType()} + {self._ksp.getPC().getType()}"

@@ -5,14 +5,21 @@ from collections.abc import Mapping
 
 from petsc4py import PETSc
 
+LINEAR = "perfplast_"
+"""Prefix of the user's options for every linear solver."""
+
+ACTIVE_SET = "perfplast_vi_"
+"""Prefix of the user's options for SNES-VI, which finds the active contact set."""
+
 _instances = itertools.count()
+_made: set[str] = set()
 
 
 def own_prefix(prefix: str, preset: Mapping[str, object]) -> str:
     """Make an options prefix for one solver.
 
     Args:
-        prefix: Where users put options for every solver of the kind, such as ``perfplast_``.
+        prefix: :data:`LINEAR` or :data:`ACTIVE_SET`, where users put options for all of a kind.
         preset: Options that hold where the user says nothing, without prefix.
 
     Returns:
@@ -20,11 +27,13 @@ def own_prefix(prefix: str, preset: Mapping[str, object]) -> str:
     """
     options = PETSc.Options()
     own = f"{prefix}{next(_instances)}_"
+    longer = {other for other in {LINEAR, ACTIVE_SET, *_made} if len(other) > len(prefix)}
     given = {
         key.removeprefix(prefix): value
         for key, value in options.getAll().items()
-        if key.startswith(prefix) and not key.removeprefix(prefix)[:1].isdigit()
+        if key.startswith(prefix) and not key.startswith(tuple(longer))
     }
+    _made.add(own)
     for key, value in {**preset, **given}.items():
         options[own + key] = value
     return own

@@ -77,7 +77,8 @@ class LevelReport:
         max_penetration: Largest (u_a − u_b)·n − g, at least 0 (length).
         smallest_contact_force: Of all pairs (force); negative means an adhesive one. 0 without any.
         complementarity: Σ force × remaining gap, relative to |J_ζ|.
-        equilibrium: Norm of the forces that nothing balances, relative to that of the loads.
+        equilibrium: Norm of the forces that nothing balances (contact forces apart, which the three
+            numbers above judge), relative to that of the loads.
         duality_gap: J_ζ(u) + S(σ) + Σ force × gap, relative to |J_ζ|.
         max_displacement: Largest nodal displacement (length).
         seconds: Wall time of the level.

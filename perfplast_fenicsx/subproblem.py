@@ -15,11 +15,8 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from perfplast_fenicsx.linear import LinearSolver
-from perfplast_fenicsx.options import own_prefix
+from perfplast_fenicsx.options import ACTIVE_SET, own_prefix
 from perfplast_fenicsx.problem import Problem
-
-PREFIX = "perfplast_vi_"
-"""PETSc options prefix of SNES-VI."""
 
 MOST_ACTIVE_SET_ITERATIONS = 50
 
@@ -148,7 +145,7 @@ class ContactProgram:
 
     def _make_snes(self, A: PETSc.Mat) -> PETSc.SNES:
         snes = PETSc.SNES().create(A.getComm())
-        snes.setOptionsPrefix(own_prefix(PREFIX, PRESET))
+        snes.setOptionsPrefix(own_prefix(ACTIVE_SET, PRESET))
         ksp = snes.getKSP()
         ksp.setType("preonly")
         ksp.getPC().setType("python")
