@@ -41,17 +41,22 @@ class Iterate:
         self._operator: PETSc.Mat | None = None
 
     def begin(self, start: State | None) -> npt.NDArray[np.bool_]:
-        """Start from a state, or from zero displacement.
+        """Start from a state, what penetrates being pushed back, or from zero displacement.
 
         Returns:
             The active set to begin with: the state's, or all pairs without gap.
         """
-        u = self.fields.u
+        basis, u = self.problem.basis, self.fields.u
         if start is None:
             u.x.array[:] = 0
         else:
             u.x.array[:] = start.u.x.array
-        self.problem.basis.M.mult(u.x.petsc_vec, self.y)
+        basis.M.mult(u.x.petsc_vec, self.y)
+        jumps = self.y.array_r[basis.index]
+        if self.problem.comm.allreduce(int((jumps > basis.gap).sum())):
+            self.y.array[basis.index] = np.minimum(jumps, basis.gap)
+            basis.T.mult(self.y, u.x.petsc_vec)
+            u.x.scatter_forward()
         self.fields.update()
         return self.room() <= 0 if start is None else start.active.copy()
 
@@ -100,15 +105,17 @@ class Iterate:
         β = 1 is taken where the derivative there is not positive, or so small against the one at 0,
         or against the terms it is the difference of, that nothing is to be gained.
         """
-        load = zeta * float(self.problem.load.dot(self.fields.du.x.petsc_vec))
+        fields = self.fields
+        load = zeta * float(self.problem.load.dot(fields.du.x.petsc_vec))
+        noise = ROUNDING * float(np.sqrt(fields.stress_norm2() * fields.du_norm2()))
 
         def slope(beta: float) -> float:
-            self.fields.beta.value = beta
-            return self.fields.slope() - load
+            fields.beta.value = beta
+            return fields.slope() - load
 
         at_zero, at_one = slope(0.0), slope(1.0)
-        enough = max(SLOPE_REDUCTION * abs(at_zero), ROUNDING * abs(load))
-        if at_one <= enough or at_zero >= -ROUNDING * abs(load):
+        enough = max(SLOPE_REDUCTION * abs(at_zero), noise)
+        if at_one <= enough or at_zero >= -noise:
             return 1.0
         low, high = 0.0, 1.0
         for _ in range(MOST_BISECTIONS):

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from perfplast_fenicsx.options import LINEAR, own_prefix
+from perfplast_fenicsx.petsc_options import LINEAR, own_prefix
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.rigidity import contact_gram, null_space
 
@@ -70,6 +70,10 @@ class LinearSolver:
         self._held = np.zeros(0, dtype=np.int32)
         self._ready = False
 
+    def counts(self) -> tuple[int, int, int]:
+        """Systems solved, set-ups and Krylov iterations so far."""
+        return self.solves, self.setups, self.iterations
+
     def set_operator(self, A: PETSc.Mat) -> None:
         """Take a new matrix, or the same one with new values; nothing is held."""
         A.setOption(PETSc.Mat.Option.SPD, True)
@@ -80,14 +84,20 @@ class LinearSolver:
         self._full = A
         self._ready = False
 
-    def hold(self, held: npt.NDArray[np.int32]) -> None:
-        """Hold the unknowns with these local (owned) indices at zero. Collective."""
+    def hold(self, held: npt.NDArray[np.int32]) -> bool:
+        """Hold the unknowns with these local (owned) indices at zero. Collective.
+
+        Returns:
+            Whether this called for a new set-up.
+        """
         assert self._full is not None
         changed = not np.array_equal(held, self._held)
-        if self._problem.comm.allreduce(changed) or not self._ready:
-            self._held = held.copy()
-            self._reduce()
-            self._ready = True
+        if self._ready and not self._problem.comm.allreduce(changed):
+            return False
+        self._held = held.copy()
+        self._reduce()
+        self._ready = True
+        return True
 
     def _reduce(self) -> None:
         full = self._full

@@ -1,39 +1,83 @@
-"""PETSc options: a preset, overridden by the user's, under a prefix of the solver's own."""
+"""Choices of the Newton methods ALG1, ALG3 and ALG4, and what follows from them in each step."""
 
-import itertools
-from collections.abc import Mapping
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
 
-from petsc4py import PETSc
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.state import Iteration
 
-LINEAR = "perfplast_"
-"""Prefix of the user's options for every linear solver."""
-
-ACTIVE_SET = "perfplast_vi_"
-"""Prefix of the user's options for SNES-VI, which finds the active contact set."""
-
-_instances = itertools.count()
-_made: set[str] = set()
+Monitor = Callable[[Iteration], None]
+"""Called on every rank after each iteration."""
 
 
-def own_prefix(prefix: str, preset: Mapping[str, object]) -> str:
-    """Make an options prefix for one solver.
+@dataclass(frozen=True)
+class NewtonOptions:
+    """Choices of the Newton methods.
 
     Args:
-        prefix: :data:`LINEAR` or :data:`ACTIVE_SET`, where users put options for all of a kind.
-        preset: Options that hold where the user says nothing, without prefix.
+        regularisation: ρ in [0, 1], or "adaptive": raised where steps are damped, lowered where
+            they are not.
+        damping: Exact line search on the energy; without it β = 1.
+        stopping: Which of the paper's relative criteria ends the iteration (Remark 1):
+            "displacement" ‖δu‖ / (‖u + δu‖ + ‖u‖), "stress" ‖δσ‖_E / (‖σ + δσ‖_E + ‖σ‖_E),
+            or "energy" |δJ| / (|J + δJ| + |J|).
+        tolerance: Bound of this criterion.
+        active_set: "exact" solves each contact quadratic program to its end; "once" updates the
+            active set once in a Newton step.
+        max_iterations: Most Newton steps of a level.
 
-    Returns:
-        A prefix nobody else uses, under which preset and user's options stand.
+    Raises:
+        InputError: If a value is out of its range.
     """
-    options = PETSc.Options()
-    own = f"{prefix}{next(_instances)}_"
-    longer = {other for other in {LINEAR, ACTIVE_SET, *_made} if len(other) > len(prefix)}
-    given = {
-        key.removeprefix(prefix): value
-        for key, value in options.getAll().items()
-        if key.startswith(prefix) and not key.startswith(tuple(longer))
-    }
-    _made.add(own)
-    for key, value in {**preset, **given}.items():
-        options[own + key] = value
-    return own
+
+    regularisation: float | Literal["adaptive"] = "adaptive"
+    damping: bool = True
+    stopping: Literal["displacement", "stress", "energy"] = "displacement"
+    tolerance: float = 1e-8
+    active_set: Literal["exact", "once"] = "exact"
+    max_iterations: int = 60
+
+    def __post_init__(self) -> None:
+        rho = self.regularisation
+        if rho != "adaptive" and not (isinstance(rho, int | float) and 0 <= rho <= 1):
+            raise InputError(
+                f'regularisation = {rho!r} is neither a number in [0, 1] nor "adaptive"; 1e-3 is'
+                " a good value."
+            )
+        for field, choices in (
+            ("stopping", ("displacement", "stress", "energy")),
+            ("active_set", ("exact", "once")),
+        ):
+            if getattr(self, field) not in choices:
+                raise InputError(
+                    f"{field} = {getattr(self, field)!r} is unknown; choose one of"
+                    f" {', '.join(choices)}."
+                )
+        if not 0 < self.tolerance < 1:
+            raise InputError(f"tolerance = {self.tolerance} is not between 0 and 1; try 1e-8.")
+        if self.max_iterations < 1:
+            raise InputError(
+                f"max_iterations = {self.max_iterations} is less than 1; give at least one."
+            )
+
+
+def regularisation(options: NewtonOptions, history: list[Iteration]) -> float:
+    """ρ of the next step: fixed, or raised after damped steps and lowered after full ones."""
+    if options.regularisation != "adaptive":
+        return float(options.regularisation)
+    if not history:
+        return 1e-3
+    last = history[-1]
+    if last.beta < 0.5:
+        return min(last.rho * 10, 0.1)
+    return max(last.rho / 10, 1e-8) if last.beta > 0.9 else last.rho
+
+
+def forcing(increment: float, tolerance: float) -> float:
+    """Relative tolerance of the linear solves of the next step: loose far from the solution.
+
+    Near it the tolerance follows the last increment, so that steps stay quadratic until the wanted
+    one is reached.
+    """
+    return min(1e-3, max(1e-2 * increment, 1e-2 * tolerance, 1e-11))

@@ -69,6 +69,8 @@ class LevelReport:
         newton_iterations: Newton steps.
         active_set_iterations: Linear solves of the contact quadratic programs.
         linear_iterations: Krylov iterations.
+        linear_solves: Linear systems solved.
+        setups: Factorisations or multigrid set-ups.
         damping_min: Smallest step length β.
         plastic_fraction: Share of the volume that is plastic.
         plastic_cells: Cells that are plastic.
@@ -91,6 +93,8 @@ class LevelReport:
     newton_iterations: int
     active_set_iterations: int
     linear_iterations: int
+    linear_solves: int
+    setups: int
     damping_min: float
     plastic_fraction: float
     plastic_cells: int

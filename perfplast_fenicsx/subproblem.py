@@ -1,11 +1,16 @@
-"""The contact quadratic program of one Newton step.
+"""The contact quadratic program of one Newton step, with or without a prescribed work.
 
     minimise ½ δᵀAδ + rᵀδ  subject to  δ_s ≤ room at the bounded unknowns of the contact basis
+    and, where asked,  ℓᵀδ = work
 
 First the system is solved on the active set that the last step ended with; PETSc's SNES-VI (reduced
 space, ``vinewtonrsls``) then looks whether this set is the right one and goes on from there until
 it is. SNES-VI's own reduced matrices lose block size and near-nullspace; its linear solves are
 therefore handed to :class:`linear.LinearSolver`, which holds the active unknowns in the full space.
+
+The work equality borders the system: with A v = b and A w = ℓ on the same free unknowns, the
+solution is v + ζ w, where ζ, the multiplier, makes the work right (ALG4 of the paper; on a fixed
+active set it solves the quadratic program of ALG3 too). Both solves share one set-up.
 """
 
 from dataclasses import dataclass
@@ -14,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from perfplast_fenicsx.linear import LinearSolver
-from perfplast_fenicsx.options import ACTIVE_SET, own_prefix
+from perfplast_fenicsx.linear import LinearFailure, LinearSolver
+from perfplast_fenicsx.petsc_options import ACTIVE_SET, own_prefix
 from perfplast_fenicsx.problem import Problem
 
 MOST_ACTIVE_SET_ITERATIONS = 50
@@ -39,13 +44,15 @@ class ContactStep:
         delta: δ in the contact basis; valid until the next solve.
         active: Which pairs hosted here are closed with a pushing force, shape (num_pairs,).
         settled: Whether the active set is that of the solution.
-        iterations: Linear solves on an active set.
+        iterations: Active sets solved on.
+        multiplier: Of the work equality; 0 without it.
     """
 
     delta: PETSc.Vec
     active: npt.NDArray[np.bool_]
     settled: bool
     iterations: int
+    multiplier: float
 
 
 class ContactProgram:
@@ -57,76 +64,113 @@ class ContactProgram:
         self._linear = linear
         self._index = problem.basis.index
         self._contact = problem.num_pairs > 0
-        self._rtol = 0.0
-        self._force_tolerance = 0.0
-        self._solves = 0
+        self._rtol = self._force_tolerance = self._multiplier = 0.0
+        self._work: float | None = None
+        self._sets = 0
         self._held = np.zeros(len(self._index), dtype=bool)
         self._A: PETSc.Mat | None = None
         self._r = problem.load.duplicate()
-        self._delta, self._gradient, self._rhs, self._lift, self._upper, self._lower = (
+        self._delta, self._gradient, self._rhs, self._image, self._upper, self._lower = (
             self._r.duplicate() for _ in range(6)
         )
+        self._border, self._response = self._r.duplicate(), self._r.duplicate()
+        problem.basis.T.multTranspose(problem.load, self._border)
+        self._response_is_new = False
         self._lower.set(PETSc.NINFINITY)
         self._snes: PETSc.SNES | None = None
 
+    def set_operator(self, A: PETSc.Mat) -> None:
+        """Take a new operator A in the contact basis, or the same one with new values."""
+        self._A = A
+        self._linear.set_operator(A)
+        self._response_is_new = False
+
     def solve(
         self,
-        A: PETSc.Mat,
         r: PETSc.Vec,
         room: npt.NDArray[np.float64],
         guess: npt.NDArray[np.bool_],
         rtol: float,
-        exact: bool,
+        exact: bool = True,
+        work: float | None = None,
     ) -> ContactStep:
         """Solve the quadratic program. Collective.
 
         Args:
-            A: Operator in the contact basis.
             r: Gradient at δ = 0.
             room: How far each pair hosted here may still close, shape (num_pairs,).
             guess: Active set to begin with.
             rtol: Relative tolerance of the linear solves.
             exact: Go on until the active set is right; otherwise solve once.
+            work: ℓᵀδ if it is prescribed, where ℓ are the loads.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.
             ActiveSetFailure: If the active set does not settle.
         """
-        self._A, self._rtol, self._solves = A, rtol, 0
+        A = self._A
+        assert A is not None
+        self._rtol, self._sets, self._work, self._multiplier = rtol, 0, work, 0.0
         r.copy(self._r)
         self._force_tolerance = max(rtol, 1e-12) * r.norm(PETSc.NormType.NORM_INFINITY)
-        self._linear.set_operator(A)
         self._solve_on(guess, room)
         if not self._contact:
-            return ContactStep(self._delta, guess, True, self._solves)
+            return self._step(guess, True)
         upper = self._upper.array
         upper[:] = PETSc.INFINITY
         upper[self._index] = room
-        free_of_bounds = self._delta.array[self._index] <= room
-        self._delta.array[self._index] = np.minimum(self._delta.array[self._index], room)
+        jumps = self._delta.array_r[self._index]
+        beyond = jumps > room
+        self._delta.array[self._index] = np.minimum(jumps, room)
         if not exact:
-            A.multAdd(self._delta, self._r, self._gradient)
-            pushing = self._gradient.array[self._index] < 0
-            active = np.where(guess, pushing, ~free_of_bounds)
-            settled = not self._comm.allreduce(int((active != guess).sum()))
-            return ContactStep(self._delta, active, settled, self._solves)
+            self._evaluate(None, self._delta, self._gradient)
+            pushing = self._gradient.array_r[self._index] < 0
+            active = np.where(guess, pushing, beyond)
+            return self._step(active, not self._comm.allreduce(int((active != guess).sum())))
         self._variational_inequality(A)
-        return ContactStep(self._delta, self._held.copy(), True, self._solves)
+        return self._step(self._held.copy(), True)
+
+    def _step(self, active: npt.NDArray[np.bool_], settled: bool) -> ContactStep:
+        return ContactStep(self._delta, active, settled, self._sets, self._multiplier)
 
     def _solve_on(self, active: npt.NDArray[np.bool_], room: npt.NDArray[np.float64]) -> None:
         """δ with the active pairs closed: A δ = −r on the rest."""
-        A = self._A
+        A, closed = self._A, self._index[active]
         assert A is not None
-        self._held = active.copy()
         self._rhs.set(0)
-        self._rhs.array[self._index[active]] = room[active]
-        A.multAdd(self._rhs, self._r, self._lift)
-        self._lift.scale(-1)
-        self._lift.array[self._index[active]] = 0
-        self._linear.hold(self._index[active])
-        self._linear.solve(self._lift, self._delta, self._rtol)
-        self._delta.array[self._index[active]] = room[active]
-        self._solves += 1
+        self._rhs.array[closed] = room[active]
+        A.multAdd(self._rhs, self._r, self._image)
+        self._image.scale(-1)
+        self._image.array[closed] = 0
+        self._image.copy(self._rhs)
+        self._solve_held(active, self._delta)
+        self._delta.array[closed] = room[active]
+        if self._work is not None:
+            self._shift(self._delta, self._work - self._border.dot(self._delta))
+
+    def _solve_held(self, active: npt.NDArray[np.bool_], x: PETSc.Vec) -> None:
+        """Solve A x = rhs with the active pairs held, rhs being zero there."""
+        if self._linear.hold(self._index[active]):
+            self._response_is_new = False
+        self._held = active.copy()
+        if self._rhs.norm(PETSc.NormType.NORM_INFINITY) > 0:
+            self._linear.solve(self._rhs, x, self._rtol)
+        else:
+            x.set(0)
+        self._sets += 1
+
+    def _shift(self, delta: PETSc.Vec, missing: float) -> None:
+        """Add the multiple of A⁻¹ℓ that does the missing work."""
+        if not self._response_is_new:
+            self._border.copy(self._rhs)
+            self._rhs.array[self._index[self._held]] = 0
+            self._linear.solve(self._rhs, self._response, self._rtol)
+            self._response_is_new = True
+        compliance = self._border.dot(self._response)
+        if not compliance > 0:
+            raise LinearFailure("the loads do no work on this active set, so it carries none")
+        delta.axpy(missing / compliance, self._response)
+        self._multiplier += missing / compliance
 
     def _variational_inequality(self, A: PETSc.Mat) -> None:
         if self._snes is None:
@@ -139,7 +183,7 @@ class ContactProgram:
         reason = snes.getConvergedReason()
         if reason <= 0:
             raise ActiveSetFailure(
-                f"the contact active set did not settle in {self._solves} linear solves"
+                f"the contact active set did not settle on {self._sets} sets"
                 f" (SNES-VI reason {reason})"
             )
 
@@ -154,8 +198,11 @@ class ContactProgram:
         snes.setConvergenceTest(self._settled)
         return snes
 
-    def _evaluate(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        self._A.multAdd(x, self._r, f)  # type: ignore[union-attr]
+    def _evaluate(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        """Gradient of the Lagrangian of the work equality."""
+        assert self._A is not None
+        self._A.multAdd(x, self._r, f)
+        f.axpy(-self._multiplier, self._border)
 
     def _settled(self, snes: PETSc.SNES, its: int, norms: tuple[float, ...]) -> int | None:
         """Stop where the active set is the one just solved for, but for forces that are noise."""
@@ -170,15 +217,20 @@ class ContactProgram:
         return None
 
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Solve SNES-VI's reduced system in the full space (called by PETSc)."""
+        """Solve SNES-VI's reduced system in the full space (called by PETSc).
+
+        SNES-VI subtracts the result from its iterate, so the work still missing counts negative.
+        """
         assert self._snes is not None
         inactive = self._snes.getVIInactiveSet().getIndices() - self._r.getOwnershipRange()[0]
         free = np.zeros(self._r.getLocalSize(), dtype=bool)
         free[inactive] = True
-        self._held = ~free[self._index]
         self._rhs.set(0)
         self._rhs.array[inactive] = b.array_r
-        self._linear.hold(self._index[self._held])
-        self._linear.solve(self._rhs, self._lift, self._rtol)
-        x.array[:] = self._lift.array_r[inactive]
-        self._solves += 1
+        self._solve_held(~free[self._index], self._image)
+        if self._work is not None:
+            done = self._border.dot(self._snes.getSolution()) - self._border.dot(self._image)
+            self._image.scale(-1)
+            self._shift(self._image, self._work - done)
+            self._image.scale(-1)
+        x.array[:] = self._image.array_r[inactive]

@@ -1,0 +1,39 @@
+"""PETSc options: a preset, overridden by the user's, under a prefix of the solver's own."""
+
+import itertools
+from collections.abc import Mapping
+
+from petsc4py import PETSc
+
+LINEAR = "perfplast_"
+"""Prefix of the user's options for every linear solver."""
+
+ACTIVE_SET = "perfplast_vi_"
+"""Prefix of the user's options for SNES-VI, which finds the active contact set."""
+
+_instances = itertools.count()
+_made: set[str] = set()
+
+
+def own_prefix(prefix: str, preset: Mapping[str, object]) -> str:
+    """Make an options prefix for one solver.
+
+    Args:
+        prefix: :data:`LINEAR` or :data:`ACTIVE_SET`, where users put options for all of a kind.
+        preset: Options that hold where the user says nothing, without prefix.
+
+    Returns:
+        A prefix nobody else uses, under which preset and user's options stand.
+    """
+    options = PETSc.Options()
+    own = f"{prefix}{next(_instances)}_"
+    longer = {other for other in {LINEAR, ACTIVE_SET, *_made} if len(other) > len(prefix)}
+    given = {
+        key.removeprefix(prefix): value
+        for key, value in options.getAll().items()
+        if key.startswith(prefix) and not key.startswith(tuple(longer))
+    }
+    _made.add(own)
+    for key, value in {**preset, **given}.items():
+        options[own + key] = value
+    return own
