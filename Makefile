@@ -1,0 +1,38 @@
+# Everything goes through ./fenicsx, which sets up what is missing.
+# LIMIT is a generous bound on each run, so that a deadlock between ranks ends as a failure.
+LIMIT = 3600
+RUN = timeout --foreground --kill-after=30 $(LIMIT) ./fenicsx
+PYTEST = python3 -m pytest -q
+
+.PHONY: help demo test lint image-test clean
+
+help:
+	@echo 'make demo        two blocks pressed together, on 2 MPI ranks'
+	@echo 'make test        all tests on 1 and on 2 ranks, some on 3'
+	@echo 'make lint        ruff and mypy'
+	@echo 'make image-test  build the Dockerfile; demo and tests inside the image'
+	@echo 'make clean       remove what runs and tools left in this folder'
+	@echo './fenicsx CMD    any command in the environment, as: ./fenicsx perfplast run case.toml'
+
+# Building the environment counts against no limit.
+.PHONY: environment
+environment:
+	@./fenicsx true
+
+demo: environment
+	./fenicsx mpirun -n 2 python3 demos/two_blocks.py
+
+test: environment
+	$(RUN) $(PYTEST) tests
+	$(RUN) mpirun -n 2 scripts/rank0 $(PYTEST) tests
+	$(RUN) mpirun -n 3 scripts/rank0 $(PYTEST) -m mpi3 tests
+
+lint: environment
+	$(RUN) scripts/lint
+
+image-test:
+	scripts/image-test
+
+clean:
+	rm -rf build *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +
