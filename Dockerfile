@@ -16,11 +16,13 @@ ENV LANG=C.UTF-8 \
     OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 \
     PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe OMPI_MCA_btl=self,sm
 
-RUN useradd --create-home --shell /bin/bash perfplast
+RUN useradd --create-home --shell /bin/bash perfplast \
+    && install -d -o perfplast -g perfplast /home/perfplast/perfplast_fenicsx
 COPY --chown=perfplast:perfplast . /home/perfplast/perfplast_fenicsx
 WORKDIR /home/perfplast/perfplast_fenicsx
 # Debian has every dependency and the build tool: nothing is fetched from PyPI.
-RUN pip install --no-deps --no-build-isolation --no-index --no-cache-dir --break-system-packages . \
+RUN pip install --no-deps --no-build-isolation --no-index --no-cache-dir \
+        --break-system-packages --root-user-action=ignore . \
     && rm -rf build *.egg-info
 
 USER perfplast
