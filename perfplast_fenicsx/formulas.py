@@ -1,0 +1,157 @@
+"""Formulas in the coordinates, from case files: checked, then evaluated by numexpr.
+
+A formula is first parsed and compared with a list of what may stand in it, so that nothing else
+ever reaches numexpr (whose own check, which stays on, ends in Python's ``eval``).
+"""
+
+import ast
+import math
+
+import numexpr
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.errors import InputError
+
+VARIABLES = ("x", "y", "z", "pi")
+
+FUNCTIONS = (
+    *("abs", "arccos", "arccosh", "arcsin", "arcsinh", "arctan", "arctan2", "arctanh", "ceil"),
+    *("cos", "cosh", "exp", "expm1", "floor", "fmod", "log", "log10", "log1p", "sin", "sinh"),
+    *("sqrt", "tan", "tanh", "where"),
+)
+"""The functions of numexpr that act point by point."""
+
+OPERATORS: dict[type[ast.AST], str] = {
+    **{ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**", ast.Mod: "%"},
+    **{ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="},
+    **{ast.BitAnd: "&", ast.BitOr: "|", ast.USub: "-", ast.UAdd: "+"},
+}
+
+LONGEST = 1000
+"""Characters a formula may have; the parser's recursion is bounded by it."""
+
+_SILENT: tuple[type[ast.AST], ...] = (
+    *(ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare),
+    *(ast.Call, ast.Name, ast.Load, ast.Constant),
+)
+
+_FAILURES = (
+    *(ArithmeticError, LookupError, MemoryError, RecursionError),
+    *(NotImplementedError, SyntaxError, TypeError, ValueError),
+)
+"""What Python's parser and numexpr raise for text that is no formula."""
+
+
+def evaluate(
+    formula: float | str, x: npt.NDArray[np.float64], place: str
+) -> npt.NDArray[np.float64]:
+    """Values of a formula in x, y, z at points.
+
+    Not collective: a formula is refused on every rank alike, but a value that is not finite is seen
+    only by the rank that has the point.
+
+    Args:
+        formula: A number, or a formula such as ``"0.02*(x**2 + y**2)"``.
+        x: Coordinates, shape (num_points, 3).
+        place: Where the formula stands, for the message.
+
+    Returns:
+        Shape (num_points,).
+
+    Raises:
+        InputError: A formula that cannot be read or has anything but numbers, x, y, z, pi,
+            operators and the functions of numexpr in it, or a value that is not finite.
+    """
+    if isinstance(formula, str):
+        formula = " ".join(formula.split())
+        check(formula, place)
+        names = dict(zip("xyz", np.ascontiguousarray(x.T), strict=True)) | {"pi": math.pi}
+        try:
+            with np.errstate(all="ignore"):
+                value = numexpr.evaluate(_with_floats(formula), local_dict=names, global_dict={})
+        except _FAILURES as error:
+            raise _refusal(formula, place, f"cannot be evaluated ({error})") from error
+        if np.iscomplexobj(value):
+            raise _refusal(formula, place, "has complex values")
+    else:
+        value = np.asarray(formula, dtype=np.float64)
+    values = np.array(np.broadcast_to(value, len(x)), dtype=np.float64)
+    wrong = ~np.isfinite(values)
+    if wrong.any():
+        at = ", ".join(f"{coordinate:.6g}" for coordinate in x[np.argmax(wrong)])
+        raise InputError(
+            f"{place}: {_quoted(formula)} is {values[wrong][0]} at ({at}); give a number or formula"
+            " that is finite on the whole surface."
+        )
+    return values
+
+
+def check(formula: str, place: str) -> None:
+    """Refuse a formula with anything in it that is not allowed.
+
+    Raises:
+        InputError: Naming the first such thing, and what is allowed.
+    """
+    if len(formula) > LONGEST:
+        raise InputError(
+            f"{place}: the formula '{formula[:40]}...' has {len(formula)} characters, more than"
+            f" {LONGEST}; shorten it."
+        )
+    try:
+        tree = ast.parse(formula, mode="eval")
+    except _FAILURES as error:
+        raise _refusal(formula, place, "cannot be read") from error
+    nodes = list(ast.walk(tree))
+    functions = {id(node.func) for node in nodes if isinstance(node, ast.Call)}
+    faults = (_fault(node, id(node) in functions) for node in nodes)
+    fault = next((text for text in faults if text is not None), None)
+    if fault is not None:
+        raise _refusal(formula, place, fault)
+
+
+def _fault(node: ast.AST, called: bool) -> str | None:
+    """What is wrong with one node of the syntax tree, if anything."""
+    if isinstance(node, ast.Name):
+        if called and node.id not in FUNCTIONS:
+            return f"calls '{node.id}'"
+        if not called and node.id not in VARIABLES:
+            return f"has the name '{node.id}'"
+    elif isinstance(node, ast.Constant):
+        if type(node.value) not in (int, float):
+            return f"has {node.value!r}"
+    elif isinstance(node, ast.Call):
+        if not isinstance(node.func, ast.Name) or node.keywords:
+            return f"has '{ast.unparse(node)}'"
+    elif isinstance(node, ast.Compare):
+        if len(node.ops) > 1:
+            return f"has the chained comparison '{ast.unparse(node)}'"
+    elif isinstance(node, ast.BitXor):
+        return "has '^' (powers are written **)"
+    elif not isinstance(node, (*_SILENT, *OPERATORS)):
+        what = ast.unparse(node) if isinstance(node, ast.expr) else type(node).__name__.lower()
+        return f"has '{what}'"
+    return None
+
+
+class _Floats(ast.NodeTransformer):
+    """Whole numbers as floats: 9**9**9 shall overflow at once, not occupy the machine."""
+
+    def visit_Constant(self, node: ast.Constant) -> ast.Constant:
+        return ast.Constant(float(node.value))
+
+
+def _with_floats(formula: str) -> str:
+    return ast.unparse(_Floats().visit(ast.parse(formula, mode="eval")))
+
+
+def _quoted(formula: float | str) -> str:
+    return f"the formula '{formula}'" if isinstance(formula, str) else str(formula)
+
+
+def _refusal(formula: str, place: str, fault: str) -> InputError:
+    operators = " ".join(dict.fromkeys(OPERATORS.values()))
+    return InputError(
+        f"{place}: the formula '{formula}' {fault}; allowed are numbers, {', '.join(VARIABLES)},"
+        f" parentheses, {operators} and the functions {', '.join(FUNCTIONS)}."
+    )
