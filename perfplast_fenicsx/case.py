@@ -1,0 +1,269 @@
+"""Case files: what is solved and how, as TOML.
+
+A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
+``[[contact]]``, ``[solve]``, ``[loading]`` and ``[output]``; see ``demos/two_blocks.toml``. What
+may stand in a table is the dataclass it becomes, of this module or of the one that uses it.
+"""
+
+import math
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+from perfplast_fenicsx.assembly import Assembly, read_gmsh
+from perfplast_fenicsx.builders import build
+from perfplast_fenicsx.contact import Contact
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.loads import BodyForce, Load, Pressure, Support, Traction
+from perfplast_fenicsx.materials import Elastic, Material, VonMises
+from perfplast_fenicsx.newton import Newton
+from perfplast_fenicsx.options import NewtonOptions
+from perfplast_fenicsx.problem import Problem
+from perfplast_fenicsx.schema import Table, at, choose, convert, shown
+
+
+@dataclass(frozen=True)
+class Method:
+    """An algorithm of ``[solve]``: the dataclass of its options and what makes the solver."""
+
+    options: type[Any]
+    solver: Callable[[Problem, Any], Any]
+
+
+MATERIALS: dict[str, type[Material]] = {"von-mises": VonMises, "elastic": Elastic}
+METHODS = {"newton": Method(NewtonOptions, Newton)}
+
+
+@dataclass(frozen=True)
+class LoadControl:
+    """Loading by the load factor ζ.
+
+    Args:
+        values: Load factors, increasing, not negative.
+
+    Raises:
+        InputError: No value at all, or values that are not finite, negative or not increasing.
+    """
+
+    values: list[float]
+
+    def __post_init__(self) -> None:
+        if not self.values:
+            raise InputError("values is empty; give at least one load factor.")
+        for before, value in zip([-math.inf, *self.values], self.values, strict=False):
+            if not math.isfinite(value) or value < 0:
+                raise InputError(
+                    f"values has {value}, but load factors are finite numbers >= 0; correct it."
+                )
+            if value <= before:
+                raise InputError(
+                    f"values has {value} after {before}, but load factors must increase; sort them"
+                    " and give each once."
+                )
+
+
+LOADINGS = {"load": LoadControl}
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """What is written beside ``summary.json`` and ``path.csv``.
+
+    Args:
+        fields: Write ``fields.xdmf`` and ``fields.h5``.
+        pictures: Draw ``fields.png`` and ``path.png``.
+    """
+
+    fields: bool = True
+    pictures: bool = True
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A gmsh file with physical names, relative to the folder of the case file."""
+
+    file: str
+
+
+@dataclass(frozen=True)
+class MeshBuilder:
+    """A structured builder of :mod:`perfplast_fenicsx.builders` and its arguments."""
+
+    builder: str
+    arguments: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case file, read and checked as far as it can be without its mesh."""
+
+    path: Path
+    title: str
+    mesh: MeshFile | MeshBuilder
+    materials: dict[str, Material]
+    supports: list[Support]
+    loads: list[Load]
+    contacts: list[Contact]
+    method: str
+    options: Any
+    loading: LoadControl
+    output: OutputOptions
+
+    def assembly(self, comm: MPI.Intracomm) -> Assembly:
+        """Build or read the mesh. Collective.
+
+        Raises:
+            InputError: If there is no such builder or file, or its arguments or content are wrong.
+        """
+        with at(f"{self.path.name}, [mesh]"):
+            if isinstance(self.mesh, MeshBuilder):
+                return build(comm, self.mesh.builder, **self.mesh.arguments)
+            return read_gmsh(comm, self.path.parent / self.mesh.file)
+
+    def problem(self, comm: MPI.Intracomm) -> Problem:
+        """Build the mesh and declare the problem on it. Collective.
+
+        Raises:
+            InputError: If the names, materials, supports, loads and contacts do not fit the mesh.
+        """
+        assembly = self.assembly(comm)
+        with at(self.path.name):
+            return Problem(assembly, self.materials, self.supports, self.loads, self.contacts)
+
+    def solver(self, problem: Problem) -> Any:
+        """The algorithm of ``[solve]`` for a problem. Collective."""
+        return METHODS[self.method].solver(problem, self.options)
+
+
+@dataclass(frozen=True)
+class _Document:
+    """The top level of a case file."""
+
+    mesh: Table
+    material: dict[str, Table]
+    load: list[Table]
+    loading: Table
+    title: str = ""
+    support: list[Table] = field(default_factory=list)
+    contact: list[Table] = field(default_factory=list)
+    solve: Table = field(default_factory=dict)
+    output: Table = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _LoadTable:
+    """A ``[[load]]``: where, and one of three kinds."""
+
+    on: str
+    traction: list[float] | None = None
+    pressure: float | None = None
+    body_force: list[float] | None = None
+
+    def load(self, place: str) -> Load:
+        given = {kind: getattr(self, kind) for kind in ("traction", "pressure", "body_force")}
+        given = {kind: value for kind, value in given.items() if value is not None}
+        if len(given) != 1:
+            what = " and ".join(given) or "no load"
+            raise InputError(
+                f"{place}: '{self.on}' has {what}; give exactly one of traction, pressure and"
+                " body_force (several loads are several [[load]] tables)."
+            )
+        ((kind, value),) = given.items()
+        numbers = value if isinstance(value, list) else [value]
+        if not all(map(math.isfinite, numbers)):
+            raise InputError(
+                f"{place}: {kind} = {shown(value)} is not finite; give finite numbers."
+            )
+        return {"traction": Traction, "pressure": Pressure, "body_force": BodyForce}[kind](
+            self.on, value
+        )
+
+
+def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
+    """Read a case file on rank 0 and check it on every rank alike. Collective.
+
+    Args:
+        path: The TOML file.
+        comm: The ranks that need the case.
+
+    Raises:
+        InputError: A file that cannot be read or is not TOML, unknown or missing keys, or values of
+            a wrong type or outside their range.
+    """
+    path = Path(path)
+    text, fault = "", None
+    if comm.rank == 0:
+        try:
+            text = path.read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            fault = f"'{path}' is not a text file in UTF-8; give a case file (TOML)."
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            fault = f"the case file '{path}' cannot be read ({reason}); check its name."
+    raise_together(comm, fault)
+    try:
+        table = tomllib.loads(comm.bcast(text))
+    except tomllib.TOMLDecodeError as error:
+        reason = str(error)[:1].lower() + str(error)[1:]
+        raise InputError(f"{path.name} is not valid TOML: {reason}; correct this place.") from error
+    return _case(path, table)
+
+
+def _case(path: Path, table: Table) -> Case:
+    name = path.name
+    top = convert(table, _Document, name)
+    if not top.load:
+        raise InputError(f"{name}: no load is given; add a [[load]] table.")
+    materials: dict[str, Material] = {}
+    for body, properties in top.material.items():
+        place = f"{name}, [material.{body}]"
+        _, law, rest = choose(properties, "law", MATERIALS, place)
+        materials[body] = convert(rest, law, place)
+    loads = []
+    for place, load in _numbered(top.load, f"{name}, [[load]]"):
+        loads.append(convert(load, _LoadTable, place).load(place))
+    supports = _numbered(top.support, f"{name}, [[support]]")
+    contacts = _numbered(top.contact, f"{name}, [[contact]]")
+    place = f"{name}, [solve]"
+    method, algorithm, solve = choose(top.solve, "method", METHODS, place, default="newton")
+    options = convert(solve, algorithm.options, place)
+    place = f"{name}, [loading]"
+    _, control, loading = choose(top.loading, "control", LOADINGS, place, default="load")
+    return Case(
+        path=path,
+        title=top.title or path.stem,
+        mesh=_mesh(top.mesh, f"{name}, [mesh]"),
+        materials=materials,
+        supports=[convert(support, Support, place) for place, support in supports],
+        loads=loads,
+        contacts=[convert(contact, Contact, place) for place, contact in contacts],
+        method=method,
+        options=options,
+        loading=convert(loading, control, place),
+        output=convert(top.output, OutputOptions, f"{name}, [output]"),
+    )
+
+
+def _mesh(table: Table, place: str) -> MeshFile | MeshBuilder:
+    if ("builder" in table) == ("file" in table):
+        what = "both a builder and a file" if "builder" in table else "neither a builder nor a file"
+        raise InputError(
+            f"{place}: there is {what}; give either builder = 'two_blocks' or another builder"
+            " with its arguments, or file = 'assembly.msh'."
+        )
+    if "file" in table:
+        return convert(table, MeshFile, place)
+    builder = convert({"builder": table["builder"], "arguments": {}}, MeshBuilder, place).builder
+    arguments = {key: value for key, value in table.items() if key != "builder"}
+    return MeshBuilder(builder, arguments)
+
+
+def _numbered(tables: list[Table], place: str) -> list[tuple[str, Table]]:
+    """Tables of an array with their places; the number is left out where there is one."""
+    if len(tables) == 1:
+        return [(place, tables[0])]
+    return [(f"{place} number {i}", table) for i, table in enumerate(tables, start=1)]

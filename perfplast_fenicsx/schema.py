@@ -1,0 +1,132 @@
+"""TOML tables into dataclasses, every fault as one sentence.
+
+The schema of a table is a dataclass: its field names are the keys, its annotations the types, its
+defaults the defaults, and its ``__post_init__`` the ranges. Nothing is said twice.
+"""
+
+import dataclasses
+import difflib
+import types
+import typing
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, Literal, TypeVar
+
+import msgspec
+
+from perfplast_fenicsx.errors import InputError
+
+T = TypeVar("T")
+Table = dict[str, Any]
+
+_WORDS: dict[Any, str] = {
+    float: "a number",
+    int: "a whole number",
+    str: "a string",
+    bool: "true or false",
+}
+
+
+@contextmanager
+def at(place: str) -> Iterator[None]:
+    """Put ``place`` in front of the message of an InputError."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from error
+
+
+def convert(table: Table, schema: type[T], place: str) -> T:
+    """A table as an instance of its dataclass.
+
+    Args:
+        table: What TOML has read.
+        schema: A dataclass, frozen or not.
+        place: Where the table stands, for the message, e.g. ``"case.toml, [material.upper]"``.
+
+    Raises:
+        InputError: An unknown or missing key, a value of another type, or a value that the
+            dataclass itself refuses.
+    """
+    fields = {field.name: field for field in dataclasses.fields(schema)}  # type: ignore[arg-type]
+    for key in table:
+        if key not in fields:
+            raise InputError(f"{place}: there is no key '{key}' here; {nearest(key, fields)}")
+    hints = typing.get_type_hints(schema)
+    values = {}
+    for key, field in fields.items():
+        if key in table:
+            values[key] = _converted(table[key], key, hints[key], place)
+        elif field.default is field.default_factory is dataclasses.MISSING:
+            raise InputError(f"{place}: '{key}' is missing; give {_described(hints[key], key)}.")
+    with at(place):
+        return schema(**values)
+
+
+def choose(
+    table: Table, key: str, choices: Mapping[str, T], place: str, default: str | None = None
+) -> tuple[str, T, Table]:
+    """The choice named by ``table[key]``, and the table without that key.
+
+    Raises:
+        InputError: If the key is missing without a default, or names none of the choices.
+    """
+    if key not in table and default is None:
+        listed = _either([shown(choice) for choice in choices])
+        raise InputError(f"{place}: '{key}' is missing; give {key} = {listed}.")
+    name = table.get(key, default)
+    if not isinstance(name, str) or name not in choices:
+        raise InputError(f"{place}: {key} = {shown(name)} is unknown; {nearest(name, choices)}")
+    return name, choices[name], {other: table[other] for other in table if other != key}
+
+
+def nearest(word: object, known: Iterable[str]) -> str:
+    """The remedy for an unknown word: the nearest known one, or all of them."""
+    words = list(known)
+    close = difflib.get_close_matches(str(word), words, n=1)
+    return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(words)}."
+
+
+def shown(value: object) -> str:
+    """A value as TOML writes it, cut short."""
+    if isinstance(value, bool):
+        text = "true" if value else "false"
+    elif isinstance(value, Mapping):
+        text = "{" + ", ".join(f"{key} = {shown(item)}" for key, item in value.items()) + "}"
+    elif isinstance(value, list):
+        text = "[" + ", ".join(map(shown, value)) + "]"
+    else:
+        text = repr(value) if isinstance(value, str) else str(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _converted(value: object, key: str, hint: Any, place: str) -> Any:
+    try:
+        return msgspec.convert(value, type=hint)
+    except msgspec.ValidationError as error:
+        raise InputError(
+            f"{place}: {key} = {shown(value)} cannot be used; give {_described(hint, key)}."
+        ) from error
+
+
+def _described(hint: Any, key: str) -> str:
+    """A type in words."""
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if hint in _WORDS:
+        return _WORDS[hint]
+    if origin is Literal:
+        return _either([shown(argument) for argument in arguments])
+    if origin in (typing.Union, types.UnionType):
+        known = [argument for argument in arguments if argument is not types.NoneType]
+        return _either([_described(argument, key) for argument in known])
+    if origin in (list, Sequence):
+        if typing.get_origin(arguments[0]) is dict:
+            return f"tables, each under a heading [[{key}]] of its own"
+        return f"a list whose items are each {_described(arguments[0], key)}"
+    if typing.get_origin(arguments[-1]) is dict:
+        return f"tables with a name, headed [{key}.NAME]"
+    return f"a table, headed [{key}]"
+
+
+def _either(words: Sequence[str]) -> str:
+    return " or ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
