@@ -1,0 +1,93 @@
+"""``fields.xdmf`` and ``fields.h5``: the fields of all levels, for ParaView.
+
+DOLFINx writes the arrays in parallel, but describes each field as a time series of its own, which
+ParaView shows as that many copies of the mesh. The description is therefore rewritten as one time
+series that has all fields; the arrays stay as they are. Between two levels both files are closed.
+"""
+
+import copy
+from collections.abc import Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+
+from dolfinx import fem
+from dolfinx.io import XDMFFile
+from dolfinx.mesh import Mesh
+
+from perfplast_fenicsx.output import ResultFolder
+
+
+class FieldsFile:
+    """Writes fields of load levels, with ζ as the time."""
+
+    def __init__(self, folder: ResultFolder, mesh: Mesh) -> None:
+        """Write the mesh. Collective."""
+        self._folder = folder
+        self._path = folder.file("fields.xdmf")
+        self._by_dolfinx = ""
+        with XDMFFile(folder.comm, self._path, "w") as file:
+            file.write_mesh(mesh)
+        self._keep()
+
+    def write(self, fields: Mapping[str, fem.Function], zeta: float) -> None:
+        """Append the fields of a level. Collective.
+
+        Args:
+            fields: Functions of the mesh's degree or piecewise constant, by name.
+            zeta: Load parameter, larger than those before.
+
+        Raises:
+            InputError: If the files cannot be written.
+        """
+        self._folder.on_root(lambda: _write(self._path, self._by_dolfinx))
+        with XDMFFile(self._folder.comm, self._path, "a") as file:
+            for name, function in fields.items():
+                function.name = name
+                file.write_function(function, zeta)
+        self._keep()
+        self._folder.on_root(lambda: _write(self._path, one_series(self._by_dolfinx)))
+
+    def _keep(self) -> None:
+        def keep() -> None:
+            self._by_dolfinx = self._path.read_text(encoding="utf-8")
+
+        self._folder.on_root(keep)
+
+
+def one_series(text: str) -> str:
+    """Merge the time series of the fields of an XDMF description into one.
+
+    Args:
+        text: What DOLFINx writes: the mesh as a Uniform grid, then a Temporal collection for each
+            field, whose grids refer to the mesh.
+
+    Returns:
+        One Temporal collection, whose grids have the mesh and all fields.
+    """
+    root = ElementTree.fromstring(text)
+    domain = root.find("Domain")
+    assert domain is not None
+    mesh = domain.find("Grid[@GridType='Uniform']")
+    assert mesh is not None
+    series = domain.findall("Grid[@CollectionType='Temporal']")
+    merged = ElementTree.Element(
+        "Grid", Name="perfplast", GridType="Collection", CollectionType="Temporal"
+    )
+    for number, steps in enumerate(zip(*(collection for collection in series), strict=True), 1):
+        grid = ElementTree.SubElement(merged, "Grid", Name=f"level {number}", GridType="Uniform")
+        parts = [mesh.find("Topology"), mesh.find("Geometry"), steps[0].find("Time")]
+        parts += [step.find("Attribute") for step in steps]
+        grid.extend(copy.deepcopy(part) for part in parts if part is not None)
+    for collection in series:
+        domain.remove(collection)
+    if series:
+        domain.remove(mesh)
+        domain.append(merged)
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _write(path: Path, text: str) -> None:
+    part = path.with_suffix(".xdmf.part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(path)
