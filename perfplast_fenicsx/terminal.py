@@ -1,0 +1,131 @@
+"""What a run says on the terminal: a header, a line for each level, a live line within long ones.
+
+Rank 0 speaks. Plain ASCII, so that it can be read anywhere.
+"""
+
+import os
+import shutil
+import sys
+import time
+from typing import TextIO
+
+from mpi4py import MPI
+
+from perfplast_fenicsx.case import Case
+from perfplast_fenicsx.output import ResultFolder
+from perfplast_fenicsx.problem import Problem
+from perfplast_fenicsx.state import Iteration, LevelReport
+
+COLUMNS = (
+    *(("step", 4), ("zeta", 11), ("alpha", 12), ("Newton", 6), ("active set", 10)),
+    *(("linear", 7), ("plastic", 8), ("contacts", 11), ("duality gap", 11), ("seconds", 8)),
+)
+
+LIVE_PERIOD = 0.2
+"""Shortest time between two live lines (s)."""
+
+
+class Terminal:
+    """Writes to a stream on rank 0, and nothing on the others."""
+
+    def __init__(
+        self, comm: MPI.Intracomm, stream: TextIO | None = None, live: bool | None = None
+    ) -> None:
+        """Choose where to write.
+
+        Args:
+            comm: The ranks of the run.
+            stream: Where to; standard output by default.
+            live: Show a live line; by default if the output goes to a terminal.
+        """
+        self._comm = comm
+        self._stream = stream or sys.stdout
+        self._live = comm.rank == 0 and (shows(self._stream) if live is None else live)
+        self._shown = 0
+        self._last = 0.0
+        self._steps = 0
+
+    def say(self, text: str = "") -> None:
+        """Write a line."""
+        if self._comm.rank == 0:
+            self._clear()
+            print(text, file=self._stream, flush=True)
+
+    def header(self, case: Case, problem: Problem) -> None:
+        """Say what is solved, and head the table. Collective."""
+        self.say(describe(case, problem))
+        self.say("  ".join(f"{name:>{width}}" for name, width in COLUMNS))
+
+    def iteration(self, record: Iteration) -> None:
+        """Show a Newton step on the live line; a monitor of the algorithms."""
+        now = time.monotonic()
+        if not self._live or now - self._last < LIVE_PERIOD:
+            return
+        self._last = now
+        text = (
+            f"{self._steps + 1:>4}  zeta {record.zeta:.6g}: Newton step {record.number},"
+            f" increment {record.increment:.1e}, beta {record.beta:.2g},"
+            f" {record.plastic_fraction:.1%} plastic, {record.active_contacts} contacts,"
+            f" {record.seconds:.1f} s"
+        )
+        text = text[: shutil.get_terminal_size().columns - 1]
+        self._clear()
+        self._shown = len(text)
+        print(f"\r{text}", end="", file=self._stream, flush=True)
+
+    def level(self, report: LevelReport) -> None:
+        """Write the line of a level."""
+        self._steps += 1
+        cells = (
+            *(self._steps, f"{report.zeta:.6g}", f"{report.alpha:.6g}"),
+            *(report.newton_iterations, report.active_set_iterations, report.linear_iterations),
+            *(f"{report.plastic_fraction:.1%}", f"{report.active_contacts}/{report.contact_pairs}"),
+            *(f"{report.duality_gap:.1e}", f"{report.seconds:.2f}"),
+        )
+        pairs = zip(cells, COLUMNS, strict=True)
+        self.say("  ".join(f"{cell:>{width}}" for cell, (_, width) in pairs))
+        if not report.converged:
+            self.say(f"No solution at zeta = {report.zeta:.6g}: {report.reason}.")
+
+    def results(self, folder: ResultFolder) -> None:
+        """Say where the results are and which there are."""
+        if self._comm.rank == 0:
+            self.say(f"Results in {folder.path}: {', '.join(folder.found())}")
+
+    def _clear(self) -> None:
+        if self._shown:
+            print("\r" + " " * self._shown + "\r", end="", file=self._stream)
+            self._shown = 0
+
+
+def describe(case: Case, problem: Problem) -> str:
+    """The problem in a line. Collective."""
+    mesh, comm = problem.assembly.mesh, problem.comm
+    bodies = ", ".join(sorted(problem.assembly.volumes))
+    cells = mesh.topology.index_map(mesh.topology.dim).size_global
+    pairs = problem.num_pairs
+    ranks = f"{comm.size} rank{'s' if comm.size > 1 else ''}"
+    return (
+        f"{case.title}: {bodies}; {cells} cells, {problem.num_dofs} dofs, {pairs} contact pairs;"
+        f" method {case.method} on {ranks}"
+    )
+
+
+def shows(stream: TextIO) -> bool:
+    """Whether someone watches a stream.
+
+    Some launchers give each rank a terminal of its own, whatever their own output is; there the
+    launcher's output counts.
+    """
+    if not stream.isatty():
+        return False
+    if "OMPI_COMM_WORLD_RANK" not in os.environ:
+        return True
+    try:
+        launcher = os.open(f"/proc/{os.getppid()}/fd/1", os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+    except OSError:
+        return False
+    try:
+        return os.isatty(launcher)
+    finally:
+        os.close(launcher)
