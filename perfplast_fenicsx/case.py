@@ -17,6 +17,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.assembly import Assembly, read_gmsh
 from perfplast_fenicsx.builders import build
 from perfplast_fenicsx.contact import Contact
+from perfplast_fenicsx.control import LOADINGS, LoadControl
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.loads import BodyForce, Load, Pressure, Support, Traction
 from perfplast_fenicsx.materials import Elastic, Material, VonMises
@@ -36,37 +37,6 @@ class Method:
 
 MATERIALS: dict[str, type[Material]] = {"von-mises": VonMises, "elastic": Elastic}
 METHODS = {"newton": Method(NewtonOptions, Newton)}
-
-
-@dataclass(frozen=True)
-class LoadControl:
-    """Loading by the load factor ζ.
-
-    Args:
-        values: Load factors, increasing, not negative.
-
-    Raises:
-        InputError: No value at all, or values that are not finite, negative or not increasing.
-    """
-
-    values: list[float]
-
-    def __post_init__(self) -> None:
-        if not self.values:
-            raise InputError("values is empty; give at least one load factor.")
-        for before, value in zip([-math.inf, *self.values], self.values, strict=False):
-            if not math.isfinite(value) or value < 0:
-                raise InputError(
-                    f"values has {value}, but load factors are finite numbers >= 0; correct it."
-                )
-            if value <= before:
-                raise InputError(
-                    f"values has {value} after {before}, but load factors must increase; sort them"
-                    " and give each once."
-                )
-
-
-LOADINGS = {"load": LoadControl}
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,13 @@ import pytest
 
 from perfplast_fenicsx.case import (
     Case,
-    LoadControl,
     MeshBuilder,
     MeshFile,
     OutputOptions,
     read_case,
 )
 from perfplast_fenicsx.contact import Contact
+from perfplast_fenicsx.control import LoadControl
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.loads import BodyForce, Pressure, Support, Traction
 from perfplast_fenicsx.materials import Elastic, VonMises
