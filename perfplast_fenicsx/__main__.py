@@ -5,6 +5,7 @@ a solution (a result like any other: the levels before it are valid).
 """
 
 import argparse
+import io
 import logging
 import sys
 import time
@@ -41,6 +42,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     comm = MPI.COMM_WORLD
     arguments = list(sys.argv[1:] if argv is None else argv)
+    for stream in (sys.stdout, sys.stderr):  # a reason may have a Greek letter in it
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     with _logging(comm):
         try:
             status = _command(comm, arguments)
@@ -50,10 +54,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             status = BAD_INPUT
         except SystemExit as end:  # --help and --version
             status = int(end.code or 0)
-        except Exception:
+        except (Exception, KeyboardInterrupt):
             traceback.print_exc()
             sys.stderr.flush()
-            if comm.size > 1:
+            if comm.size > 1:  # the others may wait for this rank
                 comm.Abort(FAULT)
             return FAULT
     comm.barrier()  # a launcher may end the others as soon as one rank has ended
@@ -145,11 +149,13 @@ def set_petsc_options(arguments: Sequence[str]) -> None:
     """
     options = PETSc.Options()
     name = None
+    names = []
     for argument in arguments:
         is_name = argument.startswith("-") and argument[1:2].isalpha()
         if is_name:
             name = argument[1:]
             options[name] = None
+            names.append(name)
         elif name is not None:
             options[name] = argument
             name = None
@@ -158,6 +164,9 @@ def set_petsc_options(arguments: Sequence[str]) -> None:
                 f"after '--' stands '{argument}', which is neither a PETSc option nor its value;"
                 " write for instance -- -perfplast_ksp_rtol 1e-10."
             )
+    for name in names:  # the solvers copy what has their prefix; PETSc warns of unused copies
+        if name.startswith("perfplast_"):
+            options.hasName(name)
 
 
 def _draw(

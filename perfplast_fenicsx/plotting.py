@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -139,16 +140,16 @@ def _render(surface: Surface, about: Mapping[str, object], path: Path) -> bool:
     program = Path(__file__).with_name("render.py")
     with tempfile.TemporaryDirectory() as folder, display() as environment:
         source = Path(folder) / "surface.npz"
-        np.savez(
-            source,
-            points=surface.points,
-            triangles=surface.triangles,
-            body=surface.body,
-            about=json.dumps(about),
+        arrays: dict[str, Any] = {
+            "points": surface.points,
+            "triangles": surface.triangles,
+            "body": surface.body,
+            "about": json.dumps(about),
             **surface.at_points,
             **surface.at_cells,
             **surface.marks,
-        )
+        }
+        np.savez(source, **arrays)
         command = [sys.executable, "-P", str(program), str(source), str(path)]
         try:
             done = subprocess.run(

@@ -68,7 +68,7 @@ def gather_surface(
     names = sorted(assembly.volumes, key=lambda name: assembly.volumes[name])
     body = np.searchsorted([assembly.volumes[name] for name in names], tags[cells])
     piece = Surface(
-        points=mesh.geometry.x[used],
+        points=mesh.geometry.x[used].astype(np.float64),
         triangles=local.reshape(corners.shape).astype(np.int64),
         body=body.astype(np.int64),
         names=names,

@@ -63,7 +63,7 @@ class Terminal:
             return
         self._last = now
         text = (
-            f"{self._steps + 1:>4}  zeta {record.zeta:.6g}: Newton step {record.number},"
+            f"{self._steps + 1:>4}  zeta {record.zeta:.6g}, step {record.number}:"
             f" increment {record.increment:.1e}, beta {record.beta:.2g},"
             f" {record.plastic_fraction:.1%} plastic, {record.active_contacts} contacts,"
             f" {record.seconds:.1f} s"
