@@ -83,6 +83,7 @@ class Fields:
         self._plastic_volume = Integral(comm, law.plastic(e) * dx)
         self._volume = Integral(comm, fem.Constant(mesh, default_scalar_type(1)) * dx)()
 
+        self._overstress = (fem.Function(Q), on(Q, law.overstress(e)))
         self._force_form = fem.form(problem.internal_form(self.stress))
         self._tangent_form = fem.form(problem.tangent_form(self._a, self._normal))
         self._bcs, self._comm = problem.bcs, comm
@@ -98,6 +99,12 @@ class Fields:
     def update_direction(self) -> None:
         """Bring ε(δu) to δu. Its ghosts must be up to date."""
         self.de.interpolate(self._strain_of_direction)
+
+    def largest_overstress(self) -> float:
+        """Largest 2μ‖dev e‖/γ of all cells; above 1 something is plastic. Collective."""
+        function, expression = self._overstress
+        function.interpolate(expression)
+        return self._comm.allreduce(float(function.x.array.max(initial=0)), MPI.MAX)
 
     def plastic_fraction(self) -> float:
         """Share of the volume that is plastic. Collective."""

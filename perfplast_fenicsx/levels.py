@@ -36,8 +36,12 @@ class Progress:
         active_set_iterations: int,
         beta: float = 1.0,
         rho: float = 0.0,
+        **residuals: float,
     ) -> Iteration:
-        """Record the iterate as it is after a step, and tell the monitor. Collective."""
+        """Record the iterate as it is after a step, and tell the monitor. Collective.
+
+        ``residuals`` are those of ALG2 (:class:`state.Iteration`).
+        """
         iterate, linear = self._iterate, self._linear
         record = Iteration(
             number=len(self.history) + 1,
@@ -52,6 +56,7 @@ class Progress:
             active_set_iterations=active_set_iterations,
             linear_iterations=linear.iterations - self._krylov,
             seconds=time.perf_counter() - self._began,
+            **residuals,
         )
         self._krylov = linear.iterations
         self.history.append(record)

@@ -1,5 +1,8 @@
 """Linear systems of one step, with some unknowns held: presets by size, near-nullspace, reuse."""
 
+import logging
+from collections.abc import Mapping
+
 import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
@@ -8,8 +11,14 @@ from perfplast_fenicsx.petsc_options import LINEAR, own_prefix
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.rigidity import contact_gram, null_space
 
-DIRECT_LIMIT = 15_000
+DIRECT_LIMIT = 40_000
 """Up to so many unknowns a sparse Cholesky factorisation is the quicker one."""
+
+FALLBACK_LIMIT = 400_000
+"""Up to so many unknowns a factorisation takes over where multigrid has become too slow."""
+
+SLOW = 300
+"""Krylov iterations of one solve that count as too slow."""
 
 MOST_MODES = 12
 """With more near-null motions than this (many bodies) only the common ones are kept."""
@@ -38,6 +47,9 @@ MULTIGRID = {
 }
 
 
+log = logging.getLogger(__name__)
+
+
 class LinearFailure(RuntimeError):
     """A linear system that could not be solved; the message is the reason, alike on every rank."""
 
@@ -59,16 +71,18 @@ class LinearSolver:
         self.iterations = self.solves = self.setups = 0
         self._modes: PETSc.NullSpace | None = None
         self._problem = problem
-        direct = problem.num_dofs <= DIRECT_LIMIT
-        self._ksp = PETSc.KSP().create(problem.comm)
-        self._ksp.setOptionsPrefix(own_prefix(LINEAR, DIRECT if direct else MULTIGRID))
-        self._ksp.setFromOptions()
-        self.direct = self._ksp.getType() == "preonly"
-        self.name = f"{self._ksp.getType()} + {self._ksp.getPC().getType()}"
+        self._configure(DIRECT if problem.num_dofs <= DIRECT_LIMIT else MULTIGRID)
         self._full: PETSc.Mat | None = None
         self._reduced: PETSc.Mat | None = None
         self._held = np.zeros(0, dtype=np.int32)
         self._ready = False
+
+    def _configure(self, preset: Mapping[str, object]) -> None:
+        self._ksp = PETSc.KSP().create(self._problem.comm)
+        self._ksp.setOptionsPrefix(own_prefix(LINEAR, preset))
+        self._ksp.setFromOptions()
+        self.direct = self._ksp.getType() == "preonly"
+        self.name = f"{self._ksp.getType()} + {self._ksp.getPC().getType()}"
 
     def counts(self) -> tuple[int, int, int]:
         """Systems solved, set-ups and Krylov iterations so far."""
@@ -123,18 +137,36 @@ class LinearSolver:
         Raises:
             LinearFailure: If the system is singular or the iteration fails.
         """
-        if not self.direct:
-            self._ksp.setTolerances(rtol=rtol)
-        self._ksp.solve(b, x)
-        self.solves += 1
-        self.iterations += self._ksp.getIterationNumber()
+        self._try(b, x, rtol)
         reason = self._ksp.getConvergedReason()
+        slow = reason <= 0 or self._ksp.getIterationNumber() > SLOW
+        if slow and not self.direct and self._problem.num_dofs <= FALLBACK_LIMIT:
+            self._fall_back()
+            if reason <= 0:
+                self._try(b, x, rtol)
+                reason = self._ksp.getConvergedReason()
+        self.solves += 1
         if reason <= 0:
             label = _REASONS.get(reason, str(reason))
             raise LinearFailure(
                 f"the linear system could not be solved ({self.name}: {label}); it is singular or"
                 " nearly so, as where bodies lose all contact or everything flows plastically"
             )
+
+    def _try(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> None:
+        if not self.direct:
+            self._ksp.setTolerances(rtol=rtol)
+        self._ksp.solve(b, x)
+        self.iterations += self._ksp.getIterationNumber()
+
+    def _fall_back(self) -> None:
+        """Factorise from now on: near collapse multigrid finds no good coarse spaces."""
+        log.info("%s has become slow; a factorisation takes over", self.name)
+        self._ksp.destroy()
+        self._configure(DIRECT)
+        if self._reduced is not None:
+            self._ksp.setOperators(self._reduced)
+            self.setups += 1
 
 
 _REASONS = {

@@ -1,22 +1,68 @@
-"""Loading: a sequence of load levels, each started from the one before."""
+"""Loading: a sequence of levels, each started from those before.
 
+:func:`load_path` follows given values of ζ or α; :func:`work_path` chooses the steps in α itself,
+from the elastic slope to the plateau of ζ(α).
+"""
+
+import logging
+import math
 from collections.abc import Iterator, Sequence
+from typing import Protocol
 
-from perfplast_fenicsx.newton import Monitor, Newton
+import numpy as np
+from dolfinx import fem
+
+from perfplast_fenicsx.options import Monitor
+from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import Level, State
+from perfplast_fenicsx.work_newton import WorkNewton
+
+LARGEST_FACTOR = 4.0
+"""α grows at most so much from one level to the next."""
+
+FIRST_FACTOR = 3.0
+"""Growth of α behind first yield."""
+
+MANY_ITERATIONS = 20
+"""Levels that need more Newton steps make the next growth smaller."""
+
+BENT, STRAIGHT = 0.08, 0.02
+"""Growth of ζ in a level above which steps in α shrink, and below which they grow."""
+
+MOST_HALVINGS = 6
+"""A level is tried again with half the step so many times."""
+
+log = logging.getLogger(__name__)
+
+
+class Solver(Protocol):
+    """What the four algorithms have in common.
+
+    ``control`` tells what is prescribed: "load" (ζ: ALG1, ALG2) or "work" (α: ALG3, ALG4).
+    """
+
+    problem: Problem
+    method: str
+    control: str
+
+    def solve(
+        self, value: float, start: State | None = None, monitor: Monitor | None = None, /
+    ) -> Level:
+        """Find the state at a prescribed ζ or α."""
+        ...
 
 
 def load_path(
-    solver: Newton,
+    solver: Solver,
     values: Sequence[float],
     monitor: Monitor | None = None,
     start: State | None = None,
 ) -> Iterator[Level]:
-    """Solve (P)_ζ for each ζ in turn.
+    """Solve for each prescribed value in turn.
 
     Args:
-        solver: ALG1 of a problem.
-        values: Load parameters ζ, rising.
+        solver: One of the four algorithms.
+        values: Load parameters ζ or works α, rising, as the solver's ``control`` says.
         monitor: Called on every rank after each iteration.
         start: State to begin with; None for the unloaded one.
 
@@ -24,9 +70,66 @@ def load_path(
         The levels. One that has not converged is the last: the state of the level before is the
         last valid one.
     """
-    for zeta in values:
-        level = solver.solve(zeta, start, monitor)
+    for value in values:
+        level = solver.solve(value, start, monitor)
         yield level
         if not level.report.converged:
             return
         start = level.state
+
+
+def work_path(solver: WorkNewton, monitor: Monitor | None = None) -> Iterator[Level]:
+    """Load by work without end, from beyond first yield on; the caller stops it.
+
+    α grows by a factor that shrinks where ζ(α) bends or a level has needed many steps, and grows
+    on the plateau. Each level starts from the extrapolation of the two before. A level that fails
+    is tried again with half the step.
+
+    Args:
+        solver: ALG3 or ALG4.
+        monitor: Called on every rank after each iteration.
+
+    Yields:
+        The levels; one that has not converged is the last, after the step was halved
+        ``MOST_HALVINGS`` times.
+    """
+    elastic = solver.first_yield()
+    alpha, factor = elastic.alpha, FIRST_FACTOR
+    before: State | None = None
+    last = None if solver.problem.has_gaps else elastic
+    while True:
+        for halving in range(MOST_HALVINGS + 1):
+            target = alpha if last is None else last.alpha * factor
+            level = solver.solve(target, extrapolate(solver.problem, before, last, target), monitor)
+            if level.report.converged or halving == MOST_HALVINGS:
+                break
+            log.info("alpha = %.6g failed (%s): half the step", target, level.report.reason)
+            factor, alpha = 1 + (factor - 1) / 2, alpha / 2
+        yield level
+        if not level.report.converged:
+            return
+        if last is not None:
+            factor = _next_factor(factor, last, level)
+        before, last = last, level.state
+
+
+def _next_factor(factor: float, last: State, level: Level) -> float:
+    bend = 1 - last.zeta / level.state.zeta if level.state.zeta > 0 else 1.0
+    if level.report.newton_iterations > MANY_ITERATIONS:
+        return math.sqrt(factor)
+    if bend > BENT:
+        return max(FIRST_FACTOR, factor / 1.2)
+    return min(factor * (2.0 if bend < STRAIGHT else 1.2), LARGEST_FACTOR)
+
+
+def extrapolate(
+    problem: Problem, before: State | None, last: State | None, alpha: float
+) -> State | None:
+    """The state at a work α on the line through two states (the first may be the unloaded one)."""
+    if last is None or last.alpha <= 0:
+        return last
+    earlier = (before.u.x.array, before.alpha) if before else (0.0, 0.0)
+    stretch = (alpha - last.alpha) / (last.alpha - earlier[1])
+    u = fem.Function(problem.V, name="displacement")
+    u.x.array[:] = last.u.x.array + stretch * (last.u.x.array - np.asarray(earlier[0]))
+    return State(u, last.zeta, alpha, last.active)

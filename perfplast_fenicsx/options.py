@@ -62,16 +62,24 @@ class NewtonOptions:
             )
 
 
+LARGEST_RHO, SMALLEST_RHO = 1e-3, 1e-8
+"""Range of the adaptive regularisation."""
+
+
 def regularisation(options: NewtonOptions, history: list[Iteration]) -> float:
-    """ρ of the next step: fixed, or raised after damped steps and lowered after full ones."""
+    """ρ of the next step: fixed, or raised after damped steps and lowered after full ones.
+
+    It starts at its largest value and vanishes near the solution, where steps are not damped, so
+    that convergence is quadratic. Larger values than 1e-3 only make near-collapse states slower.
+    """
     if options.regularisation != "adaptive":
         return float(options.regularisation)
     if not history:
-        return 1e-3
+        return LARGEST_RHO
     last = history[-1]
     if last.beta < 0.5:
-        return min(last.rho * 10, 0.1)
-    return max(last.rho / 10, 1e-8) if last.beta > 0.9 else last.rho
+        return min(10 * last.rho, LARGEST_RHO)
+    return max(last.rho / 10, SMALLEST_RHO)
 
 
 def forcing(increment: float, tolerance: float) -> float:

@@ -36,6 +36,7 @@ class Problem:
         moduli: κ, μ, γ as functions of Q.
         bcs: Homogeneous supports.
         num_pairs: Contact pairs on all ranks together.
+        has_gaps: Whether any pair is open at first.
         pairs: The contact inequalities hosted by this rank.
         basis: Basis in which contact is a bound.
         load: L as a vector in V's dual, zero at supported unknowns (ghosts summed).
@@ -76,6 +77,7 @@ class Problem:
             self.V, assembly, self.bodies, contacts, self.fixed
         )
         self.num_pairs: int = self.comm.allreduce(len(self.pairs.host))
+        self.has_gaps: bool = self.comm.allreduce(bool((self.pairs.gap > 0).any()), MPI.LOR)
         check_rigidity(self.V, self.bodies, self.fixed, self.pairs)
         self.basis: ContactBasis = make_basis(self.V, self.pairs)
         self.load: PETSc.Vec = self._load(loads)

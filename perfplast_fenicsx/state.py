@@ -1,5 +1,6 @@
 """A state of the assembly, and what is reported of it."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,7 +27,7 @@ class State:
 
 @dataclass(frozen=True)
 class Iteration:
-    """One Newton step.
+    """One Newton step, or one iteration of ALG2.
 
     Attributes:
         number: From 1.
@@ -41,6 +42,9 @@ class Iteration:
         active_set_iterations: Linear solves of the contact quadratic program.
         linear_iterations: Krylov iterations.
         seconds: Wall time since the level began.
+        primal: Relative primal residual (ALG2 only, as the next two).
+        dual: Relative dual residual.
+        penalty: r.
     """
 
     number: int
@@ -55,6 +59,9 @@ class Iteration:
     active_set_iterations: int
     linear_iterations: int
     seconds: float
+    primal: float = math.nan
+    dual: float = math.nan
+    penalty: float = math.nan
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,8 @@ free unknowns, and they solve ALG3's quadratic program there; the active set is 
 the solution's. So both are one method here, which ALG3 damps and ALG4 does not.
 """
 
+import numpy as np
+
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.iterate import Iterate
 from perfplast_fenicsx.levels import Progress
@@ -96,6 +98,30 @@ class WorkNewton:
                 return progress.level(zeta, active, True, f"{options.stopping} criterion met")
         reason = f"no convergence in {options.max_iterations} Newton steps"
         return progress.level(zeta, active, False, reason)
+
+
+    def first_yield(self) -> State:
+        """The state at which the first point yields, were all gaps closed. Collective.
+
+        Elastic bodies in contact without gaps respond in proportion to the load, so one elastic
+        contact problem tells. Without any plastic body it is the one of ζ = 1.
+
+        Raises:
+            LinearFailure: If the elastic problem cannot be solved.
+            ActiveSetFailure: If its active set does not settle.
+        """
+        iterate = self._iterate
+        closed = np.zeros_like(self.problem.basis.gap)
+        iterate.begin(None)
+        self._program.set_operator(iterate.operator(1.0))
+        unit = self._program.solve(iterate.gradient(1.0), closed, closed <= 0, rtol=1e-8)
+        iterate.aim(unit.delta)
+        iterate.advance(1.0)
+        overstress = iterate.fields.largest_overstress()
+        state = iterate.state(1.0, unit.active)
+        zeta = 1 / overstress if overstress > 0 else 1.0
+        state.u.x.array[:] *= zeta
+        return State(state.u, zeta, zeta * state.alpha, state.active)
 
 
 class BorderedNewton(WorkNewton):

@@ -1,0 +1,180 @@
+"""The limit load ζ_lim: where ζ(α) levels off, with bounds and the collapse mechanism.
+
+ζ(α) is continuous, does not fall, and tends to ζ_lim as α grows (properties iii and v of Čermák,
+Haslinger, Sysala, COMPLAS XII, 2013), so every ζ(α) reached is a lower bound of the discrete limit
+load. The estimate fits ζ = ζ_∞ − c α^(−p) to the last three levels.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.loading import work_path
+from perfplast_fenicsx.mechanism import UpperBound, dissipation_bound
+from perfplast_fenicsx.options import Monitor, NewtonOptions
+from perfplast_fenicsx.problem import Problem
+from perfplast_fenicsx.state import Level
+from perfplast_fenicsx.work_newton import WorkNewton
+
+MOST_LEVELS = 60
+"""Levels after which a curve counts as one that does not level off."""
+
+FAR = 1e5
+"""So many times the work at first yield is looked at."""
+
+STEADY = 1e-11
+"""Growth of ζ, relative, that is rounding."""
+
+
+@dataclass(frozen=True)
+class LimitLoad:
+    """What a loading by work tells about ζ_lim.
+
+    Attributes:
+        lower: Largest ζ(α) reached, a lower bound of the discrete limit load.
+        estimate: ζ_∞ of the fit; None where the curve does not level off.
+        residual: Change of the estimate with the last level, relative; None without two estimates.
+        upper: D(v)/L(v) of a discretely incompressible mechanism, an upper bound of the discrete
+            limit load; None where none was found.
+        alpha: Work reached.
+        levelled_off: Whether ζ has come within the tolerance of the estimate.
+        reason: Why the loading ended, in words.
+        linear_solves: Linear systems solved for all of it, the upper bound included.
+        mechanism: Velocity v of the collapse, normalised to L(v) = 1.
+        levels: The loading path.
+    """
+
+    lower: float
+    estimate: float | None
+    residual: float | None
+    upper: float | None
+    alpha: float
+    levelled_off: bool
+    reason: str
+    linear_solves: int
+    mechanism: fem.Function
+    levels: Sequence[Level]
+
+
+def limit_load(
+    problem: Problem,
+    rtol: float = 1e-4,
+    solver: WorkNewton | None = None,
+    monitor: Monitor | None = None,
+    on_level: Callable[[Level], None] | None = None,
+) -> LimitLoad:
+    """Load by work until ζ(α) has levelled off. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        rtol: ζ has levelled off where the estimate is within this share of it, and so is either
+            the upper bound or the change of the estimate with the last level.
+        solver: ALG3 or ALG4; the default is ALG3 with the stress criterion at ``rtol`` (at
+            most 1e-3). Displacements grow without bound here, so increments relative to them say
+            little.
+        monitor: Called on every rank after each iteration.
+        on_level: Called on every rank after each level.
+
+    Raises:
+        InputError: If ``rtol`` is not between 0 and 1.
+    """
+    if not 0 < rtol < 1:
+        raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
+    solver = solver or WorkNewton(problem, NewtonOptions(stopping="stress", tolerance=min(rtol, 1e-3)))
+    before = solver.linear.solves
+    levels: list[Level] = []
+    estimates: list[float] = []
+    bound = UpperBound(None, 0)
+    projections = 0
+    levelled_off, reason = False, ""
+    for level in work_path(solver, monitor):
+        if on_level is not None:
+            on_level(level)
+        if not level.report.converged:
+            reason = f"no further level could be solved: {level.report.reason}"
+            break
+        levels.append(level)
+        zeta = level.state.zeta
+        estimate = extrapolated_limit([(a.state.alpha, a.state.zeta) for a in levels[-3:]])
+        if estimate is not None:
+            estimates.append(estimate)
+        if estimate is not None and estimate - zeta <= rtol * zeta:
+            bound = dissipation_bound(problem, collapse_mechanism(problem, levels), level.state)
+            projections += bound.solves
+            change = abs(estimate - estimates[-2]) / zeta if len(estimates) > 1 else np.inf
+            if bound.value is not None and bound.value - zeta <= rtol * zeta:
+                levelled_off, reason = True, f"the bounds are within {rtol:g} of each other"
+                break
+            if change <= rtol:
+                levelled_off, reason = True, f"ζ has levelled off to {rtol:g} of its limit"
+                break
+        if len(levels) == MOST_LEVELS or level.state.alpha > FAR * levels[0].state.alpha:
+            reason = locking(levels)
+            break
+    return LimitLoad(
+        lower=max((level.state.zeta for level in levels), default=0.0),
+        estimate=estimates[-1] if levelled_off else None,
+        residual=abs(1 - estimates[-2] / estimates[-1]) if len(estimates) > 1 else None,
+        upper=bound.value,
+        alpha=levels[-1].state.alpha if levels else 0.0,
+        levelled_off=levelled_off,
+        reason=reason,
+        linear_solves=solver.linear.solves - before + projections,
+        mechanism=collapse_mechanism(problem, levels),
+        levels=levels,
+    )
+
+
+def extrapolated_limit(points: Sequence[tuple[float, float]]) -> float | None:
+    """ζ_∞ of ζ = ζ_∞ − c α^(−p) through three points (α, ζ) of rising α.
+
+    Returns:
+        The limit; None where fewer points are given or none fits because the curve does not flatten
+        (p > 0 would have to be below 0.05).
+    """
+    if len(points) < 3:
+        return None
+    (a, x), (b, y), (c, z) = points
+    if z - y <= STEADY * abs(z):
+        return z
+    if y - x <= 0:
+        return None
+    wanted = (z - y) / (y - x)
+
+    def ratio(p: float) -> float:
+        return float((1 - (c / b) ** -p) / ((a / b) ** -p - 1))
+
+    low, high = 0.05, 50.0
+    if wanted >= ratio(low):
+        return None
+    if wanted <= ratio(high):
+        return z
+    for _ in range(200):
+        middle = (low + high) / 2
+        low, high = (middle, high) if ratio(middle) > wanted else (low, middle)
+    return z + (z - y) / ((c / b) ** high - 1)
+
+
+def locking(levels: Sequence[Level]) -> str:
+    """What to tell of a curve that does not level off."""
+    first, last = levels[0].state, levels[-1].state
+    return (
+        f"ζ does not level off: it has reached {last.zeta:.6g} and still rises at"
+        f" {last.alpha / first.alpha:.3g} times the work at first yield; linear elements lock in"
+        " plastic flow at constant volume, so the discrete limit load may be infinite; use"
+        " quadratic elements or a mesh with fewer constraints"
+    )
+
+
+def collapse_mechanism(problem: Problem, levels: Sequence[Level]) -> fem.Function:
+    """The last increment of displacement, normalised to L(v) = 1 (zero without any level)."""
+    v = fem.Function(problem.V, name="mechanism")
+    if levels:
+        v.x.array[:] = levels[-1].state.u.x.array
+        if len(levels) > 1:
+            v.x.array[:] -= levels[-2].state.u.x.array
+        v.x.array[:] /= float(problem.load.dot(v.x.petsc_vec))
+    return v
