@@ -16,9 +16,13 @@ from typing import NoReturn
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from dolfinx import fem
+
 from perfplast_fenicsx import __version__
 from perfplast_fenicsx.case import Case, read_case
+from perfplast_fenicsx.control import WorkControl
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_load import LimitLoad, limit_load
 from perfplast_fenicsx.loading import load_path
 from perfplast_fenicsx.output import ResultFolder, Results
 from perfplast_fenicsx.plotting import draw_fields, draw_path
@@ -29,6 +33,12 @@ from perfplast_fenicsx.terminal import Terminal, describe
 from perfplast_fenicsx.xdmf import FieldsFile
 
 SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
+
+PRESCRIBED = {"load": "zeta", "work": "alpha"}
+"""What each control prescribes; the time of the fields' file."""
+
+LIMIT_KEYS = ("lower", "estimate", "upper", "alpha", "levelled_off", "reason", "linear_solves")
+"""Keys of ``limit`` in ``summary.json``."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -90,31 +100,46 @@ def run(comm: MPI.Intracomm, path: str, output: str, force: bool) -> int:
     timings["setup"] = time.perf_counter() - began
     terminal = Terminal(comm)
     terminal.header(case, problem)
-    levels = load_path(solver, case.loading.values, terminal.iteration)
     recovery = Recovery(problem)
     fields_file = FieldsFile(folder, problem.assembly.mesh) if case.output.fields else None
     last: Level | None = None
-    while True:
-        with results.timed("solve"):
-            level = next(levels, None)
-        if level is None:
-            break
+
+    def accept(level: Level) -> None:
+        nonlocal last
         terminal.level(level.report)
         with results.timed("output"):
             if level.report.converged:
                 last = level
                 if fields_file is not None:
-                    fields_file.write(recovery.update(level.state), level.report.zeta)
+                    time_ = getattr(level.report, PRESCRIBED[solver.control])
+                    fields_file.write(recovery.update(level.state), time_)
             timings["total"] = time.perf_counter() - began
             results.add(level.report)
-    if case.output.pictures:
+
+    limit = None
+    with results.timed("solve"):
+        if isinstance(case.loading, WorkControl) and case.loading.limit_tolerance is not None:
+            tolerance = case.loading.limit_tolerance
+            limit = limit_load(problem, tolerance, solver, terminal.iteration, accept)
+            terminal.limit(limit)
+        else:
+            for level in load_path(solver, case.loading.values or [], terminal.iteration):
+                accept(level)
+    timings["solve"] -= timings.get("output", 0.0)
+    if limit is not None:
+        with results.timed("output"):
+            results.summary.limit = {key: getattr(limit, key) for key in LIMIT_KEYS}
+            if case.output.fields:
+                mechanism = FieldsFile(folder, problem.assembly.mesh, "mechanism.xdmf")
+                mechanism.write({"mechanism": limit.mechanism}, limit.alpha)
+    if case.output.pictures and last is not None:
         with results.timed("pictures"):
-            _draw(case, problem, recovery, last, results)
+            _draw(case, problem, recovery, last, results, limit)
     timings["total"] = time.perf_counter() - began
     results.write()
     terminal.results(folder)
     solved = all(report.converged for report in results.reports)
-    return SOLVED if solved else NO_SOLUTION
+    return SOLVED if solved and (limit is None or limit.levelled_off) else NO_SOLUTION
 
 
 def check(comm: MPI.Intracomm, path: str) -> int:
@@ -170,20 +195,26 @@ def set_petsc_options(arguments: Sequence[str]) -> None:
 
 
 def _draw(
-    case: Case, problem: Problem, recovery: Recovery, last: Level | None, results: Results
+    case: Case,
+    problem: Problem,
+    recovery: Recovery,
+    last: Level,
+    results: Results,
+    limit: LimitLoad | None,
 ) -> None:
     folder = results.folder
-    if last is not None:
-        draw_fields(
-            problem.assembly,
-            recovery.update(last.state),
-            last.report,
-            case.title,
-            case.loads,
-            case.contacts,
-            folder.file("fields.png"),
-        )
-    folder.on_root(lambda: draw_path(results.reports, case.title, folder.file("path.png")))
+
+    def draw(fields: dict[str, fem.Function], name: str, caption: str | None = None) -> None:
+        about = (last.report, case.title, case.loads, case.contacts)
+        draw_fields(problem.assembly, fields, *about, folder.file(name), caption)
+
+    fields = recovery.update(last.state)
+    draw(fields, "fields.png")
+    if limit is not None:
+        caption = f"collapse mechanism at ζ = {limit.lower:.6g}, velocity of unit work"
+        draw(fields | {"displacement": limit.mechanism}, "mechanism.png", caption)
+    path = folder.file("path.png")
+    folder.on_root(lambda: draw_path(results.reports, case.title, path, limit))
 
 
 class _Parser(argparse.ArgumentParser):

@@ -8,11 +8,12 @@ choice keeps multigrid as good as without contact).
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
+from petsc4py import PETSc
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
-from mpi4py import MPI
-from petsc4py import PETSc
 
 from perfplast_fenicsx.contact import ContactPairs
 from perfplast_fenicsx.errors import InputError, raise_together
@@ -132,7 +133,7 @@ def _choose(
     both = (member[:, :, None] >= 0) & (member[:, None, :] >= 0)
     picked = np.take_along_axis(rows, np.repeat(chosen[:, None, :], most, axis=1), axis=2)
     block[both] = picked[both]
-    inverse = np.linalg.inv(block) if len(nodes) else block
+    inverse = np.asarray(np.linalg.inv(block), dtype=np.float64)
     return chosen[group, slot], inverse[group, slot], member[group]
 
 
@@ -145,15 +146,12 @@ def _matrix(V: fem.FunctionSpace, row_length: int) -> PETSc.Mat:
     return A
 
 
-def _add(
-    A: PETSc.Mat, rows: npt.NDArray, columns: npt.NDArray, values: npt.NDArray
-) -> None:
+def _add(A: PETSc.Mat, rows: npt.NDArray, columns: npt.NDArray, values: npt.NDArray) -> None:
     """Add entries given as arrays that broadcast together, leaving out zeros."""
-    i, j, v = (a.ravel() for a in np.broadcast_arrays(rows, columns, values))
-    kept = v != 0
-    i, j, v = i[kept], j[kept], v[kept]
-    order = np.argsort(i, kind="stable")
-    i, j, v = i[order], j[order], v[order]
+    entries = [a.ravel() for a in np.broadcast_arrays(rows, columns, values)]
+    kept = np.flatnonzero(entries[2])
+    kept = kept[np.argsort(entries[0][kept], kind="stable")]
+    i, j, v = (entry[kept] for entry in entries)
     first, count = A.getOwnershipRange()[0], np.diff(A.getOwnershipRange())[0]
     pointer = np.concatenate([[0], np.cumsum(np.bincount(i - first, minlength=count))])
     A.setValuesIJV(

@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
-from mpi4py import MPI
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -107,6 +108,8 @@ def _components(V: fem.FunctionSpace) -> tuple[int, npt.NDArray[np.int32]]:
     ties = np.unique(np.stack([mine, owners.array], axis=1), axis=0)
     ends = np.concatenate(comm.allgather(ties))
     total = comm.allreduce(pieces)
-    joined = coo_array((np.ones(len(ends), dtype=np.int8), (ends[:, 0], ends[:, 1])), (total, total))
+    joined = coo_array(
+        (np.ones(len(ends), dtype=np.int8), (ends[:, 0], ends[:, 1])), (total, total)
+    )
     count, body = connected_components(joined, directed=False)
     return int(count), body[mine].astype(np.int32)

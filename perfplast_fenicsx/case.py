@@ -7,7 +7,6 @@ may stand in a table is the dataclass it becomes, of this module or of the one t
 
 import math
 import tomllib
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,14 +16,17 @@ from mpi4py import MPI
 from perfplast_fenicsx.assembly import Assembly, read_gmsh
 from perfplast_fenicsx.builders import build
 from perfplast_fenicsx.contact import Contact
-from perfplast_fenicsx.control import LOADINGS, LoadControl
+from perfplast_fenicsx.control import LOADINGS, LoadControl, WorkControl
 from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.limit_load import limit_options
 from perfplast_fenicsx.loads import BodyForce, Load, Pressure, Support, Traction
 from perfplast_fenicsx.materials import Elastic, Material, VonMises
 from perfplast_fenicsx.newton import Newton
 from perfplast_fenicsx.options import NewtonOptions
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.schema import Table, at, choose, convert, shown
+from perfplast_fenicsx.uzawa import AugmentedLagrangian, AugmentedLagrangianOptions
+from perfplast_fenicsx.work_newton import BorderedNewton, WorkNewton
 
 
 @dataclass(frozen=True)
@@ -32,11 +34,16 @@ class Method:
     """An algorithm of ``[solve]``: the dataclass of its options and what makes the solver."""
 
     options: type[Any]
-    solver: Callable[[Problem, Any], Any]
+    solver: type[Any]
 
 
 MATERIALS: dict[str, type[Material]] = {"von-mises": VonMises, "elastic": Elastic}
-METHODS = {"newton": Method(NewtonOptions, Newton)}
+METHODS = {
+    "newton": Method(NewtonOptions, Newton),
+    "augmented-lagrangian": Method(AugmentedLagrangianOptions, AugmentedLagrangian),
+    "work-newton": Method(NewtonOptions, WorkNewton),
+    "bordered-newton": Method(NewtonOptions, BorderedNewton),
+}
 
 
 @dataclass(frozen=True)
@@ -80,7 +87,7 @@ class Case:
     contacts: list[Contact]
     method: str
     options: Any
-    loading: LoadControl
+    loading: LoadControl | WorkControl
     output: OutputOptions
 
     def assembly(self, comm: MPI.Intracomm) -> Assembly:
@@ -198,11 +205,10 @@ def _case(path: Path, table: Table) -> Case:
         loads.append(convert(load, _LoadTable, place).load(place))
     supports = _numbered(top.support, f"{name}, [[support]]")
     contacts = _numbered(top.contact, f"{name}, [[contact]]")
-    place = f"{name}, [solve]"
-    method, algorithm, solve = choose(top.solve, "method", METHODS, place, default="newton")
-    options = convert(solve, algorithm.options, place)
     place = f"{name}, [loading]"
-    _, control, loading = choose(top.loading, "control", LOADINGS, place, default="load")
+    control, schema, table = choose(top.loading, "control", LOADINGS, place, default="load")
+    loading: LoadControl | WorkControl = convert(table, schema, place)
+    method, options = _algorithm(top.solve, control, loading, f"{name}, [solve]")
     return Case(
         path=path,
         title=top.title or path.stem,
@@ -213,9 +219,27 @@ def _case(path: Path, table: Table) -> Case:
         contacts=[convert(contact, Contact, place) for place, contact in contacts],
         method=method,
         options=options,
-        loading=convert(loading, control, place),
+        loading=loading,
         output=convert(top.output, OutputOptions, f"{name}, [output]"),
     )
+
+
+def _algorithm(
+    table: Table, control: str, loading: LoadControl | WorkControl, place: str
+) -> tuple[str, Any]:
+    """Method and options; ALG1 for loads and ALG3 for works where none is named."""
+    default = "newton" if control == "load" else "work-newton"
+    method, algorithm, rest = choose(table, "method", METHODS, place, default=default)
+    if algorithm.solver.control != control:
+        fitting = [name for name, entry in METHODS.items() if entry.solver.control == control]
+        raise InputError(
+            f"{place}: method = '{method}' prescribes the {algorithm.solver.control}, but [loading]"
+            f" has control = '{control}'; use method = {' or '.join(map(repr, fitting))}, or"
+            f" control = '{algorithm.solver.control}'."
+        )
+    if isinstance(loading, WorkControl) and loading.limit_tolerance is not None:
+        rest = limit_options(loading.limit_tolerance) | rest
+    return method, convert(rest, algorithm.options, place)
 
 
 def _mesh(table: Table, place: str) -> MeshFile | MeshBuilder:

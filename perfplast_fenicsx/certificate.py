@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
 
 from perfplast_fenicsx.fields import Fields
 from perfplast_fenicsx.problem import Problem
@@ -53,7 +54,7 @@ def certify(problem: Problem, fields: Fields, zeta: float) -> Certificate:
     norm = max(abs(zeta) * problem.load.norm(), 1e-300)
     certificate = Certificate(
         forces,
-        max_penetration=comm.allreduce(float((-room).max(initial=0)), MPI.MAX),
+        max_penetration=comm.allreduce(max(0.0, float((-room).max(initial=0))), MPI.MAX),
         smallest_contact_force=_smallest(comm, forces),
         complementarity=slack / scale,
         equilibrium=free.norm(PETSc.NormType.NORM_2) / norm,

@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
-from mpi4py import MPI
 
 from perfplast_fenicsx.assembly import Assembly
 from perfplast_fenicsx.bodies import Bodies
@@ -174,7 +175,8 @@ def _rows(
     comm, index_map = V.mesh.comm, V.dofmap.index_map
     nodes, normals, areas = surface_nodes(V, assembly, surface)
     x = V.tabulate_dof_coordinates()[nodes]
-    message, gaps = None, np.zeros(len(nodes))
+    message: str | None = None
+    gaps: npt.NDArray[np.float64] = np.zeros(len(nodes))
     try:
         gaps = evaluate(gap, x, f"{place}: gap")
         if (gaps < 0).any():
@@ -207,7 +209,9 @@ def _check(
             f" {matching.farthest:.3g} away, {MATCHING_TOLERANCE * size:.3g} allowed); mesh the two"
             " surfaces with the same nodes, for instance by fragmenting and splitting in gmsh."
         )
-    cosine = np.einsum("ni,ni->n", *(rows[:, 9 : 9 + gdim] for rows in (matching.first, matching.second)))
+    cosine = np.einsum(
+        "ni,ni->n", *(rows[:, 9 : 9 + gdim] for rows in (matching.first, matching.second))
+    )
     same_side = comm.allreduce(int((cosine > 0).sum()))
     if same_side:
         raise InputError(
@@ -216,9 +220,7 @@ def _check(
         )
 
 
-def _to_hosts(
-    comm: MPI.Intracomm, matching: Matching, gdim: int
-) -> npt.NDArray[np.float64]:
+def _to_hosts(comm: MPI.Intracomm, matching: Matching, gdim: int) -> npt.NDArray[np.float64]:
     """Choose each pair's host, and send it there.
 
     Returns:

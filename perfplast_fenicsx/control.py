@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 from perfplast_fenicsx.errors import InputError
 
@@ -20,18 +21,57 @@ class LoadControl:
     values: list[float]
 
     def __post_init__(self) -> None:
-        if not self.values:
-            raise InputError("values is empty; give at least one load factor.")
-        for before, value in zip([-math.inf, *self.values], self.values, strict=False):
-            if not math.isfinite(value) or value < 0:
-                raise InputError(
-                    f"values has {value}, but load factors are finite numbers >= 0; correct it."
-                )
-            if value <= before:
-                raise InputError(
-                    f"values has {value} after {before}, but load factors must increase; sort them"
-                    " and give each once."
-                )
+        _check_values(self.values, "load factors")
 
 
-LOADINGS = {"load": LoadControl}
+@dataclass(frozen=True)
+class WorkControl:
+    """Loading by the work of the loads α = L(u), with given values or until the limit load.
+
+    Args:
+        values: Works, increasing, not negative.
+        until: "limit" chooses the steps itself, until ζ(α) has levelled off.
+        limit_tolerance: How near to its limit ζ must have come, relative; with ``until`` only.
+
+    Raises:
+        InputError: Not exactly one of ``values`` and ``until``, ``until`` without a tolerance, or
+            values out of their range.
+    """
+
+    values: list[float] | None = None
+    until: Literal["limit"] | None = None
+    limit_tolerance: float | None = None
+
+    def __post_init__(self) -> None:
+        if (self.values is None) == (self.until is None):
+            what = "neither values nor until" if self.values is None else "both values and until"
+            raise InputError(
+                f"there is {what}; give either values = [...] or until = 'limit' with a"
+                " limit_tolerance such as 1e-4."
+            )
+        if self.values is not None:
+            _check_values(self.values, "works")
+            if self.limit_tolerance is not None:
+                raise InputError("limit_tolerance goes with until = 'limit'; leave it out.")
+        elif self.limit_tolerance is None:
+            raise InputError("until = 'limit' needs a limit_tolerance; 1e-4 is a good value.")
+        elif not 0 < self.limit_tolerance < 1:
+            raise InputError(
+                f"limit_tolerance = {self.limit_tolerance} is not between 0 and 1; try 1e-4."
+            )
+
+
+def _check_values(values: list[float], what: str) -> None:
+    if not values:
+        raise InputError(f"values is empty; give at least one of the {what}.")
+    for before, value in zip([-math.inf, *values], values, strict=False):
+        if not math.isfinite(value) or value < 0:
+            raise InputError(f"values has {value}, but {what} are finite numbers >= 0; correct it.")
+        if value <= before:
+            raise InputError(
+                f"values has {value} after {before}, but {what} must increase; sort them and give"
+                " each once."
+            )
+
+
+LOADINGS = {"load": LoadControl, "work": WorkControl}

@@ -3,12 +3,13 @@
 All forms and Expressions are compiled once for a problem. Nothing here loops over cells.
 """
 
+from mpi4py import MPI
+from petsc4py import PETSc
+
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
-from mpi4py import MPI
-from petsc4py import PETSc
 
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.materials import strain
@@ -125,7 +126,7 @@ class Fields:
         for function, expression in self._tangent:
             function.interpolate(expression)
         self.stiffness.zeroEntries()
-        fem_petsc.assemble_matrix(self.stiffness, self._tangent_form, bcs=self._bcs)
+        fem_petsc.assemble_matrix(self.stiffness, self._tangent_form, self._bcs)  # type: ignore[arg-type]
         self.stiffness.assemble()
         self._scale_supports()
         return self.stiffness

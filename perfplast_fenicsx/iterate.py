@@ -3,10 +3,11 @@
 What ALG1 and the work-controlled methods do alike stands here; they differ in the step they take.
 """
 
+from petsc4py import PETSc
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
-from petsc4py import PETSc
 
 from perfplast_fenicsx.fields import Fields
 from perfplast_fenicsx.problem import Problem
@@ -61,7 +62,7 @@ class Iterate:
         return self.room() <= 0 if start is None else start.active.copy()
 
     def room(self) -> npt.NDArray[np.float64]:
-        """g − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""
+        """G − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""
         basis = self.problem.basis
         room = basis.gap - self.y.array_r[basis.index]
         return np.maximum(room, 0)
@@ -157,7 +158,7 @@ class Iterate:
         return float(np.sqrt(max(change, 0)) / total) if total > 0 else 0.0
 
     def advance(self, beta: float) -> None:
-        """u ← u + β δu."""
+        """U ← u + β δu."""
         u = self.fields.u
         u.x.array[:] += beta * self.fields.du.x.array
         self.y.axpy(beta, self._delta)

@@ -2,9 +2,10 @@
 
 import time
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from perfplast_fenicsx.certificate import certify
 from perfplast_fenicsx.iterate import Iterate
@@ -73,7 +74,9 @@ class Progress:
         certificate = certify(problem, fields, zeta)
         nodal = fields.u.x.array.reshape(-1, problem.V.dofmap.index_map_bs)
         largest = float(np.linalg.norm(nodal, axis=1).max(initial=0))
-        solves, setups, krylov = np.subtract(self._linear.counts(), self._before).tolist()
+        solves, setups, krylov = (
+            now - then for now, then in zip(self._linear.counts(), self._before, strict=True)
+        )
         state = iterate.state(zeta, active)
         report = LevelReport(
             zeta=zeta,

@@ -7,6 +7,7 @@ load. The estimate fits ζ = ζ_∞ − c α^(−p) to the last three levels.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -72,9 +73,7 @@ def limit_load(
         problem: The bodies and their loads.
         rtol: ζ has levelled off where the estimate is within this share of it, and so is either
             the upper bound or the change of the estimate with the last level.
-        solver: ALG3 or ALG4; the default is ALG3 with the stress criterion at ``rtol`` (at
-            most 1e-3). Displacements grow without bound here, so increments relative to them say
-            little.
+        solver: ALG3 or ALG4; the default is ALG3 with :func:`limit_options`.
         monitor: Called on every rank after each iteration.
         on_level: Called on every rank after each level.
 
@@ -83,7 +82,7 @@ def limit_load(
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
-    solver = solver or WorkNewton(problem, NewtonOptions(stopping="stress", tolerance=min(rtol, 1e-3)))
+    solver = solver or WorkNewton(problem, NewtonOptions(**limit_options(rtol)))
     before = solver.linear.solves
     levels: list[Level] = []
     estimates: list[float] = []
@@ -126,6 +125,14 @@ def limit_load(
         mechanism=collapse_mechanism(problem, levels),
         levels=levels,
     )
+
+
+def limit_options(rtol: float) -> dict[str, Any]:
+    """Options of the Newton methods that suit a limit load with a relative tolerance.
+
+    Displacements grow without bound, so that increments relative to them say little.
+    """
+    return {"stopping": "stress", "tolerance": min(rtol, 1e-3)}
 
 
 def extrapolated_limit(points: Sequence[tuple[float, float]]) -> float | None:

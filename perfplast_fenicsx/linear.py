@@ -3,9 +3,10 @@
 import logging
 from collections.abc import Mapping
 
+from petsc4py import PETSc
+
 import numpy as np
 import numpy.typing as npt
-from petsc4py import PETSc
 
 from perfplast_fenicsx.petsc_options import LINEAR, own_prefix
 from perfplast_fenicsx.problem import Problem
@@ -74,7 +75,7 @@ class LinearSolver:
         self._configure(DIRECT if problem.num_dofs <= DIRECT_LIMIT else MULTIGRID)
         self._full: PETSc.Mat | None = None
         self._reduced: PETSc.Mat | None = None
-        self._held = np.zeros(0, dtype=np.int32)
+        self._held: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self._ready = False
 
     def _configure(self, preset: Mapping[str, object]) -> None:

@@ -21,7 +21,10 @@ LARGEST_FACTOR = 4.0
 """α grows at most so much from one level to the next."""
 
 FIRST_FACTOR = 3.0
-"""Growth of α behind first yield."""
+"""Growth of α behind first yield, and the most where ζ(α) bends."""
+
+SMALLEST_FACTOR = 1.2
+"""Growth of α behind levels that were hard to solve."""
 
 MANY_ITERATIONS = 20
 """Levels that need more Newton steps make the next growth smaller."""
@@ -79,7 +82,7 @@ def load_path(
 
 
 def work_path(solver: WorkNewton, monitor: Monitor | None = None) -> Iterator[Level]:
-    """Load by work without end, from beyond first yield on; the caller stops it.
+    """Load by work without end, from first yield on; the caller stops it.
 
     α grows by a factor that shrinks where ζ(α) bends or a level has needed many steps, and grows
     on the plateau. Each level starts from the extrapolation of the two before. A level that fails
@@ -94,31 +97,34 @@ def work_path(solver: WorkNewton, monitor: Monitor | None = None) -> Iterator[Le
         ``MOST_HALVINGS`` times.
     """
     elastic = solver.first_yield()
-    alpha, factor = elastic.alpha, FIRST_FACTOR
+    target, factor = elastic.alpha, FIRST_FACTOR
+    start = None if solver.problem.has_gaps else elastic
     before: State | None = None
-    last = None if solver.problem.has_gaps else elastic
+    last: State | None = None
     while True:
         for halving in range(MOST_HALVINGS + 1):
-            target = alpha if last is None else last.alpha * factor
-            level = solver.solve(target, extrapolate(solver.problem, before, last, target), monitor)
+            level = solver.solve(target, start, monitor)
             if level.report.converged or halving == MOST_HALVINGS:
                 break
             log.info("alpha = %.6g failed (%s): half the step", target, level.report.reason)
-            factor, alpha = 1 + (factor - 1) / 2, alpha / 2
+            target = (target + (last.alpha if last else 0.0)) / 2
+            start = extrapolate(solver.problem, before, last, target)
         yield level
         if not level.report.converged:
             return
         if last is not None:
-            factor = _next_factor(factor, last, level)
+            factor = _next_factor(level.state.alpha / last.alpha, last, level)
         before, last = last, level.state
+        target = last.alpha * factor
+        start = extrapolate(solver.problem, before, last, target)
 
 
 def _next_factor(factor: float, last: State, level: Level) -> float:
     bend = 1 - last.zeta / level.state.zeta if level.state.zeta > 0 else 1.0
     if level.report.newton_iterations > MANY_ITERATIONS:
-        return math.sqrt(factor)
+        return max(math.sqrt(factor), SMALLEST_FACTOR)
     if bend > BENT:
-        return max(FIRST_FACTOR, factor / 1.2)
+        return max(min(factor, FIRST_FACTOR), SMALLEST_FACTOR)
     return min(factor * (2.0 if bend < STRAIGHT else 1.2), LARGEST_FACTOR)
 
 

@@ -20,12 +20,14 @@ condition nor a division by ‖dev e‖,
 
 import math
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import ufl
 
 from perfplast_fenicsx.errors import InputError
 
-Expr = ufl.core.expr.Expr
+Expr: TypeAlias = Any
+"""A UFL expression; UFL brings no types."""
 
 
 def mandel_size(gdim: int) -> int:

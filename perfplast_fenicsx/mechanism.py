@@ -9,12 +9,13 @@ loading come near such a v; here they are projected on it.
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from mpi4py import MPI
+from petsc4py import PETSc
+
 import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
-from mpi4py import MPI
-from petsc4py import PETSc
 
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.fields import Integral
@@ -112,9 +113,7 @@ def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) ->
     return UpperBound(Integral(comm, rate * dx)() / work, solves)
 
 
-def _norm(
-    comm: MPI.Intracomm, e: ufl.core.expr.Expr, dx: ufl.Measure
-) -> Callable[[], float]:
+def _norm(comm: MPI.Intracomm, e: ufl.core.expr.Expr, dx: ufl.Measure) -> Callable[[], float]:
     """L² norm of a Mandel vector, to be evaluated at each call."""
     integral = Integral(comm, ufl.dot(e, e) * dx)
     return lambda: float(np.sqrt(integral()))

@@ -27,6 +27,7 @@ from perfplast_fenicsx.state import LevelReport
 RESULT_FILES = (
     *("summary.json", "path.csv", "fields.xdmf", "fields.h5"),
     *("path.png", "fields.png"),
+    *("mechanism.xdmf", "mechanism.h5", "mechanism.png"),
 )
 
 STEP_KEYS = (

@@ -7,9 +7,10 @@ coordinates; integers below 2**53 survive unharmed.
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 Rows = npt.NDArray[np.float64]

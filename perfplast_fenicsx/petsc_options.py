@@ -34,6 +34,8 @@ def own_prefix(prefix: str, preset: Mapping[str, object]) -> str:
         if key.startswith(prefix) and not key.startswith(tuple(longer))
     }
     _made.add(own)
+    if "pc_type" in given:  # what tunes the preset's preconditioner says nothing of another one
+        preset = {k: v for k, v in preset.items() if not k.startswith(("pc_", "mg_"))}
     for key, value in {**preset, **given}.items():
         options[own + key] = value
     return own

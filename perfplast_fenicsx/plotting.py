@@ -18,6 +18,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx.assembly import Assembly
 from perfplast_fenicsx.contact import Contact
+from perfplast_fenicsx.limit_load import LimitLoad
 from perfplast_fenicsx.loads import Load, Pressure, Traction
 from perfplast_fenicsx.state import LevelReport
 from perfplast_fenicsx.surface import Surface, gather_surface
@@ -39,6 +40,7 @@ def draw_fields(
     loads: Sequence[Load],
     contacts: Sequence[Contact],
     path: Path,
+    caption: str | None = None,
 ) -> bool:
     """Draw the deformed bodies with plastic zone, displacement and contact pressure. Collective.
 
@@ -52,6 +54,7 @@ def draw_fields(
         loads: Shown as arrows where they act on surfaces.
         contacts: Shown with the contact pressure.
         path: The png file.
+        caption: Second line of the heading; by default load factor and work.
 
     Returns:
         Whether there is a picture, on every rank alike.
@@ -66,10 +69,10 @@ def draw_fields(
     if surface is not None:
         scale = deformation_scale(surface)
         enlarged = "to scale" if scale == 1 else f"drawn {scale:g} times as large"
+        level = f"load factor ζ = {report.zeta:.6g},   work of the loads α = {report.alpha:.5g}"
         about = {
             "title": title,
-            "subtitle": f"load factor ζ = {report.zeta:.6g},   work of the loads α ="
-            f" {report.alpha:.5g},   deformation {enlarged}",
+            "subtitle": f"{caption or level},   deformation {enlarged}",
             "scale": scale,
             "names": surface.names,
             "loads": {f"load {i}": _direction(load) for i, load in enumerate(on_surfaces)},
@@ -89,7 +92,9 @@ def deformation_scale(surface: Surface) -> float:
     return float(max(digit * power for digit in (1, 2, 5) if digit * power <= wanted * (1 + 1e-9)))
 
 
-def draw_path(reports: Sequence[LevelReport], title: str, path: Path) -> None:
+def draw_path(
+    reports: Sequence[LevelReport], title: str, path: Path, limit: LimitLoad | None = None
+) -> None:
     """Draw the load factor ζ over the work α of the converged levels. Not collective.
 
     Without matplotlib a warning is logged, and nothing is drawn.
@@ -98,6 +103,7 @@ def draw_path(reports: Sequence[LevelReport], title: str, path: Path) -> None:
         reports: Of all levels; a last one that failed is drawn as the load without a solution.
         title: Heading.
         path: The png file.
+        limit: Limit load, to be marked with its bounds.
     """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -120,6 +126,13 @@ def draw_path(reports: Sequence[LevelReport], title: str, path: Path) -> None:
         if not report.converged:
             label = f"no solution found at ζ = {report.zeta:.6g}"
             axes.axhline(report.zeta, color="#d62020", linestyle="--", label=label)
+    if limit is not None and limit.estimate is not None:
+        label = f"limit load, estimated {limit.estimate:.6g}"
+        axes.axhline(limit.estimate, color="#d62020", linewidth=1, label=label)
+        if limit.upper is not None:
+            label = f"bounds {limit.lower:.6g} to {limit.upper:.6g}"
+            axes.axhspan(limit.lower, limit.upper, color="#d62020", alpha=0.15, label=label)
+        axes.set_xscale("symlog", linthresh=solved[0].alpha)
     axes.set(xlabel="work of the loads α", ylabel="load factor ζ", title=title)
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)

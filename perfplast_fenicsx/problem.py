@@ -1,9 +1,12 @@
 """The discrete problem: spaces, supports, loads, contact and forms. It declares, never solves.
 
-    (P)_ζ   minimise J_ζ(v) = Ψ(ε(v)) − ζ L(v) over K_h = {v : (v_a − v_b)·n ≤ g at contact nodes}
+(P)_ζ   minimise J_ζ(v) = Ψ(ε(v)) − ζ L(v) over K_h = {v : (v_a − v_b)·n ≤ g at contact nodes}
 """
 
 from collections.abc import Mapping, Sequence
+
+from mpi4py import MPI
+from petsc4py import PETSc
 
 import basix.ufl
 import numpy as np
@@ -11,8 +14,6 @@ import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
-from mpi4py import MPI
-from petsc4py import PETSc
 
 from perfplast_fenicsx.assembly import Assembly
 from perfplast_fenicsx.basis import ContactBasis, make_basis
@@ -60,7 +61,7 @@ class Problem:
             contacts: Pairs of surfaces that cannot penetrate each other.
 
         Raises:
-            InputError: If names, materials, loads, contact surfaces or supports do not fit together.
+            InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
         self.assembly = assembly
         mesh, gdim = assembly.mesh, assembly.mesh.geometry.dim
@@ -73,9 +74,7 @@ class Problem:
         self.bodies: Bodies = find_bodies(self.V)
         self.moduli = self._moduli(materials)
         self.bcs, self.fixed = self._supports(supports)
-        self.pairs: ContactPairs = find_pairs(
-            self.V, assembly, self.bodies, contacts, self.fixed
-        )
+        self.pairs: ContactPairs = find_pairs(self.V, assembly, self.bodies, contacts, self.fixed)
         self.num_pairs: int = self.comm.allreduce(len(self.pairs.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.pairs.gap > 0).any()), MPI.LOR)
         check_rigidity(self.V, self.bodies, self.fixed, self.pairs)
@@ -93,7 +92,7 @@ class Problem:
         return self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
 
     def measure(self) -> ufl.Measure:
-        """dx with the quadrature of S."""
+        """Dx with the quadrature of S."""
         return ufl.Measure("dx", domain=self.assembly.mesh, metadata={"quadrature_degree": 0})
 
     def tangent_form(self, a: fem.Function, normal: fem.Function) -> ufl.Form:

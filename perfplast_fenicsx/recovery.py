@@ -1,9 +1,10 @@
 """Fields people look at: stress tensor, plastic zone, contact pressure of a state."""
 
+from petsc4py import PETSc
+
 import basix.ufl
 import numpy as np
 from dolfinx import fem
-from petsc4py import PETSc
 
 from perfplast_fenicsx.certificate import certify
 from perfplast_fenicsx.compat import interpolation_points

@@ -1,9 +1,10 @@
 """Can any body still move as a rigid one?"""
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
-from mpi4py import MPI
 
 from perfplast_fenicsx.bodies import Bodies
 from perfplast_fenicsx.contact import ContactPairs, pair_functionals

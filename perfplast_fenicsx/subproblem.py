@@ -15,9 +15,10 @@ active set it solves the quadratic program of ALG3 too). Both solves share one s
 
 from dataclasses import dataclass
 
+from petsc4py import PETSc
+
 import numpy as np
 import numpy.typing as npt
-from petsc4py import PETSc
 
 from perfplast_fenicsx.linear import LinearFailure, LinearSolver
 from perfplast_fenicsx.petsc_options import ACTIVE_SET, own_prefix
@@ -67,7 +68,7 @@ class ContactProgram:
         self._rtol = self._force_tolerance = self._multiplier = 0.0
         self._work: float | None = None
         self._sets = 0
-        self._held = np.zeros(len(self._index), dtype=bool)
+        self._held: npt.NDArray[np.bool_] = np.zeros(len(self._index), dtype=bool)
         self._A: PETSc.Mat | None = None
         self._r = problem.load.duplicate()
         self._delta, self._gradient, self._rhs, self._image, self._upper, self._lower = (

@@ -12,6 +12,7 @@ from typing import TextIO
 from mpi4py import MPI
 
 from perfplast_fenicsx.case import Case
+from perfplast_fenicsx.limit_load import LimitLoad
 from perfplast_fenicsx.output import ResultFolder
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import Iteration, LevelReport
@@ -86,6 +87,15 @@ class Terminal:
         self.say("  ".join(f"{cell:>{width}}" for cell, (_, width) in pairs))
         if not report.converged:
             self.say(f"No solution at zeta = {report.zeta:.6g}: {report.reason}.")
+
+    def limit(self, limit: LimitLoad) -> None:
+        """Say what is known of the limit load."""
+        upper = "none found" if limit.upper is None else f"{limit.upper:.6g}"
+        estimate = "none" if limit.estimate is None else f"{limit.estimate:.6g}"
+        self.say(
+            f"Limit load: lower bound {limit.lower:.6g}, estimate {estimate}, upper bound {upper}"
+            f" ({limit.linear_solves} linear solves): {limit.reason}."
+        )
 
     def results(self, folder: ResultFolder) -> None:
         """Say where the results are and which there are."""

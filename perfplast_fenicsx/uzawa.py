@@ -14,11 +14,12 @@ the right-hand sides alone. Since σ^k = Σ(e^k), an iteration is a map of e^k a
 from dataclasses import dataclass
 from typing import Literal
 
+from petsc4py import PETSc
+
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
-from petsc4py import PETSc
 
 from perfplast_fenicsx.anderson import Anderson
 from perfplast_fenicsx.compat import interpolation_points
@@ -101,9 +102,7 @@ class AugmentedLagrangian:
     method = "augmented-lagrangian"
     control = "load"
 
-    def __init__(
-        self, problem: Problem, options: AugmentedLagrangianOptions | None = None
-    ) -> None:
+    def __init__(self, problem: Problem, options: AugmentedLagrangianOptions | None = None) -> None:
         """Compile the forms and create the solvers. Collective."""
         self.problem = problem
         self.options = options or AugmentedLagrangianOptions()

@@ -99,7 +99,6 @@ class WorkNewton:
         reason = f"no convergence in {options.max_iterations} Newton steps"
         return progress.level(zeta, active, False, reason)
 
-
     def first_yield(self) -> State:
         """The state at which the first point yields, were all gaps closed. Collective.
 

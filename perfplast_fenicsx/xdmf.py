@@ -18,23 +18,23 @@ from perfplast_fenicsx.output import ResultFolder
 
 
 class FieldsFile:
-    """Writes fields of load levels, with ζ as the time."""
+    """Writes fields of load levels, with what is prescribed (ζ or α) as the time."""
 
-    def __init__(self, folder: ResultFolder, mesh: Mesh) -> None:
+    def __init__(self, folder: ResultFolder, mesh: Mesh, name: str = "fields.xdmf") -> None:
         """Write the mesh. Collective."""
         self._folder = folder
-        self._path = folder.file("fields.xdmf")
+        self._path = folder.file(name)
         self._by_dolfinx = ""
         with XDMFFile(folder.comm, self._path, "w") as file:
             file.write_mesh(mesh)
         self._keep()
 
-    def write(self, fields: Mapping[str, fem.Function], zeta: float) -> None:
+    def write(self, fields: Mapping[str, fem.Function], time: float) -> None:
         """Append the fields of a level. Collective.
 
         Args:
             fields: Functions of the mesh's degree or piecewise constant, by name.
-            zeta: Load parameter, larger than those before.
+            time: ζ or α, larger than those before.
 
         Raises:
             InputError: If the files cannot be written.
@@ -43,7 +43,7 @@ class FieldsFile:
         with XDMFFile(self._folder.comm, self._path, "a") as file:
             for name, function in fields.items():
                 function.name = name
-                file.write_function(function, zeta)
+                file.write_function(function, time)
         self._keep()
         self._folder.on_root(lambda: _write(self._path, one_series(self._by_dolfinx)))
 

@@ -68,4 +68,3 @@ def stack_problem(n: int, gap: float = 0.0, poisson: float = 0.3) -> Problem:
         [Pressure("top", 1.0)],
         [Contact("lower_top", "upper_bottom", gap)],
     )
-

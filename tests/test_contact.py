@@ -4,10 +4,11 @@ import math
 import sys
 from pathlib import Path
 
-import numpy as np
-import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
+
+import numpy as np
+import pytest
 
 from perfplast_fenicsx import (
     Assembly,
@@ -29,7 +30,7 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.pairing import match_rows, send_rows
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "meshes"))
-from wedge import write_wedge  # noqa: E402
+from wedge import write_wedge
 
 STEEL = VonMises(2e5, 0.3, 400.0)
 
@@ -93,7 +94,9 @@ def assert_inverse(problem: Problem) -> None:
     vector.setRandom(PETSc.Random().create(problem.comm))
     vector.array[~free] = 0
     product.mult(vector, image)
-    assert problem.comm.allreduce(float(np.abs((image - vector).array[free]).max(initial=0))) < 1e-12
+    assert (
+        problem.comm.allreduce(float(np.abs((image - vector).array[free]).max(initial=0))) < 1e-12
+    )
 
 
 @pytest.mark.mpi3

@@ -2,13 +2,14 @@
 
 import math
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 import pytest
 import ufl
 from dolfinx import fem
-from dolfinx.mesh import create_unit_square, create_unit_cube
-from mpi4py import MPI
+from dolfinx.mesh import create_unit_cube, create_unit_square
 
 from perfplast_fenicsx import Elastic, InputError, VonMises
 from perfplast_fenicsx.compat import interpolation_points

@@ -2,10 +2,13 @@
 
 import math
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+
 from models import (
     PUNCH_LIMIT,
     STACK_HEIGHTS,
@@ -15,8 +18,6 @@ from models import (
     stack_problem,
     two_blocks_problem,
 )
-from mpi4py import MPI
-
 from perfplast_fenicsx import Iteration, Level, Newton, NewtonOptions, Problem, load_path
 from perfplast_fenicsx.recovery import Recovery
 
