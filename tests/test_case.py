@@ -15,10 +15,14 @@ from perfplast_fenicsx.case import (
     read_case,
 )
 from perfplast_fenicsx.contact import Contact
-from perfplast_fenicsx.control import LoadControl
+from perfplast_fenicsx.control import LoadControl, WorkControl
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.loads import BodyForce, Pressure, Support, Traction
 from perfplast_fenicsx.materials import Elastic, VonMises
+from perfplast_fenicsx.newton import Newton
+from perfplast_fenicsx.options import NewtonOptions
+from perfplast_fenicsx.uzawa import AugmentedLagrangian
+from perfplast_fenicsx.work_newton import BorderedNewton, WorkNewton
 
 Read = Callable[[str], Case]
 
@@ -58,6 +62,10 @@ values = [20.0, 40.0]
 [output]
 pictures = false
 """
+
+SOLVE = BASE[BASE.index("[solve]") : BASE.index("[loading]")]
+UZAWA = '[solve]\nmethod = "augmented-lagrangian"\n'
+WORK = (BASE[BASE.index("[solve]") : BASE.index("[output]")], '[loading]\ncontrol = "work"\n')
 
 LOWER = """[material.lower]
 law = "elastic"
@@ -141,6 +149,35 @@ def test_other_choices(read: Read) -> None:
     assert case.mesh == MeshFile("a.msh")
 
 
+@pytest.mark.parametrize(
+    ("solve", "solver"),
+    [
+        ('method = "newton"', Newton),
+        ('method = "augmented-lagrangian"\npenalty = "adaptive"', AugmentedLagrangian),
+        ('method = "work-newton"', WorkNewton),
+        ('method = "bordered-newton"', BorderedNewton),
+    ],
+)
+def test_each_method_has_its_solver(
+    read: Read, comm: MPI.Intracomm, solve: str, solver: type
+) -> None:
+    text = replaced(SOLVE, f"[solve]\n{solve}\n")
+    if solver.control == "work":  # type: ignore[attr-defined]
+        text = text.replace('control = "load"', 'control = "work"')
+    case = read(text)
+    assert type(case.solver(case.problem(comm))) is solver
+
+
+def test_limit_runs_have_options_that_suit_them(read: Read) -> None:
+    loading = WORK[1] + 'until = "limit"\nlimit_tolerance = 1e-5\n'
+    case = read(replaced(WORK[0], loading))
+    assert case.method == "work-newton"
+    assert case.options == NewtonOptions(stopping="stress", tolerance=1e-5)
+    assert case.loading == WorkControl(until="limit", limit_tolerance=1e-5)
+    own = read(replaced(WORK[0], '[solve]\nstopping = "energy"\n' + loading))
+    assert own.options == NewtonOptions(stopping="energy", tolerance=1e-5)
+
+
 def test_the_problem_is_built(read: Read, comm: MPI.Intracomm) -> None:
     problem = read(BASE).problem(comm)
     assert problem.num_dofs == 2 * 7 * 3 * 3 * 3
@@ -204,6 +241,22 @@ FORMAT_FAULTS = [
     ("[20.0, 40.0]", "[-1, 20]", ["[loading]", "-1.0"]),
     ("[20.0, 40.0]", "[nan]", ["[loading]", "nan"]),
     ("[20.0, 40.0]", "[1, inf]", ["[loading]", "inf"]),
+    # controls and the methods that go with them
+    ('control = "load"', 'control = "work"', ["method = 'newton'", "'work-newton'"]),
+    ('"newton"', '"bordered-newton"', ["'bordered-newton'", "control = 'load'", "'newton'"]),
+    (WORK[0], WORK[1] + "values = []", ["[loading]", "values is empty"]),
+    (WORK[0], WORK[1] + "values = [-1.0]", ["[loading]", "-1.0", "works"]),
+    (WORK[0], WORK[1] + 'until = "limit"', ["[loading]", "limit_tolerance", "1e-4"]),
+    (WORK[0], WORK[1] + 'until = "collapse"\nlimit_tolerance = 1e-4', ["until", "limit"]),
+    (WORK[0], WORK[1] + 'until = "limit"\nlimit_tolerance = 2.0', ["limit_tolerance = 2.0"]),
+    (WORK[0], WORK[1] + "values = [1.0]\nlimit_tolerance = 1e-4", ["limit_tolerance", "until"]),
+    (WORK[0], WORK[1] + 'until = "limit"\nvalues = [1.0]', ["both values and until"]),
+    (WORK[0], WORK[1], ["neither values nor until"]),
+    (SOLVE, UZAWA + "penalty = 0.0", ["[solve]", "penalty = 0.0", "adaptive"]),
+    (SOLVE, UZAWA + "relaxation = 2.5", ["[solve]", "relaxation = 2.5"]),
+    (SOLVE, UZAWA + 'acceleration = "fast"', ["[solve]", "acceleration", "anderson"]),
+    (SOLVE, UZAWA + "max_iterations = 0", ["[solve]", "max_iterations = 0"]),
+    (SOLVE, UZAWA + "damping = true", ["[solve]", "'damping'"]),
     # mesh
     ('builder = "two_blocks"', "", ["[mesh]", "neither a builder nor a file"]),
     ('builder = "two_blocks"', 'builder = "a"\nfile = "b"', ["[mesh]", "both"]),
@@ -216,7 +269,7 @@ def test_format_fault(
     read: Read, comm: MPI.Intracomm, old: str, new: str, parts: list[str]
 ) -> None:
     with pytest.raises(InputError) as caught:
-        read(replaced(old, new))
+        read(replaced(old, new + "\n" * old.endswith("\n")))
     assert_one_sentence(comm, caught.value, "bad.toml", *parts)
 
 

@@ -127,6 +127,28 @@ def test_a_load_above_the_limit(
     assert (results / "fields.xdmf").read_text(encoding="utf-8").count("<Time ") == 2
 
 
+def test_limit_load(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
+) -> None:
+    control = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-4'
+    text = CASE.replace("values = [50.0, 80.0]", control)
+    case, results = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results)]) == SOLVED
+    out, _ = capsys.readouterr()
+    summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    limit = summary["limit"]
+    assert summary["method"] == "work-newton"
+    assert limit["levelled_off"]
+    assert limit["lower"] == pytest.approx(100.0, rel=1e-4)
+    assert limit["lower"] <= limit["estimate"] <= 100.0 * (1 + 1e-4)
+    assert limit["upper"] is None or limit["upper"] >= limit["lower"]
+    assert limit["alpha"] == summary["steps"][-1]["alpha"]
+    assert limit["linear_solves"] > len(summary["steps"])
+    assert (results / "mechanism.xdmf").exists()
+    if comm.rank == 0:
+        assert "Limit load: lower bound 99.99" in out
+
+
 @pytest.mark.parametrize(
     ("old", "new", "part"),
     [
