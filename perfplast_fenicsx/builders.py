@@ -4,10 +4,9 @@ How they are cut into tetrahedra, and what is exact about it, is told in
 :mod:`perfplast_fenicsx.structured`.
 """
 
-import difflib
 import inspect
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from numbers import Integral, Real
 
 from mpi4py import MPI
@@ -16,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.assembly import Assembly
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.structured import Box, Surface, structured_assembly
 
 
@@ -170,24 +169,18 @@ def build(comm: MPI.Intracomm, name: str, **arguments: object) -> Assembly:
             itself refuses.
     """
     if name not in BUILDERS:
-        raise InputError(f"there is no builder '{name}'; {_nearest(name, BUILDERS)}")
+        raise InputError(f"there is no builder '{name}'; {nearest(name, BUILDERS)}")
     parameters = dict(inspect.signature(BUILDERS[name]).parameters)
     del parameters["comm"]
     for argument in arguments:
         if argument not in parameters:
             raise InputError(
-                f"builder '{name}' takes no '{argument}'; {_nearest(argument, parameters)}"
+                f"builder '{name}' takes no '{argument}'; {nearest(argument, parameters)}"
             )
     for key, parameter in parameters.items():
         if parameter.default is inspect.Parameter.empty and key not in arguments:
             raise InputError(f"builder '{name}' has no '{key}'; give it, e.g. {key} = 4")
     return BUILDERS[name](comm, **arguments)
-
-
-def _nearest(word: str, known: Iterable[str]) -> str:
-    """A remedy for an unknown word."""
-    close = difflib.get_close_matches(word, known, n=1)
-    return f"did you mean '{close[0]}'?" if close else f"there is {', '.join(sorted(known))}"
 
 
 def _check_n(builder: str, n: object) -> None:

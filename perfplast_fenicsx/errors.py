@@ -5,6 +5,9 @@ first put together by :func:`raise_together`, so that no rank raises while anoth
 collective call.
 """
 
+import difflib
+from collections.abc import Iterable
+
 from mpi4py import MPI
 
 
@@ -25,3 +28,10 @@ def raise_together(comm: MPI.Intracomm, message: str | None) -> None:
     found = [text for text in comm.allgather(message) if text is not None]
     if found:
         raise InputError(found[0])
+
+
+def nearest(word: object, known: Iterable[str]) -> str:
+    """The remedy for an unknown word: the nearest known one, or all of them."""
+    words = list(known)
+    close = difflib.get_close_matches(str(word), words, n=1)
+    return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(words)}."

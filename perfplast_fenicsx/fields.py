@@ -28,6 +28,15 @@ class Integral:
         return float(self._comm.allreduce(fem.assemble_scalar(self._form)))
 
 
+def assemble_force(vector: PETSc.Vec, form: fem.Form, bcs: list[fem.DirichletBC]) -> None:
+    """Assemble a linear form into a vector, ghosts summed, zero at supports. Collective."""
+    with vector.localForm() as local:
+        local.set(0)
+    fem_petsc.assemble_vector(vector, form)
+    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    fem_petsc.set_bc(vector, bcs)
+
+
 class Fields:
     """Strain, stress and tangent data at u, and integrals along a direction.
 
@@ -113,11 +122,7 @@ class Fields:
 
     def assemble_force(self) -> PETSc.Vec:
         """⟨Σ(e), ε(v)⟩ as a vector, zero at supports. Collective."""
-        with self.force.localForm() as local:
-            local.set(0)
-        fem_petsc.assemble_vector(self.force, self._force_form)
-        self.force.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        fem_petsc.set_bc(self.force, self._bcs)
+        assemble_force(self.force, self._force_form, self._bcs)
         return self.force
 
     def assemble_stiffness(self, rho: float) -> PETSc.Mat:

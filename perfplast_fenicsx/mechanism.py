@@ -18,7 +18,7 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.fields import Integral
+from perfplast_fenicsx.fields import Integral, assemble_force
 from perfplast_fenicsx.materials import deviator, spherical, strain, trace
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import State
@@ -84,12 +84,9 @@ def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) ->
         multiplier + PENALTY * remainder, interpolation_points(problem.S.element)
     )
     remainder_size, size = (_norm(comm, e, dx) for e in (remainder, strain(v)))
-    y = A.createVecRight()
+    force, b, y = problem.load.duplicate(), A.createVecLeft(), A.createVecRight()
     for solves in range(1, MOST_ITERATIONS + 1):
-        force = fem_petsc.assemble_vector(form)
-        force.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        fem_petsc.set_bc(force, problem.bcs)
-        b = A.createVecLeft()
+        assemble_force(force, form, problem.bcs)
         problem.basis.T.multTranspose(force, b)
         b.array[closed - A.getOwnershipRange()[0]] = 0
         ksp.solve(b, y)

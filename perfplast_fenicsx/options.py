@@ -1,6 +1,6 @@
 """Choices of the Newton methods ALG1, ALG3 and ALG4, and what follows from them in each step."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -45,21 +45,31 @@ class NewtonOptions:
                 f'regularisation = {rho!r} is neither a number in [0, 1] nor "adaptive"; 1e-3 is'
                 " a good value."
             )
-        for field, choices in (
-            ("stopping", ("displacement", "stress", "energy")),
-            ("active_set", ("exact", "once")),
-        ):
-            if getattr(self, field) not in choices:
-                raise InputError(
-                    f"{field} = {getattr(self, field)!r} is unknown; choose one of"
-                    f" {', '.join(choices)}."
-                )
-        if not 0 < self.tolerance < 1:
-            raise InputError(f"tolerance = {self.tolerance} is not between 0 and 1; try 1e-8.")
-        if self.max_iterations < 1:
-            raise InputError(
-                f"max_iterations = {self.max_iterations} is less than 1; give at least one."
-            )
+        check_choice("stopping", self.stopping, ("displacement", "stress", "energy"))
+        check_choice("active_set", self.active_set, ("exact", "once"))
+        check_end(self.tolerance, self.max_iterations)
+
+
+def check_choice(field: str, value: str, choices: Sequence[str]) -> None:
+    """Refuse a value that is not one of the choices.
+
+    Raises:
+        InputError: Naming the field, the value and the choices.
+    """
+    if value not in choices:
+        raise InputError(f"{field} = {value!r} is unknown; choose one of {', '.join(choices)}.")
+
+
+def check_end(tolerance: float, max_iterations: int) -> None:
+    """Refuse bounds with which no iteration could end.
+
+    Raises:
+        InputError: Naming the field and the value.
+    """
+    if not 0 < tolerance < 1:
+        raise InputError(f"tolerance = {tolerance} is not between 0 and 1; try 1e-8.")
+    if max_iterations < 1:
+        raise InputError(f"max_iterations = {max_iterations} is less than 1; give at least one.")
 
 
 LARGEST_RHO, SMALLEST_RHO = 1e-3, 1e-8

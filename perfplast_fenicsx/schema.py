@@ -5,16 +5,15 @@ defaults the defaults, and its ``__post_init__`` the ranges. Nothing is said twi
 """
 
 import dataclasses
-import difflib
 import types
 import typing
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, Literal, TypeVar
 
 import msgspec
 
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, nearest
 
 T = TypeVar("T")
 Table = dict[str, Any]
@@ -78,13 +77,6 @@ def choose(
     if not isinstance(name, str) or name not in choices:
         raise InputError(f"{place}: {key} = {shown(name)} is unknown; {nearest(name, choices)}")
     return name, choices[name], {other: table[other] for other in table if other != key}
-
-
-def nearest(word: object, known: Iterable[str]) -> str:
-    """The remedy for an unknown word: the nearest known one, or all of them."""
-    words = list(known)
-    close = difflib.get_close_matches(str(word), words, n=1)
-    return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(words)}."
 
 
 def shown(value: object) -> str:

@@ -19,17 +19,16 @@ from petsc4py import PETSc
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
-from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.anderson import Anderson
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.fields import Integral
+from perfplast_fenicsx.fields import Integral, assemble_force
 from perfplast_fenicsx.iterate import Iterate
 from perfplast_fenicsx.levels import Progress
 from perfplast_fenicsx.linear import LinearFailure, LinearSolver
 from perfplast_fenicsx.newton import BEYOND, above_limit
-from perfplast_fenicsx.options import Monitor
+from perfplast_fenicsx.options import Monitor, check_choice, check_end
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import Level, State
 from perfplast_fenicsx.subproblem import ActiveSetFailure, ContactProgram
@@ -78,16 +77,8 @@ class AugmentedLagrangianOptions:
             raise InputError(
                 f"relaxation = {self.relaxation} is not between 0 and 2; 1 means none."
             )
-        if self.acceleration not in ("none", "anderson"):
-            raise InputError(
-                f"acceleration = {self.acceleration!r} is unknown; choose none or anderson."
-            )
-        if not 0 < self.tolerance < 1:
-            raise InputError(f"tolerance = {self.tolerance} is not between 0 and 1; try 1e-8.")
-        if self.max_iterations < 1:
-            raise InputError(
-                f"max_iterations = {self.max_iterations} is less than 1; give at least one."
-            )
+        check_choice("acceleration", self.acceleration, ("none", "anderson"))
+        check_end(self.tolerance, self.max_iterations)
 
 
 class AugmentedLagrangian:
@@ -200,11 +191,7 @@ class AugmentedLagrangian:
     def _step_1_gradient(self, zeta: float) -> PETSc.Vec:
         """⟨σ^k + rC(ε(u) − e^k), ε(·)⟩ − ζL over r, in the contact basis."""
         self._trial.interpolate(self._augmented)
-        with self._force.localForm() as local:
-            local.set(0)
-        fem_petsc.assemble_vector(self._force, self._force_form)
-        self._force.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        fem_petsc.set_bc(self._force, self.problem.bcs)
+        assemble_force(self._force, self._force_form, self.problem.bcs)
         self._force.axpy(-zeta, self.problem.load)
         self._force.scale(1 / float(self._r.value))
         self.problem.basis.T.multTranspose(self._force, self._gradient)

@@ -205,7 +205,7 @@ def test_odd_two_blocks_load_whole_cubes(comm: MPI.Intracomm) -> None:
     ("name", "arguments", "expected"),
     [
         ("two_block", {"n": 2}, "there is no builder 'two_block'; did you mean 'two_blocks'?"),
-        ("sphere", {}, "there is l_plate, punch, stacked_blocks, two_blocks"),
+        ("sphere", {}, "known: two_blocks, punch, l_plate, stacked_blocks"),
         ("punch", {}, "builder 'punch' has no 'n'"),
         ("stacked_blocks", {"n": 2, "height": 1.0}, "takes no 'height'; did you mean 'heights'?"),
         ("punch", {"n": 3}, "builder 'punch' has n = 3; n must be even"),
