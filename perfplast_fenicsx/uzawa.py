@@ -36,7 +36,11 @@ from perfplast_fenicsx.subproblem import ActiveSetFailure, ContactProgram
 LINEAR_TOLERANCE = 1e-3
 """Relative tolerance of each linear solve, whose right-hand side is the remaining residual."""
 
-UNBALANCED = 10.0
+FIRST_PENALTY = 0.3
+"""An adaptive penalty starts here. Tangents relative to the elastic one lie in [0, 1], so that the
+best r, about the root of the product of their bounds, is below 1: the smaller the more flows."""
+
+UNBALANCED = 3.0
 """An adaptive penalty changes where one residual is so many times the other."""
 
 CHECK_EVERY = 10
@@ -146,7 +150,7 @@ class AugmentedLagrangian:
         """
         options, iterate = self.options, self._iterate
         active = iterate.begin(start)
-        self._r.value = 1.0 if options.penalty == "adaptive" else options.penalty
+        self._r.value = FIRST_PENALTY if options.penalty == "adaptive" else options.penalty
         self._q.x.array[:] = iterate.fields.e.x.array
         self._sigma.interpolate(self._step_3)
         self._anderson.restart()
