@@ -82,7 +82,7 @@ class Newton:
                 energy, before = iterate.energy(zeta), energy
                 increment = abs(energy - before) / max(abs(energy) + abs(before), 1e-300)
             progress.add(zeta, increment, active, step.iterations, beta, rho)
-            if increment < options.tolerance and step.settled:
+            if increment < options.tolerance and step.settled and beta == 1:
                 return progress.level(zeta, active, True, f"{options.stopping} criterion met")
             if len(history) >= 3 and iterate.descends_until(BEYOND * history[0].alpha, zeta):
                 return progress.level(zeta, active, False, above_limit(zeta, history))

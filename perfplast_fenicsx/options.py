@@ -22,7 +22,7 @@ class NewtonOptions:
         stopping: Which of the paper's relative criteria ends the iteration (Remark 1):
             "displacement" ‖δu‖ / (‖u + δu‖ + ‖u‖), "stress" ‖δσ‖_E / (‖σ + δσ‖_E + ‖σ‖_E),
             or "energy" |δJ| / (|J + δJ| + |J|).
-        tolerance: Bound of this criterion.
+        tolerance: Bound of this criterion; a damped step does not end the iteration.
         active_set: "exact" solves each contact quadratic program to its end; "once" updates the
             active set once in a Newton step.
         max_iterations: Most Newton steps of a level.

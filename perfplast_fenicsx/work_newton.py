@@ -94,7 +94,7 @@ class WorkNewton:
             increment = max(iterate.increment(options.stopping), _change(step.multiplier, zeta))
             iterate.advance(beta)
             progress.add(zeta, increment, active, step.iterations, beta, rho)
-            if increment < options.tolerance and step.settled:
+            if increment < options.tolerance and step.settled and beta == 1:
                 return progress.level(zeta, active, True, f"{options.stopping} criterion met")
         reason = f"no convergence in {options.max_iterations} Newton steps"
         return progress.level(zeta, active, False, reason)
