@@ -54,7 +54,7 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.output import ResultFolder, Results
 from perfplast_fenicsx.plotting import draw_fields, draw_path
 from perfplast_fenicsx.recovery import Recovery
-from perfplast_fenicsx.terminal import COLUMNS, Terminal
+from perfplast_fenicsx.terminal import Terminal
 from perfplast_fenicsx.xdmf import FieldsFile
 
 TITLE = "Two blocks in frictionless contact"
@@ -141,8 +141,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     results = Results(folder, problem, TITLE, __version__, newton.method)
     fields_file = FieldsFile(folder, problem.assembly.mesh)
     terminal = Terminal(comm)
-    terminal.say(f"{TITLE}: {problem.num_dofs} dofs, {problem.num_pairs} contact pairs")
-    terminal.say("  ".join(f"{name:>{width}}" for name, width in COLUMNS))
+    terminal.header(TITLE, newton.method, problem)
     for level in load_path(newton, ZETAS, terminal.iteration):
         terminal.level(level.report)
         assert level.report.converged, level.report.reason

@@ -99,7 +99,7 @@ def run(comm: MPI.Intracomm, path: str, output: str, force: bool) -> int:
     timings = results.summary.timings
     timings["setup"] = time.perf_counter() - began
     terminal = Terminal(comm)
-    terminal.header(case, problem)
+    terminal.header(case.title, case.method, problem)
     recovery = Recovery(problem)
     fields_file = FieldsFile(folder, problem.assembly.mesh) if case.output.fields else None
     last: Level | None = None
@@ -149,7 +149,7 @@ def check(comm: MPI.Intracomm, path: str) -> int:
         InputError: If the case cannot be used.
     """
     case = read_case(path, comm)
-    text = describe(case, case.problem(comm))
+    text = describe(case.title, case.method, case.problem(comm))
     Terminal(comm).say(f"{text}\n{case.path} can be run.")
     return SOLVED
 

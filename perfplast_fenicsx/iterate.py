@@ -62,7 +62,7 @@ class Iterate:
         return self.room() <= 0 if start is None else start.active.copy()
 
     def room(self) -> npt.NDArray[np.float64]:
-        """G − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""
+        """Room g − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""
         basis = self.problem.basis
         room = basis.gap - self.y.array_r[basis.index]
         return np.maximum(room, 0)
@@ -131,13 +131,15 @@ class Iterate:
         """Does J_ζ still fall along δu where the work of the loads has grown to ``alpha``?
 
         At least ten times the work of u is looked at. J_ζ is convex, so it then falls all the way.
-        Rays that leave K_h do not count.
+        The ray has to stay in K_h: pairs that δu would close keep their distance instead.
         """
         fields, basis = self.fields, self.problem.basis
-        work = float(self.problem.load.dot(fields.du.x.petsc_vec))
         jump = self._delta.array_r[basis.index]
-        closing = jump > 1e-8 * self._delta.norm(PETSc.NormType.NORM_INFINITY)
-        if self.problem.comm.allreduce(int(closing.sum())) or work <= 0:
+        if self.problem.comm.allreduce(int((jump > 0).sum())):
+            self._delta.array[basis.index] = np.minimum(jump, 0)
+            self.aim(self._delta)
+        work = float(self.problem.load.dot(fields.du.x.petsc_vec))
+        if work <= 0:
             return False
         here = self.work()
         fields.beta.value = (max(alpha, 10 * here) - here) / work
@@ -158,7 +160,7 @@ class Iterate:
         return float(np.sqrt(max(change, 0)) / total) if total > 0 else 0.0
 
     def advance(self, beta: float) -> None:
-        """U ← u + β δu."""
+        """Take the step: u ← u + β δu."""
         u = self.fields.u
         u.x.array[:] += beta * self.fields.du.x.array
         self.y.axpy(beta, self._delta)

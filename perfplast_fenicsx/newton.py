@@ -13,7 +13,7 @@ from perfplast_fenicsx.linear import LinearFailure, LinearSolver
 from perfplast_fenicsx.options import Monitor, NewtonOptions, forcing, regularisation
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import Iteration, Level, State
-from perfplast_fenicsx.subproblem import ActiveSetFailure, ContactProgram
+from perfplast_fenicsx.subproblem import ContactProgram
 
 BEYOND = 1e3
 """J_ζ counts as unbounded below where it still falls at so many times the first step's work."""
@@ -71,7 +71,7 @@ class Newton:
                     rtol=forcing(increment, options.tolerance),
                     exact=options.active_set == "exact",
                 )
-            except (LinearFailure, ActiveSetFailure) as failure:
+            except LinearFailure as failure:
                 return progress.level(zeta, active, False, str(failure))
             active = step.active
             iterate.aim(step.delta)

@@ -11,7 +11,6 @@ from typing import TextIO
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.case import Case
 from perfplast_fenicsx.limit_load import LimitLoad
 from perfplast_fenicsx.output import ResultFolder
 from perfplast_fenicsx.problem import Problem
@@ -52,9 +51,9 @@ class Terminal:
             self._clear()
             print(text, file=self._stream, flush=True)
 
-    def header(self, case: Case, problem: Problem) -> None:
+    def header(self, title: str, method: str, problem: Problem) -> None:
         """Say what is solved, and head the table. Collective."""
-        self.say(describe(case, problem))
+        self.say(describe(title, method, problem))
         self.say("  ".join(f"{name:>{width}}" for name, width in COLUMNS))
 
     def iteration(self, record: Iteration) -> None:
@@ -108,7 +107,7 @@ class Terminal:
             self._shown = 0
 
 
-def describe(case: Case, problem: Problem) -> str:
+def describe(title: str, method: str, problem: Problem) -> str:
     """The problem in a line. Collective."""
     mesh, comm = problem.assembly.mesh, problem.comm
     bodies = ", ".join(sorted(problem.assembly.volumes))
@@ -116,8 +115,8 @@ def describe(case: Case, problem: Problem) -> str:
     pairs = problem.num_pairs
     ranks = f"{comm.size} rank{'s' if comm.size > 1 else ''}"
     return (
-        f"{case.title}: {bodies}; {cells} cells, {problem.num_dofs} dofs, {pairs} contact pairs;"
-        f" method {case.method} on {ranks}"
+        f"{title}: {bodies}; {cells} cells, {problem.num_dofs} dofs, {pairs} contact pairs;"
+        f" method {method} on {ranks}"
     )
 
 

@@ -31,7 +31,7 @@ from perfplast_fenicsx.newton import BEYOND, above_limit
 from perfplast_fenicsx.options import Monitor, check_choice, check_end
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import Level, State
-from perfplast_fenicsx.subproblem import ActiveSetFailure, ContactProgram
+from perfplast_fenicsx.subproblem import ContactProgram
 
 LINEAR_TOLERANCE = 1e-3
 """Relative tolerance of each linear solve, whose right-hand side is the remaining residual."""
@@ -161,7 +161,7 @@ class AugmentedLagrangian:
                 step = self._program.solve(
                     self._step_1_gradient(zeta), iterate.room(), active, LINEAR_TOLERANCE
                 )
-            except (LinearFailure, ActiveSetFailure) as failure:
+            except LinearFailure as failure:
                 return progress.level(zeta, active, False, str(failure))
             active = step.active
             iterate.aim(step.delta)
@@ -183,7 +183,7 @@ class AugmentedLagrangian:
                 dual=dual,
                 penalty=float(self._r.value),
             )
-            if max(primal, dual) < options.tolerance:
+            if max(primal, dual) < options.tolerance and step.settled:
                 return progress.level(zeta, active, True, "primal and dual residual met")
             if len(history) % CHECK_EVERY == 0:
                 if iterate.descends_until(BEYOND * history[0].alpha, zeta):

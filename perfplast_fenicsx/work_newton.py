@@ -23,7 +23,7 @@ from perfplast_fenicsx.linear import LinearFailure, LinearSolver
 from perfplast_fenicsx.options import Monitor, NewtonOptions, forcing, regularisation
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import Level, State
-from perfplast_fenicsx.subproblem import ActiveSetFailure, ContactProgram
+from perfplast_fenicsx.subproblem import ContactProgram
 
 
 class WorkNewton:
@@ -84,7 +84,7 @@ class WorkNewton:
                     exact=options.active_set == "exact",
                     work=alpha - iterate.work(),
                 )
-            except (LinearFailure, ActiveSetFailure) as failure:
+            except LinearFailure as failure:
                 return progress.level(zeta, active, False, str(failure))
             active = step.active
             zeta += step.multiplier
@@ -107,7 +107,6 @@ class WorkNewton:
 
         Raises:
             LinearFailure: If the elastic problem cannot be solved.
-            ActiveSetFailure: If its active set does not settle.
         """
         iterate = self._iterate
         closed = np.zeros_like(self.problem.basis.gap)
