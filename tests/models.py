@@ -21,19 +21,25 @@ STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
 PUNCH_LIMIT = 400 * math.sqrt(1.5)
 
 
-def l_plate_problem(n: int) -> Problem:
+def l_plate_problem(n: int, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Problem:
     """A plate with a hole, a quarter of it, in plane strain: no contact."""
     supports = [Support("x0", "x"), Support("y0", "y"), Support("z0", "z"), Support("z1", "z")]
     loads = [Traction("top", (0.0, 200.0, 0.0))]
-    return Problem(l_plate(MPI.COMM_WORLD, n), {"plate": STEEL}, supports, loads)
+    return Problem(l_plate(comm, n), {"plate": STEEL}, supports, loads)
 
 
-def punch_problem(n: int, gap: float | str = 0.0, swapped: bool = False) -> Problem:
+def punch_problem(
+    n: int,
+    gap: float | str = 0.0,
+    swapped: bool = False,
+    poisson: float = 0.3,
+    comm: MPI.Intracomm = MPI.COMM_WORLD,
+) -> Problem:
     """A quarter of a square punch on a block; ζ is the pressure on the punch."""
-    material = VonMises(young=2e5, poisson=0.3, yield_stress=PUNCH_LIMIT)
+    material = VonMises(young=2e5, poisson=poisson, yield_stress=PUNCH_LIMIT)
     surfaces = ("punch_bottom", "base_top")
     return Problem(
-        punch(MPI.COMM_WORLD, n),
+        punch(comm, n),
         {"base": material, "punch": material},
         [Support("x0", "x"), Support("y0", "y"), Support("bottom")],
         [Pressure("top", 1.0)],
@@ -41,10 +47,12 @@ def punch_problem(n: int, gap: float | str = 0.0, swapped: bool = False) -> Prob
     )
 
 
-def two_blocks_problem(n: int, gap: float | str = 0.0) -> Problem:
+def two_blocks_problem(
+    n: int, gap: float | str = 0.0, comm: MPI.Intracomm = MPI.COMM_WORLD
+) -> Problem:
     """Two cantilevers on top of each other; ζ is the traction on the upper one's free half."""
     return Problem(
-        two_blocks(MPI.COMM_WORLD, n),
+        two_blocks(comm, n),
         {"lower": STEEL, "upper": STEEL},
         [Support("left")],
         [Traction("top", (0.0, 0.0, -1.0))],
@@ -56,10 +64,12 @@ STACK_HEIGHTS = (0.7, 1.2)
 STACK_YOUNG = (2e5, 7e4)
 
 
-def stack_problem(n: int, gap: float = 0.0, poisson: float = 0.3) -> Problem:
+def stack_problem(
+    n: int, gap: float = 0.0, poisson: float = 0.3, comm: MPI.Intracomm = MPI.COMM_WORLD
+) -> Problem:
     """Two blocks on rollers, the upper one held by contact alone; ζ is the pressure on top."""
     return Problem(
-        stacked_blocks(MPI.COMM_WORLD, n, heights=STACK_HEIGHTS),
+        stacked_blocks(comm, n, heights=STACK_HEIGHTS),
         {
             "lower": VonMises(STACK_YOUNG[0], poisson, 300.0),
             "upper": VonMises(STACK_YOUNG[1], 0.2, 300.0),
