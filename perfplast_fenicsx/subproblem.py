@@ -25,7 +25,7 @@ from perfplast_fenicsx.petsc_options import ACTIVE_SET, own_prefix
 from perfplast_fenicsx.problem import Problem
 
 MOST_ACTIVE_SET_ITERATIONS = 25
-"""Where the active set has not settled by then it goes round in circles; the step is used as it is."""
+"""An active set that has not settled by then goes in circles; the step is used as it is."""
 
 PRESET = {
     "snes_type": "vinewtonrsls",
