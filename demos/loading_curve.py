@@ -360,6 +360,7 @@ def sharp_edges(
 # The bounds enclose the exact limit loads, and the curve is as the theory has it: proportional up
 # to first yield, rising, below the limit.
 
+
 # %%
 def check(case: Solved) -> None:
     """Assert what is known."""

@@ -6,6 +6,7 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 
 from perfplast_fenicsx.certificate import certify
 from perfplast_fenicsx.iterate import Iterate
@@ -101,4 +102,6 @@ class Progress:
             max_displacement=comm.allreduce(largest, MPI.MAX),
             seconds=time.perf_counter() - self._began,
         )
-        return Level(state, report, history)
+        stress = fem.Function(problem.S, name="stress")
+        stress.x.array[:] = fields.stress.x.array
+        return Level(state, stress, report, history)

@@ -118,8 +118,16 @@ class LevelReport:
 
 @dataclass(frozen=True)
 class Level:
-    """A load level: the state it ended with, the report, and each iteration."""
+    """A load level.
+
+    Attributes:
+        state: What it ended with.
+        stress: σ = Σ(ε(u)), piecewise constant Mandel vectors (:mod:`materials`).
+        report: What is known of it.
+        iterations: Each step.
+    """
 
     state: State
+    stress: fem.Function
     report: LevelReport
     iterations: list[Iteration] = field(default_factory=list)
