@@ -30,6 +30,7 @@ MOST_ACTIVE_SET_ITERATIONS = 25
 PRESET = {
     "snes_type": "vinewtonrsls",
     "snes_linesearch_type": "basic",
+    "snes_vi_zero_tolerance": 0.0,  # the default, 1e-8, is a length; closed pairs are exactly so
     "snes_max_it": MOST_ACTIVE_SET_ITERATIONS,
 }
 
