@@ -28,6 +28,7 @@ import argparse
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -198,8 +199,8 @@ def skin(problem: Problem, velocity: fem.Function) -> Surface | None:
 # %% [markdown]
 # ## The picture
 #
-# Left the curve, right the mechanism: the bodies as they move at collapse (exaggerated; dashed, their
-# outline before), coloured by the rate of plastic strain.
+# Left the curve, right the mechanism: the bodies as they move at collapse (exaggerated; dashed:
+# their outline before), in colours that tell the rate of plastic strain.
 
 # %%
 BLUE, RED, GREY = "#3b6ea5", "#d62020", "#707070"
@@ -371,7 +372,7 @@ def check(case: Solved) -> None:
     assert limit.upper is None or limit.upper > exact * (1 - 1e-9), limit.upper
     zetas = [level.state.zeta for level in case.bend]
     assert all(level.report.converged for level in case.bend)
-    assert all(a < b for a, b in zip(zetas, zetas[1:], strict=False))
+    assert all(a < b for a, b in pairwise(zetas))
     assert zetas[-1] < exact
     for level in case.bend:
         elastic = level.state.alpha * first.zeta / first.alpha
