@@ -168,6 +168,11 @@ def extrapolated_limit(points: Sequence[tuple[float, float]]) -> float | None:
 def locking(levels: Sequence[Level]) -> str:
     """What to tell of a curve that does not level off."""
     first, last = levels[0].state, levels[-1].state
+    if levels[-1].report.plastic_cells == 0:
+        return (
+            f"ζ does not level off: nothing has yielded up to ζ = {last.zeta:.6g}; give the bodies"
+            " that may collapse a yield stress"
+        )
     return (
         f"ζ does not level off: it has reached {last.zeta:.6g} and still rises at"
         f" {last.alpha / first.alpha:.3g} times the work at first yield; linear elements lock in"

@@ -61,7 +61,9 @@ def load_path(
     monitor: Monitor | None = None,
     start: State | None = None,
 ) -> Iterator[Level]:
-    """Solve for each prescribed value in turn.
+    """Solve for each prescribed value in turn, each from the one before.
+
+    Where the work is prescribed, each starts from the extrapolation of the two before.
 
     Args:
         solver: One of the four algorithms.
@@ -73,12 +75,16 @@ def load_path(
         The levels. One that has not converged is the last: the state of the level before is the
         last valid one.
     """
+    before, last = None, start
     for value in values:
+        if solver.control == "work":
+            start = extrapolate(solver.problem, before, last, value)
         level = solver.solve(value, start, monitor)
         yield level
         if not level.report.converged:
             return
-        start = level.state
+        before, last = last, level.state
+        start = last
 
 
 def work_path(solver: WorkNewton, monitor: Monitor | None = None) -> Iterator[Level]:

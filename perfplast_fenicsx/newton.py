@@ -10,7 +10,13 @@ then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu).
 from perfplast_fenicsx.iterate import Iterate
 from perfplast_fenicsx.levels import Progress
 from perfplast_fenicsx.linear import LinearFailure, LinearSolver
-from perfplast_fenicsx.options import Monitor, NewtonOptions, forcing, regularisation
+from perfplast_fenicsx.options import (
+    Monitor,
+    NewtonOptions,
+    check_finite,
+    forcing,
+    regularisation,
+)
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import Iteration, Level, State
 from perfplast_fenicsx.subproblem import ContactProgram
@@ -53,7 +59,11 @@ class Newton:
         Returns:
             The level. Where it has not converged its report says why, and its state is the last
             iterate, which is not a solution.
+
+        Raises:
+            InputError: If ζ is not finite.
         """
+        check_finite("zeta", zeta)
         options, iterate = self.options, self._iterate
         active = iterate.begin(start)
         progress = Progress(iterate, self.linear, monitor)

@@ -1,5 +1,6 @@
 """Choices of the Newton methods ALG1, ALG3 and ALG4, and what follows from them in each step."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -58,6 +59,16 @@ def check_choice(field: str, value: str, choices: Sequence[str]) -> None:
     """
     if value not in choices:
         raise InputError(f"{field} = {value!r} is unknown; choose one of {', '.join(choices)}.")
+
+
+def check_finite(what: str, value: float) -> None:
+    """Refuse a prescribed load or work that is no number.
+
+    Raises:
+        InputError: Naming it and the value.
+    """
+    if not math.isfinite(value):
+        raise InputError(f"{what} = {value} is not finite; give a number.")
 
 
 def check_end(tolerance: float, max_iterations: int) -> None:

@@ -27,6 +27,9 @@ from perfplast_fenicsx.problem import Problem
 MOST_ACTIVE_SET_ITERATIONS = 25
 """An active set that has not settled by then goes in circles; the step is used as it is."""
 
+ROUNDING = 1e-12
+"""Contact forces below this share of the largest force decide nothing."""
+
 PRESET = {
     "snes_type": "vinewtonrsls",
     "snes_linesearch_type": "basic",
@@ -111,7 +114,6 @@ class ContactProgram:
         assert A is not None
         self._rtol, self._sets, self._work, self._multiplier = rtol, 0, work, 0.0
         r.copy(self._r)
-        self._force_tolerance = max(rtol, 1e-12) * r.norm(PETSc.NormType.NORM_INFINITY)
         self._solve_on(guess, room)
         if not self._contact:
             return self._step(guess, True)
@@ -142,6 +144,10 @@ class ContactProgram:
         self._image.scale(-1)
         self._image.array[closed] = 0
         self._image.copy(self._rhs)
+        # what the linear solver leaves, and rounding of the contact forces in r
+        left = self._rtol * self._rhs.norm(PETSc.NormType.NORM_INFINITY)
+        rounding = ROUNDING * self._r.norm(PETSc.NormType.NORM_INFINITY)
+        self._force_tolerance = max(left, rounding)
         self._solve_held(active, self._delta)
         self._delta.array[closed] = room[active]
         if self._work is not None:

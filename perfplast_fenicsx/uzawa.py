@@ -28,7 +28,7 @@ from perfplast_fenicsx.iterate import Iterate
 from perfplast_fenicsx.levels import Progress
 from perfplast_fenicsx.linear import LinearFailure, LinearSolver
 from perfplast_fenicsx.newton import BEYOND, above_limit
-from perfplast_fenicsx.options import Monitor, check_choice, check_end
+from perfplast_fenicsx.options import Monitor, check_choice, check_end, check_finite
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import Level, State
 from perfplast_fenicsx.subproblem import ContactProgram
@@ -73,7 +73,7 @@ class AugmentedLagrangianOptions:
 
     def __post_init__(self) -> None:
         r = self.penalty
-        if r != "adaptive" and not (isinstance(r, int | float) and 0 < r < np.inf):
+        if r != "adaptive" and not (type(r) in (int, float) and 0 < r < np.inf):
             raise InputError(
                 f'penalty = {r!r} is neither a positive number nor "adaptive"; 1 is a good value.'
             )
@@ -147,7 +147,11 @@ class AugmentedLagrangian:
         Returns:
             The level. Where it has not converged its report says why, and its state is the last
             iterate, which is not a solution.
+
+        Raises:
+            InputError: If ζ is not finite.
         """
+        check_finite("zeta", zeta)
         options, iterate = self.options, self._iterate
         active = iterate.begin(start)
         self._r.value = FIRST_PENALTY if options.penalty == "adaptive" else options.penalty

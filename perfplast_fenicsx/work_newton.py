@@ -20,7 +20,13 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.iterate import Iterate
 from perfplast_fenicsx.levels import Progress
 from perfplast_fenicsx.linear import LinearFailure, LinearSolver
-from perfplast_fenicsx.options import Monitor, NewtonOptions, forcing, regularisation
+from perfplast_fenicsx.options import (
+    Monitor,
+    NewtonOptions,
+    check_finite,
+    forcing,
+    regularisation,
+)
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import Level, State
 from perfplast_fenicsx.subproblem import ContactProgram
@@ -63,9 +69,10 @@ class WorkNewton:
             report says why, and its state is the last iterate, which is not a solution.
 
         Raises:
-            InputError: If α is negative.
+            InputError: If α is negative or not finite.
         """
-        if not alpha >= 0:
+        check_finite("alpha", alpha)
+        if alpha < 0:
             raise InputError(f"the work alpha = {alpha} is negative; give zero or more.")
         options, iterate = self.options, self._iterate
         active = iterate.begin(start)
