@@ -63,8 +63,6 @@ def load_path(
 ) -> Iterator[Level]:
     """Solve for each prescribed value in turn, each from the one before.
 
-    Where the work is prescribed, each starts from the extrapolation of the two before.
-
     Args:
         solver: One of the four algorithms.
         values: Load parameters ζ or works α, rising, as the solver's ``control`` says.
@@ -75,16 +73,12 @@ def load_path(
         The levels. One that has not converged is the last: the state of the level before is the
         last valid one.
     """
-    before, last = None, start
     for value in values:
-        if solver.control == "work":
-            start = extrapolate(solver.problem, before, last, value)
         level = solver.solve(value, start, monitor)
         yield level
         if not level.report.converged:
             return
-        before, last = last, level.state
-        start = last
+        start = level.state
 
 
 def work_path(solver: WorkNewton, monitor: Monitor | None = None) -> Iterator[Level]:
