@@ -567,11 +567,20 @@ def test_options_out_of_range_are_refused(values: dict[str, object], words: str)
     assert sentence.endswith(".")
 
 
-@pytest.mark.parametrize("alpha", [-1.0, math.nan])
+@pytest.mark.parametrize(
+    ("alpha", "words"),
+    [(-1.0, "negative; give zero or more"), (math.nan, "not finite"), (math.inf, "not finite")],
+)
 @pytest.mark.parametrize("method", [WorkNewton, BorderedNewton])
-def test_negative_work_is_refused(method: type[WorkNewton], alpha: float) -> None:
-    with pytest.raises(InputError, match="give zero or more"):
+def test_impossible_work_is_refused(method: type[WorkNewton], alpha: float, words: str) -> None:
+    with pytest.raises(InputError, match=words):
         method(punch_problem(2)).solve(alpha)
+
+
+@pytest.mark.parametrize("method", [Newton, AugmentedLagrangian])
+def test_a_load_that_is_no_number_is_refused(method: type[Newton]) -> None:
+    with pytest.raises(InputError, match="zeta = nan is not finite"):
+        method(punch_problem(2)).solve(math.nan)
 
 
 @pytest.mark.parametrize("rtol", [0.0, -1e-3, 1.0, math.nan])
