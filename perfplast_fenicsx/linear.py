@@ -128,6 +128,7 @@ class LinearSolver:
         first = full.getOwnershipRange()[0]
         diagonal = full.getDiagonal()
         scale = diagonal.sum() / diagonal.getSize()
+        diagonal.destroy()
         self._reduced.zeroRowsColumns((self._held + first).astype(PETSc.IntType), diag=scale)
         self._ksp.setOperators(self._reduced)
         self.setups += 1

@@ -222,7 +222,9 @@ class ContactProgram:
         SNES-VI subtracts the result from its iterate, so the work still missing counts negative.
         """
         assert self._snes is not None
-        inactive = self._snes.getVIInactiveSet().getIndices() - self._r.getOwnershipRange()[0]
+        index_set = self._snes.getVIInactiveSet()
+        inactive = index_set.getIndices() - self._r.getOwnershipRange()[0]
+        index_set.destroy()
         free = np.zeros(self._r.getLocalSize(), dtype=bool)
         free[inactive] = True
         self._rhs.set(0)
