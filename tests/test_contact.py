@@ -14,7 +14,6 @@ from perfplast_fenicsx import (
     Assembly,
     BodyForce,
     Contact,
-    Elastic,
     InputError,
     Newton,
     Pressure,
@@ -22,12 +21,12 @@ from perfplast_fenicsx import (
     Support,
     Traction,
     VonMises,
-    punch,
     read_gmsh,
     stacked_blocks,
     two_blocks,
 )
 from perfplast_fenicsx.pairing import match_rows, send_rows
+from perfplast_fenicsx.structured import Box, Surface, structured_assembly
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "meshes"))
 from wedge import write_wedge
@@ -214,13 +213,20 @@ def test_what_does_not_fit_is_refused_in_a_sentence(
 
 
 def test_surfaces_that_look_the_same_way_are_refused() -> None:
-    """The punch's and the base's side planes coincide nowhere; a body's own twin face does."""
-    assembly = punch(MPI.COMM_WORLD, 2)
-    with pytest.raises(InputError, match="no partner"):
+    """Two bodies in the same place: the nodes of their top faces match, the normals do not."""
+    corners, cubes = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), (2, 2, 2)
+    names = ("one", "other")
+    assembly = structured_assembly(
+        MPI.COMM_WORLD,
+        [Box(name, *corners, cubes) for name in names],
+        [Surface(f"{name}_top", (name,), lambda x: x[2] == 1) for name in names]
+        + [Surface("bottom", names, lambda x: x[2] == 0)],
+    )
+    with pytest.raises(InputError, match="point to the same side, so they do not face each other"):
         Problem(
             assembly,
-            {"base": STEEL, "punch": Elastic(2e5, 0.3)},
-            [Support("x0"), Support("y0")],
-            [Pressure("top", 1.0)],
-            [Contact("base_top", "top")],
+            dict.fromkeys(names, STEEL),
+            [Support("bottom")],
+            [BodyForce("one", (0.0, 0.0, 1.0))],
+            [Contact("one_top", "other_top")],
         )
