@@ -32,14 +32,12 @@ class ContactBasis:
         index: Local (owned) indices of the bounded entries of y, shape (num_pairs,), one for each
             row of the pairs it was made of.
         gap: Upper bounds g there (length).
-        area: Area of each pair.
     """
 
     T: PETSc.Mat
     M: PETSc.Mat
     index: npt.NDArray[np.int32]
     gap: npt.NDArray[np.float64]
-    area: npt.NDArray[np.float64]
 
 
 def make_basis(V: fem.FunctionSpace, pairs: ContactPairs) -> ContactBasis:
@@ -82,7 +80,7 @@ def make_basis(V: fem.FunctionSpace, pairs: ContactPairs) -> ContactBasis:
     T = _resolve(Q, P)
     Q.destroy()
     P.destroy()
-    return ContactBasis(T, M, (row - offset * gdim).astype(np.int32), pairs.gap, pairs.area)
+    return ContactBasis(T, M, (row - offset * gdim).astype(np.int32), pairs.gap)
 
 
 def _choose(

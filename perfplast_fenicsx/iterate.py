@@ -145,6 +145,20 @@ class Iterate:
         fields.beta.value = (max(alpha, 10 * here) - here) / work
         return fields.slope() < zeta * work
 
+    def take_step(self, beta: float, stopping: str, zeta: float = 0.0) -> float:
+        """Advance by β δu and tell how large the step was by a criterion of Remark 1.
+
+        "energy" is the relative change of J_ζ; with ζ = 0, as for prescribed work, of Ψ.
+        """
+        if stopping != "energy":
+            increment = self.increment(stopping)
+            self.advance(beta)
+            return increment
+        before = self.energy(zeta)
+        self.advance(beta)
+        after = self.energy(zeta)
+        return abs(after - before) / max(abs(after) + abs(before), 1e-300)
+
     def increment(self, stopping: str) -> float:
         """‖δu‖ or ‖δσ‖_E relative to the states before and after the full step (Remark 1)."""
         fields = self.fields

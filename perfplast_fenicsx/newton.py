@@ -68,7 +68,6 @@ class Newton:
         active = iterate.begin(start)
         progress = Progress(iterate, self.linear, monitor)
         history = progress.history
-        energy = iterate.energy(zeta)
         increment = 1.0
         while len(history) < options.max_iterations:
             rho = regularisation(options, history)
@@ -86,11 +85,7 @@ class Newton:
             active = step.active
             iterate.aim(step.delta)
             beta = iterate.line_search(zeta) if options.damping else 1.0
-            increment = iterate.increment(options.stopping)
-            iterate.advance(beta)
-            if options.stopping == "energy":
-                energy, before = iterate.energy(zeta), energy
-                increment = abs(energy - before) / max(abs(energy) + abs(before), 1e-300)
+            increment = iterate.take_step(beta, options.stopping, zeta)
             progress.add(zeta, increment, active, step.iterations, beta, rho)
             if increment < options.tolerance and step.settled and beta == 1:
                 return progress.level(zeta, active, True, f"{options.stopping} criterion met")

@@ -98,8 +98,8 @@ class WorkNewton:
             iterate.aim(step.delta)
             damp = self.damped and options.damping and progress.history
             beta = iterate.line_search(zeta) if damp else 1.0
-            increment = max(iterate.increment(options.stopping), _change(step.multiplier, zeta))
-            iterate.advance(beta)
+            increment = iterate.take_step(beta, options.stopping)
+            increment = max(increment, _change(step.multiplier, zeta))
             progress.add(zeta, increment, active, step.iterations, beta, rho)
             if increment < options.tolerance and step.settled and beta == 1:
                 return progress.level(zeta, active, True, f"{options.stopping} criterion met")

@@ -149,6 +149,19 @@ def test_a_nearly_incompressible_body(control: str) -> None:
         assert level.state.zeta == pytest.approx(470.0, rel=1e-9)
 
 
+def test_energy_criterion_of_the_work_methods_is_the_change_of_the_energy() -> None:
+    options = NewtonOptions(stopping="energy", tolerance=1e-12)
+    level = WorkNewton(punch_problem(4), options).solve(1e-3)
+    assert level.report.converged
+    before, last = level.iterations[-2:]
+    energies = [step.energy + step.zeta * step.alpha for step in (before, last)]
+    change = abs(energies[1] - energies[0]) / sum(energies)
+    load_change = abs(last.zeta - before.zeta) / last.zeta
+    assert last.increment == pytest.approx(max(change, load_change), rel=1e-6, abs=1e-15)
+    known = WorkNewton(punch_problem(4), TIGHT).solve(1e-3)
+    assert level.state.zeta == pytest.approx(known.state.zeta, rel=1e-10)
+
+
 @pytest.mark.parametrize("method", [WorkNewton, BorderedNewton])
 def test_a_block_held_by_contact_alone(method: type[WorkNewton]) -> None:
     compliance = sum(h / e for h, e in zip(STACK_HEIGHTS, STACK_YOUNG, strict=True))
