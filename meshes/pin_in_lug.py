@@ -6,17 +6,17 @@ bodies), ``z0`` and ``z1`` (the flat faces, both bodies), ``end`` (y = -LENGTH, 
 contact surfaces ``lug_bore`` and ``pin_bore``.
 """
 
-import argparse
 import math
 from pathlib import Path
 
+from meshes.command_line import mesh_parser, write_from
 from perfplast_fenicsx.gmsh_files import gmsh_session
 from perfplast_fenicsx.splitting import on_plane, write_split
 
 RADIUS, WIDTH, LENGTH, THICKNESS = 1.0, 2.0, 4.0, 1.0
 
 
-def write_pin_in_lug(path: str | Path, size: float, order: int = 1) -> None:
+def write_pin_in_lug(path: str | Path, size: float = 0.4, order: int = 1) -> None:
     """Mesh half of a lug and its pin and write a .msh file. On one process.
 
     Args:
@@ -60,12 +60,8 @@ def write_pin_in_lug(path: str | Path, size: float, order: int = 1) -> None:
 
 def main() -> None:
     """Write the mesh that the command line asks for."""
-    parser = argparse.ArgumentParser(description="Mesh half of a lug and its pin.")
-    parser.add_argument("-o", "--output", type=Path, default=Path("pin_in_lug.msh"))
-    parser.add_argument("--size", type=float, default=0.4, help="edge length of the tetrahedra")
-    parser.add_argument("--order", type=int, choices=(1, 2), default=1, help="of the geometry")
-    arguments = parser.parse_args()
-    write_pin_in_lug(arguments.output, arguments.size, arguments.order)
+    parser = mesh_parser(write_pin_in_lug, "Mesh half of a lug and its pin.")
+    write_from(parser, write_pin_in_lug)
 
 
 if __name__ == "__main__":

@@ -6,9 +6,9 @@ the contact surfaces ``lower_seam`` and ``upper_seam``. Frictionless blocks slid
 hold ``x0`` or ``x1`` in x.
 """
 
-import argparse
 from pathlib import Path
 
+from meshes.command_line import mesh_parser, write_from
 from perfplast_fenicsx.gmsh_files import gmsh_session
 from perfplast_fenicsx.splitting import on_plane, write_split
 
@@ -16,7 +16,7 @@ LENGTH, WIDTH, HEIGHT = 2.0, 1.0, 2.0
 SEAM = (0.75, 1.25)  # height of the inclined plane at x = 0 and at x = LENGTH
 
 
-def write_wedge(path: str | Path, size: float, order: int = 1) -> None:
+def write_wedge(path: str | Path, size: float = 0.2, order: int = 1) -> None:
     """Mesh the two blocks and write a .msh file. On one process.
 
     Args:
@@ -67,12 +67,8 @@ def write_wedge(path: str | Path, size: float, order: int = 1) -> None:
 
 def main() -> None:
     """Write the mesh that the command line asks for."""
-    parser = argparse.ArgumentParser(description="Mesh two blocks that meet on an inclined plane.")
-    parser.add_argument("-o", "--output", type=Path, default=Path("wedge.msh"))
-    parser.add_argument("--size", type=float, default=0.2, help="edge length of the tetrahedra")
-    parser.add_argument("--order", type=int, choices=(1, 2), default=1, help="of the geometry")
-    arguments = parser.parse_args()
-    write_wedge(arguments.output, arguments.size, arguments.order)
+    parser = mesh_parser(write_wedge, "Mesh two blocks that meet on an inclined plane.")
+    write_from(parser, write_wedge)
 
 
 if __name__ == "__main__":

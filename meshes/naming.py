@@ -1,0 +1,34 @@
+"""Names for entities of gmsh's current model: the physical groups that the program reads."""
+
+from collections.abc import Iterable, Mapping
+
+import gmsh
+
+from perfplast_fenicsx.splitting import on_plane
+
+
+def name(dim: int, groups: Mapping[str, Iterable[int]]) -> None:
+    """Give entities of one dimension their names.
+
+    Args:
+        dim: Dimension of the entities.
+        groups: Their tags by name.
+    """
+    for label, tags in groups.items():
+        gmsh.model.addPhysicalGroup(dim, list(tags), name=label)
+
+
+def name_planes(dim: int, planes: Mapping[str, tuple[int, float]]) -> None:
+    """Name the entities that lie in planes x_axis = value.
+
+    Args:
+        dim: Dimension of the entities.
+        planes: Axis and value by name.
+    """
+    name(dim, {label: on_plane(dim, *plane) for label, plane in planes.items()})
+
+
+def interface(dim: int) -> list[int]:
+    """Tags of the entities of dimension ``dim`` that two bodies share."""
+    entities = [tag for _, tag in gmsh.model.getEntities(dim)]
+    return [tag for tag in entities if len(gmsh.model.getAdjacencies(dim, tag)[0]) == 2]

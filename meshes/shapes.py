@@ -1,0 +1,32 @@
+"""Shapes of gmsh's current model in the plane and in space alike."""
+
+from collections.abc import Sequence
+
+import gmsh
+
+
+def add_box(corner: Sequence[float], extent: Sequence[float]) -> tuple[int, int]:
+    """Add a rectangle in the plane z = 0, or a box.
+
+    Args:
+        corner: Its corner of the smallest coordinates, (x, y) or (x, y, z).
+        extent: Its lengths along the axes.
+
+    Returns:
+        Dimension and tag.
+    """
+    if len(corner) == 2:
+        return 2, gmsh.model.occ.addRectangle(*corner, 0.0, *extent)
+    return 3, gmsh.model.occ.addBox(*corner, *extent)
+
+
+def add_polygon(curves: Sequence[int]) -> int:
+    """Add the plane surface inside a closed chain of curves.
+
+    Args:
+        curves: Their tags, the first one anticlockwise.
+
+    Returns:
+        Its tag.
+    """
+    return gmsh.model.occ.addPlaneSurface([gmsh.model.occ.addCurveLoop(curves)])

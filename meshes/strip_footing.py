@@ -1,0 +1,73 @@
+"""A strip footing in plane strain, half of it by symmetry: Prandtl's problem.
+
+The ground is (0, WIDTH)×(-DEPTH, 0), the footing the part x ≤ 1 of y = 0. Volume ``ground``; curves
+``x0`` (the symmetry line), ``bottom``, ``side``, ``footing`` and ``free`` (the rest of y = 0). With
+a punch, a second body (0, 1)×(0, 1) on the ground: volumes ``ground`` and ``punch``, its curve
+``top``, ``x0`` of both bodies, and the contact curves ``ground_footing`` and ``punch_footing``.
+"""
+
+from pathlib import Path
+
+from meshes.command_line import mesh_parser, write_from
+from meshes.naming import name
+from meshes.shapes import add_polygon
+from meshes.sizes import finer_at, generate
+from perfplast_fenicsx.gmsh_files import gmsh_session
+from perfplast_fenicsx.splitting import write_split
+
+WIDTH, DEPTH = 6.0, 6.0
+"""Extent of the ground; the half width of the footing is 1."""
+FINER, REACH = 10.0, 2.2
+"""How much smaller the elements are at the footing's edge; how far from it ``size`` holds, which
+is the region of the slip lines."""
+
+
+def write_strip_footing(
+    path: str | Path, punch: bool = False, size: float = 0.2, order: int = 1
+) -> None:
+    """Mesh the ground and the punch and write a .msh file. On one process.
+
+    Args:
+        path: The file to write.
+        punch: Whether there is a punch on the ground.
+        size: Edge length in the region of the slip lines; it is a tenth at the footing's edge.
+        order: Degree of the geometry, 1 or 2.
+    """
+    with gmsh_session() as gmsh:
+        occ = gmsh.model.occ
+        outline = [(0.0, 0.0), (0.0, -DEPTH), (WIDTH, -DEPTH), (WIDTH, 0.0), (1.0, 0.0)]
+        points = [occ.addPoint(x, y, 0.0) for x, y in outline]
+        following = points[1:] + points[:1]
+        axis, bottom, side, free, footing = map(occ.addLine, points, following)
+        curves = {
+            "x0": [axis],
+            "bottom": [bottom],
+            "side": [side],
+            "free": [free],
+            "footing": [footing],
+        }
+        bodies = {"ground": [add_polygon([axis, bottom, side, free, footing])]}
+        if punch:
+            right, left = occ.addPoint(1.0, 1.0, 0.0), occ.addPoint(0.0, 1.0, 0.0)
+            chain = [points[-1], right, left, points[0]]
+            lines = list(map(occ.addLine, chain, chain[1:]))
+            curves["top"] = lines[1:2]
+            curves["x0"] += lines[2:]
+            bodies["punch"] = [add_polygon([*lines, footing])]
+        occ.synchronize()
+
+        name(2, bodies)
+        name(1, curves)
+        generate(2, finer_at((1.0, 0.0), size / FINER, size, reach=REACH), order)
+        write_split(path)
+
+
+def main() -> None:
+    """Write the mesh that the command line asks for."""
+    parser = mesh_parser(write_strip_footing, "Mesh half of a strip footing.")
+    parser.add_argument("--punch", action="store_true", help="with a punch on the ground")
+    write_from(parser, write_strip_footing)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""An octant of a thick spherical shell, whole or as two shells one in the other.
+
+The shell is about the origin. Volume ``shell``; surfaces ``inner``, ``outer``, ``x0``, ``y0`` and
+``z0`` (the symmetry planes). With an interface: volumes ``inner_shell`` and ``outer_shell`` and the
+contact surfaces ``inner_shell_seam`` and ``outer_shell_seam``.
+"""
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+from meshes.command_line import mesh_parser, write_from
+from meshes.naming import name
+from meshes.sizes import generate
+from perfplast_fenicsx.gmsh_files import gmsh_session
+from perfplast_fenicsx.splitting import write_split
+
+INNER, OUTER = 1.0, 2.0
+"""Radii of the shell."""
+
+
+def write_thick_sphere(
+    path: str | Path, interface: float | None = None, size: float = 0.2, order: int = 1
+) -> None:
+    """Mesh an octant of a shell and write a .msh file. On one process.
+
+    Args:
+        path: The file to write.
+        interface: Radius at which the shell is cut in two; None for one shell.
+        size: Edge length at the inner radius, which is 1; it grows in proportion to the radius.
+        order: Degree of the geometry, 1 or 2.
+    """
+    with gmsh_session() as gmsh:
+        geo = gmsh.model.geo
+        radii = [INNER, OUTER] if interface is None else [INNER, interface, OUTER]
+        bodies = ["shell"] if interface is None else ["inner_shell", "outer_shell"]
+        centre = geo.addPoint(0.0, 0.0, 0.0)
+
+        # Each sphere is a triangle of three arcs, from the x axis to the y axis and so on.
+        corners = [[geo.addPoint(*row) for row in ((r, 0, 0), (0, r, 0), (0, 0, r))] for r in radii]
+        arcs = [
+            [geo.addCircleArc(points[i], centre, points[(i + 1) % 3]) for i in range(3)]
+            for points in corners
+        ]
+        spheres = [
+            geo.addSurfaceFilling([geo.addCurveLoop(triangle)], sphereCenterTag=centre)
+            for triangle in arcs
+        ]
+        volumes, planes = [], []
+        for i, ((inside, outside), (below, above)) in enumerate(
+            zip(pairwise(corners), pairwise(arcs), strict=True)
+        ):
+            rays = [geo.addLine(a, b) for a, b in zip(inside, outside, strict=True)]
+            loops = [
+                geo.addCurveLoop([rays[j], above[j], -rays[(j + 1) % 3], -below[j]])
+                for j in range(3)
+            ]
+            planes.append([geo.addPlaneSurface([loop]) for loop in loops])
+            shell = geo.addSurfaceLoop([spheres[i], spheres[i + 1], *planes[-1]])
+            volumes.append(geo.addVolume([shell]))
+        geo.synchronize()
+
+        name(3, {body: [volume] for body, volume in zip(bodies, volumes, strict=True)})
+        z0, x0, y0 = zip(*planes, strict=True)
+        name(2, {"inner": spheres[:1], "outer": spheres[-1:], "x0": x0, "y0": y0, "z0": z0})
+        if interface is not None:
+            name(2, {"seam": spheres[1:2]})
+        generate(3, lambda x, y, z: size * math.hypot(x, y, z), order)
+        write_split(path)
+
+
+def main() -> None:
+    """Write the mesh that the command line asks for."""
+    parser = mesh_parser(write_thick_sphere, "Mesh an octant of a thick spherical shell.")
+    parser.add_argument("--interface", type=float, help="radius at which to cut the shell in two")
+    write_from(parser, write_thick_sphere)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""A quarter of a thick tube in plane strain, whole or as two tubes one in the other.
+
+The tube is about the origin in the plane z = 0. Volume ``tube``; curves ``inner``, ``outer``,
+``x0`` and ``y0`` (the symmetry lines). With an interface: volumes ``inner_tube`` and
+``outer_tube`` and the contact curves ``inner_tube_seam`` and ``outer_tube_seam``.
+"""
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+from meshes.command_line import mesh_parser, write_from
+from meshes.naming import name
+from meshes.shapes import add_polygon
+from meshes.sizes import generate
+from perfplast_fenicsx.gmsh_files import gmsh_session
+from perfplast_fenicsx.splitting import write_split
+
+INNER = 1.0
+"""Inner radius."""
+OUTER = 1.3
+"""Outer radius unless another is given."""
+
+
+def write_thick_tube(
+    path: str | Path,
+    outer: float = OUTER,
+    interface: float | None = None,
+    size: float = 0.05,
+    order: int = 1,
+) -> None:
+    """Mesh a quarter of a tube and write a .msh file. On one process.
+
+    Args:
+        path: The file to write.
+        outer: Outer radius; the inner one is 1.
+        interface: Radius at which the tube is cut in two; None for one tube.
+        size: Edge length at the inner radius; it grows in proportion to the radius.
+        order: Degree of the geometry, 1 or 2.
+    """
+    with gmsh_session() as gmsh:
+        occ = gmsh.model.occ
+        radii = [INNER, outer] if interface is None else [INNER, interface, outer]
+        bodies = ["tube"] if interface is None else ["inner_tube", "outer_tube"]
+        centre = occ.addPoint(0.0, 0.0, 0.0)
+        starts = [occ.addPoint(radius, 0.0, 0.0) for radius in radii]
+        ends = [occ.addPoint(0.0, radius, 0.0) for radius in radii]
+        arcs = [occ.addCircleArc(a, centre, b) for a, b in zip(starts, ends, strict=True)]
+        y0 = [occ.addLine(a, b) for a, b in pairwise(starts)]
+        x0 = [occ.addLine(a, b) for a, b in pairwise(ends)]
+        faces = [
+            add_polygon([below, outside, above, inside])
+            for below, above, (inside, outside) in zip(y0, x0, pairwise(arcs), strict=True)
+        ]
+        occ.synchronize()
+
+        name(2, {body: [face] for body, face in zip(bodies, faces, strict=True)})
+        name(1, {"inner": arcs[:1], "outer": arcs[-1:], "x0": x0, "y0": y0})
+        if interface is not None:
+            name(1, {"seam": arcs[1:2]})
+        generate(2, lambda x, y, z: size * math.hypot(x, y), order)
+        write_split(path)
+
+
+def main() -> None:
+    """Write the mesh that the command line asks for."""
+    parser = mesh_parser(write_thick_tube, "Mesh a quarter of a thick tube.")
+    parser.add_argument("--outer", type=float, help="outer radius; the inner one is 1")
+    parser.add_argument("--interface", type=float, help="radius at which to cut the tube in two")
+    write_from(parser, write_thick_tube)
+
+
+if __name__ == "__main__":
+    main()
