@@ -30,3 +30,17 @@ def add_polygon(curves: Sequence[int]) -> int:
         Its tag.
     """
     return gmsh.model.occ.addPlaneSurface([gmsh.model.occ.addCurveLoop(curves)])
+
+
+def add_outline(corners: Sequence[tuple[float, float]]) -> list[int]:
+    """Add the lines from each corner of a polygon in the plane z = 0 to the next.
+
+    Args:
+        corners: Its corners (x, y), anticlockwise.
+
+    Returns:
+        The tags of the lines; the first one starts at the first corner.
+    """
+    points = [gmsh.model.occ.addPoint(x, y, 0.0) for x, y in corners]
+    following = points[1:] + points[:1]
+    return [gmsh.model.occ.addLine(a, b) for a, b in zip(points, following, strict=True)]

@@ -3,7 +3,7 @@
 import runpy
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import pi
+from math import asin, pi, sqrt
 from pathlib import Path
 
 from mpi4py import MPI
@@ -15,6 +15,11 @@ from test_meshes import area_vector, check_interface, surface_nodes, volume
 
 from meshes.contact_patch import write_contact_patch
 from meshes.corner_seat import LEG, write_corner_seat
+from meshes.cracked_strip import write_cracked_strip
+from meshes.hertz_line import ARC, write_hertz_line
+from meshes.hertz_sphere import CAP, write_hertz_sphere
+from meshes.plate_with_hole import write_plate_with_hole
+from meshes.platens import PLATEN, write_platens
 from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
 from meshes.thick_sphere import write_thick_sphere
 from meshes.thick_tube import write_thick_tube
@@ -58,6 +63,8 @@ class Case:
 
 
 quarter = pi / 4
+arc_height = 1 - sqrt(1 - ARC**2)
+cap_side = (asin(CAP) - CAP * sqrt(1 - CAP**2)) / 2  # the cap seen along x or y
 CASES = [
     Case(
         write_thick_tube,
@@ -198,6 +205,88 @@ CASES = [
         [("block_corner", "seat_corner")],
         gdim=3,
     ),
+    Case(
+        write_platens,
+        {"size": 0.2, "order": 2},
+        {"block": 0.5},
+        {"x0": (-0.5, 0), "y0": (0, -1), "side": (0.5, 0), "top": (0, 1)},
+    ),
+    Case(
+        write_platens,
+        {"platen": True, "size": 0.2},
+        {"block": 0.5, "platen": PLATEN},
+        {"x0": (-0.5 - PLATEN, 0), "y0": (0, -1), "side": (0.5, 0), "top": (0, 1)},
+    ),
+    Case(
+        write_cracked_strip,
+        {"width": 3.0, "length": 4.0, "tip": 1.0, "size": 0.4, "order": 2},
+        {"strip": 12},
+        {"inner": (0, -1), "outer": (0, -2), "x0": (-4, 0), "side": (4, 0), "top": (0, 3)},
+    ),
+    Case(
+        write_plate_with_hole,
+        {"size": 1.0, "order": 2},
+        {"plate": 18.75},
+        {"x0": (-2.5, 0), "y0": (0, -2.5), "side": (5, 0), "top": (0, 5), "hole": (-2.5, -2.5)},
+    ),
+    Case(
+        write_hertz_line,
+        {"contact_size": 0.05},
+        {"upper": quarter},
+        {
+            "x0": (-1, 0),
+            "top": (0, 1),
+            "upper_arc": (arc_height, -ARC),
+            "upper_free": (1 - arc_height, ARC - 1),
+        },
+        rel=5e-3,
+    ),
+    Case(
+        write_hertz_line,
+        {"contact_size": 0.05, "bodies": 2, "order": 2},
+        {"lower": quarter, "upper": quarter},
+        {
+            "x0": (-2, 0),
+            "top": (0, 1),
+            "bottom": (0, -1),
+            "upper_arc": (arc_height, -ARC),
+            "upper_free": (1 - arc_height, ARC - 1),
+            "lower_arc": (arc_height, ARC),
+            "lower_free": (1 - arc_height, 1 - ARC),
+        },
+        rel=1e-5,
+    ),
+    Case(
+        write_hertz_sphere,
+        {"contact_size": 0.1},
+        {"upper": pi / 6},
+        {
+            "x0": (-quarter, 0, 0),
+            "y0": (0, -quarter, 0),
+            "top": (0, 0, quarter),
+            "upper_cap": (cap_side, cap_side, -quarter * CAP**2),
+            "upper_free": (quarter - cap_side, quarter - cap_side, quarter * (CAP**2 - 1)),
+        },
+        rel=3e-2,
+        gdim=3,
+    ),
+    Case(
+        write_hertz_sphere,
+        {"contact_size": 0.1, "bodies": 2, "order": 2},
+        {"lower": pi / 6, "upper": pi / 6},
+        {
+            "x0": (-2 * quarter, 0, 0),
+            "y0": (0, -2 * quarter, 0),
+            "top": (0, 0, quarter),
+            "bottom": (0, 0, -quarter),
+            "upper_cap": (cap_side, cap_side, -quarter * CAP**2),
+            "upper_free": (quarter - cap_side, quarter - cap_side, quarter * (CAP**2 - 1)),
+            "lower_cap": (cap_side, cap_side, quarter * CAP**2),
+            "lower_free": (quarter - cap_side, quarter - cap_side, quarter * (1 - CAP**2)),
+        },
+        rel=5e-4,
+        gdim=3,
+    ),
 ]
 
 
@@ -217,10 +306,10 @@ def test_volumes_and_surfaces(comm: MPI.Intracomm, shared_tmp_path: Path, case: 
     assert geometry_dofmap(assembly.mesh).shape[1] == nodes
 
 
-def radii(assembly: Assembly, name: str) -> npt.NDArray[np.float64]:
-    """Distances of the nodes of a surface from the origin."""
+def points(assembly: Assembly, name: str) -> npt.NDArray[np.float64]:
+    """The nodes of a surface, sorted, shape (num_nodes, 3)."""
     nodes = surface_nodes(assembly, name).values()
-    return np.linalg.norm([np.frombuffer(node) for node in nodes], axis=1)
+    return np.array(sorted(tuple(np.frombuffer(node)) for node in nodes))
 
 
 @pytest.mark.parametrize(
@@ -239,9 +328,51 @@ def test_curved_facets(
     for order in (1, 2):
         assembly = case.read(comm, shared_tmp_path, order=order)
         for side in [name for name in assembly.surfaces if name.endswith("_seam")]:
-            np.testing.assert_allclose(radii(assembly, side), radius, rtol=1e-12)
+            distances = np.linalg.norm(points(assembly, side), axis=1)
+            np.testing.assert_allclose(distances, radius, rtol=1e-12)
         errors.append(abs(volume(assembly, min(assembly.volumes)) - exact))
     assert errors[1] < errors[0] / 50
+
+
+@pytest.mark.parametrize(
+    ("write", "gdim", "contact"), [(write_hertz_line, 2, "arc"), (write_hertz_sphere, 3, "cap")]
+)
+def test_mirror_image(
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    write: Callable[..., None],
+    gdim: int,
+    contact: str,
+) -> None:
+    case = Case(write, {"contact_size": 0.1, "bodies": 2, "order": 2}, {}, {}, gdim=gdim)
+    assembly = case.read(comm, shared_tmp_path)
+    axis = gdim - 1
+    up = np.eye(3)[axis]
+    for surface in (contact, "free"):
+        upper, lower = (points(assembly, f"{body}_{surface}") for body in ("upper", "lower"))
+        lower[:, axis] = 0.0 - lower[:, axis]
+        np.testing.assert_array_equal(upper, np.array(sorted(map(tuple, lower))))
+        np.testing.assert_allclose(np.linalg.norm(upper - up, axis=1), 1, rtol=1e-12)
+    upper, lower = (surface_nodes(assembly, f"{body}_{contact}") for body in ("upper", "lower"))
+    assert upper.keys().isdisjoint(lower)
+    assert np.zeros(3).tobytes() in upper.values()
+    assert np.zeros(3).tobytes() in lower.values()
+    touching = points(assembly, f"upper_{contact}")
+    assert np.linalg.norm(touching - touching * up, axis=1).max() == pytest.approx(ARC)
+    assert ARC == CAP
+
+
+def test_platen_is_glued(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    case = Case(write_platens, {"platen": True, "size": 0.2}, {}, {})
+    assembly = case.read(comm, shared_tmp_path)
+    mesh = assembly.mesh
+    nodes = geometry_dofmap(mesh)
+    used = [
+        set(mesh.geometry.input_global_indices[nodes[assembly.cells(name)]].ravel())
+        for name in ("block", "platen")
+    ]
+    block, platen = (set().union(*comm.allgather(part)) for part in used)
+    assert len(block & platen) > 5
 
 
 def edge_lengths(assembly: Assembly, point: tuple[float, ...]) -> tuple[float, float]:
@@ -259,6 +390,11 @@ def edge_lengths(assembly: Assembly, point: tuple[float, ...]) -> tuple[float, f
     ("case", "point", "near"),
     [
         (Case(write_strip_footing, {"size": 0.5, "punch": True}, {}, {}), (1, 0), 0.05),
+        (Case(write_platens, {"size": 0.2, "platen": True}, {}, {}), (1, 0.5), 0.02),
+        (Case(write_cracked_strip, {"size": 0.2}, {}, {}), (0.5, 0), 0.0125),
+        (Case(write_plate_with_hole, {"size": 1.0}, {}, {}), (2.5, 2.5), 0.1),
+        (Case(write_hertz_line, {"contact_size": 0.02}, {}, {}), (0, 0), 0.02),
+        (Case(write_hertz_sphere, {"contact_size": 0.03}, {}, {}, gdim=3), (0, 0, 0), 0.03),
     ],
     ids=str,
 )
@@ -267,7 +403,7 @@ def test_finer_where_it_matters(
 ) -> None:
     finest, largest = edge_lengths(case.read(comm, shared_tmp_path), point)
     assert near / 2 < finest < 2 * near
-    assert largest > 8 * near
+    assert largest > 6 * near
 
 
 def test_command_line(

@@ -1,0 +1,70 @@
+"""A half-cylinder that touches a plane along a line, or its mirror image, half by symmetry.
+
+In the plane z = 0: a quarter of the disc of RADIUS about (0, RADIUS), 0 ≤ x, 0 ≤ y ≤ RADIUS, which
+touches y = 0 at the origin. Volume ``upper``; curves ``x0``, ``top`` (y = RADIUS), ``upper_arc``
+(the arc as far as x = ARC: where contact may come) and ``upper_free`` (the rest of it). With two
+bodies, the other one is the image in y = 0: ``lower``, ``lower_arc``, ``lower_free``, ``bottom``,
+and ``x0`` of both. Their nodes are exact mirror images; at the origin there are two of them.
+"""
+
+import math
+from pathlib import Path
+
+from meshes.command_line import mesh_parser, write_from
+from meshes.mirror import add_mirror_image
+from meshes.naming import name
+from meshes.shapes import add_polygon
+from meshes.sizes import finer_at, generate
+from perfplast_fenicsx.gmsh_files import gmsh_session
+from perfplast_fenicsx.splitting import write_split
+
+RADIUS, ARC, FINE = 1.0, 0.3, 0.15
+"""Radius; largest x of the contact curve; radius of the finest part about the origin."""
+
+
+def write_hertz_line(
+    path: str | Path,
+    contact_size: float = 0.01,
+    bodies: int = 1,
+    size: float = 0.2,
+    order: int = 1,
+) -> None:
+    """Mesh half of a half-cylinder, and its image, and write a .msh file. On one process.
+
+    Args:
+        path: The file to write.
+        contact_size: Edge length within FINE of the origin, from where it grows to ``size``.
+        bodies: 1, or 2 for the mirror image as well.
+        size: Largest edge length.
+        order: Degree of the geometry, 1 or 2.
+    """
+    with gmsh_session() as gmsh:
+        occ = gmsh.model.occ
+        height = RADIUS - math.sqrt(RADIUS**2 - ARC**2)
+        places = [(0.0, 0.0), (ARC, height), (RADIUS, RADIUS), (0.0, RADIUS)]
+        origin, end, rim, centre = [occ.addPoint(x, y, 0.0) for x, y in places]
+        arc = occ.addCircleArc(origin, centre, end)
+        free = occ.addCircleArc(end, centre, rim)
+        top, axis = occ.addLine(rim, centre), occ.addLine(centre, origin)
+        upper = add_polygon([arc, free, top, axis])
+        occ.synchronize()
+
+        name(2, {"upper": [upper]})
+        name(1, {"upper_arc": [arc], "upper_free": [free], "top": [top], "x0": [axis]})
+        generate(2, finer_at((0.0, 0.0), contact_size, size, flat=FINE), order)
+        if bodies == 2:
+            names = {"upper": "lower", "upper_arc": "lower_arc", "upper_free": "lower_free"}
+            add_mirror_image(1, names | {"top": "bottom", "x0": "x0"})
+        write_split(path)
+
+
+def main() -> None:
+    """Write the mesh that the command line asks for."""
+    parser = mesh_parser(write_hertz_line, "Mesh a half-cylinder on a plane, half by symmetry.")
+    parser.add_argument("--contact-size", type=float, help="edge length about the origin")
+    parser.add_argument("--bodies", type=int, choices=(1, 2), help="2: its mirror image as well")
+    write_from(parser, write_hertz_line)
+
+
+if __name__ == "__main__":
+    main()

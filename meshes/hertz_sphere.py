@@ -1,0 +1,91 @@
+"""A half-ball that touches a plane, or its mirror image, a quarter of it by symmetry.
+
+A quarter (x, y ≥ 0) of the lower half of the ball of RADIUS about (0, 0, RADIUS), which touches
+z = 0 at the origin. Volume ``upper``; surfaces ``x0``, ``y0``, ``top`` (z = RADIUS), ``upper_cap``
+(the sphere as far as CAP from the z axis: where contact may come) and ``upper_free`` (the rest of
+it). With two bodies, the other one is the image in z = 0: ``lower``, ``lower_cap``, ``lower_free``,
+``bottom``, and ``x0`` and ``y0`` of both. Their nodes are exact mirror images; at the origin there
+are two of them.
+"""
+
+import math
+from pathlib import Path
+
+from meshes.command_line import mesh_parser, write_from
+from meshes.mirror import add_mirror_image
+from meshes.naming import name
+from meshes.sizes import finer_at, generate
+from perfplast_fenicsx.gmsh_files import gmsh_session
+from perfplast_fenicsx.splitting import write_split
+
+RADIUS, CAP, FINE = 1.0, 0.3, 0.15
+"""Radius; radius of the contact surface; radius of the finest part about the origin."""
+
+
+def write_hertz_sphere(
+    path: str | Path,
+    contact_size: float = 0.03,
+    bodies: int = 1,
+    size: float = 0.3,
+    order: int = 1,
+) -> None:
+    """Mesh a quarter of a half-ball, and its image, and write a .msh file. On one process.
+
+    Args:
+        path: The file to write.
+        contact_size: Edge length within FINE of the origin, from where it grows to ``size``.
+        bodies: 1, or 2 for the mirror image as well.
+        size: Largest edge length.
+        order: Degree of the geometry, 1 or 2.
+    """
+    with gmsh_session() as gmsh:
+        geo = gmsh.model.geo
+        height = RADIUS - math.sqrt(RADIUS**2 - CAP**2)
+        origin = geo.addPoint(0.0, 0.0, 0.0)
+        centre = geo.addPoint(0.0, 0.0, RADIUS)
+        inside = geo.addPoint(0.0, 0.0, height)  # of the circle that bounds the cap
+
+        # Half-planes y = 0 and x = 0: from the origin along the sphere to the plane of the centre.
+        ends = [geo.addPoint(CAP, 0.0, height), geo.addPoint(0.0, CAP, height)]
+        rims = [geo.addPoint(RADIUS, 0.0, RADIUS), geo.addPoint(0.0, RADIUS, RADIUS)]
+        low = [geo.addCircleArc(origin, centre, end) for end in ends]
+        high = [geo.addCircleArc(a, centre, b) for a, b in zip(ends, rims, strict=True)]
+        tops = [geo.addLine(rim, centre) for rim in rims]
+        axis = geo.addLine(centre, origin)
+        brink, equator = (
+            geo.addCircleArc(ends[0], inside, ends[1]),
+            geo.addCircleArc(rims[0], centre, rims[1]),
+        )
+
+        def sphere(*curves: int) -> int:
+            return geo.addSurfaceFilling([geo.addCurveLoop(curves)], sphereCenterTag=centre)
+
+        def flat(*curves: int) -> int:
+            return geo.addPlaneSurface([geo.addCurveLoop(curves)])
+
+        cap = sphere(low[0], brink, -low[1])
+        free = sphere(high[0], equator, -high[1], -brink)
+        y0, x0 = (flat(low[i], high[i], tops[i], axis) for i in range(2))
+        top = flat(equator, tops[1], -tops[0])
+        upper = geo.addVolume([geo.addSurfaceLoop([cap, free, y0, x0, top])])
+        geo.synchronize()
+
+        name(3, {"upper": [upper]})
+        name(2, {"upper_cap": [cap], "upper_free": [free], "top": [top], "x0": [x0], "y0": [y0]})
+        generate(3, finer_at((0.0, 0.0, 0.0), contact_size, size, flat=FINE), order)
+        if bodies == 2:
+            names = {"upper": "lower", "upper_cap": "lower_cap", "upper_free": "lower_free"}
+            add_mirror_image(2, names | {"top": "bottom", "x0": "x0", "y0": "y0"})
+        write_split(path)
+
+
+def main() -> None:
+    """Write the mesh that the command line asks for."""
+    parser = mesh_parser(write_hertz_sphere, "Mesh a half-ball on a plane, a quarter by symmetry.")
+    parser.add_argument("--contact-size", type=float, help="edge length about the origin")
+    parser.add_argument("--bodies", type=int, choices=(1, 2), help="2: its mirror image as well")
+    write_from(parser, write_hertz_sphere)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,50 @@
+"""A square plate with a square hole in plane strain, a quarter of it by symmetry.
+
+The plate is (0, WIDTH)² without (0, HOLE)². Volume ``plate``; curves ``x0`` (x = 0, y ≥ HOLE),
+``y0`` (y = 0, x ≥ HOLE), ``side`` (x = WIDTH), ``top`` (y = WIDTH) and ``hole`` (two lines).
+"""
+
+from pathlib import Path
+
+from meshes.command_line import mesh_parser, write_from
+from meshes.naming import name
+from meshes.shapes import add_outline, add_polygon
+from meshes.sizes import finer_at, generate
+from perfplast_fenicsx.gmsh_files import gmsh_session
+from perfplast_fenicsx.splitting import write_split
+
+WIDTH, HOLE = 5.0, 2.5
+"""Half widths of the plate and of the hole."""
+FINER = 10.0
+"""How much smaller the elements are at the hole's corner."""
+
+
+def write_plate_with_hole(path: str | Path, size: float = 0.25, order: int = 1) -> None:
+    """Mesh a quarter of the plate and write a .msh file. On one process.
+
+    Args:
+        path: The file to write.
+        size: Edge length; it is a tenth at the hole's corner.
+        order: Degree of the geometry, 1 or 2.
+    """
+    with gmsh_session() as gmsh:
+        corners = [(HOLE, 0.0), (WIDTH, 0.0), (WIDTH, WIDTH), (0.0, WIDTH), (0.0, HOLE)]
+        lines = add_outline([*corners, (HOLE, HOLE)])
+        plate = add_polygon(lines)
+        gmsh.model.occ.synchronize()
+
+        name(2, {"plate": [plate]})
+        y0, side, top, x0, *hole = lines
+        name(1, {"x0": [x0], "y0": [y0], "side": [side], "top": [top], "hole": hole})
+        generate(2, finer_at((HOLE, HOLE), size / FINER, size), order)
+        write_split(path)
+
+
+def main() -> None:
+    """Write the mesh that the command line asks for."""
+    parser = mesh_parser(write_plate_with_hole, "Mesh a quarter of a plate with a square hole.")
+    write_from(parser, write_plate_with_hole)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,64 @@
+"""A block pressed between rough platens in plane strain, a quarter of it by symmetry.
+
+The block is (0, WIDTH/2)×(0, HEIGHT/2). Volume ``block``; curves ``x0``, ``y0`` (the symmetry
+lines), ``side`` (x = WIDTH/2) and ``top``. With a platen on top, glued to the block and as wide as
+it: volumes ``block`` and ``platen``, one body of shared nodes whose common line has no name;
+``top`` is then the platen's, ``x0`` is of both, and ``side`` of the block alone.
+"""
+
+from pathlib import Path
+
+from meshes.command_line import mesh_parser, write_from
+from meshes.naming import name, name_planes
+from meshes.shapes import add_box
+from meshes.sizes import finer_at, generate
+from perfplast_fenicsx.gmsh_files import gmsh_session
+from perfplast_fenicsx.splitting import on_plane
+
+WIDTH, HEIGHT, PLATEN = 2.0, 1.0, 0.25
+"""Width and height of the whole block; thickness of a platen."""
+FINER = 10.0
+"""How much smaller the elements are at the edge of the block's top."""
+
+
+def write_platens(
+    path: str | Path, platen: bool = False, size: float = 0.05, order: int = 1
+) -> None:
+    """Mesh a quarter of the block and the platen on it and write a .msh file. On one process.
+
+    Args:
+        path: The file to write.
+        platen: Whether a platen is glued to the block.
+        size: Edge length; it is a tenth at the edge of the block's top.
+        order: Degree of the geometry, 1 or 2.
+    """
+    width, height = WIDTH / 2, HEIGHT / 2
+    with gmsh_session() as gmsh:
+        block = add_box([0.0, 0.0], [width, height])
+        bodies = {}
+        if platen:
+            above = add_box([0.0, height], [width, PLATEN])
+            _, ((block,), (above,)) = gmsh.model.occ.fragment([block], [above])
+            bodies["platen"] = [above[1]]
+        gmsh.model.occ.synchronize()
+
+        name(2, bodies | {"block": [block[1]]})
+        top = height + PLATEN if platen else height
+        name_planes(1, {"x0": (0, 0.0), "y0": (1, 0.0), "top": (1, top)})
+        _, curves = gmsh.model.getAdjacencies(*block)
+        name(1, {"side": [tag for tag in on_plane(1, 0, width) if tag in curves]})
+        generate(2, finer_at((width, height), size / FINER, size), order)
+        # Not write_split, which would take the platen off the block.
+        gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
+        gmsh.write(str(path))
+
+
+def main() -> None:
+    """Write the mesh that the command line asks for."""
+    parser = mesh_parser(write_platens, "Mesh a quarter of a block between platens.")
+    parser.add_argument("--platen", action="store_true", help="with a platen glued to the block")
+    write_from(parser, write_platens)
+
+
+if __name__ == "__main__":
+    main()
