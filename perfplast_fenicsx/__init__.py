@@ -9,6 +9,7 @@ from perfplast_fenicsx.loading import load_path, work_path
 from perfplast_fenicsx.loads import BodyForce, Pressure, Support, Traction
 from perfplast_fenicsx.materials import Elastic, VonMises
 from perfplast_fenicsx.newton import Newton
+from perfplast_fenicsx.obstacles import Cylinder, Plane, Sphere
 from perfplast_fenicsx.options import NewtonOptions
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import Iteration, Level, LevelReport, State
@@ -24,6 +25,7 @@ __all__ = [
     "BodyForce",
     "BorderedNewton",
     "Contact",
+    "Cylinder",
     "Elastic",
     "InputError",
     "Iteration",
@@ -32,8 +34,10 @@ __all__ = [
     "LimitLoad",
     "Newton",
     "NewtonOptions",
+    "Plane",
     "Pressure",
     "Problem",
+    "Sphere",
     "State",
     "Support",
     "Traction",

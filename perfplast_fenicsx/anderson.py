@@ -32,7 +32,7 @@ class Anderson:
         self._width = problem.S.dofmap.index_map_bs
         self._owned = problem.S.dofmap.index_map.size_local
         points = problem.Q.dofmap.index_map.size_local
-        form = fem.form(ufl.TestFunction(problem.Q) * problem.measure())
+        form = fem.form(ufl.TestFunction(problem.Q) * problem.dx)
         volume = fem.assemble_vector(form).array[:points]
         moduli = problem.moduli
         self._spherical = np.sqrt(3 * moduli.bulk.x.array[:points] * volume)[:, None]

@@ -77,7 +77,7 @@ def _tag(kind: str, name: str, tags: dict[str, int]) -> int:
     return tags[name]
 
 
-def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int = 3) -> Assembly:
+def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) -> Assembly:
     """Read a .msh file whose physical groups name the bodies and surfaces. Collective.
 
     Rank 0 reads; the mesh is then distributed over ``comm`` without ghost cells. Second-order
@@ -86,7 +86,8 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int = 3) -> Assembly:
     Args:
         comm: Communicator of the mesh.
         path: The file.
-        gdim: 3 for tetrahedra, 2 for triangles in a plane z = const.
+        gdim: 3 if only tetrahedra will do, 2 if only triangles in a plane z = const; None for what
+            the file has.
 
     Raises:
         InputError: On every rank, for what :func:`~perfplast_fenicsx.gmsh_files.read_msh` refuses,
@@ -102,6 +103,7 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int = 3) -> Assembly:
     raise_together(comm, fault)
     without_arrays = comm.bcast(data.without_arrays() if data else None)
     data = data or without_arrays
+    gdim = data.gdim
 
     element = basix.ufl.element(
         "Lagrange",

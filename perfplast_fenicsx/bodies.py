@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
-from mpi4py import MPI
-
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+
+from perfplast_fenicsx.pairing import bounding_box
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,7 @@ def find_bodies(V: fem.FunctionSpace) -> Bodies:
     comm = V.mesh.comm
     count, of_node = _components(V)
     x = V.tabulate_dof_coordinates()
-    low, high = x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)
-    comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
-    comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
+    low, high = bounding_box(comm, x)
     size = float(np.linalg.norm(high - low))
     return Bodies(count, of_node, (low + high) / 2, size, V.mesh.geometry.dim)
 

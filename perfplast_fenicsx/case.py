@@ -1,15 +1,16 @@
 """Case files: what is solved and how, as TOML.
 
 A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
-``[[contact]]``, ``[solve]``, ``[loading]`` and ``[output]``; see ``demos/two_blocks.toml``. What
-may stand in a table is the dataclass it becomes, of this module or of the one that uses it.
+``[[contact]]``, ``[[obstacle]]``, ``[element]``, ``[solve]``, ``[loading]`` and ``[output]``; see
+``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes, of this module or
+of the one that uses it.
 """
 
 import math
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from mpi4py import MPI
 
@@ -22,6 +23,7 @@ from perfplast_fenicsx.limit_load import limit_options
 from perfplast_fenicsx.loads import BodyForce, Load, Pressure, Support, Traction
 from perfplast_fenicsx.materials import Elastic, Material, VonMises
 from perfplast_fenicsx.newton import Newton
+from perfplast_fenicsx.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.options import NewtonOptions
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.schema import Table, at, choose, convert, shown
@@ -60,6 +62,17 @@ class OutputOptions:
 
 
 @dataclass(frozen=True)
+class ElementOptions:
+    """The finite element.
+
+    Args:
+        degree: Of the displacements, 1 or 2.
+    """
+
+    degree: Literal[1, 2] = 1
+
+
+@dataclass(frozen=True)
 class MeshFile:
     """A gmsh file with physical names, relative to the folder of the case file."""
 
@@ -85,6 +98,8 @@ class Case:
     supports: list[Support]
     loads: list[Load]
     contacts: list[Contact]
+    obstacles: list[Obstacle]
+    element: ElementOptions
     method: str
     options: Any
     loading: LoadControl | WorkControl
@@ -109,7 +124,15 @@ class Case:
         """
         assembly = self.assembly(comm)
         with at(self.path.name):
-            return Problem(assembly, self.materials, self.supports, self.loads, self.contacts)
+            return Problem(
+                assembly,
+                self.materials,
+                self.supports,
+                self.loads,
+                self.contacts,
+                self.obstacles,
+                self.element.degree,
+            )
 
     def solver(self, problem: Problem) -> Any:
         """The algorithm of ``[solve]`` for a problem. Collective."""
@@ -127,6 +150,8 @@ class _Document:
     title: str = ""
     support: list[Table] = field(default_factory=list)
     contact: list[Table] = field(default_factory=list)
+    obstacle: list[Table] = field(default_factory=list)
+    element: Table = field(default_factory=dict)
     solve: Table = field(default_factory=dict)
     output: Table = field(default_factory=dict)
 
@@ -205,6 +230,10 @@ def _case(path: Path, table: Table) -> Case:
         loads.append(convert(load, _LoadTable, place).load(place))
     supports = _numbered(top.support, f"{name}, [[support]]")
     contacts = _numbered(top.contact, f"{name}, [[contact]]")
+    obstacles: list[Obstacle] = []
+    for place, table in _numbered(top.obstacle, f"{name}, [[obstacle]]"):
+        _, shape, rest = choose(table, "shape", OBSTACLES, place)
+        obstacles.append(convert(rest, shape, place))
     place = f"{name}, [loading]"
     control, schema, table = choose(top.loading, "control", LOADINGS, place, default="load")
     loading: LoadControl | WorkControl = convert(table, schema, place)
@@ -217,6 +246,8 @@ def _case(path: Path, table: Table) -> Case:
         supports=[convert(support, Support, place) for place, support in supports],
         loads=loads,
         contacts=[convert(contact, Contact, place) for place, contact in contacts],
+        obstacles=obstacles,
+        element=convert(top.element, ElementOptions, f"{name}, [element]"),
         method=method,
         options=options,
         loading=loading,

@@ -38,6 +38,12 @@ def geometry_dofmap(mesh: Mesh) -> npt.NDArray[np.int32]:
     return geometry.dofmaps[0] if hasattr(geometry, "dofmaps") else geometry.dofmap
 
 
+def coordinate_map(mesh: Mesh) -> Any:
+    """The coordinate element of the cells: ``geometry.cmap``, or the first of ``cmaps``."""
+    geometry = mesh.geometry
+    return geometry.cmaps[0] if hasattr(geometry, "cmaps") else geometry.cmap
+
+
 def entity_nodes(mesh: Mesh, dim: int, entities: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
     """Local geometry nodes of entities, shape (num_entities, nodes_per_entity). Not collective.
 
@@ -51,7 +57,5 @@ def entity_nodes(mesh: Mesh, dim: int, entities: npt.NDArray[np.int32]) -> npt.N
     """
     if entities.size:
         return entities_to_geometry(mesh, dim, entities)
-    geometry = mesh.geometry
-    cmap = geometry.cmaps[0] if hasattr(geometry, "cmaps") else geometry.cmap
-    size = cmap.create_dof_layout().num_entity_closure_dofs(dim)
+    size = coordinate_map(mesh).create_dof_layout().num_entity_closure_dofs(dim)
     return np.empty((0, size), dtype=np.int32)

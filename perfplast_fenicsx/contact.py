@@ -1,4 +1,4 @@
-"""Contact between named surfaces: node pairs, their normals, gaps and areas."""
+"""Contact of named surfaces with each other and with rigid obstacles: inequalities at nodes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,37 +7,50 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
-import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 
 from perfplast_fenicsx.assembly import Assembly
 from perfplast_fenicsx.bodies import Bodies
 from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.faces import face_nodes
 from perfplast_fenicsx.formulas import evaluate
-from perfplast_fenicsx.pairing import Matching, match_rows, send_rows
+from perfplast_fenicsx.obstacles import Obstacle
+from perfplast_fenicsx.pairing import Matching, Rows, bounding_box, match_rows, send_rows
 
 MATCHING_TOLERANCE = 1e-6
-"""Largest distance of matching nodes, relative to the size of the contact surfaces."""
+"""Largest distance of touching nodes, relative to the size of the contact surfaces."""
+
+TILT = 0.5
+"""Nodes that are apart may be shifted sideways by this share of their distance (and of the mesh
+size): matching surfaces that are not parallel are seen so along their mean normal."""
+
+OVERLAP = 1e-9
+"""Overlap, relative to the size of the surfaces, that is rounding."""
 
 LEAST_COSINE = 0.1
 """A displacement component may stand for the normal if its share of it is at least this."""
+
+RIGID = -1
+"""Body of the guest where it is a rigid obstacle."""
 
 
 @dataclass(frozen=True)
 class Contact:
     """Frictionless contact of two surfaces whose nodes match.
 
-    Which of the two is called primary does not matter for the result.
+    They may touch or be apart, flat, curved or with edges. Which of the two is called primary does
+    not matter for the result.
 
     Args:
         primary: Physical name of the first surface; the normal points out of its body.
         secondary: Physical name of the second surface.
-        gap: Initial gap g >= 0 (length) between them: a number or a formula in x, y, z.
+        gap: Initial gap g >= 0 (length) between them: a number or a formula in x, y, z of the
+            primary surface; None measures it along the normal.
     """
 
     primary: str
     secondary: str
-    gap: float | str = 0.0
+    gap: float | str | None = None
 
 
 @dataclass(frozen=True)
@@ -45,18 +58,19 @@ class ContactPairs:
     """The inequalities (u_a − u_b)·n ≤ g, each kept by the rank that owns its *host* node.
 
     One displacement component of the host, which is a unless supports leave a no freedom along n,
-    will be replaced by the jump (:mod:`perfplast_fenicsx.basis`).
+    will be replaced by the jump (:mod:`perfplast_fenicsx.basis`). At a rigid obstacle u_b = 0.
 
     Attributes:
         host: Local block dof of the host node, shape (num_pairs,).
-        guest: Global block dof of the other node.
+        guest: Global block dof of the other node; the host's own at obstacles.
         sign: 1 if the host is a, −1 if it is b.
-        normal: Outward unit normal of the primary surface, shape (num_pairs, gdim).
+        normal: Unit normal out of a's body, shape (num_pairs, gdim): the mean of both surfaces'
+            normals, so that it is the same seen from either.
         gap: Initial gap g (length).
-        area: Share of the surface that belongs to the pair (area; length in 2D).
+        contact: Number of the contact from 0; obstacles count on behind the contacts.
         host_free: Components of the host no support holds, shape (num_pairs, gdim).
-        guest_free: The same of the guest.
-        guest_body: Body of the guest (:class:`bodies.Bodies`).
+        guest_free: The same of the guest; none at obstacles.
+        guest_body: Body of the guest (:class:`bodies.Bodies`), or :data:`RIGID`.
         guest_x: Coordinates of the guest, shape (num_pairs, 3).
     """
 
@@ -65,38 +79,11 @@ class ContactPairs:
     sign: npt.NDArray[np.float64]
     normal: npt.NDArray[np.float64]
     gap: npt.NDArray[np.float64]
-    area: npt.NDArray[np.float64]
+    contact: npt.NDArray[np.int32]
     host_free: npt.NDArray[np.bool_]
     guest_free: npt.NDArray[np.bool_]
     guest_body: npt.NDArray[np.int32]
     guest_x: npt.NDArray[np.float64]
-
-
-def surface_nodes(
-    V: fem.FunctionSpace, assembly: Assembly, surface: str
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Owned nodes of a surface with their area-weighted outward normals. Collective.
-
-    Returns:
-        Local block dofs, shape (n,); unit normals, shape (n, gdim); areas, shape (n,).
-    """
-    mesh, gdim = V.mesh, V.mesh.geometry.dim
-    facets = assembly.facets(surface)
-    tag = assembly.surfaces[surface]
-    ds = ufl.Measure("ds", domain=mesh, subdomain_data=assembly.facet_tags)(tag)
-    v = ufl.TestFunction(V)
-    n = ufl.FacetNormal(mesh)
-    ones = ufl.as_vector([1.0] * gdim)
-    assembled = []
-    for density in (n, ones):
-        vector = fem.assemble_vector(fem.form(ufl.inner(density, v) * ds))
-        vector.scatter_reverse(la.InsertMode.add)
-        assembled.append(vector.array.reshape(-1, gdim))
-    nodes = fem.locate_dofs_topological(V, mesh.topology.dim - 1, facets)
-    nodes = nodes[nodes < V.dofmap.index_map.size_local]
-    normals = assembled[0][nodes]
-    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    return nodes, normals, assembled[1][nodes, 0]
 
 
 def find_pairs(
@@ -104,35 +91,43 @@ def find_pairs(
     assembly: Assembly,
     bodies: Bodies,
     contacts: Sequence[Contact],
+    obstacles: Sequence[Obstacle],
     fixed: npt.NDArray[np.bool_],
 ) -> ContactPairs:
-    """Find the node pairs of all contacts. Collective.
+    """Find the inequalities of all contacts and obstacles. Collective.
 
     Args:
         V: Displacement space.
         assembly: Mesh with names.
         bodies: Which node belongs to which body.
         contacts: What is in contact.
+        obstacles: What does not move.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
 
     Raises:
         InputError: Unknown names, surfaces whose nodes do not match or that do not face each other,
-            or a negative gap.
+            an obstacle that does not fit the mesh, overlap, or a negative gap.
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     found = [np.zeros((0, 9 + 3 * gdim))]
-    for number, contact in enumerate(contacts, start=1):
-        place = f"contact {number} ('{contact.primary}', '{contact.secondary}')"
+    for number, contact in enumerate(contacts):
+        place = f"contact {number + 1} ('{contact.primary}', '{contact.secondary}')"
         if contact.primary == contact.secondary:
             raise InputError(f"{place}: a surface cannot touch itself; name two surfaces.")
-        first = _rows(V, assembly, bodies, contact.primary, fixed, contact.gap, place)
-        second = _rows(V, assembly, bodies, contact.secondary, fixed, 0.0, place)
-        size = _size(comm, np.concatenate([first, second])[:, :3])
-        matching = match_rows(comm, first, second, MATCHING_TOLERANCE * size)
-        _check(comm, place, contact, matching, size, gdim)
-        found.append(_to_hosts(comm, matching, gdim))
+        first, second = (
+            _rows(V, assembly, bodies, surface, fixed)
+            for surface in (contact.primary, contact.secondary)
+        )
+        size = _diagonal(comm, np.concatenate([first, second]))
+        matching = match_rows(comm, first, second, slice(8, 8 + gdim), MATCHING_TOLERANCE * size)
+        normal, gap = _geometry(comm, place, contact, matching, size, gdim)
+        found.append(_to_hosts(comm, matching, normal, gap, number))
+    for number, obstacle in enumerate(obstacles, start=1):
+        place = f"obstacle {number} ({type(obstacle).__name__.lower()} at '{obstacle.on}')"
+        rows = _rows(V, assembly, bodies, obstacle.on, fixed)
+        found.append(_at_obstacle(comm, place, obstacle, rows, len(contacts) + number - 1, gdim))
     rows = np.concatenate(found)
-    host, guest, sign, gap, area, guest_body = rows[:, :6].T
+    host, guest, sign, gap, number, guest_body = rows[:, :6].T
     normal, host_free, guest_free = np.split(rows[:, 9:], 3, axis=1)
     return ContactPairs(
         host.astype(np.int32),
@@ -140,7 +135,7 @@ def find_pairs(
         sign,
         normal,
         gap,
-        area,
+        number.astype(np.int32),
         host_free.astype(bool),
         guest_free.astype(bool),
         guest_body.astype(np.int32),
@@ -159,7 +154,9 @@ def pair_functionals(
     normal = pairs.sign[:, None] * pairs.normal
     host_x = V.tabulate_dof_coordinates()[pairs.host]
     host = bodies.functionals(bodies.of_node[pairs.host], host_x, normal)
-    return host - bodies.functionals(pairs.guest_body, pairs.guest_x, normal)
+    moves = pairs.guest_body != RIGID
+    guest = bodies.functionals(np.where(moves, pairs.guest_body, 0), pairs.guest_x, normal)
+    return host - moves[:, None] * guest
 
 
 def _rows(
@@ -168,15 +165,78 @@ def _rows(
     bodies: Bodies,
     surface: str,
     fixed: npt.NDArray[np.bool_],
-    gap: float | str,
-    place: str,
+) -> Rows:
+    """Rows (x y z | rank, local, global, body, size | normal | free) of a surface's nodes."""
+    faces = face_nodes(V, assembly, surface)
+    node, x = faces.node, V.tabulate_dof_coordinates()[faces.node]
+    ranks = np.full(len(node), V.mesh.comm.rank)
+    numbers = [ranks, node, V.dofmap.index_map.local_to_global(node), bodies.of_node[node]]
+    columns = [x, *numbers, faces.size, faces.normal, ~fixed[node]]
+    return np.column_stack(columns).astype(np.float64)
+
+
+def _diagonal(comm: MPI.Intracomm, rows: Rows) -> float:
+    """Size of the box around the nodes of all ranks."""
+    low, high = bounding_box(comm, rows[:, :3])
+    return float(np.linalg.norm(high - low))
+
+
+def _geometry(
+    comm: MPI.Intracomm, place: str, contact: Contact, matching: Matching, size: float, gdim: int
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Normal and gap of matched nodes, after a look whether they can be in contact. Collective."""
+    if matching.alone:
+        raise InputError(
+            f"{place}: {matching.alone} nodes have no partner on the other surface (the nearest is"
+            f" up to {matching.farthest:.3g} away); mesh the two surfaces with the same nodes, for"
+            " instance by fragmenting and splitting in gmsh."
+        )
+    a, b = matching.first, matching.second
+    outward = [rows[:, 8 : 8 + gdim] for rows in (a, b)]
+    same_side = comm.allreduce(int((np.einsum("ni,ni->n", *outward) > 0).sum()))
+    if same_side:
+        raise InputError(
+            f"{place}: at {same_side} nodes the outward normals of the two surfaces point to the"
+            " same side, so they do not face each other; name one surface of each body."
+        )
+    normal = outward[0] - outward[1]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    between = (b - a)[:, :gdim]
+    apart = np.einsum("ni,ni->n", between, normal)
+    sideways = np.linalg.norm(between - apart[:, None] * normal, axis=1)
+    least = MATCHING_TOLERANCE * size
+    allowed = least + TILT * np.minimum(np.abs(apart), np.minimum(a[:, 7], b[:, 7]))
+    shifted = comm.allreduce(int((sideways > allowed).sum()))
+    if shifted:
+        farthest = comm.allreduce(float(sideways.max(initial=0)), MPI.MAX)
+        raise InputError(
+            f"{place}: {shifted} nodes have no partner opposite them (the nearest is up to"
+            f" {farthest:.3g} aside); mesh the two surfaces with the same nodes, for instance by"
+            " fragmenting and splitting in gmsh."
+        )
+    if contact.gap is None:
+        return normal, _without_overlap(comm, place, apart, size)
+    return normal, _given_gap(comm, place, contact.gap, a[:, :3])
+
+
+def _without_overlap(
+    comm: MPI.Intracomm, place: str, gap: npt.NDArray[np.float64], size: float
 ) -> npt.NDArray[np.float64]:
-    """Rows (x y z | rank, local, global, body | gap, area | normal | free) of a surface's nodes."""
-    comm, index_map = V.mesh.comm, V.dofmap.index_map
-    nodes, normals, areas = surface_nodes(V, assembly, surface)
-    x = V.tabulate_dof_coordinates()[nodes]
+    """Measured gaps, rounding removed. Collective."""
+    overlap = -comm.allreduce(float(gap.min(initial=0)), MPI.MIN)
+    if overlap > OVERLAP * size:
+        raise InputError(
+            f"{place}: the bodies overlap at first, by up to {overlap:.6g}; move one of them."
+        )
+    return np.where(gap > OVERLAP * size, gap, 0.0)
+
+
+def _given_gap(
+    comm: MPI.Intracomm, place: str, gap: float | str, x: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Gaps of a number or formula at points. Collective."""
     message: str | None = None
-    gaps: npt.NDArray[np.float64] = np.zeros(len(nodes))
+    gaps: npt.NDArray[np.float64] = np.zeros(len(x))
     try:
         gaps = evaluate(gap, x, f"{place}: gap")
         if (gaps < 0).any():
@@ -187,56 +247,54 @@ def _rows(
     except InputError as error:
         message = str(error)
     raise_together(comm, message)
-    ranks = np.full(len(nodes), comm.rank)
-    where = [x, ranks, nodes, index_map.local_to_global(nodes), bodies.of_node[nodes]]
-    return np.column_stack([*where, gaps, areas, normals, ~fixed[nodes]]).astype(np.float64)
+    return gaps
 
 
-def _size(comm: MPI.Intracomm, x: npt.NDArray[np.float64]) -> float:
-    """Diagonal of the box around the points of all ranks."""
-    low, high = x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)
-    comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
-    comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
-    return float(np.linalg.norm(high - low))
-
-
-def _check(
-    comm: MPI.Intracomm, place: str, contact: Contact, matching: Matching, size: float, gdim: int
-) -> None:
-    if matching.alone:
-        raise InputError(
-            f"{place}: {matching.alone} nodes have no partner on the other surface (up to"
-            f" {matching.farthest:.3g} away, {MATCHING_TOLERANCE * size:.3g} allowed); mesh the two"
-            " surfaces with the same nodes, for instance by fragmenting and splitting in gmsh."
-        )
-    cosine = np.einsum(
-        "ni,ni->n", *(rows[:, 9 : 9 + gdim] for rows in (matching.first, matching.second))
-    )
-    same_side = comm.allreduce(int((cosine > 0).sum()))
-    if same_side:
-        raise InputError(
-            f"{place}: at {same_side} nodes the outward normals of the two surfaces point to the"
-            " same side, so they do not face each other; name one surface of each body."
-        )
-
-
-def _to_hosts(comm: MPI.Intracomm, matching: Matching, gdim: int) -> npt.NDArray[np.float64]:
+def _to_hosts(
+    comm: MPI.Intracomm,
+    matching: Matching,
+    normal: npt.NDArray[np.float64],
+    gap: npt.NDArray[np.float64],
+    number: int,
+) -> Rows:
     """Choose each pair's host, and send it there.
 
     Returns:
-        Rows (host, guest, sign, gap, area, guest body | guest x y z | normal | host free |
+        Rows (host, guest, sign, gap, number, guest body | guest x y z | normal | host free |
         guest free) of the pairs hosted by this rank.
     """
     a, b = matching.first, matching.second
-    normal = a[:, 9 : 9 + gdim]
-    free_a, free_b = a[:, 9 + gdim :], b[:, 9 + gdim :]
-    able_a = (np.abs(normal) * free_a).max(axis=1, initial=0) >= LEAST_COSINE
-    able_b = (np.abs(normal) * free_b).max(axis=1, initial=0) >= LEAST_COSINE
+    free_a, free_b = (rows[:, 8 + normal.shape[1] :] for rows in (a, b))
+    able_a, able_b = _able(normal, free_a), _able(normal, free_b)
     on_a = able_a[:, None]
     host, guest = np.where(on_a, a, b), np.where(on_a, b, a)
     frees = [np.where(on_a, free_a, free_b), np.where(on_a, free_b, free_a)]
-    sign = np.where(able_a, 1.0, -1.0)
-    numbers = [host[:, 4], guest[:, 5], sign, a[:, 7], a[:, 8], guest[:, 6], guest[:, :3]]
-    rows = np.column_stack([*numbers, normal, *frees])
+    sign, numbers = np.where(able_a, 1.0, -1.0), np.full(len(a), number)
+    first = [host[:, 4], guest[:, 5], sign, gap, numbers, guest[:, 6], guest[:, :3]]
     movable = able_a | able_b
-    return send_rows(comm, rows[movable], host[movable, 3].astype(np.int64))
+    rows = np.column_stack([*first, normal, *frees])[movable]
+    return send_rows(comm, rows, host[movable, 3].astype(np.int64))
+
+
+def _at_obstacle(
+    comm: MPI.Intracomm, place: str, obstacle: Obstacle, rows: Rows, number: int, gdim: int
+) -> Rows:
+    """Rows like those of :func:`_to_hosts` of a surface's nodes, each once. Collective."""
+    rows = rows[np.unique(rows[:, 4], return_index=True)[1]]
+    gap, into, message = np.zeros(len(rows)), np.zeros((len(rows), gdim)), None
+    try:
+        gap, into = obstacle.towards(rows[:, :gdim])
+    except InputError as error:
+        message = f"{place}: {error}"
+    raise_together(comm, message)
+    gap = _without_overlap(comm, place, gap, _diagonal(comm, rows))
+    free = rows[:, 8 + gdim :]
+    ones, none = np.ones(len(rows)), np.zeros_like(free)
+    first = [rows[:, 4], rows[:, 5], ones, gap, number * ones, RIGID * ones, rows[:, :3]]
+    return np.column_stack([*first, into, free, none])[_able(into, free)]
+
+
+def _able(normal: npt.NDArray[np.float64], free: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    """Whether supports leave a node enough freedom along the normal to host the jump."""
+    able: npt.NDArray[np.bool_] = (np.abs(normal) * free).max(axis=1, initial=0) >= LEAST_COSINE
+    return able

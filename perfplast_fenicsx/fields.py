@@ -1,4 +1,4 @@
-"""Piecewise fields of a state, kept by DOLFINx Expressions, and the integrals of Newton's method.
+"""Strain and stress fields of a state, kept by DOLFINx Expressions, and the integrals of Newton's method.
 
 All forms and Expressions are compiled once for a problem. Nothing here loops over cells.
 """
@@ -14,6 +14,7 @@ from dolfinx.fem import petsc as fem_petsc
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.materials import strain
 from perfplast_fenicsx.problem import Problem
+from perfplast_fenicsx.spaces import by_cell
 
 
 class Integral:
@@ -41,8 +42,8 @@ class Fields:
     """Strain, stress and tangent data at u, and integrals along a direction.
 
     Attributes:
-        u: Displacement (P1 vector).
-        e: ε(u), Mandel vectors.
+        u: Displacement.
+        e: ε(u), Mandel vectors at the quadrature points, as all strains and stresses.
         stress: Σ(e).
         du, de: A direction δu and ε(δu).
         beta: Step length in the line-search integrals.
@@ -52,7 +53,7 @@ class Fields:
     def __init__(self, problem: Problem) -> None:
         """Create fields that are zero, and compile what evaluates them. Collective."""
         law, V, S, Q = problem.moduli, problem.V, problem.S, problem.Q
-        mesh, comm, dx = problem.assembly.mesh, problem.comm, problem.measure()
+        mesh, comm, dx = problem.assembly.mesh, problem.comm, problem.dx
         self.u, self.du = fem.Function(V, name="displacement"), fem.Function(V)
         self.e, self.de, self.stress = fem.Function(S), fem.Function(S), fem.Function(S)
         self.beta = fem.Constant(mesh, default_scalar_type(1))
@@ -89,7 +90,6 @@ class Fields:
         self.u_norm2 = Integral(comm, energy(e))
         self.du_norm2 = Integral(comm, energy(de))
         self.moved_norm2 = Integral(comm, energy(e + de))
-        self.plastic_cells = Integral(comm, law.plastic(e) / ufl.CellVolume(mesh) * dx)
         self._plastic_volume = Integral(comm, law.plastic(e) * dx)
         self._volume = Integral(comm, fem.Constant(mesh, default_scalar_type(1)) * dx)()
 
@@ -97,6 +97,7 @@ class Fields:
         self._force_form = fem.form(problem.internal_form(self.stress))
         self._tangent_form = fem.form(problem.tangent_form(self._a, self._normal))
         self._bcs, self._comm = problem.bcs, comm
+        self._owned_cells = mesh.topology.index_map(mesh.topology.dim).size_local
         self._fixed = problem.fixed[: V.dofmap.index_map.size_local].ravel()
         self.force: PETSc.Vec = problem.load.duplicate()
         self.stiffness: PETSc.Mat = fem_petsc.create_matrix(self._tangent_form)
@@ -111,10 +112,17 @@ class Fields:
         self.de.interpolate(self._strain_of_direction)
 
     def largest_overstress(self) -> float:
-        """Largest 2μ‖dev e‖/γ of all cells; above 1 something is plastic. Collective."""
+        """Largest 2μ‖dev e‖/γ of all points; above 1 something is plastic. Collective."""
         function, expression = self._overstress
         function.interpolate(expression)
         return self._comm.allreduce(float(function.x.array.max(initial=0)), MPI.MAX)
+
+    def plastic_cells(self) -> int:
+        """Number of cells with a plastic point. Collective."""
+        function, expression = self._overstress
+        function.interpolate(expression)
+        plastic = (by_cell(function)[: self._owned_cells] > 1).any(axis=1)
+        return self._comm.allreduce(int(plastic.sum()))
 
     def plastic_fraction(self) -> float:
         """Share of the volume that is plastic. Collective."""

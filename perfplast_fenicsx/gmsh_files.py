@@ -22,6 +22,7 @@ class GmshMesh:
     """Named simplices of one .msh file, nodes numbered 0, 1, … without gaps.
 
     Attributes:
+        gdim: 3 for tetrahedra, 2 for triangles.
         degree: Degree of the geometry, 1 or 2.
         points: Node coordinates, shape (num_nodes, 3).
         cells: Nodes of each cell in gmsh's order, shape (num_cells, nodes_per_cell).
@@ -33,6 +34,7 @@ class GmshMesh:
         surfaces: Name to tag of the facets.
     """
 
+    gdim: int
     degree: int
     points: npt.NDArray[np.float64]
     cells: npt.NDArray[np.int64]
@@ -81,12 +83,12 @@ def gmsh_session() -> Iterator[ModuleType]:
             gmsh.finalize()
 
 
-def read_msh(path: str | Path, gdim: int) -> GmshMesh:
-    """Read the simplices of dimension ``gdim`` and their named facets.
+def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
+    """Read the simplices of the largest dimension and their named facets.
 
     Args:
-        path: A .msh file with physical names.
-        gdim: 3, or 2 for a mesh of triangles in a plane z = const.
+        path: A .msh file with physical names: tetrahedra, or triangles in a plane z = const.
+        gdim: 3 or 2, if only such a mesh will do.
 
     Raises:
         InputError: If the file is missing, is not gmsh's, has no simplices of that dimension or
@@ -102,7 +104,7 @@ def read_msh(path: str | Path, gdim: int) -> GmshMesh:
         faults = [line for line in gmsh.logger.get() if line.startswith("Error")]
         if faults:
             raise InputError(f"gmsh cannot read '{path}': {faults[0].partition(':')[2].strip()}")
-        _check_dimension(gmsh, path, gdim)
+        gdim = _dimension(gmsh, path, gdim)
         volumes = _names(gmsh, path, gdim)
         if not volumes:
             entity = _ENTITY[gdim]
@@ -121,6 +123,7 @@ def read_msh(path: str | Path, gdim: int) -> GmshMesh:
         raise InputError(f"'{path}' is read as a plane mesh but its nodes have different z")
     on_cells = np.isin(facets, used).all(axis=1)
     return GmshMesh(
+        gdim=gdim,
         degree=degree,
         points=points,
         cells=np.searchsorted(used, cells),
@@ -146,14 +149,15 @@ def _check_header(path: Path) -> None:
         raise InputError(f"'{path}' is not a gmsh .msh file; save the mesh from gmsh as .msh")
 
 
-def _check_dimension(gmsh: ModuleType, path: str | Path, gdim: int) -> None:
+def _dimension(gmsh: ModuleType, path: str | Path, gdim: int | None) -> int:
+    """Dimension of the mesh, which is to be ``gdim`` if that is given."""
     dims = [dim for dim in range(4) if len(gmsh.model.mesh.getElementTypes(dim))]
     if not dims:
         raise InputError(f"'{path}' has no elements; mesh the model in gmsh before saving")
-    if max(dims) != gdim:
-        raise InputError(
-            f"'{path}' is a mesh of {_SIMPLEX[max(dims)]} where {_SIMPLEX[gdim]} are needed"
-        )
+    if max(dims) < 2 or gdim not in (None, max(dims)):
+        needed = _SIMPLEX[gdim] if gdim else "triangles or tetrahedra"
+        raise InputError(f"'{path}' is a mesh of {_SIMPLEX[max(dims)]} where {needed} are needed")
+    return max(dims)
 
 
 def _names(gmsh: ModuleType, path: str | Path, dim: int) -> dict[str, int]:

@@ -45,7 +45,7 @@ class Iterate:
         """Start from a state, what penetrates being pushed back, or from zero displacement.
 
         Returns:
-            The active set to begin with: the state's, or all pairs without gap.
+            The active set to begin with: the state's, or the problem's first one.
         """
         basis, u = self.problem.basis, self.fields.u
         if start is None:
@@ -59,7 +59,7 @@ class Iterate:
             basis.T.mult(self.y, u.x.petsc_vec)
             u.x.scatter_forward()
         self.fields.update()
-        return self.room() <= 0 if start is None else start.active.copy()
+        return self.problem.first_closed.copy() if start is None else start.active.copy()
 
     def room(self) -> npt.NDArray[np.float64]:
         """Room g − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""

@@ -91,7 +91,7 @@ class Progress:
             setups=setups,
             damping_min=min((record.beta for record in history), default=1.0),
             plastic_fraction=fields.plastic_fraction(),
-            plastic_cells=round(fields.plastic_cells()),
+            plastic_cells=fields.plastic_cells(),
             active_contacts=comm.allreduce(int(active.sum())),
             contact_pairs=problem.num_pairs,
             max_penetration=certificate.max_penetration,

@@ -8,6 +8,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.contact import RIGID
 from perfplast_fenicsx.petsc_options import LINEAR, own_prefix
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.rigidity import contact_gram, null_space
@@ -181,12 +182,15 @@ _REASONS = {
 def near_null_space(problem: Problem, A: PETSc.Mat) -> PETSc.NullSpace:
     """The rigid motions that closed contact leaves free, in the contact basis, orthonormal.
 
+    Supports and obstacles do not count: they hold nodes, not the operator inside the bodies.
+
     For one body these are its 6 (3 in 2D) rigid motions; two bodies on a plane have 9: the common
     ones, and the in-plane motions of one body alone, which a frictionless interface lets slide.
     """
     V, bodies, basis = problem.V, problem.bodies, problem.basis
     owned, gdim = V.dofmap.index_map.size_local, bodies.gdim
-    motions = null_space(contact_gram(V, bodies, problem.pairs))
+    moving = problem.pairs.guest_body != RIGID
+    motions = null_space(contact_gram(V, bodies, problem.pairs, moving))
     if motions.shape[1] > MOST_MODES:
         motions = np.tile(np.eye(bodies.num_modes), (bodies.count, 1))
     x = V.tabulate_dof_coordinates()[:owned]

@@ -56,7 +56,7 @@ def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) ->
     """
     if problem.num_dofs > LARGEST_PROBLEM:
         return UpperBound(None, 0)
-    law, dx, comm = problem.moduli, problem.measure(), problem.comm
+    law, dx, comm = problem.moduli, problem.dx, problem.comm
     plastic = ufl.conditional(ufl.gt(1 / law.yield_radius, 0.0), 1.0, 0.0)
     v, multiplier = fem.Function(problem.V), fem.Function(problem.S)
 

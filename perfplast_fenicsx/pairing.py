@@ -49,24 +49,77 @@ class Matching:
     farthest: float
 
 
-def match_rows(comm: MPI.Intracomm, first: Rows, second: Rows, distance: float) -> Matching:
-    """Match the rows of two surfaces that lie within ``distance`` of each other. Collective.
+MOST_FACES = 6
+"""So many rows of one place, with different normals, are told apart."""
 
-    The nearest row is taken; that each has exactly one partner is counted, not assumed.
+SAME_PLACE = 1e-9
+"""Distance, relative to the size of the surfaces, of rows that are at the same place."""
+
+
+def match_rows(
+    comm: MPI.Intracomm, first: Rows, second: Rows, normals: slice, distance: float
+) -> Matching:
+    """Match the rows of two surfaces that lie opposite each other. Collective.
+
+    The nearest row is taken, and of several in one place the one with the most opposite normal.
+    First rows within ``distance`` are matched; what is left is looked for in ever larger distances,
+    up to the size of the surfaces. That each row has exactly one partner is counted, not assumed.
 
     Args:
         comm: The ranks.
         first: Shape (num_rows, width), this rank's rows of the first surface, x, y, z first.
         second: The same for the second surface.
-        distance: Largest distance of a pair (length).
+        normals: Columns of the outward unit normals.
+        distance: Largest distance of touching nodes (length).
     """
-    points = np.concatenate([first[:, :3], second[:, :3]])
-    low = np.full(3, np.inf)
-    high = np.full(3, -np.inf)
-    if len(points):
-        low, high = points.min(axis=0), points.max(axis=0)
-    comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
-    comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
+    low, high = bounding_box(comm, np.concatenate([first[:, :3], second[:, :3]]))
+    size = float(np.linalg.norm(high - low))
+    found: list[tuple[Rows, Rows]] = []
+    twice = 0
+    while True:
+        near = _match_near(comm, first, second, normals, distance, low, high)
+        found.append((near.first, near.second))
+        left = comm.allreduce(np.array([len(near.left_first), len(near.left_second), near.twice]))
+        twice += int(left[2])
+        if not left[:2].all() or distance >= size:
+            break
+        first, second, distance = near.left_first, near.left_second, max(4 * distance, size / 64)
+    joined = [np.concatenate(rows) for rows in zip(*found, strict=True)]
+    farthest = comm.allreduce(near.farthest, MPI.MAX)
+    return Matching(joined[0], joined[1], int(left[:2].sum()) + twice, farthest)
+
+
+@dataclass(frozen=True)
+class _Near:
+    """What :func:`_match_near` finds on this rank.
+
+    Attributes:
+        first: Matched rows of the first surface.
+        second: The rows of the second that they meet.
+        left_first: Rows of the first that meet none.
+        left_second: Rows of the second that meet none.
+        twice: How often a row of the second meets more than one.
+        farthest: Largest distance of ``left_first`` to the nearest row.
+    """
+
+    first: Rows
+    second: Rows
+    left_first: Rows
+    left_second: Rows
+    twice: int
+    farthest: float
+
+
+def _match_near(
+    comm: MPI.Intracomm,
+    first: Rows,
+    second: Rows,
+    normals: slice,
+    distance: float,
+    low: Rows,
+    high: Rows,
+) -> _Near:
+    """Match rows within a distance. Collective."""
     axis = int(np.argmax(high - low))
     width = max(high[axis] - low[axis], distance) / comm.size
 
@@ -74,6 +127,7 @@ def match_rows(comm: MPI.Intracomm, first: Rows, second: Rows, distance: float) 
         return np.clip(np.floor((x - low[axis]) / width), 0, comm.size - 1).astype(np.int64)
 
     here = send_rows(comm, first, slab(first[:, axis]))
+    second = np.column_stack([second, np.full(len(second), comm.rank), np.arange(len(second))])
     lowest, highest = slab(second[:, axis] - distance), slab(second[:, axis] + distance)
     copies = highest - lowest + 1
     offset = np.arange(copies.sum()) - np.repeat(np.cumsum(copies) - copies, copies)
@@ -82,12 +136,31 @@ def match_rows(comm: MPI.Intracomm, first: Rows, second: Rows, distance: float) 
     far = np.full(len(here), np.inf)
     nearest = np.zeros(len(here), dtype=np.int64)
     if len(here) and len(there):
-        far, nearest = cKDTree(there[:, :3]).query(here[:, :3])
+        k = min(MOST_FACES, len(there))
+        fars, candidates = cKDTree(there[:, :3]).query(here[:, :3], k=np.arange(1, k + 1))
+        far = fars[:, 0]
+        same = fars <= far[:, None] + SAME_PLACE * np.linalg.norm(high - low)
+        facing = np.einsum("ni,nki->nk", here[:, normals], there[candidates][:, :, normals])
+        best = np.argmin(np.where(same, facing, 2.0), axis=1)
+        nearest = candidates[np.arange(len(here)), best]
     paired = far <= distance
-    pairs = int(paired.sum())
-    distinct = len(np.unique(nearest[paired]))
-    counts = np.array([pairs, distinct, len(first), len(second)], dtype=np.int64)
-    comm.Allreduce(MPI.IN_PLACE, counts, MPI.SUM)
-    alone = (counts[2] - counts[0]) + (counts[3] - min(counts[0], counts[1]))
-    farthest = comm.allreduce(float(far[~paired].max(initial=0.0)), MPI.MAX)
-    return Matching(here[paired], there[nearest[paired]], int(alone), farthest)
+    taken = there[nearest[paired]] if len(there) else there[:0]
+    # a row of the second surface may have been found by several, on this rank or on others
+    back = send_rows(comm, taken[:, -2:], taken[:, -2].astype(np.int64))
+    times = np.bincount(back[:, -1].astype(np.int64), minlength=len(second))
+    return _Near(
+        first=here[paired],
+        second=taken[:, :-2],
+        left_first=here[~paired],
+        left_second=second[times == 0, :-2],
+        twice=int(np.maximum(times - 1, 0).sum()),
+        farthest=float(far[~paired].max(initial=0.0)),
+    )
+
+
+def bounding_box(comm: MPI.Intracomm, points: Rows) -> tuple[Rows, Rows]:
+    """Smallest and largest coordinates of the points of all ranks."""
+    low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
+    comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
+    comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
+    return low, high

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from mpi4py import MPI
 from petsc4py import PETSc
 
-import basix.ufl
 import numpy as np
 import numpy.typing as npt
 import ufl
@@ -21,8 +20,10 @@ from perfplast_fenicsx.bodies import Bodies, find_bodies
 from perfplast_fenicsx.contact import Contact, ContactPairs, find_pairs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.loads import Load, Support, work_form
-from perfplast_fenicsx.materials import Material, Moduli, mandel_size, strain, tangent
-from perfplast_fenicsx.rigidity import check_rigidity
+from perfplast_fenicsx.materials import Material, Moduli, strain, tangent
+from perfplast_fenicsx.obstacles import Obstacle
+from perfplast_fenicsx.rigidity import check_rigidity, first_closed
+from perfplast_fenicsx.spaces import make_spaces
 
 
 class Problem:
@@ -30,15 +31,19 @@ class Problem:
 
     Attributes:
         assembly: The mesh and its names.
-        V: Continuous P1 displacements, one vector a node.
-        S: Piecewise constant Mandel vectors (strain, stress).
-        Q: Piecewise constant scalars.
+        degree: 1 or 2, that of the displacements.
+        V: Continuous displacements, one vector a node.
+        S: Mandel vectors (strain, stress) at the quadrature points (:class:`spaces.Spaces`).
+        Q: Scalars at the quadrature points.
+        dx: Integrates over these points.
         bodies: Connected components and their rigid motions.
         moduli: κ, μ, γ as functions of Q.
         bcs: Homogeneous supports.
+        contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
         has_gaps: Whether any pair is open at first.
         pairs: The contact inequalities hosted by this rank.
+        first_closed: Pairs hosted by this rank that are closed at first, shape (num_pairs,).
         basis: Basis in which contact is a bound.
         load: L as a vector in V's dual, zero at supported unknowns (ghosts summed).
     """
@@ -50,6 +55,8 @@ class Problem:
         supports: Sequence[Support] = (),
         loads: Sequence[Load] = (),
         contacts: Sequence[Contact] = (),
+        obstacles: Sequence[Obstacle] = (),
+        degree: int = 1,
     ) -> None:
         """Declare the problem. Collective.
 
@@ -59,25 +66,30 @@ class Problem:
             supports: Where the displacement is zero.
             loads: What L(v) is the work of.
             contacts: Pairs of surfaces that cannot penetrate each other.
+            obstacles: Rigid bodies that surfaces cannot penetrate.
+            degree: 1 for linear displacements, as in the paper, or 2 for quadratic ones, which do
+                not lock in plastic flow.
 
         Raises:
             InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
         self.assembly = assembly
-        mesh, gdim = assembly.mesh, assembly.mesh.geometry.dim
-        cell = mesh.basix_cell()
-        self.V = fem.functionspace(mesh, basix.ufl.element("P", cell, 1, shape=(gdim,)))
-        self.S = fem.functionspace(
-            mesh, basix.ufl.element("DG", cell, 0, shape=(mandel_size(gdim),))
-        )
-        self.Q = fem.functionspace(mesh, basix.ufl.element("DG", cell, 0))
+        spaces = make_spaces(assembly.mesh, degree)
+        self.degree, self.dx = degree, spaces.dx
+        self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
         self.bodies: Bodies = find_bodies(self.V)
         self.moduli = self._moduli(materials)
         self.bcs, self.fixed = self._supports(supports)
-        self.pairs: ContactPairs = find_pairs(self.V, assembly, self.bodies, contacts, self.fixed)
+        self.pairs: ContactPairs = find_pairs(
+            self.V, assembly, self.bodies, contacts, obstacles, self.fixed
+        )
+        touching = {a.primary for a in contacts} | {a.secondary for a in contacts}
+        touching |= {obstacle.on for obstacle in obstacles}
+        self.contact_tags = tuple(sorted(assembly.surfaces[name] for name in touching))
         self.num_pairs: int = self.comm.allreduce(len(self.pairs.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.pairs.gap > 0).any()), MPI.LOR)
         check_rigidity(self.V, self.bodies, self.fixed, self.pairs)
+        self.first_closed = first_closed(self.V, self.bodies, self.fixed, self.pairs)
         self.basis: ContactBasis = make_basis(self.V, self.pairs)
         self.load: PETSc.Vec = self._load(loads)
 
@@ -91,18 +103,14 @@ class Problem:
         """Displacement unknowns on all ranks together, supported ones included."""
         return self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
 
-    def measure(self) -> ufl.Measure:
-        """Dx with the quadrature of S."""
-        return ufl.Measure("dx", domain=self.assembly.mesh, metadata={"quadrature_degree": 0})
-
     def tangent_form(self, a: fem.Function, normal: fem.Function) -> ufl.Form:
         """⟨Σ^{o,ρ} ε(u), ε(v)⟩ from the tangent data a, N of :class:`materials.Moduli`."""
         e, d = strain(ufl.TrialFunction(self.V)), strain(ufl.TestFunction(self.V))
-        return ufl.dot(tangent(self.moduli.bulk, a, normal, e), d) * self.measure()
+        return ufl.dot(tangent(self.moduli.bulk, a, normal, e), d) * self.dx
 
     def internal_form(self, stress: fem.Function) -> ufl.Form:
         """⟨σ, ε(v)⟩."""
-        return ufl.dot(stress, strain(ufl.TestFunction(self.V))) * self.measure()
+        return ufl.dot(stress, strain(ufl.TestFunction(self.V))) * self.dx
 
     def _moduli(self, materials: Mapping[str, Material]) -> Moduli:
         assembly = self.assembly
@@ -117,7 +125,8 @@ class Problem:
         functions = {name: fem.Function(self.Q) for name in ("bulk", "shear", "yield_radius")}
         for field, function in functions.items():
             for name, material in materials.items():
-                function.x.array[assembly.cells(name)] = getattr(material, field)
+                points = self.Q.dofmap.list[assembly.cells(name)].ravel()
+                function.x.array[points] = getattr(material, field)
         return Moduli(**functions)
 
     def _supports(

@@ -80,7 +80,7 @@ class LevelReport:
         setups: Factorisations or multigrid set-ups.
         damping_min: Smallest step length β.
         plastic_fraction: Share of the volume that is plastic.
-        plastic_cells: Cells that are plastic.
+        plastic_cells: Cells that are plastic, at one quadrature point at least.
         active_contacts: Pairs that push.
         contact_pairs: All pairs.
         max_penetration: Largest (u_a − u_b)·n − g, at least 0 (length).
@@ -122,7 +122,7 @@ class Level:
 
     Attributes:
         state: What it ended with.
-        stress: σ = Σ(ε(u)), piecewise constant Mandel vectors (:mod:`materials`).
+        stress: σ = Σ(ε(u)), Mandel vectors (:mod:`materials`) at the quadrature points.
         report: What is known of it.
         iterations: Each step.
     """

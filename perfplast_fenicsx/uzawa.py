@@ -107,7 +107,7 @@ class AugmentedLagrangian:
         self._program.set_operator(self._iterate.operator(rho=1.0))
 
         law, mesh, S = problem.moduli, problem.assembly.mesh, problem.S
-        dx, comm = problem.measure(), problem.comm
+        dx, comm = problem.dx, problem.comm
         self._q, self._next_q = fem.Function(S), fem.Function(S)
         self._sigma, self._trial = fem.Function(S), fem.Function(S)
         self._r = fem.Constant(mesh, default_scalar_type(1))

@@ -10,10 +10,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
+import basix.ufl
 from dolfinx import fem
 from dolfinx.io import XDMFFile
 from dolfinx.mesh import Mesh
 
+from perfplast_fenicsx.compat import coordinate_map
 from perfplast_fenicsx.output import ResultFolder
 
 
@@ -33,7 +35,8 @@ class FieldsFile:
         """Append the fields of a level. Collective.
 
         Args:
-            fields: Functions of the mesh's degree or piecewise constant, by name.
+            fields: Nodal or piecewise constant functions by name. Nodal ones get the degree of the mesh's
+                geometry, as the format demands.
             time: ζ or α, larger than those before.
 
         Raises:
@@ -42,10 +45,24 @@ class FieldsFile:
         self._folder.on_root(lambda: _write(self._path, self._by_dolfinx))
         with XDMFFile(self._folder.comm, self._path, "a") as file:
             for name, function in fields.items():
-                function.name = name
-                file.write_function(function, time)
+                writable = self._writable(function)
+                writable.name = name
+                file.write_function(writable, time)
         self._keep()
         self._folder.on_root(lambda: _write(self._path, one_series(self._by_dolfinx)))
+
+    def _writable(self, function: fem.Function) -> fem.Function:
+        """The function, in the mesh's degree if it is a nodal one of another degree."""
+        space = function.function_space
+        mesh, degree = space.mesh, space.element.basix_element.degree
+        if degree in (0, coordinate_map(mesh).degree):
+            return function
+        element = basix.ufl.element(
+            "P", mesh.basix_cell(), coordinate_map(mesh).degree, shape=function.ufl_shape or None
+        )
+        written = fem.Function(fem.functionspace(mesh, element))
+        written.interpolate(function)
+        return written
 
     def _keep(self) -> None:
         def keep() -> None:

@@ -60,20 +60,22 @@ def test_points_find_their_partners_wherever_they_are() -> None:
     comm = MPI.COMM_WORLD
     generator = np.random.default_rng(0)
     points = generator.random((200, 3)) * (3, 1, 1)
-    numbered = np.column_stack([points, np.arange(200)])
+    numbered = np.column_stack([points, np.arange(200), np.tile([0.0, 0.0, 1.0], (200, 1))])
+    normals = slice(4, 7)
     first = numbered[np.arange(200) % comm.size == comm.rank]
     shuffled = numbered[generator.permutation(200)]
     shuffled[:, :3] += 1e-9 * generator.normal(size=(200, 3))
+    shuffled[:, normals] *= -1
     second = shuffled[np.arange(200) % comm.size == comm.rank]
-    matching = match_rows(comm, first, second, 1e-7)
+    matching = match_rows(comm, first, second, normals, 1e-7)
     assert (matching.first[:, 3] == matching.second[:, 3]).all()
     assert comm.allreduce(len(matching.first)) == 200
     assert (matching.alone, matching.farthest) == (0, 0.0)
 
-    missing = match_rows(comm, first, second[1:], 1e-7)
+    missing = match_rows(comm, first, second[1:], normals, 1e-7)
     assert missing.alone == comm.size
     assert missing.farthest > 1e-7
-    twice = match_rows(comm, first, np.concatenate([second, second]), 1e-7)
+    twice = match_rows(comm, first, np.concatenate([second, second]), normals, 1e-7)
     assert twice.alone == 200
 
 

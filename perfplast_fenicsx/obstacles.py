@@ -1,0 +1,126 @@
+"""Rigid obstacles that do not move: planes, spheres and cylinders."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.errors import InputError
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A half space.
+
+    Args:
+        on: Physical surface that cannot penetrate it.
+        point: A point of the plane (length; 2 or 3 numbers).
+        normal: Points out of the obstacle, towards the body; of any length.
+    """
+
+    on: str
+    point: Sequence[float]
+    normal: Sequence[float]
+
+    def towards(self, x: Floats) -> tuple[Floats, Floats]:
+        """Distance of points to the obstacle and the unit direction that leads into it.
+
+        Args:
+            x: Points, shape (n, gdim).
+
+        Returns:
+            Distances, negative inside, shape (n,); directions, shape (n, gdim).
+        """
+        normal = _vector(self, "normal", x.shape[1])
+        length = np.linalg.norm(normal)
+        if length == 0:
+            raise InputError(f"normal of the plane at '{self.on}' is zero; give its direction.")
+        normal = normal / length
+        return (x - _vector(self, "point", x.shape[1])) @ normal, np.tile(-normal, (len(x), 1))
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A ball, or all that is outside of it. In the plane a disc.
+
+    Args:
+        on: Physical surface that cannot penetrate it.
+        centre: Its centre (length).
+        radius: Its radius (length).
+        hollow: Whether the body is inside.
+    """
+
+    on: str
+    centre: Sequence[float]
+    radius: float
+    hollow: bool = False
+
+    def towards(self, x: Floats) -> tuple[Floats, Floats]:
+        """See :meth:`Plane.towards`."""
+        return _round(self, x - _vector(self, "centre", x.shape[1]))
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A circular cylinder without ends, or all that is outside of it. In 3D only.
+
+    Args:
+        on: Physical surface that cannot penetrate it.
+        point: A point of its axis (length).
+        axis: Direction of its axis, of any length.
+        radius: Its radius (length).
+        hollow: Whether the body is inside.
+    """
+
+    on: str
+    point: Sequence[float]
+    axis: Sequence[float]
+    radius: float
+    hollow: bool = False
+
+    def towards(self, x: Floats) -> tuple[Floats, Floats]:
+        """See :meth:`Plane.towards`."""
+        if x.shape[1] == 2:
+            raise InputError(f"the cylinder at '{self.on}' is in a plane mesh; give a sphere.")
+        axis = _vector(self, "axis", 3)
+        length = np.linalg.norm(axis)
+        if length == 0:
+            raise InputError(f"axis of the cylinder at '{self.on}' is zero; give its direction.")
+        r = x - _vector(self, "point", 3)
+        return _round(self, r - np.outer(r @ axis, axis) / length**2)
+
+
+Obstacle = Plane | Sphere | Cylinder
+
+OBSTACLES = {"plane": Plane, "sphere": Sphere, "cylinder": Cylinder}
+
+
+def _round(obstacle: Sphere | Cylinder, r: Floats) -> tuple[Floats, Floats]:
+    """Distance and direction where r leads from the centre, or the axis, to the points."""
+    shape = type(obstacle).__name__.lower()
+    if not (obstacle.radius > 0 and np.isfinite(obstacle.radius)):
+        raise InputError(
+            f"radius = {obstacle.radius} of the {shape} at '{obstacle.on}' is not a positive"
+            " number; give a length."
+        )
+    distance = np.linalg.norm(r, axis=1)
+    if (distance <= 1e-12 * obstacle.radius).any():
+        raise InputError(
+            f"a node of '{obstacle.on}' lies in the middle of the {shape}, where no direction leads"
+            " out of it; name only the surface that may touch it."
+        )
+    sign = 1.0 if obstacle.hollow else -1.0
+    return sign * (obstacle.radius - distance), sign * r / distance[:, None]
+
+
+def _vector(obstacle: Obstacle, field: str, gdim: int) -> Floats:
+    value = np.atleast_1d(np.asarray(getattr(obstacle, field), dtype=np.float64))
+    if value.shape != (gdim,) or not np.isfinite(value).all():
+        raise InputError(
+            f"{field} = {list(getattr(obstacle, field))} of the {type(obstacle).__name__.lower()} at"
+            f" '{obstacle.on}' does not fit a mesh in {gdim}D; give {gdim} finite numbers."
+        )
+    return value
