@@ -4,6 +4,9 @@ import math
 from collections.abc import Callable, Sequence
 
 import gmsh
+import numpy as np
+
+from perfplast_fenicsx.errors import InputError
 
 SizeLaw = Callable[[float, float, float], float]
 """Edge length as a function of the place (x, y, z)."""
@@ -16,12 +19,22 @@ def generate(dim: int, law: SizeLaw, order: int) -> None:
         dim: Dimension of the bodies.
         law: Edge length by the place; nothing else sets it.
         order: Degree of the geometry, 1 or 2.
+
+    Raises:
+        InputError: If the elements are too large for the curves of the bodies.
     """
     for option in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
         gmsh.option.setNumber(f"Mesh.MeshSize{option}", 0)
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 1e22)
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: law(x, y, z))
     gmsh.model.mesh.generate(dim)
     gmsh.model.mesh.setOrder(order)
+    # Large elements on a curved surface may be bent so much that they fold over.
+    if order == 2 and _worst_quality(dim) < 0.2:
+        gmsh.model.mesh.optimize("HighOrderElastic")
+        if _worst_quality(dim) <= 0.0:
+            raise InputError("the curved elements of this mesh fold over; give a smaller size")
 
 
 def finer_at(
@@ -51,3 +64,9 @@ def finer_at(
         return inside + growth * max(0.0, distance - reach)
 
     return law
+
+
+def _worst_quality(dim: int) -> float:
+    """Signed inverse condition number of the worst element, 1 at best, below 0 where it folds."""
+    tags = np.concatenate(gmsh.model.mesh.getElements(dim)[1])
+    return float(gmsh.model.mesh.getElementQualities(tags, "minSICN").min())

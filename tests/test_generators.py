@@ -25,6 +25,7 @@ from meshes.thick_sphere import write_thick_sphere
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx.assembly import Assembly, read_gmsh
 from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.errors import InputError
 
 
 @dataclass
@@ -404,6 +405,12 @@ def test_finer_where_it_matters(
     finest, largest = edge_lengths(case.read(comm, shared_tmp_path), point)
     assert near / 2 < finest < 2 * near
     assert largest > 6 * near
+
+
+def test_folded_elements_are_refused(tmp_path: Path) -> None:
+    write_thick_sphere(tmp_path / "mesh.msh", interface=1.3, size=0.4, order=2)  # some are repaired
+    with pytest.raises(InputError, match="fold over; give a smaller size"):
+        write_thick_sphere(tmp_path / "mesh.msh", interface=1.3, size=0.8, order=2)
 
 
 def test_command_line(
