@@ -8,6 +8,10 @@ space, ``vinewtonrsls``) then looks whether this set is the right one and goes o
 it is. SNES-VI's own reduced matrices lose block size and near-nullspace; its linear solves are
 therefore handed to :class:`linear.LinearSolver`, which holds the active unknowns in the full space.
 
+On coarse or nearly collapsed meshes, and with quadratic elements, sets may repeat in a circle, since
+the operator is no M-matrix. The pairs that change then are condensed to a small dense program of
+their own (:mod:`condensed`), which has an exact solution; pairs beside them join as they change too.
+
 The work equality borders the system: with A v = b and A w = ℓ on the same free unknowns, the
 solution is v + ζ w, where ζ, the multiplier, makes the work right (ALG4 of the paper; on a fixed
 active set it solves the quadratic program of ALG3 too). Both solves share one set-up.
@@ -20,12 +24,19 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.condensed import closed_pairs
 from perfplast_fenicsx.linear import LinearFailure, LinearSolver
 from perfplast_fenicsx.petsc_options import ACTIVE_SET, own_prefix
 from perfplast_fenicsx.problem import Problem
 
-MOST_ACTIVE_SET_ITERATIONS = 25
-"""An active set that has not settled by then goes in circles; the step is used as it is."""
+MOST_ACTIVE_SET_ITERATIONS = 8
+"""An active set that has not settled by then goes in circles."""
+
+MOST_CONDENSED = 300
+"""So many pairs are condensed at most; beyond, the step is used as it is."""
+
+CONDENSED_TOLERANCE = 1e-6
+"""Relative tolerance of the linear solves that condense."""
 
 ROUNDING = 1e-12
 """Contact forces below this share of the largest force decide nothing."""
@@ -67,15 +78,17 @@ class ContactProgram:
         self._linear = linear
         self._index = problem.basis.index
         self._contact = problem.num_pairs > 0
-        self._rtol = self._force_tolerance = self._multiplier = 0.0
+        self._rtol = self._force_tolerance = self._multiplier = self._rhs_size = 0.0
         self._work: float | None = None
         self._sets = 0
+        self._circling: npt.NDArray[np.bool_] = np.zeros(len(self._index), dtype=bool)
         self._held: npt.NDArray[np.bool_] = np.zeros(len(self._index), dtype=bool)
         self._A: PETSc.Mat | None = None
         self._r = problem.load.duplicate()
         self._delta, self._gradient, self._rhs, self._image, self._upper, self._lower = (
             self._r.duplicate() for _ in range(6)
         )
+        self._nothing = self._r.duplicate()
         self._border, self._response = self._r.duplicate(), self._r.duplicate()
         problem.basis.T.multTranspose(problem.load, self._border)
         self._response_is_new = False
@@ -114,7 +127,8 @@ class ContactProgram:
         assert A is not None
         self._rtol, self._sets, self._work, self._multiplier = rtol, 0, work, 0.0
         r.copy(self._r)
-        self._solve_on(guess, room)
+        self._circling[:] = False
+        self._minimise(guess, room)
         if not self._contact:
             return self._step(guess, True)
         upper = self._upper.array
@@ -128,44 +142,117 @@ class ContactProgram:
             pushing = self._gradient.array_r[self._index] < 0
             active = np.where(guess, pushing, beyond)
             return self._step(active, not self._comm.allreduce(int((active != guess).sum())))
-        settled = self._variational_inequality(A)
+        settled = self._variational_inequality(A) or self._condense(room)
         return self._step(self._held.copy(), settled)
 
     def _step(self, active: npt.NDArray[np.bool_], settled: bool) -> ContactStep:
         return ContactStep(self._delta, active, settled, self._sets, self._multiplier)
 
-    def _solve_on(self, active: npt.NDArray[np.bool_], room: npt.NDArray[np.float64]) -> None:
-        """δ with the active pairs closed: A δ = −r on the rest."""
-        A, closed = self._A, self._index[active]
+    def _minimise(self, active: npt.NDArray[np.bool_], room: npt.NDArray[np.float64]) -> None:
+        """δ and the multiplier with the active pairs closed, whatever the other pairs do."""
+        self._multiplier = self._solve_on(active, room, self._r, self._work, self._rtol)
+        # what the linear solver leaves, and rounding of the contact forces in r
+        left = self._rtol * self._rhs_size
+        rounding = ROUNDING * self._r.norm(PETSc.NormType.NORM_INFINITY)
+        self._force_tolerance = max(left, rounding)
+
+    def _solve_on(
+        self,
+        held: npt.NDArray[np.bool_],
+        values: npt.NDArray[np.float64],
+        r: PETSc.Vec,
+        work: float | None,
+        rtol: float,
+    ) -> float:
+        """δ that minimises ½ δᵀAδ + rᵀδ where jumps are held at values and the work is given.
+
+        Returns:
+            Multiplier of the work equality.
+        """
+        A, closed = self._A, self._index[held]
         assert A is not None
         self._rhs.set(0)
-        self._rhs.array[closed] = room[active]
-        A.multAdd(self._rhs, self._r, self._image)
+        self._rhs.array[closed] = values[held]
+        A.multAdd(self._rhs, r, self._image)
         self._image.scale(-1)
         self._image.array[closed] = 0
         self._image.copy(self._rhs)
-        # what the linear solver leaves, and rounding of the contact forces in r
-        left = self._rtol * self._rhs.norm(PETSc.NormType.NORM_INFINITY)
-        rounding = ROUNDING * self._r.norm(PETSc.NormType.NORM_INFINITY)
-        self._force_tolerance = max(left, rounding)
-        self._solve_held(active, self._delta)
-        self._delta.array[closed] = room[active]
-        if self._work is not None:
-            self._shift(self._delta, self._work - self._border.dot(self._delta))
+        self._rhs_size = self._rhs.norm(PETSc.NormType.NORM_INFINITY)
+        self._solve_held(held, self._delta, rtol)
+        self._delta.array[closed] = values[held]
+        if work is None:
+            return 0.0
+        return self._shift(self._delta, work - self._border.dot(self._delta))
 
-    def _solve_held(self, active: npt.NDArray[np.bool_], x: PETSc.Vec) -> None:
+    def _condense(self, room: npt.NDArray[np.float64]) -> bool:
+        """Find the active set among the pairs that go in circles. Collective.
+
+        Returns:
+            Whether it is the solution's.
+        """
+        active = self._held & ~self._circling
+        while True:
+            local = np.flatnonzero(self._circling)
+            count = self._comm.allreduce(len(local))
+            if not 0 < count <= MOST_CONDENSED:
+                return False
+            first = (self._comm.scan(len(local)) or 0) - len(local)
+            held = active | self._circling
+            multiplier = self._solve_on(held, room, self._r, self._work, CONDENSED_TOLERANCE)
+            forces = self._forces(local, count, first, self._r, multiplier)
+            columns = np.empty((count, count))
+            for number in range(count):
+                unit = np.zeros_like(room)
+                if first <= number < first + len(local):
+                    unit[local[number - first]] = 1.0
+                work = None if self._work is None else 0.0
+                multiplier = self._solve_on(held, unit, self._nothing, work, CONDENSED_TOLERANCE)
+                columns[:, number] = self._forces(local, count, first, self._nothing, multiplier)
+            closed = closed_pairs(columns, forces)
+            active[local] = closed[first : first + len(local)]
+            self._minimise(active, room)
+            jumps = self._delta.array_r[self._index]
+            self._delta.array[self._index] = np.minimum(jumps, room)
+            self._evaluate(None, self._delta, self._gradient)
+            wrong = self._wrong(self._delta, self._gradient)
+            outside = wrong & ~self._circling
+            found = self._comm.allreduce(np.array([wrong.sum(), outside.sum()]))
+            if not found[0]:
+                return True
+            if not found[1]:
+                return False
+            self._circling |= outside
+            active &= ~self._circling
+
+    def _forces(
+        self,
+        local: npt.NDArray[np.int64],
+        count: int,
+        first: int,
+        r: PETSc.Vec,
+        multiplier: float,
+    ) -> npt.NDArray[np.float64]:
+        """Gradient at the condensed pairs of all ranks, shape (count,). Collective."""
+        assert self._A is not None
+        self._A.multAdd(self._delta, r, self._gradient)
+        self._gradient.axpy(-multiplier, self._border)
+        forces = np.zeros(count)
+        forces[first : first + len(local)] = self._gradient.array_r[self._index[local]]
+        return self._comm.allreduce(forces)
+
+    def _solve_held(self, active: npt.NDArray[np.bool_], x: PETSc.Vec, rtol: float) -> None:
         """Solve A x = rhs with the active pairs held, rhs being zero there."""
         if self._linear.hold(self._index[active]):
             self._response_is_new = False
         self._held = active.copy()
         if self._rhs.norm(PETSc.NormType.NORM_INFINITY) > 0:
-            self._linear.solve(self._rhs, x, self._rtol)
+            self._linear.solve(self._rhs, x, rtol)
         else:
             x.set(0)
         self._sets += 1
 
-    def _shift(self, delta: PETSc.Vec, missing: float) -> None:
-        """Add the multiple of A⁻¹ℓ that does the missing work."""
+    def _shift(self, delta: PETSc.Vec, missing: float) -> float:
+        """Add the multiple of A⁻¹ℓ that does the missing work, and return it."""
         if not self._response_is_new:
             self._border.copy(self._rhs)
             self._rhs.array[self._index[self._held]] = 0
@@ -175,7 +262,7 @@ class ContactProgram:
         if not compliance > 0:
             raise LinearFailure("the loads do no work on this active set, so it carries none")
         delta.axpy(missing / compliance, self._response)
-        self._multiplier += missing / compliance
+        return missing / compliance
 
     def _variational_inequality(self, A: PETSc.Mat) -> bool:
         if self._snes is None:
@@ -206,15 +293,23 @@ class ContactProgram:
 
     def _settled(self, snes: PETSc.SNES, its: int, norms: tuple[float, ...]) -> int | None:
         """Stop where the active set is the one just solved for, but for forces that are noise."""
-        x, f = snes.getSolution().array_r, snes.getFunction()[0].array_r
-        s, force = x[self._index], f[self._index]
-        active = (s >= self._upper.array_r[self._index]) & (force < 0)
-        wrong = (active != self._held) & (np.abs(force) > self._force_tolerance)
+        wrong = self._wrong(snes.getSolution(), snes.getFunction()[0])
         if self._comm.allreduce(int(wrong.sum())) == 0:
             return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
+        if its > MOST_ACTIVE_SET_ITERATIONS // 2:
+            self._circling |= wrong
         if its >= MOST_ACTIVE_SET_ITERATIONS:
             return PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT
         return None
+
+    def _wrong(self, x: PETSc.Vec, f: PETSc.Vec) -> npt.NDArray[np.bool_]:
+        """Pairs that ought not to be as they are, by a force that is more than noise."""
+        s, force = x.array_r[self._index], f.array_r[self._index]
+        active = (s >= self._upper.array_r[self._index]) & (force < 0)
+        wrong: npt.NDArray[np.bool_] = (active != self._held) & (
+            np.abs(force) > self._force_tolerance
+        )
+        return wrong
 
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Solve SNES-VI's reduced system in the full space (called by PETSc).
@@ -229,10 +324,10 @@ class ContactProgram:
         free[inactive] = True
         self._rhs.set(0)
         self._rhs.array[inactive] = b.array_r
-        self._solve_held(~free[self._index], self._image)
+        self._solve_held(~free[self._index], self._image, self._rtol)
         if self._work is not None:
             done = self._border.dot(self._snes.getSolution()) - self._border.dot(self._image)
             self._image.scale(-1)
-            self._shift(self._image, self._work - done)
+            self._multiplier += self._shift(self._image, self._work - done)
             self._image.scale(-1)
         x.array[:] = self._image.array_r[inactive]
