@@ -347,7 +347,7 @@ def test_wrong_dimension(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     path = shared_tmp_path / "plane.msh"
     if comm.rank == 0:
         write_plane(path, {"low": "a", "high": "b"})
-    assert "triangles where tetrahedra are needed" in message(lambda: read_gmsh(comm, path))
+    assert "triangles where tetrahedra are needed" in message(lambda: read_gmsh(comm, path, gdim=3))
 
 
 def test_quadrilaterals_are_refused(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:

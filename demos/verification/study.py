@@ -1,0 +1,194 @@
+"""What the verification cases share: rows of a table, limit loads with pictures, a command line."""
+
+import argparse
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+from mpi4py import MPI
+
+from perfplast_fenicsx import Assembly, LimitLoad, Problem, limit_load, read_gmsh
+from perfplast_fenicsx.contact import Contact
+from perfplast_fenicsx.loads import Load
+from perfplast_fenicsx.output import ResultFolder
+from perfplast_fenicsx.plotting import draw_fields, draw_path
+from perfplast_fenicsx.recovery import Recovery
+from perfplast_fenicsx.terminal import Terminal
+
+
+@dataclass(frozen=True)
+class Row:
+    """One computed number and what it should be.
+
+    Attributes:
+        case: Name of the case.
+        quantity: What was computed.
+        element: Such as "P2", or "P2, curved" on second-order geometry.
+        size: Edge length of the mesh, for rates.
+        dofs: Displacement unknowns.
+        computed: The number.
+        exact: What it should be; differences that should vanish have 0.
+        allowed: Largest relative error (absolute where ``exact`` is 0); None to show only.
+        solves: Linear systems solved.
+        seconds: Wall time.
+        bound: ``exact`` is an upper bound, not a value.
+    """
+
+    case: str
+    quantity: str
+    element: str
+    size: float
+    dofs: int
+    computed: float
+    exact: float
+    allowed: float | None
+    solves: int
+    seconds: float
+    bound: bool = False
+
+    @property
+    def error(self) -> float:
+        """Signed relative error; absolute where the exact value is 0."""
+        return (self.computed - self.exact) / (abs(self.exact) or 1.0)
+
+    @property
+    def right(self) -> bool:
+        """Whether the error is allowed."""
+        if self.allowed is None:
+            return True
+        error = self.error if self.bound else abs(self.error)
+        return error <= self.allowed  # False for nan
+
+
+Study = Callable[[MPI.Intracomm, ResultFolder, bool], list[Row]]
+"""Solves a case on its meshes and draws it: ranks, folder, whether coarse meshes will do."""
+
+
+def mesh(folder: ResultFolder, write: Callable[..., None], **arguments: object) -> Assembly:
+    """Write a mesh by a generator of ``meshes/`` and read it on all ranks. Collective."""
+    path = folder.file(f"{write.__name__.removeprefix('write_')}.msh")
+    folder.on_root(lambda: write(path, **arguments))
+    return read_gmsh(folder.comm, path)
+
+
+@dataclass(frozen=True)
+class Collapse:
+    """A limit load and what it took.
+
+    Attributes:
+        limit: With bounds, mechanism and levels.
+        solves: Linear systems solved.
+        seconds: Wall time.
+    """
+
+    limit: LimitLoad
+    solves: int
+    seconds: float
+
+    @property
+    def zeta(self) -> float:
+        """The estimate of the limit load; where ζ does not level off, the largest ζ reached."""
+        return self.limit.lower if self.limit.estimate is None else self.limit.estimate
+
+
+def collapse(problem: Problem, rtol: float = 1e-4) -> Collapse:
+    """Find the limit load of a problem. Collective."""
+    began = time.perf_counter()
+    limit = limit_load(problem, rtol)
+    return Collapse(limit, limit.linear_solves, time.perf_counter() - began)
+
+
+def draw(
+    folder: ResultFolder,
+    problem: Problem,
+    limit: LimitLoad,
+    title: str,
+    loads: Sequence[Load],
+    contacts: Sequence[Contact] = (),
+) -> None:
+    """Draw plastic zone, mechanism and loading curve of a limit load. Collective."""
+    last = limit.levels[-1]
+    fields = Recovery(problem).update(last.state)
+    about = (last.report, title, loads, contacts)
+    draw_fields(problem.assembly, fields, *about, folder.file("fields.png"))
+    caption = f"collapse mechanism at ζ = {limit.lower:.6g}"
+    mechanism = fields | {"displacement": limit.mechanism}
+    draw_fields(problem.assembly, mechanism, *about, folder.file("mechanism.png"), caption)
+    reports = [level.report for level in limit.levels]
+    folder.on_root(lambda: draw_path(reports, title, folder.file("path.png"), limit))
+
+
+HEADING = (
+    f"{'case':<26} {'quantity':<26} {'element':<12} {'dofs':>8} {'computed':>13} {'exact':>13}"
+    f" {'error':>10} {'allowed':>8} {'solves':>6} {'time/s':>7}"
+)
+
+
+def line(row: Row) -> str:
+    """A row of the table."""
+    allowed = "" if row.allowed is None else f"{row.allowed:.1g}"
+    exact = f"{'<= ' if row.bound else ''}{row.exact:.7g}"
+    return (
+        f"{row.case:<26} {row.quantity:<26} {row.element:<12} {row.dofs:>8} {row.computed:>13.7g}"
+        f" {exact:>13} {row.error:>+10.2e} {allowed:>8} {row.solves:>6} {row.seconds:>7.1f}"
+        f"{'' if row.right else '   WRONG'}"
+    )
+
+
+def rates(rows: Sequence[Row]) -> list[str]:
+    """Orders of convergence in the mesh size, one line for each sequence of meshes."""
+    lines = []
+    for names, group in groupby(rows, key=lambda row: (row.case, row.quantity, row.element)):
+        found = orders(list(group))
+        if found:
+            shown = ", ".join(f"{order:.2f}" for order in found)
+            lines.append(f"order of convergence in h, {', '.join(names)}: {shown}")
+    return lines
+
+
+def orders(rows: Sequence[Row]) -> list[float]:
+    """Order of convergence from each mesh to the next finer one; those of rounding left out."""
+    found = []
+    for coarse, fine in zip(rows, rows[1:], strict=False):
+        if min(abs(coarse.error), abs(fine.error)) > 1e-9 and coarse.size > fine.size:
+            found.append(
+                math.log(abs(coarse.error / fine.error)) / math.log(coarse.size / fine.size)
+            )
+    return found
+
+
+def run(title: str, study: Study, argv: Sequence[str] | None = None) -> None:
+    """Command line of a case: solve, print the table, check it. Collective.
+
+    Raises:
+        SystemExit: If a number is wrong, on every rank.
+    """
+    parser = argparse.ArgumentParser(description=title)
+    name = title.lower().replace(",", "").replace(" ", "_")
+    parser.add_argument("-o", "--output", default=f"results/{name}", help="replaced if there")
+    parser.add_argument("--coarse", action="store_true", help="coarse meshes, for a quick look")
+    arguments = parser.parse_args(argv)
+    comm = MPI.COMM_WORLD
+    terminal = Terminal(comm)
+    terminal.say(f"{title}\n\n{HEADING}")
+    rows = solve(comm, study, Path(arguments.output), arguments.coarse, terminal)
+    for text in rates(rows):
+        terminal.say(text)
+    terminal.say(f"\nPictures are in {arguments.output}.")
+    if not all(row.right for row in rows):
+        raise SystemExit(1)
+
+
+def solve(
+    comm: MPI.Intracomm, study: Study, path: Path, coarse: bool, terminal: Terminal
+) -> list[Row]:
+    """Rows of a study, printed. Collective."""
+    folder = ResultFolder(comm, path, force=True)
+    folder.create()
+    rows = study(comm, folder, coarse)
+    for row in rows:
+        terminal.say(line(row))
+    return rows

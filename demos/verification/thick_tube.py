@@ -1,0 +1,77 @@
+# %% [markdown]
+# # A thick tube under inner pressure, in plane strain
+#
+# A long tube of inner radius a and outer radius b yields from the inside; it bursts when the plastic
+# zone has reached its outer face. The stress is then σ_θ − σ_r = 2k everywhere, k = σ_y/√3, and
+#
+#     p = 2k ln(b/a),
+#
+# whatever the elastic constants are: with b/a = 1.3 and σ_y = 250, p = 75.74 (R. Hill, The
+# Mathematical Theory of Plasticity, Oxford 1950, chapter V).
+#
+# The same tube may be made of two, one in the other, without friction. By symmetry nothing is
+# sheared at their interface and the pressure there holds it closed, so that the solution is the
+# same: a test of contact on curved surfaces.
+#
+# Linear triangles lock: each must keep its area in plastic flow, and there are about two triangles
+# for each node, with two unknowns. Their limit load is too large and *rises* as the mesh is refined.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/thick_tube.py
+
+# %%
+import math
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+from demos.verification.study import Row, collapse, draw, mesh, run
+from meshes.thick_tube import OUTER, write_thick_tube
+from perfplast_fenicsx import Contact, Pressure, Problem, Support, VonMises
+from perfplast_fenicsx.output import ResultFolder
+
+TITLE = "Thick tube, plane strain"
+MATERIAL = VonMises(young=70e3, poisson=0.3, yield_stress=250.0)
+EXACT = 2 / math.sqrt(3) * MATERIAL.yield_stress * math.log(OUTER)
+LOADS = [Pressure("inner", 1.0)]
+SUPPORTS = [Support("x0", "x"), Support("y0", "y")]
+CONTACTS = [Contact("inner_tube_seam", "outer_tube_seam")]
+
+
+# %%
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Burst pressures of whole and divided tubes. Collective."""
+    sizes = (0.1, 0.05) if coarse else (0.1, 0.05, 0.025)
+    rows = []
+    for interface, degree, order in ((None, 1, 1), (None, 2, 2), (1.15, 2, 2)):
+        for size in sizes:
+            assembly = mesh(folder, write_thick_tube, size=size, order=order, interface=interface)
+            materials = dict.fromkeys(assembly.volumes, MATERIAL)
+            contacts = CONTACTS if interface else []
+            problem = Problem(assembly, materials, SUPPORTS, LOADS, contacts, degree=degree)
+            found = collapse(problem)
+            rows.append(
+                Row(
+                    case="thick tube" if interface is None else "tube in a tube",
+                    quantity="limit load",
+                    element=f"P{degree}",
+                    size=size,
+                    dofs=problem.num_dofs,
+                    computed=found.zeta,
+                    exact=EXACT,
+                    allowed=2e-3 if degree == 2 else None,
+                    solves=found.solves,
+                    seconds=found.seconds,
+                )
+            )
+    draw(folder, problem, found.limit, TITLE, LOADS, contacts)
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()
