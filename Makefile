@@ -4,11 +4,12 @@ LIMIT = 3600
 RUN = timeout --foreground --kill-after=30 $(LIMIT) ./fenicsx
 PYTEST = python3 -m pytest -q
 
-.PHONY: help demo test lint image-test clean
+.PHONY: help demo test verify lint image-test clean
 
 help:
 	@echo 'make demo        two blocks pressed together, on 2 MPI ranks'
 	@echo 'make test        all tests on 1 and on 2 ranks, some on 3'
+	@echo 'make verify      every case with an exact solution, in one table'
 	@echo 'make lint        ruff and mypy'
 	@echo 'make image-test  build the Dockerfile; demo and tests inside the image'
 	@echo 'make clean       remove what runs and tools left in this folder'
@@ -26,6 +27,9 @@ test: environment
 	$(RUN) $(PYTEST) tests
 	$(RUN) mpirun -n 2 scripts/rank0 $(PYTEST) tests
 	$(RUN) mpirun -n 3 scripts/rank0 $(PYTEST) -m mpi3 tests
+
+verify: environment
+	$(RUN) mpirun -n 2 scripts/rank0 python3 demos/verification/verify.py
 
 lint: environment
 	$(RUN) scripts/lint

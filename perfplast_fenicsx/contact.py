@@ -110,8 +110,8 @@ def find_pairs(
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     found = [np.zeros((0, 9 + 3 * gdim))]
-    for number, contact in enumerate(contacts):
-        place = f"contact {number + 1} ('{contact.primary}', '{contact.secondary}')"
+    for order, contact in enumerate(contacts):
+        place = f"contact {order + 1} ('{contact.primary}', '{contact.secondary}')"
         if contact.primary == contact.secondary:
             raise InputError(f"{place}: a surface cannot touch itself; name two surfaces.")
         first, second = (
@@ -121,11 +121,11 @@ def find_pairs(
         size = _diagonal(comm, np.concatenate([first, second]))
         matching = match_rows(comm, first, second, slice(8, 8 + gdim), MATCHING_TOLERANCE * size)
         normal, gap = _geometry(comm, place, contact, matching, size, gdim)
-        found.append(_to_hosts(comm, matching, normal, gap, number))
-    for number, obstacle in enumerate(obstacles, start=1):
-        place = f"obstacle {number} ({type(obstacle).__name__.lower()} at '{obstacle.on}')"
+        found.append(_to_hosts(comm, matching, normal, gap, order))
+    for order, obstacle in enumerate(obstacles):
+        place = f"obstacle {order + 1} ({type(obstacle).__name__.lower()} at '{obstacle.on}')"
         rows = _rows(V, assembly, bodies, obstacle.on, fixed)
-        found.append(_at_obstacle(comm, place, obstacle, rows, len(contacts) + number - 1, gdim))
+        found.append(_at_obstacle(comm, place, obstacle, rows, len(contacts) + order, gdim))
     rows = np.concatenate(found)
     host, guest, sign, gap, number, guest_body = rows[:, :6].T
     normal, host_free, guest_free = np.split(rows[:, 9:], 3, axis=1)
@@ -281,7 +281,9 @@ def _at_obstacle(
 ) -> Rows:
     """Rows like those of :func:`_to_hosts` of a surface's nodes, each once. Collective."""
     rows = rows[np.unique(rows[:, 4], return_index=True)[1]]
-    gap, into, message = np.zeros(len(rows)), np.zeros((len(rows), gdim)), None
+    gap: npt.NDArray[np.float64] = np.zeros(len(rows))
+    into: npt.NDArray[np.float64] = np.zeros((len(rows), gdim))
+    message: str | None = None
     try:
         gap, into = obstacle.towards(rows[:, :gdim])
     except InputError as error:

@@ -1,6 +1,7 @@
 """Nodes of a named surface and their normals, one for each smooth face that a node lies on."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import basix
 import numpy as np
@@ -95,21 +96,15 @@ def _incidences(
     cells = to_cell.array[to_cell.offsets[facets]]
     local = np.argmax(to_facet[cells] == facets[:, None], axis=1)
 
-    def of_facets(dofmap: npt.NDArray[np.int32], layout: object) -> npt.NDArray[np.int32]:
-        closure = [layout.entity_closure_dofs(tdim - 1, i) for i in range(tdim + 1)]  # type: ignore[attr-defined]
+    def of_facets(dofmap: npt.NDArray[np.int32], layout: Any) -> npt.NDArray[np.int32]:
+        closure = [layout.entity_closure_dofs(tdim - 1, i) for i in range(tdim + 1)]
         return dofmap[cells[:, None], np.array(closure)[local]]
 
     cmap = coordinate_map(mesh)
     nodes = of_facets(V.dofmap.list, V.dofmap.dof_layout)
     corners = of_facets(geometry_dofmap(mesh), cmap.create_dof_layout())
     x = mesh.geometry.x[corners][:, :, :gdim]
-    kind = basix.CellType.triangle if tdim == 3 else basix.CellType.interval
-    variant = basix.LagrangeVariant.equispaced
-    points = basix.create_element(
-        basix.ElementFamily.P, kind, V.element.basix_element.degree, variant
-    ).points
-    shape = basix.create_element(basix.ElementFamily.P, kind, cmap.degree, variant)
-    slopes = shape.tabulate(1, points)[1:, :, :, 0]
+    slopes = _slopes(tdim - 1, V.element.basix_element.degree, cmap.degree)
     tangents = np.einsum("dpb,fbi->fpdi", slopes, x)
     if tdim == 3:
         normals = np.cross(tangents[:, :, 0], tangents[:, :, 1])
@@ -122,3 +117,25 @@ def _incidences(
     areas = lengths.mean(axis=1) / (2 if tdim == 3 else 1)
     normals /= lengths[:, :, None]
     return nodes.ravel(), normals.reshape(-1, gdim), np.repeat(areas, nodes.shape[1])
+
+
+def _slopes(dim: int, degree: int, geometry: int) -> Floats:
+    """Derivatives of a facet's coordinate functions at the nodes of displacements on it.
+
+    Args:
+        dim: Dimension of the facet.
+        degree: Of the displacements.
+        geometry: Degree of the coordinates.
+
+    Returns:
+        Shape (dim, num_points, num_functions).
+    """
+    kind = basix.CellType.triangle if dim == 2 else basix.CellType.interval
+
+    def lagrange(p: int) -> basix.finite_element.FiniteElement:
+        variant = basix.LagrangeVariant.equispaced
+        return basix.create_element(basix.ElementFamily.P, kind, p, variant)
+
+    points = np.asarray(lagrange(degree).points)
+    slopes: Floats = np.asarray(lagrange(geometry).tabulate(1, points))[1:, :, :, 0]
+    return slopes

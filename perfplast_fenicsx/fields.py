@@ -1,4 +1,4 @@
-"""Strain and stress fields of a state, kept by DOLFINx Expressions, and the integrals of Newton's method.
+"""Strain and stress of a state, kept by DOLFINx Expressions, and the integrals of Newton's method.
 
 All forms and Expressions are compiled once for a problem. Nothing here loops over cells.
 """

@@ -117,10 +117,12 @@ def _round(obstacle: Sphere | Cylinder, r: Floats) -> tuple[Floats, Floats]:
 
 
 def _vector(obstacle: Obstacle, field: str, gdim: int) -> Floats:
-    value = np.atleast_1d(np.asarray(getattr(obstacle, field), dtype=np.float64))
+    given = getattr(obstacle, field)
+    value = np.atleast_1d(np.asarray(given, dtype=np.float64))
     if value.shape != (gdim,) or not np.isfinite(value).all():
+        shape = type(obstacle).__name__.lower()
         raise InputError(
-            f"{field} = {list(getattr(obstacle, field))} of the {type(obstacle).__name__.lower()} at"
-            f" '{obstacle.on}' does not fit a mesh in {gdim}D; give {gdim} finite numbers."
+            f"{field} = {list(np.atleast_1d(given))} of the {shape} at '{obstacle.on}' does not fit"
+            f" a mesh in {gdim}D; give {gdim} finite numbers."
         )
     return value

@@ -56,9 +56,7 @@ class Recovery:
         self.resultants: npt.NDArray[np.float64] = np.zeros((0, mesh.geometry.dim))
 
         self._mean = fem.Function(piecewise_constant(size))
-        self._tensor = fem.Expression(
-            tensor(self._mean), interpolation_points(tensors.element)
-        )
+        self._tensor = fem.Expression(tensor(self._mean), interpolation_points(tensors.element))
         self._at_points = fem.Function(problem.Q)
         points = interpolation_points(problem.Q.element)
         self._plastic = fem.Expression(law.plastic(e), points)

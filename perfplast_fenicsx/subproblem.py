@@ -8,9 +8,9 @@ space, ``vinewtonrsls``) then looks whether this set is the right one and goes o
 it is. SNES-VI's own reduced matrices lose block size and near-nullspace; its linear solves are
 therefore handed to :class:`linear.LinearSolver`, which holds the active unknowns in the full space.
 
-On coarse or nearly collapsed meshes, and with quadratic elements, sets may repeat in a circle, since
-the operator is no M-matrix. The pairs that change then are condensed to a small dense program of
-their own (:mod:`condensed`), which has an exact solution; pairs beside them join as they change too.
+On coarse or nearly collapsed meshes, and with quadratic elements, sets may go in circles, as the
+operator is no M-matrix. The pairs that change then are condensed to a small dense program of their
+own (:mod:`condensed`), which has an exact solution; others join them as they change too.
 
 The work equality borders the system: with A v = b and A w = ℓ on the same free unknowns, the
 solution is v + ζ w, where ζ, the multiplier, makes the work right (ALG4 of the paper; on a fixed

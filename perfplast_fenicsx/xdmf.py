@@ -35,8 +35,8 @@ class FieldsFile:
         """Append the fields of a level. Collective.
 
         Args:
-            fields: Nodal or piecewise constant functions by name. Nodal ones get the degree of the mesh's
-                geometry, as the format demands.
+            fields: Nodal or piecewise constant functions by name. Nodal ones get the degree of the
+                mesh's geometry, as the format demands.
             time: ζ or α, larger than those before.
 
         Raises:

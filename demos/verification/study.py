@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, pairwise
 from pathlib import Path
 
 from mpi4py import MPI
@@ -152,7 +152,7 @@ def rates(rows: Sequence[Row]) -> list[str]:
 def orders(rows: Sequence[Row]) -> list[float]:
     """Order of convergence from each mesh to the next finer one; those of rounding left out."""
     found = []
-    for coarse, fine in zip(rows, rows[1:], strict=False):
+    for coarse, fine in pairwise(rows):
         if min(abs(coarse.error), abs(fine.error)) > 1e-9 and coarse.size > fine.size:
             found.append(
                 math.log(abs(coarse.error / fine.error)) / math.log(coarse.size / fine.size)

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # A thick tube under inner pressure, in plane strain
 #
-# A long tube of inner radius a and outer radius b yields from the inside; it bursts when the plastic
-# zone has reached its outer face. The stress is then σ_θ − σ_r = 2k everywhere, k = σ_y/√3, and
+# A long tube of inner radius a and outer radius b yields from the inside; it bursts when the
+# plastic zone has reached its outer face. The stress is then σ_θ − σ_r = 2k everywhere, k = σ_y/√3, and
 #
 #     p = 2k ln(b/a),
 #
@@ -13,8 +13,8 @@
 # sheared at their interface and the pressure there holds it closed, so that the solution is the
 # same: a test of contact on curved surfaces.
 #
-# Linear triangles lock: each must keep its area in plastic flow, and there are about two triangles
-# for each node, with two unknowns. Their limit load is too large and *rises* as the mesh is refined.
+# Linear triangles lock: each must keep its area in plastic flow, and there are about two of them
+# for each node, which has two unknowns. Their limit load is too large, and may rise with refinement.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/thick_tube.py
 

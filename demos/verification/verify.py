@@ -1,0 +1,58 @@
+"""All verification cases in one table: ``make verify``, on any number of ranks.
+
+Each case is a module of this folder with a ``study``; its pictures go into a folder of its name. The
+exit status is 1 where a number is wrong, after all cases have been looked at.
+"""
+
+import argparse
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+
+from mpi4py import MPI
+
+from demos.verification.study import HEADING, Row, rates, solve
+from perfplast_fenicsx.terminal import Terminal
+
+CASES = (
+    "contact_patch",
+    "corner_seat",
+    "thick_sphere",
+    "thick_tube",
+    "strip_footing",
+    "platens",
+    "cracked_strips",
+    "plate_with_hole",
+    "hertz_line",
+    "hertz_sphere",
+)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve the cases and print the table. Collective.
+
+    Raises:
+        SystemExit: If a number is wrong, on every rank.
+    """
+    parser = argparse.ArgumentParser(description="All verification cases in one table.")
+    parser.add_argument("-o", "--output", default="results/verification", help="for pictures")
+    parser.add_argument("--coarse", action="store_true", help="coarse meshes, for a quick look")
+    parser.add_argument("--only", nargs="+", choices=CASES, default=CASES, metavar="CASE")
+    arguments = parser.parse_args(argv)
+    comm = MPI.COMM_WORLD
+    terminal = Terminal(comm)
+    terminal.say(HEADING)
+    rows: list[Row] = []
+    for name in arguments.only:
+        study = import_module(f"demos.verification.{name}").study
+        rows += solve(comm, study, Path(arguments.output) / name, arguments.coarse, terminal)
+    terminal.say("\n" + "\n".join(rates(rows)))
+    wrong = sum(not row.right for row in rows)
+    checked = sum(row.allowed is not None for row in rows)
+    terminal.say(f"\n{checked} numbers checked, {wrong} wrong; pictures in {arguments.output}.")
+    if wrong:
+        raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main()
