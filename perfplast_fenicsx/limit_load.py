@@ -111,7 +111,7 @@ def limit_load(
                 levelled_off, reason = True, f"ζ has levelled off to {rtol:g} of its limit"
                 break
         if len(levels) == MOST_LEVELS or level.state.alpha > FAR * levels[0].state.alpha:
-            reason = locking(levels)
+            reason = locking(levels, problem.degree)
             break
     return LimitLoad(
         lower=max((level.state.zeta for level in levels), default=0.0),
@@ -165,7 +165,7 @@ def extrapolated_limit(points: Sequence[tuple[float, float]]) -> float | None:
     return z + (z - y) / ((c / b) ** high - 1)
 
 
-def locking(levels: Sequence[Level]) -> str:
+def locking(levels: Sequence[Level], degree: int) -> str:
     """What to tell of a curve that does not level off."""
     first, last = levels[0].state, levels[-1].state
     if levels[-1].report.plastic_cells == 0:
@@ -173,12 +173,16 @@ def locking(levels: Sequence[Level]) -> str:
             f"ζ does not level off: nothing has yielded up to ζ = {last.zeta:.6g}; give the bodies"
             " that may collapse a yield stress"
         )
-    return (
+    told = (
         f"ζ does not level off: it has reached {last.zeta:.6g} and still rises at"
-        f" {last.alpha / first.alpha:.3g} times the work at first yield; linear elements lock in"
-        " plastic flow at constant volume, so the discrete limit load may be infinite; use"
-        " quadratic elements or a mesh with fewer constraints"
+        f" {last.alpha / first.alpha:.3g} times the work at first yield; "
     )
+    if degree == 1:
+        return told + (
+            "linear elements lock in plastic flow, which keeps the volume, so that the limit load of"
+            " this mesh may be infinite; use quadratic ones (degree = 2 under [element])"
+        )
+    return told + "the loads may be such that the bodies carry any multiple of them; or refine"
 
 
 def collapse_mechanism(problem: Problem, levels: Sequence[Level]) -> fem.Function:

@@ -37,7 +37,7 @@ class Problem:
         Q: Scalars at the quadrature points.
         dx: Integrates over these points.
         bodies: Connected components and their rigid motions.
-        moduli: κ, μ, γ as functions of Q.
+        moduli: κ, μ as functions of Q, and γ in terms of one.
         bcs: Homogeneous supports.
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
@@ -122,12 +122,14 @@ class Problem:
                 f"volume '{missing[0]}' has no material; add one for it (this mesh has the volumes"
                 f" {', '.join(sorted(assembly.volumes))})."
             )
-        functions = {name: fem.Function(self.Q) for name in ("bulk", "shear", "yield_radius")}
-        for field, function in functions.items():
-            for name, material in materials.items():
-                points = self.Q.dofmap.list[assembly.cells(name)].ravel()
-                function.x.array[points] = getattr(material, field)
-        return Moduli(**functions)
+        # 1/γ and not γ, since ∞ of elastic bodies times a shape function's 0 would not be 0
+        bulk, shear, weakness = (fem.Function(self.Q) for _ in range(3))
+        for name, material in materials.items():
+            points = self.Q.dofmap.list[assembly.cells(name)].ravel()
+            bulk.x.array[points] = material.bulk
+            shear.x.array[points] = material.shear
+            weakness.x.array[points] = 1 / material.yield_radius
+        return Moduli(bulk, shear, 1 / weakness)
 
     def _supports(
         self, supports: Sequence[Support]

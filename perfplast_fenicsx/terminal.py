@@ -115,7 +115,8 @@ def describe(title: str, method: str, problem: Problem) -> str:
     pairs = problem.num_pairs
     ranks = f"{comm.size} rank{'s' if comm.size > 1 else ''}"
     return (
-        f"{title}: {bodies}; {cells} cells, {problem.num_dofs} dofs, {pairs} contact pairs;"
+        f"{title}: {bodies}; {cells} cells, P{problem.degree}, {problem.num_dofs} dofs,"
+        f" {pairs} contact pairs;"
         f" method {method} on {ranks}"
     )
 

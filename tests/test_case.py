@@ -20,6 +20,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.loads import BodyForce, Pressure, Support, Traction
 from perfplast_fenicsx.materials import Elastic, VonMises
 from perfplast_fenicsx.newton import Newton
+from perfplast_fenicsx.obstacles import Plane
 from perfplast_fenicsx.options import NewtonOptions
 from perfplast_fenicsx.uzawa import AugmentedLagrangian
 from perfplast_fenicsx.work_newton import BorderedNewton, WorkNewton
@@ -66,6 +67,14 @@ pictures = false
 SOLVE = BASE[BASE.index("[solve]") : BASE.index("[loading]")]
 UZAWA = '[solve]\nmethod = "augmented-lagrangian"\n'
 WORK = (BASE[BASE.index("[solve]") : BASE.index("[output]")], '[loading]\ncontrol = "work"\n')
+
+OBSTACLE = """[[obstacle]]
+on = "lower_top"
+shape = "plane"
+point = [0, 0, 3]
+normal = [0, 0, -1.0]
+[solve]
+"""
 
 LOWER = """[material.lower]
 law = "elastic"
@@ -257,6 +266,14 @@ FORMAT_FAULTS = [
     (SOLVE, UZAWA + 'acceleration = "fast"', ["[solve]", "acceleration", "anderson"]),
     (SOLVE, UZAWA + "max_iterations = 0", ["[solve]", "max_iterations = 0"]),
     (SOLVE, UZAWA + "damping = true", ["[solve]", "'damping'"]),
+    # elements and obstacles
+    ("[solve]", "[element]\ndegree = 3\n[solve]", ["[element]", "degree = 3", "1 or 2"]),
+    ("[solve]", '[element]\ndegree = "2"\n[solve]', ["[element]", "degree = '2'"]),
+    ("[solve]", '[element]\nkind = "P2"\n[solve]', ["[element]", "'kind'", "degree"]),
+    ("[solve]", OBSTACLE.replace("plane", "cube"), ["[[obstacle]]", "shape = 'cube'", "sphere"]),
+    ("[solve]", OBSTACLE.replace("normal", "nrmal"), ["[[obstacle]]", "'nrmal'", "normal"]),
+    ("[solve]", OBSTACLE.replace("point", "#"), ["[[obstacle]]", "'point' is missing"]),
+    ("[solve]", OBSTACLE.replace('shape = "plane"', ""), ["[[obstacle]]", "'shape' is missing"]),
     # mesh
     ('builder = "two_blocks"', "", ["[mesh]", "neither a builder nor a file"]),
     ('builder = "two_blocks"', 'builder = "a"\nfile = "b"', ["[mesh]", "both"]),
@@ -302,6 +319,10 @@ MESH_FAULTS = [
     ('secondary = "lower_top"', 'secondary = "top"', ["contact 1", "partner"]),
     ('secondary = "lower_top"', 'secondary = "upper_bottom"', ["contact 1", "itself"]),
     ('on = "left"\ncomponents = "xyz"', 'on = "left"\ncomponents = "x"', ["y"]),
+    ("[solve]\n", OBSTACLE.replace("lower_top", "lwr"), ["'lwr'", "lower_top"]),
+    ("[solve]\n", OBSTACLE.replace("3]", "0.5]"), ["obstacle 1", "overlap", "0.5"]),
+    ("[solve]\n", OBSTACLE.replace("[0, 0, 3]", "[0, 3]"), ["obstacle 1", "point", "3D"]),
+    ("[solve]\n", OBSTACLE.replace("-1.0", "0"), ["obstacle 1", "normal", "zero"]),
     ('[[support]]\non = "left"\ncomponents = "xyz"', "", []),
 ]
 
@@ -339,6 +360,18 @@ def test_files_that_cannot_be_read(shared_tmp_path: Path, comm: MPI.Intracomm) -
         with pytest.raises(InputError) as caught:
             read_case(path, comm)
         assert_one_sentence(comm, caught.value, str(path), part)
+
+
+def test_elements_and_obstacles(read: Read, comm: MPI.Intracomm) -> None:
+    case = read(replaced("[solve]\n", "[element]\ndegree = 2\n" + OBSTACLE))
+    assert case.obstacles == [Plane("lower_top", [0.0, 0.0, 3.0], [0.0, 0.0, -1.0])]
+    problem = case.problem(comm)
+    assert problem.degree == 2
+    assert problem.num_dofs == 2 * 3 * (13 * 5 * 5)
+    obstacle = problem.pairs.contact == 1
+    assert comm.allreduce(int(obstacle.sum())) == 12 * 5  # the nodes of the clamped end are held
+    assert (problem.pairs.gap[obstacle] == 2).all()
+    assert read(BASE).problem(comm).degree == 1
 
 
 @pytest.mark.parametrize("name", ["two_blocks", "punch"])
