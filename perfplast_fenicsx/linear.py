@@ -22,6 +22,9 @@ FALLBACK_LIMIT = 400_000
 SLOW = 300
 """Krylov iterations of one solve that count as too slow."""
 
+SET_UP_WORTH = 12
+"""A multigrid set-up costs about as much as so many Krylov iterations."""
+
 MOST_MODES = 12
 """With more near-null motions than this (many bodies) only the common ones are kept."""
 
@@ -60,7 +63,9 @@ class LinearSolver:
     """Solves A y = b in the contact basis, with any set of unknowns held at zero.
 
     CG + GAMG for large problems, MUMPS Cholesky for small ones; every PETSc option can be given
-    with the prefix ``perfplast_``.
+    with the prefix ``perfplast_``. The coarse grids are kept while the operator and the held
+    unknowns change, with the finest one up to date, until the iterations that this has cost beyond
+    those of new ones outweigh a set-up.
 
     Attributes:
         iterations: Krylov iterations so far.
@@ -78,6 +83,7 @@ class LinearSolver:
         self._reduced: PETSc.Mat | None = None
         self._held: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self._ready = False
+        self._rate = self._excess = 0.0
 
     def _configure(self, preset: Mapping[str, object]) -> None:
         self._ksp = PETSc.KSP().create(self._problem.comm)
@@ -85,6 +91,7 @@ class LinearSolver:
         self._ksp.setFromOptions()
         self.direct = self._ksp.getType() == "preonly"
         self.name = f"{self._ksp.getType()} + {self._ksp.getPC().getType()}"
+        self._old = False
 
     def counts(self) -> tuple[int, int, int]:
         """Systems solved, set-ups and Krylov iterations so far."""
@@ -132,7 +139,15 @@ class LinearSolver:
         diagonal.destroy()
         self._reduced.zeroRowsColumns((self._held + first).astype(PETSc.IntType), diag=scale)
         self._ksp.setOperators(self._reduced)
-        self.setups += 1
+        self._renew(self.direct or not self._rate or self._excess > SET_UP_WORTH)
+
+    def _renew(self, new: bool) -> None:
+        """Make a new preconditioner at the next solve, or keep the coarse grids there are."""
+        self._ksp.getPC().setReusePreconditioner(not new)
+        self._old = not new
+        if new:
+            self.setups += 1
+            self._rate = self._excess = 0.0
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> None:
         """Solve for x; entries of b at held unknowns must be zero. Collective.
@@ -143,7 +158,12 @@ class LinearSolver:
         self._try(b, x, rtol)
         reason = self._ksp.getConvergedReason()
         slow = reason <= 0 or self._ksp.getIterationNumber() > SLOW
-        if slow and not self.direct and self._problem.num_dofs <= FALLBACK_LIMIT:
+        if slow and self._old:
+            self._renew(True)
+            if reason <= 0:
+                self._try(b, x, rtol)
+                reason = self._ksp.getConvergedReason()
+        elif slow and not self.direct and self._problem.num_dofs <= FALLBACK_LIMIT:
             self._fall_back()
             if reason <= 0:
                 self._try(b, x, rtol)
@@ -160,7 +180,11 @@ class LinearSolver:
         if not self.direct:
             self._ksp.setTolerances(rtol=rtol)
         self._ksp.solve(b, x)
-        self.iterations += self._ksp.getIterationNumber()
+        iterations = self._ksp.getIterationNumber()
+        self.iterations += iterations
+        if not self._rate:
+            self._rate = iterations / -np.log10(rtol)
+        self._excess += iterations + self._rate * np.log10(rtol)
 
     def _fall_back(self) -> None:
         """Factorise from now on: near collapse multigrid finds no good coarse spaces."""
