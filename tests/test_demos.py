@@ -8,11 +8,15 @@ from mpi4py import MPI
 
 import pytest
 
+from demos.verification.verify import CASES as VERIFIED
 from perfplast_fenicsx.__main__ import SOLVED
 from perfplast_fenicsx.__main__ import main as command_line
 
 FOLDER = Path(__file__).resolve().parents[1] / "demos"
-SCRIPTS = sorted(FOLDER.glob("*.py"))
+SCRIPTS = [
+    *sorted(FOLDER.glob("*.py")),
+    *(FOLDER / "verification" / f"{name}.py" for name in VERIFIED),
+]
 CASES = sorted(FOLDER.glob("*.toml"))
 
 
