@@ -14,6 +14,7 @@ from perfplast_fenicsx.options import (
     Monitor,
     NewtonOptions,
     check_finite,
+    exact_active_set,
     forcing,
     regularisation,
 )
@@ -78,7 +79,7 @@ class Newton:
                     iterate.room(),
                     active,
                     rtol=forcing(increment, options.tolerance),
-                    exact=options.active_set == "exact",
+                    exact=exact_active_set(options, progress.history),
                 )
             except LinearFailure as failure:
                 return progress.level(zeta, active, False, str(failure))

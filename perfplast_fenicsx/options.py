@@ -25,7 +25,8 @@ class NewtonOptions:
             or "energy" |δJ| / (|J + δJ| + |J|).
         tolerance: Bound of this criterion; a damped step does not end the iteration.
         active_set: "exact" solves each contact quadratic program to its end; "once" updates the
-            active set once in a Newton step.
+            active set once in a Newton step; "adaptive" does so too, but goes on to the end after
+            a damped step and after :data:`PATIENCE` steps.
         max_iterations: Most Newton steps of a level.
 
     Raises:
@@ -36,7 +37,7 @@ class NewtonOptions:
     damping: bool = True
     stopping: Literal["displacement", "stress", "energy"] = "displacement"
     tolerance: float = 1e-8
-    active_set: Literal["exact", "once"] = "exact"
+    active_set: Literal["adaptive", "exact", "once"] = "adaptive"
     max_iterations: int = 60
 
     def __post_init__(self) -> None:
@@ -47,7 +48,7 @@ class NewtonOptions:
                 " a good value."
             )
         check_choice("stopping", self.stopping, ("displacement", "stress", "energy"))
-        check_choice("active_set", self.active_set, ("exact", "once"))
+        check_choice("active_set", self.active_set, ("adaptive", "exact", "once"))
         check_end(self.tolerance, self.max_iterations)
 
 
@@ -101,6 +102,21 @@ def regularisation(options: NewtonOptions, history: list[Iteration]) -> float:
     if last.beta < 0.5:
         return min(10 * last.rho, LARGEST_RHO)
     return max(last.rho / 10, SMALLEST_RHO)
+
+
+PATIENCE = 10
+"""After so many steps of a level an adaptive active set is determined exactly in each."""
+
+
+def exact_active_set(options: NewtonOptions, history: list[Iteration]) -> bool:
+    """Whether the next step solves its contact quadratic program to the end.
+
+    One update a step costs one linear system, and near the solution it is the right one. A damped
+    step tells that the model behind it was poor, many steps that the sets may go in circles.
+    """
+    if options.active_set != "adaptive":
+        return options.active_set == "exact"
+    return len(history) >= PATIENCE or any(record.beta < 1 for record in history[-1:])
 
 
 def forcing(increment: float, tolerance: float) -> float:

@@ -24,6 +24,7 @@ from perfplast_fenicsx.options import (
     Monitor,
     NewtonOptions,
     check_finite,
+    exact_active_set,
     forcing,
     regularisation,
 )
@@ -88,7 +89,7 @@ class WorkNewton:
                     iterate.room(),
                     active,
                     rtol=forcing(increment, options.tolerance),
-                    exact=options.active_set == "exact",
+                    exact=exact_active_set(options, progress.history),
                     work=alpha - iterate.work(),
                 )
             except LinearFailure as failure:
