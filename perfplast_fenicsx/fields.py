@@ -13,6 +13,7 @@ from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.materials import strain
+from perfplast_fenicsx.phases import phase
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.spaces import by_cell
 
@@ -102,11 +103,13 @@ class Fields:
         self.force: PETSc.Vec = problem.load.duplicate()
         self.stiffness: PETSc.Mat = fem_petsc.create_matrix(self._tangent_form)
 
+    @phase("return map")
     def update(self) -> None:
         """Bring strain and stress to u. Its ghosts must be up to date."""
         for function, expression in self._update:
             function.interpolate(expression)
 
+    @phase("return map")
     def update_direction(self) -> None:
         """Bring ε(δu) to δu. Its ghosts must be up to date."""
         self.de.interpolate(self._strain_of_direction)
@@ -128,11 +131,13 @@ class Fields:
         """Share of the volume that is plastic. Collective."""
         return self._plastic_volume() / self._volume
 
+    @phase("assembly")
     def assemble_force(self) -> PETSc.Vec:
         """⟨Σ(e), ε(v)⟩ as a vector, zero at supports. Collective."""
         assemble_force(self.force, self._force_form, self._bcs)
         return self.force
 
+    @phase("assembly")
     def assemble_stiffness(self, rho: float) -> PETSc.Mat:
         """Σ^{o,ρ}(e) as a matrix; supported unknowns keep a diagonal of its mean. Collective."""
         self.rho.value = rho

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.fields import Fields
+from perfplast_fenicsx.phases import phase
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import State
 
@@ -87,6 +88,11 @@ class Iterate:
         K = self.fields.assemble_stiffness(rho)
         if not self.problem.num_pairs:
             return K
+        return self._changed(K)
+
+    @phase("basis change")
+    def _changed(self, K: PETSc.Mat) -> PETSc.Mat:
+        """TᵀKT, in the matrix of the time before."""
         T = self.problem.basis.T
         self._operator = K.PtAP(T) if self._operator is None else K.PtAP(T, self._operator)
         return self._operator
@@ -100,6 +106,7 @@ class Iterate:
         du.x.scatter_forward()
         self.fields.update_direction()
 
+    @phase("line search")
     def line_search(self, zeta: float) -> float:
         """β = argmin over (0, 1] of J_ζ(u + β δu), by bisection on the monotone derivative.
 

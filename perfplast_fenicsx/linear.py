@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.contact import RIGID
 from perfplast_fenicsx.petsc_options import LINEAR, own_prefix
+from perfplast_fenicsx.phases import phase
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.rigidity import contact_gram, null_space
 
@@ -122,6 +123,7 @@ class LinearSolver:
         self._ready = True
         return True
 
+    @phase("linear set-up")
     def _reduce(self) -> None:
         full = self._full
         assert full is not None
@@ -179,12 +181,21 @@ class LinearSolver:
     def _try(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> None:
         if not self.direct:
             self._ksp.setTolerances(rtol=rtol)
-        self._ksp.solve(b, x)
+        self._set_up()
+        self._iterate(b, x)
         iterations = self._ksp.getIterationNumber()
         self.iterations += iterations
         if not self._rate:
             self._rate = iterations / -np.log10(rtol)
         self._excess += iterations + self._rate * np.log10(rtol)
+
+    @phase("linear set-up")
+    def _set_up(self) -> None:
+        self._ksp.setUp()
+
+    @phase("linear solve")
+    def _iterate(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        self._ksp.solve(b, x)
 
     def _fall_back(self) -> None:
         """Factorise from now on: near collapse multigrid finds no good coarse spaces."""

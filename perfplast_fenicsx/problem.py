@@ -22,6 +22,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.loads import Load, Support, work_form
 from perfplast_fenicsx.materials import Material, Moduli, strain, tangent
 from perfplast_fenicsx.obstacles import Obstacle
+from perfplast_fenicsx.phases import phase
 from perfplast_fenicsx.rigidity import check_rigidity, first_closed
 from perfplast_fenicsx.spaces import make_spaces
 
@@ -80,17 +81,7 @@ class Problem:
         self.bodies: Bodies = find_bodies(self.V)
         self.moduli = self._moduli(materials)
         self.bcs, self.fixed = self._supports(supports)
-        self.pairs: ContactPairs = find_pairs(
-            self.V, assembly, self.bodies, contacts, obstacles, self.fixed
-        )
-        touching = {a.primary for a in contacts} | {a.secondary for a in contacts}
-        touching |= {obstacle.on for obstacle in obstacles}
-        self.contact_tags = tuple(sorted(assembly.surfaces[name] for name in touching))
-        self.num_pairs: int = self.comm.allreduce(len(self.pairs.host))
-        self.has_gaps: bool = self.comm.allreduce(bool((self.pairs.gap > 0).any()), MPI.LOR)
-        check_rigidity(self.V, self.bodies, self.fixed, self.pairs)
-        self.first_closed = first_closed(self.V, self.bodies, self.fixed, self.pairs)
-        self.basis: ContactBasis = make_basis(self.V, self.pairs)
+        self._contact(contacts, obstacles)
         self.load: PETSc.Vec = self._load(loads)
 
     @property
@@ -148,6 +139,19 @@ class Problem:
             for i in range(gdim)
         ]
         return bcs, fixed
+
+    @phase("contact set-up")
+    def _contact(self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
+        V, bodies, fixed = self.V, self.bodies, self.fixed
+        self.pairs: ContactPairs = find_pairs(V, self.assembly, bodies, contacts, obstacles, fixed)
+        touching = {a.primary for a in contacts} | {a.secondary for a in contacts}
+        touching |= {obstacle.on for obstacle in obstacles}
+        self.contact_tags = tuple(sorted(self.assembly.surfaces[name] for name in touching))
+        self.num_pairs: int = self.comm.allreduce(len(self.pairs.host))
+        self.has_gaps: bool = self.comm.allreduce(bool((self.pairs.gap > 0).any()), MPI.LOR)
+        check_rigidity(V, bodies, fixed, self.pairs)
+        self.first_closed = first_closed(V, bodies, fixed, self.pairs)
+        self.basis: ContactBasis = make_basis(V, self.pairs)
 
     def _load(self, loads: Sequence[Load]) -> PETSc.Vec:
         form = fem.form(work_form(self.assembly, loads, ufl.TestFunction(self.V)))

@@ -1,0 +1,25 @@
+"""Phases of a run as events of PETSc's log: shown by ``-log_view``, read by the benchmarks."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from petsc4py import PETSc
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+PHASES = (
+    *("contact set-up", "return map", "assembly", "basis change"),
+    *("linear set-up", "linear solve", "line search"),
+)
+"""They do not overlap."""
+
+
+def phase(name: str) -> Callable[[Function], Function]:
+    """Decorate a function whose time counts as one of :data:`PHASES`."""
+    assert name in PHASES
+    return PETSc.Log.EventDecorator(f"perfplast {name}")
+
+
+def seconds() -> dict[str, float]:
+    """Time spent in each phase so far on this rank (s), since PETSc's logging was begun."""
+    return {name: PETSc.Log.Event(f"perfplast {name}").getPerfInfo()["time"] for name in PHASES}
