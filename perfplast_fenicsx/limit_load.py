@@ -179,8 +179,8 @@ def locking(levels: Sequence[Level], degree: int) -> str:
     )
     if degree == 1:
         return told + (
-            "linear elements lock in plastic flow, which keeps the volume, so that the limit load of"
-            " this mesh may be infinite; use quadratic ones (degree = 2 under [element])"
+            "linear elements lock in plastic flow, which keeps the volume, so that the limit load"
+            " of this mesh may be infinite; use quadratic ones (degree = 2 under [element])"
         )
     return told + "the loads may be such that the bodies carry any multiple of them; or refine"
 

@@ -1,5 +1,6 @@
 """Quadratic elements and plane strain: the same code, the same certificates."""
 
+import itertools
 import json
 import math
 from pathlib import Path
@@ -93,9 +94,7 @@ def test_last_steps_converge_quadratically(shared_tmp_path: Path) -> None:
     assert level.report.converged
     assert level.report.plastic_cells > 0
     sizes = [step.increment for step in level.iterations]
-    before, last = next(
-        (a, b) for a, b in zip(sizes, sizes[1:], strict=False) if a < 1e-2 and b < 1e-4
-    )
+    before, last = next((a, b) for a, b in itertools.pairwise(sizes) if a < 1e-2 and b < 1e-4)
     assert last < 50 * before**2 or last < 1e-9, sizes
 
 

@@ -2,7 +2,7 @@
 # # A thick tube under inner pressure, in plane strain
 #
 # A long tube of inner radius a and outer radius b yields from the inside; it bursts when the
-# plastic zone has reached its outer face. The stress is then σ_θ − σ_r = 2k everywhere, k = σ_y/√3, and
+# plastic zone has reached its outer face. Then σ_θ − σ_r = 2k everywhere, with k = σ_y/√3, and
 #
 #     p = 2k ln(b/a),
 #
@@ -14,7 +14,7 @@
 # same: a test of contact on curved surfaces.
 #
 # Linear triangles lock: each must keep its area in plastic flow, and there are about two of them
-# for each node, which has two unknowns. Their limit load is too large, and may rise with refinement.
+# for each node, which has two unknowns. Their limit load is too large, and refinement may raise it.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/thick_tube.py
 
