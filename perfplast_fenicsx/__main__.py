@@ -25,7 +25,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_load import LimitLoad, limit_load
 from perfplast_fenicsx.loading import load_path
 from perfplast_fenicsx.output import ResultFolder, Results
-from perfplast_fenicsx.plotting import draw_fields, draw_path
+from perfplast_fenicsx.plotting import dissipation, draw_fields, draw_path
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.recovery import Recovery
 from perfplast_fenicsx.state import Level
@@ -206,13 +206,16 @@ def _draw(
 
     def draw(fields: dict[str, fem.Function], name: str, caption: str | None = None) -> None:
         about = (last.report, case.title, case.loads, case.contacts)
-        draw_fields(problem.assembly, fields, *about, folder.file(name), caption)
+        path = folder.file(name)
+        draw_fields(problem.assembly, fields, *about, path, caption, case.obstacles)
 
     fields = recovery.update(last.state)
     draw(fields, "fields.png")
     if limit is not None:
         caption = f"collapse mechanism at ζ = {limit.lower:.6g}, velocity of unit work"
-        draw(fields | {"displacement": limit.mechanism}, "mechanism.png", caption)
+        work = dissipation(problem, limit.mechanism)
+        mechanism = fields | {"displacement": limit.mechanism, "dissipation": work}
+        draw(mechanism, "mechanism.png", caption)
     path = folder.file("path.png")
     folder.on_root(lambda: draw_path(results.reports, case.title, path, limit))
 

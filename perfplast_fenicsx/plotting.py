@@ -1,35 +1,35 @@
 """Pictures of a run: ``fields.png``, the deformed bodies, and ``path.png``, ζ over α."""
 
-import json
 import logging
 import math
-import os
-import shutil
-import subprocess
-import sys
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
+import ufl
 from dolfinx import fem
 
 from perfplast_fenicsx.assembly import Assembly
+from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.contact import Contact
+from perfplast_fenicsx.graphics import images
 from perfplast_fenicsx.limit_load import LimitLoad
 from perfplast_fenicsx.loads import Load, Pressure, Traction
+from perfplast_fenicsx.materials import deviator, strain
+from perfplast_fenicsx.obstacles import Obstacle
+from perfplast_fenicsx.problem import Problem
+from perfplast_fenicsx.scenery import best_view, load_arrows, sample_obstacles
+from perfplast_fenicsx.spaces import by_cell
 from perfplast_fenicsx.state import LevelReport
 from perfplast_fenicsx.surface import Surface, gather_surface
 
 log = logging.getLogger(__name__)
 
-SHOWN_DEFORMATION = 0.1
+SHOWN_DEFORMATION, SHOWN_MECHANISM = 0.1, 0.04
 """The largest displacement is drawn about so large, relative to the size of the assembly."""
-
-PATIENCE = 300.0
-"""Longest time for a picture (s)."""
 
 
 def draw_fields(
@@ -41,51 +41,79 @@ def draw_fields(
     contacts: Sequence[Contact],
     path: Path,
     caption: str | None = None,
+    obstacles: Sequence[Obstacle] = (),
 ) -> bool:
     """Draw the deformed bodies with plastic zone, displacement and contact pressure. Collective.
+
+    Of a mechanism the dissipation is shown instead of the displacement.
 
     Without a graphics system a warning is logged on rank 0, and nothing is drawn.
 
     Args:
         assembly: Mesh with names.
-        fields: ``displacement``, ``yield_ratio`` and ``contact_pressure`` of the level.
+        fields: ``displacement``, ``yield_ratio`` and ``contact_pressure`` of the level, and for a
+            mechanism its ``dissipation`` (:func:`dissipation`).
         report: The level.
         title: Heading of the picture.
         loads: Shown as arrows where they act on surfaces.
         contacts: Shown with the contact pressure.
         path: The png file.
         caption: Second line of the heading; by default load factor and work.
+        obstacles: Shown where they are near, and with the contact pressure.
 
     Returns:
         Whether there is a picture, on every rank alike.
     """
+    gdim, comm = assembly.mesh.geometry.dim, assembly.mesh.comm
+    for obstacle in obstacles:
+        obstacle.towards(np.zeros((0, gdim)))  # one that does not fit raises on every rank
     nodal = {name: fields[name] for name in ("displacement", "contact_pressure")}
-    cellwise = {"yield_ratio": fields["yield_ratio"]}
+    cellwise = {name: fields[name] for name in ("yield_ratio", "dissipation") if name in fields}
+    largest = float(cellwise["dissipation"].x.array.max(initial=0)) if len(cellwise) > 1 else 0.0
+    largest = comm.allreduce(largest, MPI.MAX)
     on_surfaces = [load for load in loads if isinstance(load, Traction | Pressure)]
     marks = {f"load {i}": [load.on] for i, load in enumerate(on_surfaces)}
     marks["contact"] = [contact.secondary for contact in contacts]
+    marks["contact"] += [obstacle.on for obstacle in obstacles]
     surface = gather_surface(assembly, nodal, cellwise, marks)
     drawn = False
     if surface is not None:
-        scale = deformation_scale(surface)
+        scale = deformation_scale(
+            surface, SHOWN_MECHANISM if "dissipation" in cellwise else SHOWN_DEFORMATION
+        )
         enlarged = "to scale" if scale == 1 else f"drawn {scale:g} times as large"
         level = f"load factor ζ = {report.zeta:.6g},   work of the loads α = {report.alpha:.5g}"
-        about = {
-            "title": title,
-            "subtitle": f"{caption or level},   deformation {enlarged}",
-            "scale": scale,
-            "names": surface.names,
-            "loads": {f"load {i}": _direction(load) for i, load in enumerate(on_surfaces)},
-        }
-        drawn = _render(surface, about, path)
-    return bool(assembly.mesh.comm.bcast(drawn))
+        words = (title, f"{caption or level},   deformation {enlarged}")
+        points = surface.points + scale * surface.at_points["displacement"]
+        try:
+            drawn = _draw(surface, points, largest, on_surfaces, obstacles, words, path)
+        except Exception as error:  # the other ranks wait, and a picture is no reason to stop
+            log.warning("%s was not drawn (%s).", path.name, error)
+    return bool(comm.bcast(drawn))
 
 
-def deformation_scale(surface: Surface) -> float:
+def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
+    """γ‖dev ε(v)‖, the mean of each cell: the plastic work of a velocity; 0 in elastic bodies.
+
+    Args:
+        problem: The bodies.
+        v: The velocity, its ghosts up to date.
+    """
+    d, radius = deviator(strain(v)), problem.moduli.yield_radius
+    plastic = ufl.gt(1 / radius, 0.0)  # elastic bodies have γ = ∞
+    rate = ufl.conditional(plastic, radius * ufl.sqrt(ufl.dot(d, d)), 0.0)
+    at_points = fem.Function(problem.Q)
+    at_points.interpolate(fem.Expression(rate, interpolation_points(problem.Q.element)))
+    cells = fem.functionspace(problem.assembly.mesh, ("DG", 0))
+    mean = fem.Function(cells, name="dissipation")
+    mean.x.array[:] = by_cell(at_points).mean(axis=1)
+    return mean
+
+
+def deformation_scale(surface: Surface, shown: float = SHOWN_DEFORMATION) -> float:
     """A round number (1, 2 or 5 times a power of ten) that makes the deformation visible."""
-    size = float(np.linalg.norm(np.ptp(surface.points, axis=0)))
     largest = float(np.linalg.norm(surface.at_points["displacement"], axis=1).max(initial=0))
-    wanted = SHOWN_DEFORMATION * size / largest if largest > 0 else 1.0
+    wanted = shown * surface.size / largest if largest > 0 else 1.0
     if not (math.isfinite(wanted) and wanted > 0):
         return 1.0
     power = 10.0 ** math.floor(math.log10(wanted))
@@ -133,7 +161,8 @@ def draw_path(
             label = f"bounds {limit.lower:.6g} to {limit.upper:.6g}"
             axes.axhspan(limit.lower, limit.upper, color="#d62020", alpha=0.15, label=label)
         axes.set_xscale("symlog", linthresh=solved[0].alpha)
-    axes.set(xlabel="work of the loads α", ylabel="load factor ζ", title=title)
+    axes.set(xlabel="work of the loads α", ylabel="load factor ζ")
+    axes.set_title(title, parse_math=False)
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
     axes.grid(alpha=0.3)
@@ -141,81 +170,43 @@ def draw_path(
     figure.savefig(path)
 
 
-def _direction(load: Traction | Pressure) -> list[float] | float:
-    """Where the arrows of a load point: a vector, or 1.0 or −1.0 along the outward normal."""
-    if isinstance(load, Pressure):
-        return math.copysign(1.0, -load.value)
-    return [*load.value, 0.0][:3]
+def _draw(
+    surface: Surface,
+    points: npt.NDArray[np.float64],
+    largest_dissipation: float,
+    loads: Sequence[Traction | Pressure],
+    obstacles: Sequence[Obstacle],
+    words: tuple[str, str],
+    path: Path,
+) -> bool:
+    """Draw a surface, its points moved, under two lines of words. Not collective."""
+    from perfplast_fenicsx.panels import compose, hue, panels
 
-
-def _render(surface: Surface, about: Mapping[str, object], path: Path) -> bool:
-    """Draw by :mod:`perfplast_fenicsx.render` in a process of its own."""
-    program = Path(__file__).with_name("render.py")
-    with tempfile.TemporaryDirectory() as folder, display() as environment:
-        source = Path(folder) / "surface.npz"
-        arrays: dict[str, Any] = {
-            "points": surface.points,
-            "triangles": surface.triangles,
-            "body": surface.body,
-            "about": json.dumps(about),
-            **surface.at_points,
-            **surface.at_cells,
-            **surface.marks,
-        }
-        np.savez(source, **arrays)
-        command = [sys.executable, "-P", str(program), str(source), str(path)]
-        try:
-            done = subprocess.run(
-                command,
-                env=environment,
-                capture_output=True,
-                text=True,
-                timeout=PATIENCE,
-                check=False,
-            )
-        except (OSError, subprocess.TimeoutExpired) as error:
-            log.warning("%s was not drawn (%s).", path.name, error)
-            return False
-    if done.returncode != 0 or not path.exists():
-        log.warning("%s was not drawn: %s", path.name, _cause(environment, done))
+    shown = panels(surface, largest_dissipation)
+    arrows = load_arrows(surface, points, loads)
+    near = sample_obstacles(surface, points, obstacles)
+    arrays = {
+        "undeformed": surface.points,
+        "points": points,
+        "triangles": surface.triangles,
+        "facets": surface.facets,
+        "body": surface.body,
+        "arrow_starts": arrows.starts,
+        "arrows": arrows.vectors,
+        **{f"colours {i}": panel.colours for i, panel in enumerate(shown)},
+        **{f"facets {i}": p.facets for i, p in enumerate(shown) if p.facets is not None},
+        **{f"obstacle {i}": distance for i, distance in enumerate(near.distances)},
+    }
+    about = {
+        "hues": [hue(body) for body in range(len(surface.names))],
+        "view": best_view(surface),
+        "loads": [panel.loads for panel in shown],
+        "corner": near.corner.tolist(),
+        "spacing": near.spacing.tolist(),
+        "num_obstacles": len(obstacles),
+    }
+    drawn = images(arrays, about, path.name)
+    if drawn is None:
         return False
+    compose(shown, drawn, *words, path)
     return True
-
-
-def _cause(environment: Mapping[str, str], done: subprocess.CompletedProcess[str]) -> str:
-    last = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-    if "DISPLAY" not in environment and "Error" not in last:
-        return "there is no X server; install Xvfb (Debian package xvfb), or set DISPLAY."
-    return f"the drawing program failed ({last})."
-
-
-@contextmanager
-def display() -> Iterator[dict[str, str]]:
-    """An environment to draw in: with an X server of its own where Xvfb is installed.
-
-    The variables of MPI launchers are left out, so that the child is no rank.
-    """
-    hidden = ("OMPI_", "PMIX_", "PRTE_", "PMI_", "MPI_", "HYDRA_")
-    environment = {key: value for key, value in os.environ.items() if not key.startswith(hidden)}
-    program = shutil.which("Xvfb")
-    if program is None:
-        yield environment
-        return
-    reader, writer = os.pipe()
-    command = [program, "-displayfd", str(writer), "-screen", "0", "1280x1024x24"]
-    with subprocess.Popen(
-        [*command, "-nolisten", "tcp"],
-        pass_fds=[writer],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=environment,
-    ) as server:
-        os.close(writer)
-        with os.fdopen(reader) as pipe:
-            number = pipe.readline().strip()
-        if number:
-            environment["DISPLAY"] = f":{number}"
-        try:
-            yield environment
-        finally:
-            server.terminate()

@@ -1,36 +1,19 @@
-"""Draws ``fields.png`` from a surface file; run as a program of its own.
+"""Draws the panels of a picture from a file; run as a program of its own.
 
-:mod:`perfplast_fenicsx.plotting` starts it, so that a graphics system that fails takes nothing with
-it. Hence nothing of this package or of MPI is imported here. pyvista draws the bodies, matplotlib
-puts words and colour bars around them.
+:mod:`perfplast_fenicsx.graphics` starts it, so that a graphics system that fails takes nothing with
+it. Hence nothing of this package or of MPI is imported here.
 """
 
 import json
 import sys
-from dataclasses import dataclass
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
 import pyvista as pv
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colorbar import Colorbar
-from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
-HUES = ("#3b6ea5", "#8a6d3b", "#4a8a5a", "#7a5a96")
-"""Colour of the highest elastic stress, for each body in turn."""
-
-PLASTIC = "#d62020"
-PLASTIC_FROM = 0.9999
-"""A yield ratio above this is plastic; the law gives 1 up to rounding."""
-
-VIEWS = np.array([(1.1, -1.9, 1.0), (-1.1, -1.9, 1.0), (1.1, 1.9, 1.0), (-1.1, 1.9, 1.0)])
 PIXELS = (1000, 800)
 SHARP = 30.0
 """Edges between facets that differ by more degrees are drawn."""
@@ -38,55 +21,64 @@ SHARP = 30.0
 MOST_EDGES = 40_000
 """The mesh is drawn where it has no more triangles than this."""
 
-ARROWS = 24
-"""About so many arrows show a load."""
+IN_FRONT = 1e-3
+"""In the plane, what is drawn upon the bodies is so far before them, relative to their size."""
 
-ARROW = 0.1
-"""Their length relative to the size of the assembly."""
+GLASS = {True: 0.2, False: 0.12}
+"""Opacity of bodies in the plane, and of their skins in space."""
 
-
-@dataclass
-class Panel:
-    """The bodies with one quantity as colour.
-
-    Attributes:
-        title: Says what is seen.
-        colours: RGB, shape (num_points, 3) or (num_triangles, 3).
-        bars: Colour map, range and label of each colour bar.
-        solid: Triangles that are opaque, shape (num_triangles,); the others are like glass.
-        loads: Draw the loads.
-    """
-
-    title: str
-    colours: Floats
-    bars: list[tuple[Colormap, Normalize, str]]
-    solid: Flags
-    loads: bool = False
+HATCHES = 60
+"""Hatching has so many lines across the picture."""
 
 
 class Scene:
-    """The deformed bodies of a surface file, and the direction they are looked at from."""
+    """The deformed bodies of a file and what is around them, seen from one direction."""
 
     def __init__(self, data: dict[str, npt.NDArray[Any]], about: dict[str, Any]) -> None:
         self.data, self.about = data, about
-        self.triangles, self.body = data["triangles"], data["body"]
-        self.undeformed = data["points"]
-        self.points = data["points"] + about["scale"] * data["displacement"]
+        self.triangles, self.facets = data["triangles"], data["facets"]
+        self.undeformed, self.points = data["undeformed"], data["points"]
         self.size = float(np.linalg.norm(np.ptp(self.undeformed, axis=0)))
-        self.flat = bool(np.ptp(self.undeformed[:, 2]) == 0)
-        a, b, c = (self.undeformed[self.triangles[:, i]] for i in range(3))
-        self.areas = np.cross(b - a, c - a) / 2
-        self.outlines = [self._outline(body) for body in range(len(about["names"]))]
-        self.view = self._view()
+        self.flat = self.facets.shape[1] == 2
+        if self.flat:
+            self.outlines = [tuple(_mesh(x, self.facets) for x in (self.undeformed, self.points))]
+        else:
+            self.outlines = [self._outline(body) for body in range(len(about["hues"]))]
+        self.obstacles = [
+            self._obstacle(data[f"obstacle {i}"]) for i in range(about["num_obstacles"])
+        ]
 
-    def draw(self, panel: Panel) -> npt.NDArray[np.uint8]:
-        """An image of the panel, shape (height, width, 3)."""
+    def draw(self, panel: int) -> npt.NDArray[np.uint8]:
+        """An image of a panel, shape (height, width, 3)."""
         plotter = pv.Plotter(off_screen=True, window_size=list(PIXELS))
         plotter.set_background("white")
-        at_points = len(panel.colours) == len(self.points)
+        colours = self.data[f"colours {panel}"]
+        chosen = self.data.get(f"facets {panel}")
+        if chosen is None:
+            self._add_bodies(plotter, colours)
+        else:
+            self._add_contact(plotter, colours, chosen)
+        for before, after in self.outlines:
+            plotter.add_mesh(before, color="#b0b0b0", line_width=1.5, lighting=False)
+            plotter.add_mesh(after, color="#202020", line_width=2.5, lighting=False)
+        for parts in self.obstacles:
+            for mesh, paint in parts:
+                plotter.add_mesh(mesh, lighting=not self.flat, **paint)
+        plotter.view_vector(self.about["view"], viewup=(0, 1, 0) if self.flat else (0, 0, 1))
+        plotter.enable_parallel_projection()
+        if self.about["loads"][panel] and len(self.data["arrows"]):
+            start, vector = self.data["arrow_starts"], self.data["arrows"]
+            plotter.add_arrows(start, vector, color="#111111", lighting=False)
+        self._frame(plotter)
+        plotter.enable_anti_aliasing("ssaa")
+        image = plotter.screenshot(return_img=True)
+        plotter.close()
+        return np.asarray(image)
+
+    def _add_bodies(self, plotter: pv.Plotter, colours: Floats) -> None:
         plotter.add_mesh(
-            self._mesh(self.points, panel.solid),
-            scalars=panel.colours if at_points else panel.colours[panel.solid],
+            _mesh(self.points, self.triangles),
+            scalars=colours,
             rgb=True,
             lighting=not self.flat,
             ambient=0.6,
@@ -96,32 +88,64 @@ class Scene:
             edge_opacity=0.2,
             line_width=0.5,
         )
-        for body in range(len(self.outlines)):
-            glass = ~panel.solid & (self.body == body)
+
+    def _add_contact(
+        self, plotter: pv.Plotter, colours: Floats, chosen: npt.NDArray[np.bool_]
+    ) -> None:
+        """The chosen facets over bodies of glass: triangles, or thick lines with a rim."""
+        for body, hue in enumerate(self.about["hues"]):
+            glass = self.data["body"] == body
+            if not self.flat:
+                glass &= ~chosen
             if glass.any():
-                mesh = self._mesh(self.points, glass)
-                plotter.add_mesh(mesh, color=_hue(body), opacity=0.12, lighting=False)
-        for before, after in self.outlines:
-            plotter.add_mesh(before, color="#b0b0b0", line_width=1.5, lighting=False)
-            plotter.add_mesh(after, color="#202020", line_width=2.5, lighting=False)
-        plotter.view_vector(self.view, viewup=(0, 1, 0) if self.flat else (0, 0, 1))
-        plotter.enable_parallel_projection()
-        if panel.loads:
-            for start, vector in self._arrows():
-                plotter.add_arrows(start, vector, color="#111111", lighting=False)
-        self._frame(plotter)
-        plotter.enable_anti_aliasing("ssaa")
-        image = plotter.screenshot(return_img=True)
-        plotter.close()
-        return np.asarray(image)
+                mesh = _mesh(self.points, self.triangles[glass])
+                plotter.add_mesh(mesh, color=hue, opacity=GLASS[self.flat], lighting=False)
+        if not self.flat:
+            mesh = _mesh(self.points, self.facets[chosen])
+            plotter.add_mesh(mesh, scalars=colours, rgb=True, ambient=0.6, diffuse=0.45)
+            return
+        rim: dict[str, Any] = {"color": "#404040", "line_width": 30}
+        line: dict[str, Any] = {"scalars": colours, "rgb": True, "line_width": 24}
+        for layer, paint in enumerate((rim, line), start=1):
+            lifted = self.points + np.array([0, 0, layer * IN_FRONT * self.size])
+            plotter.add_mesh(_mesh(lifted, self.facets[chosen]), lighting=False, **paint)
+
+    def _obstacle(self, distance: Floats) -> list[tuple[pv.DataSet, dict[str, Any]]]:
+        """Meshes of an obstacle near the bodies, from distances on a grid, and how to draw them."""
+        about = self.about
+        if distance.min() >= 0:
+            return []
+        grid = pv.ImageData(
+            dimensions=distance.shape, spacing=about["spacing"], origin=about["corner"]
+        )
+        grid.point_data["distance"] = distance.ravel(order="F")
+        # in space a little inside, since it would be mixed up with the surface that touches it
+        depth = 0.0 if self.flat else IN_FRONT * self.size
+        skin = grid.contour([-depth], scalars="distance")
+        if not self.flat:
+            parts = [(skin, {"color": "#808080", "opacity": 0.25, "smooth_shading": True})]
+        else:
+            inside = grid.clip_scalar("distance", value=0.0)
+            inside.translate((0, 0, -IN_FRONT * self.size), inplace=True)
+            across = inside.points[:, :2].sum(axis=1)
+            inside.point_data["across"] = across
+            step = self.size / HATCHES
+            lines = np.arange(across.min(), across.max() + step, step)
+            parts = [
+                (inside, {"color": "#eeeeee"}),
+                (inside.contour(lines, scalars="across"), {"color": "#b0b0b0", "line_width": 1}),
+                (skin, {"color": "#606060", "line_width": 2.5}),
+            ]
+        return [(mesh, paint) for mesh, paint in parts if mesh.n_points]
 
     def _frame(self, plotter: pv.Plotter) -> None:
         """Fill the image with what there is to see, loads included, alike in all panels."""
-        towards = np.array(self.view) / np.linalg.norm(self.view)
+        towards = np.array(self.about["view"]) / np.linalg.norm(self.about["view"])
         right = np.cross(plotter.camera.up, towards)
         right /= np.linalg.norm(right)
         axes = np.array([right, np.cross(towards, right)])
-        seen = np.concatenate([self.points, self.undeformed, *(a for a, _ in self._arrows())])
+        around = [mesh.points for parts in self.obstacles for mesh, _ in parts]
+        seen = np.concatenate([self.points, self.undeformed, self.data["arrow_starts"], *around])
         low, high = (seen @ axes.T).min(axis=0), (seen @ axes.T).max(axis=0)
         half = (high - low) / 2
         centre = (low + high) / 2 @ axes + (seen.mean(axis=0) @ towards) * towards
@@ -130,133 +154,34 @@ class Scene:
         plotter.camera.parallel_scale = 1.04 * max(half[1], half[0] * PIXELS[1] / PIXELS[0])
         plotter.reset_camera_clipping_range()
 
-    def _mesh(self, points: Floats, chosen: Flags) -> pv.PolyData:
-        faces = np.column_stack([np.full(chosen.sum(), 3), self.triangles[chosen]])
-        return pv.PolyData(points, faces.ravel())
-
     def _outline(self, body: int) -> tuple[pv.PolyData, pv.PolyData]:
         """Sharp edges of a body before and after the deformation.
 
         They are found before it, where an edge that bends is sharp all along.
         """
-        mesh = self._mesh(self.undeformed, self.body == body)
+        mesh = _mesh(self.undeformed, self.triangles[self.data["body"] == body])
         mesh.point_data["moved"] = self.points
         before = mesh.clean().extract_feature_edges(
-            SHARP, boundary_edges=self.flat, manifold_edges=False, non_manifold_edges=False
+            SHARP, boundary_edges=False, manifold_edges=False, non_manifold_edges=False
         )
         after = before.copy()
         after.points = before.point_data["moved"]
         return before, after
 
-    def _view(self) -> tuple[float, float, float]:
-        """Of a few directions the first that sees nearly the most of the stressed skin."""
-        if self.flat:
-            return (0.0, 0.0, 1.0)
-        weighed = self.areas * (self.data["yield_ratio"] ** 4 + 1e-6)[:, None]
-        weighed = weighed[~self.data["contact"]]
-        seen = np.maximum(weighed @ VIEWS.T, 0).sum(axis=0)
-        x, y, z = VIEWS[int(np.argmax(seen > 0.95 * seen.max()))]
-        return (x, y, z)
 
-    def _arrows(self) -> list[tuple[Floats, Floats]]:
-        """Start and vector of the arrows of each load: they end on the surface, or pull at it."""
-        arrows = []
-        for mark, direction in self.about["loads"].items():
-            chosen = np.flatnonzero(self.data[mark])
-            areas = self.areas[chosen]
-            total = np.linalg.norm(areas, axis=1).sum()
-            if total > 0:
-                centres = self.points[self.triangles[chosen]].mean(axis=1)
-                boxes = np.floor(centres / np.sqrt(total / ARROWS) + 1e-3)
-                spread = np.unique(boxes, axis=0, return_index=True)[1]
-                d = np.broadcast_to(direction, areas.shape)[spread]
-                if isinstance(direction, float):  # along the outward normal
-                    d = d * areas[spread]
-                d = ARROW * self.size * d / np.linalg.norm(d, axis=1, keepdims=True)
-                pushes = np.einsum("ni,ni->", d, areas[spread]) < 0
-                arrows.append((centres[spread] - d * pushes, d))
-        return arrows
-
-
-def panels(scene: Scene) -> list[Panel]:
-    """What the picture shows: plastic zone, displacement, and contact pressure if any."""
-    everything = np.ones(len(scene.triangles), dtype=bool)
-    ratio = scene.data["yield_ratio"]
-    colours = np.zeros((len(ratio), 3))
-    bars: list[tuple[Colormap, Normalize, str]] = []
-    for body, name in enumerate(scene.about["names"]):
-        hue = _stress_map(_hue(body))
-        own = scene.body == body
-        colours[own] = hue(ratio[own])[:, :3]
-        bars.append((hue, Normalize(0, 100), name))
-    heading = "Stress in % of the yield stress (red: plastic)"
-    found = [Panel(heading, colours, bars, everything, loads=True)]
-
-    size = np.linalg.norm(scene.data["displacement"], axis=1)
-    found.append(_graded("Displacement", size, "viridis", "magnitude of u", everything))
-    contact = scene.data["contact"]
-    if contact.any():
-        pressure = scene.data["contact_pressure"]
-        label = "pressure on the contact surface"
-        found.append(
-            _graded(
-                "Contact pressure, seen through the bodies", pressure, "magma_r", label, contact
-            )
-        )
-    return found
-
-
-def _graded(title: str, values: Floats, colormap: str, label: str, solid: Flags) -> Panel:
-    largest = float(values.max(initial=0.0))
-    colours = mpl.colormaps[colormap]
-    norm = Normalize(min(0.0, float(values.min(initial=0.0))), largest if largest > 0 else 1.0)
-    return Panel(title, colours(norm(values))[:, :3], [(colours, norm, label)], solid)
-
-
-def _hue(body: int) -> str:
-    return HUES[body % len(HUES)]
-
-
-def _stress_map(hue: str) -> Colormap:
-    """Pale to ``hue`` for elastic stress, then red at once."""
-    stops = [(0.0, "#f6f6f2"), (PLASTIC_FROM, hue), (PLASTIC_FROM, PLASTIC), (1.0, PLASTIC)]
-    return LinearSegmentedColormap.from_list("stress", stops, N=20_000)
-
-
-def compose(scene: Scene, path: str) -> None:
-    """Draw all panels, put words around them, and save the picture."""
-    shown = panels(scene)
-    figure = Figure(figsize=(5.4 * len(shown), 5.9), dpi=140)
-    FigureCanvasAgg(figure)
-    figure.suptitle(scene.about["title"], fontsize=16, fontweight="bold", y=0.98)
-    figure.text(0.5, 0.89, scene.about["subtitle"], ha="center", fontsize=11.5)
-    width = 1 / len(shown)
-    for i, panel in enumerate(shown):
-        axes = figure.add_axes((i * width, 0.14, width, 0.68))
-        axes.imshow(scene.draw(panel))
-        axes.set_axis_off()
-        axes.set_title(panel.title, fontsize=12)
-        share = 0.8 / len(panel.bars)
-        for k, (colours, norm, label) in enumerate(panel.bars):
-            left = (i + 0.1 + k * share + 0.03) * width
-            bar = Colorbar(
-                figure.add_axes((left, 0.12, (share - 0.06) * width, 0.022)),
-                cmap=colours,
-                norm=norm,
-                orientation="horizontal",
-                ticks=MaxNLocator(4 if len(panel.bars) > 1 else 6),
-            )
-            bar.set_label(label, fontsize=10)
-            bar.ax.tick_params(labelsize=9)
-    figure.savefig(path)
+def _mesh(points: Floats, cells: npt.NDArray[np.int64]) -> pv.PolyData:
+    """Of triangles or lines."""
+    size = cells.shape[1]
+    numbers = np.column_stack([np.full(len(cells), size), cells]).ravel()
+    return pv.PolyData(points, faces=numbers) if size == 3 else pv.PolyData(points, lines=numbers)
 
 
 def main(source: str, target: str) -> None:
-    """Draw the surface file ``source`` (npz) as ``target`` (png)."""
+    """Draw the panels of the file ``source`` (npz) as arrays of pixels in ``target`` (npy)."""
     with np.load(source) as file:
         data = {name: file[name] for name in file.files}
-    about = json.loads(str(data.pop("about")))
-    compose(Scene(data, about), target)
+    scene = Scene(data, json.loads(str(data.pop("about"))))
+    np.save(target, np.stack([scene.draw(panel) for panel in range(len(scene.about["loads"]))]))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """The skin of the bodies, put together on rank 0 for a picture.
 
 Each rank extracts the triangles of its own exterior facets; only these travel, never whole fields.
-Of a plane mesh the skin is the mesh itself.
+Of a plane mesh the skin is the mesh itself, and its exterior facets are the edges around it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
-from dolfinx.mesh import entities_to_geometry, exterior_facet_indices
+from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.assembly import Assembly
-from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.compat import entity_nodes, geometry_dofmap
 
 Ints = npt.NDArray[np.int32]
 Floats = npt.NDArray[np.float64]
@@ -25,21 +25,49 @@ class Surface:
 
     Attributes:
         points: Undeformed points, shape (num_points, 3).
-        triangles: Indices of points, counterclockwise from outside, shape (num_triangles, 3).
+        triangles: Indices of points, in 3D counterclockwise from outside, shape (num_triangles, 3).
+        edges: Exterior edges of a plane mesh as indices of points, from the first to the second
+            with the body on the left, shape (num_edges, 2); none in 3D.
         body: Index of each triangle's volume in ``names``, shape (num_triangles,).
         names: Names of the volumes, in the order of their tags.
         at_points: Nodal values by name, shape (num_points,) or (num_points, 3).
         at_cells: Values of the cells below the triangles by name, shape (num_triangles,).
-        marks: Whether each triangle is on a marked surface, by name of the mark. All False in 2D.
+        marks: Whether each of :attr:`facets` is on a marked surface, by name of the mark.
     """
 
     points: Floats
     triangles: npt.NDArray[np.int64]
+    edges: npt.NDArray[np.int64]
     body: npt.NDArray[np.int64]
     names: list[str]
     at_points: dict[str, Floats]
     at_cells: dict[str, Floats]
     marks: dict[str, npt.NDArray[np.bool_]]
+
+    @property
+    def plane(self) -> bool:
+        """Whether it is that of a plane mesh."""
+        return len(self.edges) > 0
+
+    @property
+    def facets(self) -> npt.NDArray[np.int64]:
+        """Where loads and contact act: the triangles, of a plane mesh the edges."""
+        return self.edges if self.plane else self.triangles
+
+    @property
+    def normals(self) -> Floats:
+        """Outward normals of the facets, as long as their areas or lengths, shape (n, 3)."""
+        return _normals(self.points, self.facets)
+
+    @property
+    def areas(self) -> Floats:
+        """Of the triangles."""
+        return np.asarray(np.linalg.norm(_normals(self.points, self.triangles), axis=1))
+
+    @property
+    def size(self) -> float:
+        """The diagonal of the box around it."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
 
 def gather_surface(
@@ -60,16 +88,23 @@ def gather_surface(
         The surface on rank 0, None elsewhere.
     """
     mesh = assembly.mesh
-    facets, corners, cells = _triangles(assembly)
-    dofmap = geometry_dofmap(mesh)
-    used, local = np.unique(corners, return_inverse=True)
-    tags = np.zeros(len(dofmap), dtype=np.int64)
+    facets, corners, cells = _exterior(assembly)
+    triangles: Ints = corners
+    edges: Ints = np.zeros((0, 2), dtype=np.int32)
+    if mesh.topology.dim == 2:
+        cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
+        triangles, edges = geometry_dofmap(mesh)[cells, :3], corners
+    nodes = np.concatenate([triangles.ravel(), edges.ravel()])
+    used, local = np.unique(nodes, return_inverse=True)
+    local = local.ravel().astype(np.int64)
+    tags = np.zeros(len(geometry_dofmap(mesh)), dtype=np.int64)
     tags[assembly.cell_tags.indices] = assembly.cell_tags.values
     names = sorted(assembly.volumes, key=lambda name: assembly.volumes[name])
     body = np.searchsorted([assembly.volumes[name] for name in names], tags[cells])
     piece = Surface(
         points=mesh.geometry.x[used].astype(np.float64),
-        triangles=local.reshape(corners.shape).astype(np.int64),
+        triangles=local[: triangles.size].reshape(-1, 3),
+        edges=local[triangles.size :].reshape(-1, 2),
         body=body.astype(np.int64),
         names=names,
         at_points={name: _at_nodes(function)[used] for name, function in nodal.items()},
@@ -83,25 +118,30 @@ def gather_surface(
     return None if pieces is None else _joined(pieces)
 
 
-def _triangles(assembly: Assembly) -> tuple[Ints, Ints, Ints]:
-    """The owned triangles of the skin, outward: facets (−1 in 2D), geometry nodes, cells."""
+def _exterior(assembly: Assembly) -> tuple[Ints, Ints, Ints]:
+    """The owned exterior facets: their indices, their vertices' geometry nodes, their cells."""
     mesh = assembly.mesh
     tdim = mesh.topology.dim
-    if tdim == 2:
-        owned = mesh.topology.index_map(tdim).size_local
-        cells = np.arange(owned, dtype=np.int32)
-        return np.full_like(cells, -1), geometry_dofmap(mesh)[:owned, :3], cells
     mesh.topology.create_connectivity(tdim - 1, tdim)
     mesh.topology.create_connectivity(tdim, tdim - 1)
     facets = exterior_facet_indices(mesh.topology)
-    corners = entities_to_geometry(mesh, tdim - 1, facets)[:, :3]
+    corners: Ints = entity_nodes(mesh, tdim - 1, facets)[:, :tdim]
     to_cell = mesh.topology.connectivity(tdim - 1, tdim)
     cells = to_cell.array[to_cell.offsets[facets]]
-    x, cell_nodes = mesh.geometry.x, geometry_dofmap(mesh)[cells, :4]
-    a, b, c = (x[corners[:, i]] for i in range(3))
-    inward = np.einsum("ni,ni->n", np.cross(b - a, c - a), a - x[cell_nodes].mean(axis=1)) < 0
-    corners[inward] = corners[inward][:, [0, 2, 1]]
+    x: Floats = mesh.geometry.x.astype(np.float64)
+    centres = x[geometry_dofmap(mesh)[cells, : tdim + 1]].mean(axis=1)
+    from_inside: Floats = x[corners[:, 0]] - centres
+    inward = np.einsum("ni,ni->n", _normals(x, corners), from_inside) < 0
+    corners[inward, -2:] = corners[inward, :-3:-1]
     return facets, corners, cells
+
+
+def _normals(points: Floats, facets: npt.NDArray[np.integer]) -> Floats:
+    """On the right of edges, and where triangles are counterclockwise; as long as the area."""
+    along = points[facets[:, 1]] - points[facets[:, 0]]
+    if facets.shape[1] == 2:
+        return np.cross(along, [0.0, 0.0, 1.0])
+    return np.cross(along, points[facets[:, 2]] - points[facets[:, 0]]) / 2
 
 
 def _at_nodes(function: fem.Function) -> Floats:
@@ -118,7 +158,11 @@ def _at_nodes(function: fem.Function) -> Floats:
 
 def _joined(pieces: list[Surface]) -> Surface:
     offsets = np.cumsum([0] + [len(piece.points) for piece in pieces])
-    shifted = [piece.triangles + offset for piece, offset in zip(pieces, offsets, strict=False)]
+
+    def shifted(part: str) -> npt.NDArray[np.int64]:
+        places = zip(pieces, offsets, strict=False)
+        return np.concatenate([getattr(piece, part) + offset for piece, offset in places])
+
     together = {
         part: {
             name: np.concatenate([getattr(piece, part)[name] for piece in pieces])
@@ -128,7 +172,8 @@ def _joined(pieces: list[Surface]) -> Surface:
     }
     return Surface(
         points=np.concatenate([piece.points for piece in pieces]),
-        triangles=np.concatenate(shifted),
+        triangles=shifted("triangles"),
+        edges=shifted("edges"),
         body=np.concatenate([piece.body for piece in pieces]),
         names=pieces[0].names,
         **together,

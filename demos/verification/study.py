@@ -10,11 +10,14 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from dolfinx import fem
+
 from perfplast_fenicsx import Assembly, LimitLoad, Problem, limit_load, read_gmsh
 from perfplast_fenicsx.contact import Contact
 from perfplast_fenicsx.loads import Load
+from perfplast_fenicsx.obstacles import Obstacle
 from perfplast_fenicsx.output import ResultFolder
-from perfplast_fenicsx.plotting import draw_fields, draw_path
+from perfplast_fenicsx.plotting import dissipation, draw_fields, draw_path
 from perfplast_fenicsx.recovery import Recovery
 from perfplast_fenicsx.terminal import Terminal
 
@@ -108,15 +111,21 @@ def draw(
     title: str,
     loads: Sequence[Load],
     contacts: Sequence[Contact] = (),
+    obstacles: Sequence[Obstacle] = (),
 ) -> None:
     """Draw plastic zone, mechanism and loading curve of a limit load. Collective."""
     last = limit.levels[-1]
     fields = Recovery(problem).update(last.state)
     about = (last.report, title, loads, contacts)
-    draw_fields(problem.assembly, fields, *about, folder.file("fields.png"))
-    caption = f"collapse mechanism at ζ = {limit.lower:.6g}"
-    mechanism = fields | {"displacement": limit.mechanism}
-    draw_fields(problem.assembly, mechanism, *about, folder.file("mechanism.png"), caption)
+
+    def fields_png(shown: dict[str, fem.Function], name: str, caption: str | None = None) -> None:
+        path = folder.file(name)
+        draw_fields(problem.assembly, shown, *about, path, caption, obstacles)
+
+    fields_png(fields, "fields.png")
+    work = dissipation(problem, limit.mechanism)
+    mechanism = fields | {"displacement": limit.mechanism, "dissipation": work}
+    fields_png(mechanism, "mechanism.png", f"collapse mechanism at ζ = {limit.lower:.6g}")
     reports = [level.report for level in limit.levels]
     folder.on_root(lambda: draw_path(reports, title, folder.file("path.png"), limit))
 
