@@ -33,6 +33,7 @@ DIRECT = {
     "ksp_type": "preonly",
     "pc_type": "cholesky",
     "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_14": 100,  # more room to work in (%): pivoting in parallel may need it
 }
 
 MULTIGRID = {

@@ -49,8 +49,9 @@ class Matching:
     farthest: float
 
 
-MOST_FACES = 6
-"""So many rows of one place, with different normals, are told apart."""
+OBLIQUE = 1.2
+"""The partner of a row may be so many times as far as the nearest row: surfaces that are apart and
+not parallel have their nodes opposite along the mean normal, not at the shortest distance."""
 
 SAME_PLACE = 1e-9
 """Distance, relative to the size of the surfaces, of rows that are at the same place."""
@@ -128,7 +129,8 @@ def _match_near(
 
     here = send_rows(comm, first, slab(first[:, axis]))
     second = np.column_stack([second, np.full(len(second), comm.rank), np.arange(len(second))])
-    lowest, highest = slab(second[:, axis] - distance), slab(second[:, axis] + distance)
+    reach = OBLIQUE * distance
+    lowest, highest = slab(second[:, axis] - reach), slab(second[:, axis] + reach)
     copies = highest - lowest + 1
     offset = np.arange(copies.sum()) - np.repeat(np.cumsum(copies) - copies, copies)
     there = send_rows(comm, np.repeat(second, copies, axis=0), np.repeat(lowest, copies) + offset)
@@ -136,13 +138,18 @@ def _match_near(
     far = np.full(len(here), np.inf)
     nearest = np.zeros(len(here), dtype=np.int64)
     if len(here) and len(there):
-        k = min(MOST_FACES, len(there))
-        fars, candidates = cKDTree(there[:, :3]).query(here[:, :3], k=np.arange(1, k + 1))
-        far = fars[:, 0]
-        same = fars <= far[:, None] + SAME_PLACE * np.linalg.norm(high - low)
-        facing = np.einsum("ni,nki->nk", here[:, normals], there[candidates][:, :, normals])
-        best = np.argmin(np.where(same, facing, 2.0), axis=1)
-        nearest = candidates[np.arange(len(here)), best]
+        tree = cKDTree(there[:, :3])
+        far = tree.query(here[:, :3])[0]
+        near = np.flatnonzero(far <= distance)
+        rounding = SAME_PLACE * float(np.linalg.norm(high - low))
+        found = tree.query_ball_point(here[near, :3], OBLIQUE * far[near] + rounding)
+        counts = np.array([len(candidates) for candidates in found], dtype=np.int64)
+        a = np.repeat(near, counts)
+        b = np.array([c for candidates in found for c in candidates], dtype=np.int64)
+        score = _misfit(here[a], there[b], normals, rounding)
+        order = np.lexsort((score, a))
+        firsts = order[np.cumsum(counts) - counts]
+        nearest[a[firsts]] = b[firsts]
     paired = far <= distance
     taken = there[nearest[paired]] if len(there) else there[:0]
     # a row of the second surface may have been found by several, on this rank or on others
@@ -156,6 +163,19 @@ def _match_near(
         twice=int(np.maximum(times - 1, 0).sum()),
         farthest=float(far[~paired].max(initial=0.0)),
     )
+
+
+def _misfit(a: Rows, b: Rows, normals: slice, rounding: float) -> Rows:
+    """How far rows are from lying opposite each other, shape (n,)."""
+    n, m = a[:, normals], b[:, normals]
+    facing = np.einsum("ni,ni->n", n, m)
+    mean = n - m
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+    between = (b[:, :3] - a[:, :3])[:, : n.shape[1]]
+    apart = np.einsum("ni,ni->n", between, mean)
+    sideways = np.linalg.norm(between - apart[:, None] * mean, axis=1)
+    far = np.linalg.norm(between, axis=1)
+    return sideways + (1 + facing) * (0.1 * far + rounding)
 
 
 def bounding_box(comm: MPI.Intracomm, points: Rows) -> tuple[Rows, Rows]:

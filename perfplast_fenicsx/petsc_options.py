@@ -35,7 +35,9 @@ def own_prefix(prefix: str, preset: Mapping[str, object]) -> str:
     }
     _made.add(own)
     if "pc_type" in given:  # what tunes the preset's preconditioner says nothing of another one
-        preset = {k: v for k, v in preset.items() if not k.startswith(("pc_", "mg_"))}
+        preset = {k: v for k, v in preset.items() if not k.startswith(("pc_", "mg_", "mat_"))}
     for key, value in {**preset, **given}.items():
         options[own + key] = value
+        if key not in given:
+            options.hasName(own + key)  # counts as used, whether its solver ever gets to work or not
     return own

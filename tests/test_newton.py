@@ -3,6 +3,7 @@
 import math
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import pytest
@@ -18,7 +19,16 @@ from models import (
     stack_problem,
     two_blocks_problem,
 )
-from perfplast_fenicsx import Iteration, Level, Newton, NewtonOptions, Problem, load_path
+from perfplast_fenicsx import (
+    Iteration,
+    Level,
+    Newton,
+    NewtonOptions,
+    Problem,
+    WorkNewton,
+    load_path,
+)
+from perfplast_fenicsx.linear import LinearFailure, LinearSolver
 from perfplast_fenicsx.recovery import Recovery
 
 
@@ -182,3 +192,28 @@ def test_a_body_pulled_off_is_a_result_with_a_reason() -> None:
     level = Newton(problem).solve(-10.0)
     assert not level.report.converged
     assert level.report.reason
+
+
+@pytest.mark.parametrize("solver", [Newton, WorkNewton])
+@pytest.mark.parametrize("good", [0, 1, 2, 3])
+def test_a_linear_system_without_solution_is_a_result(
+    monkeypatch: pytest.MonkeyPatch, solver: type[Newton | WorkNewton], good: int
+) -> None:
+    """Wherever it happens, inside SNES-VI too."""
+    method = solver(two_blocks_problem(2), NewtonOptions(active_set="exact"))
+    solve_well, count = LinearSolver.solve, 0
+
+    def solve(self: LinearSolver, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> None:
+        nonlocal count
+        count += 1
+        if count > good:
+            raise LinearFailure("the linear system could not be solved")
+        solve_well(self, b, x, rtol)
+
+    monkeypatch.setattr(LinearSolver, "solve", solve)
+    level = method.solve(200.0 if solver is Newton else 1.0)
+    assert not level.report.converged
+    assert level.report.reason == "the linear system could not be solved"
+    assert count == good + 1
+    monkeypatch.undo()
+    assert Newton(method.problem).solve(80.0).report.converged
