@@ -1,0 +1,171 @@
+# %% [markdown]
+# # A block in an L-shaped seat
+#
+# A unit block lies in a corner, on one face and against another, and is pushed towards both: by the
+# pressure p from the top and q from the side. Nothing else holds it. Contact is without friction,
+# so each face of the seat must carry its own load exactly, whatever the mesh and however unevenly
+# the pressure is spread; nodes in the corner stand on both faces and have two normals.
+#
+# The seat may be elastic, or two rigid planes. In the rigid one the stress of the block is uniform,
+# σ_x = −q, σ_y = −p, and the work of the loads is known: in plane strain
+#
+#     α = (1 + ν)/E [(1 − ν)(p² + q²) − 2ν pq],
+#
+# and in space, where the block is free to grow along z, α = (p² + q² − 2ν pq)/E.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/corner_seat.py
+
+# %%
+import time
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+from dolfinx import fem, la
+
+from demos.verification.study import Row, mesh, run
+from meshes.corner_seat import write_corner_seat
+from perfplast_fenicsx import (
+    Assembly,
+    Contact,
+    Level,
+    Newton,
+    Plane,
+    Pressure,
+    Problem,
+    Support,
+    VonMises,
+)
+from perfplast_fenicsx.output import ResultFolder
+from perfplast_fenicsx.plotting import draw_fields
+from perfplast_fenicsx.recovery import Recovery
+
+TITLE = "Block in a corner"
+STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
+P, Q = 200.0, 120.0
+LOADS = [Pressure("top", P), Pressure("right", Q)]
+CONTACTS = [Contact("block_corner", "seat_corner")]
+ALLOWED = 1e-9
+
+
+# %% [markdown]
+# ## The two seats
+#
+# Where the planes hold the block, the seat of the mesh is clamped and has nothing to do. Each plane
+# is named for the whole surface of two faces: the nodes of one face are at a distance from the
+# plane of the other, which they could reach.
+
+
+# %%
+def in_elastic_seat(assembly: Assembly, degree: int) -> Problem:
+    """The block in the seat of the mesh. Collective."""
+    supports = [Support("seat_bottom", "y"), Support("seat_left", "x"), *along_z(assembly)]
+    materials = {"block": STEEL, "seat": STEEL}
+    return Problem(assembly, materials, supports, LOADS, CONTACTS, degree=degree)
+
+
+def in_rigid_seat(assembly: Assembly, degree: int) -> Problem:
+    """The block between two rigid planes. Collective."""
+    zero = [0.0] * (assembly.mesh.geometry.dim - 2)
+    planes = [
+        Plane("block_corner", point=(0.0, 0.0, *zero), normal=(1.0, 0.0, *zero)),
+        Plane("block_corner", point=(0.0, 0.0, *zero), normal=(0.0, 1.0, *zero)),
+    ]
+    supports = [Support("seat_bottom"), Support("seat_left"), *along_z(assembly)]
+    materials = {"block": STEEL, "seat": STEEL}
+    return Problem(assembly, materials, supports, LOADS, obstacles=planes, degree=degree)
+
+
+def along_z(assembly: Assembly) -> list[Support]:
+    """What holds both bodies along z."""
+    return [Support("z0", "z")] if assembly.mesh.geometry.dim == 3 else []
+
+
+def exact_work(dim: int) -> float:
+    """α of the block between rigid planes."""
+    E, nu = STEEL.young, STEEL.poisson
+    if dim == 3:
+        return (P**2 + Q**2 - 2 * nu * P * Q) / E
+    return (1 + nu) / E * ((1 - nu) * (P**2 + Q**2) - 2 * nu * P * Q)
+
+
+# %% [markdown]
+# ## What is checked
+#
+# The forces of the faces on the block, the reactions of what holds the seat, and whether anything
+# is left unbalanced. `Recovery.resultants` has the contact forces times the normals, summed over
+# each contact. The faces are parallel to the axes, so its components are the forces of the faces.
+
+
+# %%
+def reaction(problem: Problem, level: Level, surface: str, axis: int) -> float:
+    """Force along an axis of the supports on a surface. Collective."""
+    V = problem.V
+    force = fem.assemble_vector(fem.form(problem.internal_form(level.stress)))
+    force.scatter_reverse(la.InsertMode.add)
+    facets = problem.assembly.facets(surface)
+    nodes = fem.locate_dofs_topological(V, problem.assembly.mesh.topology.dim - 1, facets)
+    nodes = nodes[nodes < V.dofmap.index_map.size_local]
+    values = force.array.reshape(-1, V.dofmap.index_map_bs)[nodes, axis]
+    return float(problem.comm.allreduce(values.sum()))
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Forces, reactions and work of both seats, in the plane and in space. Collective."""
+    rows = []
+    for dim, size in ((2, 0.2 if coarse else 0.05), (3, 0.4 if coarse else 0.25)):
+        assembly = mesh(folder, write_corner_seat, dim=dim, size=size)
+        for rigid in (False, True):
+            for degree in (1, 2):
+                problem = (in_rigid_seat if rigid else in_elastic_seat)(assembly, degree)
+                began = time.perf_counter()
+                level = Newton(problem).solve(1.0)
+                seconds = time.perf_counter() - began
+                report = level.report
+                recovery = Recovery(problem)
+                fields = recovery.update(level.state)
+                side, below = recovery.resultants.sum(axis=0)[:2]
+                numbers = [("force from below", below, P), ("force from the side", side, Q)]
+                if rigid:
+                    ((_, y, *_), (x, *_)) = recovery.resultants
+                    across = float(np.hypot(x, y)) / P
+                    numbers += [
+                        ("force across", across, 0.0),
+                        ("work α", report.alpha, exact_work(dim)),
+                    ]
+                else:
+                    numbers += [
+                        ("reaction below", reaction(problem, level, "seat_bottom", 1), P),
+                        ("reaction at the side", reaction(problem, level, "seat_left", 0), Q),
+                    ]
+                numbers.append(("unbalanced forces", report.equilibrium, 0.0))
+                rows += [
+                    Row(
+                        case=f"{'rigid' if rigid else 'elastic'} seat, {dim}D",
+                        quantity=quantity,
+                        element=f"P{degree}",
+                        size=size,
+                        dofs=problem.num_dofs,
+                        computed=float(computed),
+                        exact=exact,
+                        allowed=ALLOWED,
+                        solves=report.linear_solves,
+                        seconds=seconds,
+                    )
+                    for quantity, computed, exact in numbers
+                ]
+                if not rigid and dim == degree == 2:
+                    picture = folder.file("fields.png")
+                    draw_fields(assembly, fields, report, TITLE, LOADS, CONTACTS, picture)
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()

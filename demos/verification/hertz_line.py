@@ -1,0 +1,218 @@
+# %% [markdown]
+# # Hertz: a cylinder pressed on a plane, and on another cylinder
+#
+# Long elastic cylinders that touch along a line share the load P′ (per unit length) over a strip of
+# half-width b, in which the pressure is half an ellipse (H. Hertz, 1881; K. L. Johnson, Contact
+# Mechanics, Cambridge 1985, chapter 4):
+#
+#     b² = 4P′R/(πE*),   p(x) = p₀ √(1 − x²/b²),   p₀² = P′E*/(πR),
+#
+# with 1/R the sum of the curvatures and 1/E* the sum of (1 − ν²)/E of both bodies, of which a rigid
+# one has none. No node is in contact at first but the one on the axis: where the bodies touch is
+# the unknown of this problem. Gaps are measured from the meshes.
+#
+# The half-width is taken from the pressure field by its second moment, ∫p x² / ∫p = b²/4. Hertz has
+# half spaces; here b is 0.06 of the cylinders' radius, and what that changes is far below 1 %.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/hertz_line.py
+
+# %%
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from demos.verification.study import Row, mesh, run
+from meshes.hertz_line import RADIUS, write_hertz_line
+from perfplast_fenicsx import Contact, Elastic, Newton, Plane, Pressure, Problem, Support
+from perfplast_fenicsx.output import ResultFolder
+from perfplast_fenicsx.recovery import Recovery
+
+TITLE = "Hertz line contact"
+STEEL, ALUMINIUM = Elastic(young=210e3, poisson=0.3), Elastic(young=70e3, poisson=0.33)
+HALF_WIDTH = 0.06
+ALLOWED = 0.03
+
+
+def contact_modulus(*bodies: Elastic) -> float:
+    """E* of elastic bodies in contact."""
+    return 1 / sum((1 - body.poisson**2) / body.young for body in bodies)
+
+
+# %% [markdown]
+# ## What is measured
+#
+# The pressure field is linear between the vertices of the contact surface. It integrates to the
+# contact force exactly.
+
+
+# %%
+@dataclass(frozen=True)
+class Pressures:
+    """The pressure on a surface about the origin.
+
+    Attributes:
+        force: ∫p.
+        spread: ∫p r² / ∫p, with r the distance from the z axis (in the plane, from x = 0).
+        peak: Largest nodal value.
+        r: Of the vertices, on rank 0.
+        p: Pressure there.
+    """
+
+    force: float
+    spread: float
+    peak: float
+    r: npt.NDArray[np.float64]
+    p: npt.NDArray[np.float64]
+
+
+def measure(problem: Problem, pressure: fem.Function, surface: str) -> Pressures:
+    """Integrals and vertex values of the pressure on a surface. Collective."""
+    assembly, comm, V = problem.assembly, problem.comm, pressure.function_space
+    tag, sides = assembly.surfaces[surface], assembly.mesh.geometry.dim - 1
+    ds = ufl.Measure("ds", domain=assembly.mesh, subdomain_data=assembly.facet_tags)(tag)
+    x = ufl.SpatialCoordinate(assembly.mesh)
+    square = sum(x[i] ** 2 for i in range(sides))
+
+    def integral(density: ufl.core.expr.Expr) -> float:
+        return float(comm.allreduce(fem.assemble_scalar(fem.form(density * ds))))
+
+    nodes = fem.locate_dofs_topological(V, sides, assembly.facets(surface))
+    nodes = nodes[nodes < V.dofmap.index_map.size_local]
+    r = np.linalg.norm(V.tabulate_dof_coordinates()[nodes, :sides], axis=1)
+    found = comm.gather(np.column_stack([r, pressure.x.array[nodes]]))
+    table = np.concatenate(found) if found else np.zeros((0, 2))
+    force = integral(pressure)
+    peak = comm.allreduce(float(pressure.x.array[nodes].max(initial=0)), MPI.MAX)
+    return Pressures(force, integral(pressure * square) / force, peak, table[:, 0], table[:, 1])
+
+
+# %% [markdown]
+# ## The picture
+#
+# All vertices of the finest meshes on Hertz's half ellipse.
+
+
+# %%
+def draw_pressures(
+    folder: ResultFolder, found: dict[str, tuple[Pressures, float]], radius: float, title: str
+) -> None:
+    """Draw pressures relative to Hertz's largest ones over the distance. Collective.
+
+    Args:
+        folder: Gets the picture.
+        found: Pressures and Hertz's largest one, by label.
+        radius: Hertz's half-width or radius of the contact.
+        title: Heading.
+    """
+
+    def draw() -> None:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(7, 5), dpi=150, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.add_subplot()
+        x = np.linspace(0, 1, 400)
+        axes.plot(x, np.sqrt(1 - x**2), color="#202020", linewidth=1, label="Hertz")
+        colours = ("#3b6ea5", "#d62020", "#4a8a5a", "#8a6d3b", "#7a5a96", "#e0a020")
+        for (label, (pressures, peak)), mark, colour in zip(
+            found.items(), "os^vDx", colours, strict=False
+        ):
+            near = pressures.r < 1.3 * radius
+            x, y = pressures.r[near] / radius, pressures.p[near] / peak
+            axes.plot(x, y, mark, color=colour, fillstyle="none", markersize=5, label=label)
+        axes.set(xlabel="distance from the middle, relative to Hertz's half-width")
+        axes.set(ylabel="pressure, relative to Hertz's largest", title=title)
+        axes.set_xlim(0, 1.3)
+        axes.set_ylim(bottom=0)
+        axes.grid(alpha=0.3)
+        axes.legend()
+        figure.savefig(folder.file("pressure.png"))
+
+    folder.on_root(draw)
+
+
+# %% [markdown]
+# ## The cases
+#
+# A quarter of the cylinder is pushed down by a pressure on its middle plane y = R. The load is chosen
+# such that Hertz's half-width is 0.06 R.
+
+
+# %%
+def press(
+    folder: ResultFolder, bodies: int, degree: int, size: float
+) -> tuple[list[Row], Pressures, float]:
+    """Rows of one mesh, its pressures, and Hertz's largest pressure. Collective."""
+    materials = {"upper": STEEL, "lower": ALUMINIUM} if bodies == 2 else {"upper": STEEL}
+    curvature, modulus = bodies / RADIUS, contact_modulus(*materials.values())
+    load = math.pi * modulus * HALF_WIDTH**2 * curvature / 4
+    peak = math.sqrt(load * modulus * curvature / math.pi)
+
+    assembly = mesh(folder, write_hertz_line, contact_size=size, bodies=bodies, order=degree)
+    problem = Problem(
+        assembly,
+        materials,
+        [Support("x0", "x"), *([Support("bottom", "y")] if bodies == 2 else [])],
+        [Pressure("top", load / (2 * RADIUS))],
+        [Contact("upper_arc", "lower_arc")] if bodies == 2 else [],
+        [Plane("upper_arc", point=(0.0, 0.0), normal=(0.0, 1.0))] if bodies == 1 else [],
+        degree=degree,
+    )
+    began = time.perf_counter()
+    level = Newton(problem).solve(1.0)
+    seconds = time.perf_counter() - began
+    pressure = Recovery(problem).update(level.state)["contact_pressure"]
+    found = measure(problem, pressure, "upper_arc")
+    rows = [
+        Row(
+            case="cylinder on cylinder" if bodies == 2 else "cylinder on a plane",
+            quantity=quantity,
+            element=f"P{degree}",
+            size=size,
+            dofs=problem.num_dofs,
+            computed=computed,
+            exact=exact,
+            allowed=allowed,
+            solves=level.report.linear_solves,
+            seconds=seconds,
+        )
+        for quantity, computed, exact, allowed in (
+            ("half-width", 2 * math.sqrt(found.spread), HALF_WIDTH, ALLOWED),
+            ("peak pressure", found.peak, peak, ALLOWED),
+            ("contact force", found.force, load / 2, 1e-8),
+        )
+    ]
+    return rows, found, peak
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Half-width, peak pressure and force of both cases. Collective."""
+    table: list[Row] = []
+    finest = {}
+    for bodies in (1, 2):
+        for degree in (1, 2):
+            for parts in (8,) if coarse else (8, 16):
+                rows, found, peak = press(folder, bodies, degree, HALF_WIDTH / parts)
+                table += rows
+            finest[f"{rows[0].case}, P{degree}"] = found, peak
+    draw_pressures(folder, finest, HALF_WIDTH, TITLE)
+    return table
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()
