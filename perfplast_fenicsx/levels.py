@@ -14,6 +14,9 @@ from perfplast_fenicsx.linear import LinearSolver
 from perfplast_fenicsx.options import Monitor
 from perfplast_fenicsx.state import Iteration, Level, LevelReport
 
+CREDIBLE = 1e-2
+"""A state with a larger duality gap is no solution, whatever the steps to it were."""
+
 
 class Progress:
     """Collects the iterations of a level and judges its end.
@@ -73,6 +76,14 @@ class Progress:
         iterate, history = self._iterate, self.history
         problem, fields, comm = iterate.problem, iterate.fields, iterate.problem.comm
         certificate = certify(problem, fields, zeta)
+        if converged and not abs(certificate.duality_gap) <= CREDIBLE:
+            converged, reason = (
+                False,
+                (
+                    f"the steps have become small at a state that is no solution (duality gap"
+                    f" {certificate.duality_gap:.2g}), as where bodies lose all contact"
+                ),
+            )
         nodal = fields.u.x.array.reshape(-1, problem.V.dofmap.index_map_bs)
         largest = float(np.linalg.norm(nodal, axis=1).max(initial=0))
         solves, setups, krylov = (

@@ -23,6 +23,9 @@ FALLBACK_LIMIT = 400_000
 SLOW = 300
 """Krylov iterations of one solve that count as too slow."""
 
+USELESS = 0.1
+"""A solution that leaves more of the right-hand side is none."""
+
 SET_UP_WORTH = 12
 """A multigrid set-up costs about as much as so many Krylov iterations."""
 
@@ -158,28 +161,46 @@ class LinearSolver:
         Raises:
             LinearFailure: If the system is singular or the iteration fails.
         """
-        self._try(b, x, rtol)
-        reason = self._ksp.getConvergedReason()
-        slow = reason <= 0 or self._ksp.getIterationNumber() > SLOW
-        if slow and self._old:
-            self._renew(True)
-            if reason <= 0:
-                self._try(b, x, rtol)
-                reason = self._ksp.getConvergedReason()
-        elif slow and not self.direct and self._problem.num_dofs <= FALLBACK_LIMIT:
-            self._fall_back()
-            if reason <= 0:
-                self._try(b, x, rtol)
-                reason = self._ksp.getConvergedReason()
         self.solves += 1
+        reason = self._try(b, x, rtol)
+        if self._slow(reason) and self._old:
+            self._renew(True)
+            reason = reason if reason > 0 else self._try(b, x, rtol)
+        elif self._slow(reason) and self._may_fall_back():
+            self._fall_back()
+            reason = reason if reason > 0 else self._try(b, x, rtol)
+        if reason <= 0 and self._may_fall_back():
+            self._fall_back()
+            reason = self._try(b, x, rtol)
         if reason <= 0:
-            label = _REASONS.get(reason, str(reason))
-            raise LinearFailure(
-                f"the linear system could not be solved ({self.name}: {label}); it is singular or"
-                " nearly so, as where bodies lose all contact or everything flows plastically"
-            )
+            raise self._failure(_REASONS.get(reason, str(reason)))
+        if self.direct and self._left(b, x) > USELESS:
+            raise self._failure("the solution leaves most of the right-hand side")
 
-    def _try(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> None:
+    def _failure(self, label: str) -> LinearFailure:
+        return LinearFailure(
+            f"the linear system could not be solved ({self.name}: {label}); it is singular or"
+            " nearly so, as where bodies lose all contact or everything flows plastically"
+        )
+
+    def _slow(self, reason: int) -> bool:
+        return reason <= 0 or self._ksp.getIterationNumber() > SLOW
+
+    def _may_fall_back(self) -> bool:
+        return not self.direct and self._problem.num_dofs <= FALLBACK_LIMIT
+
+    def _left(self, b: PETSc.Vec, x: PETSc.Vec) -> float:
+        """Share of b that A x misses: a factorisation of a singular matrix may go unnoticed."""
+        assert self._reduced is not None
+        image = b.duplicate()
+        self._reduced.mult(x, image)
+        image.axpy(-1.0, b)
+        left = image.norm() / b.norm()
+        image.destroy()
+        return float(left)
+
+    def _try(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> int:
+        """Solve, and tell PETSc's reason for having ended."""
         if not self.direct:
             self._ksp.setTolerances(rtol=rtol)
         self._set_up()
@@ -189,6 +210,7 @@ class LinearSolver:
         if not self._rate:
             self._rate = iterations / -np.log10(rtol)
         self._excess += iterations + self._rate * np.log10(rtol)
+        return int(self._ksp.getConvergedReason())
 
     @phase("linear set-up")
     def _set_up(self) -> None:

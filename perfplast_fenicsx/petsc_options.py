@@ -39,5 +39,7 @@ def own_prefix(prefix: str, preset: Mapping[str, object]) -> str:
     for key, value in {**preset, **given}.items():
         options[own + key] = value
         if key not in given:
-            options.hasName(own + key)  # counts as used, whether its solver ever gets to work or not
+            options.hasName(
+                own + key
+            )  # counts as used, whether its solver ever gets to work or not
     return own
