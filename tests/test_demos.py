@@ -48,7 +48,7 @@ def test_script(
     comm.barrier()
     load(script).main(["--coarse", "-o", str(results)])
     comm.barrier()
-    assert any(results.glob("*.png"))
+    assert any(results.rglob("*.png"))
     out, _ = capsys.readouterr()
     assert (str(results) in out) == (comm.rank == 0)
 
