@@ -1,0 +1,153 @@
+# %% [markdown]
+# # A block between platens, in plane strain
+#
+# A block is pressed in y and free to give way in x. Between smooth platens its stress is uniform;
+# it collapses at the pressure 2k, k = σ_y/√3, whatever its width and height are. Uniform stress
+# and strain are exact with any mesh, so the only difference is where the loading stops.
+#
+# The lower platen is a rigid plane here, an obstacle that the block stands on: nothing else holds
+# it in y. The upper one is first a uniform pressure, and then a second body, ten times as stiff and
+# elastic, on which the pressure acts. So the second block is held by two contacts alone.
+#
+# Rough platens hold the block's faces. The pressure then depends on the ratio of width and height;
+# for 2 it is 2.4277 k. The rough platen is a body a thousand times as stiff, glued to the block, of
+# which only a quarter is meshed. A slip line runs from the middle of the block to its corner, where
+# elements are ten times smaller. Linear triangles lock here without end: their loading curve has no
+# plateau, and they are left out.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/platens.py
+
+# %%
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+from demos.verification.slip import draw_slip, subfolder
+from demos.verification.study import Row, collapse, draw, mesh, run
+from meshes.contact_patch import write_contact_patch
+from meshes.platens import write_platens
+from perfplast_fenicsx import Contact, Elastic, Plane, Pressure, Problem, Support, VonMises
+from perfplast_fenicsx.materials import Material
+from perfplast_fenicsx.obstacles import Obstacle
+from perfplast_fenicsx.output import ResultFolder
+
+TITLE = "Block between platens, plane strain"
+BLOCK = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
+K = BLOCK.yield_stress / math.sqrt(3)
+LOADS = [Pressure("top", 1.0)]
+
+
+def elastic(stiffness: float) -> Elastic:
+    """So many times as stiff as the block."""
+    return Elastic(stiffness * BLOCK.young, BLOCK.poisson)
+
+
+# %% [markdown]
+# ## The three problems
+
+
+# %%
+@dataclass(frozen=True)
+class Case:
+    """One of the problems, without its mesh.
+
+    Attributes:
+        name: For the table.
+        write: Makes its mesh.
+        arguments: Of ``write``.
+        materials: Of its volumes.
+        exact: Limit load.
+        supports, contacts, obstacles: What holds it.
+    """
+
+    name: str
+    write: Callable[..., None]
+    arguments: dict[str, object]
+    materials: dict[str, Material]
+    exact: float
+    supports: Sequence[Support] = (Support("x0", "x"),)
+    contacts: Sequence[Contact] = ()
+    obstacles: Sequence[Obstacle] = ()
+
+    def problem(self, folder: ResultFolder, size: float, degree: int) -> Problem:
+        """On a mesh. Collective."""
+        assembly = mesh(folder, self.write, size=size, **self.arguments)
+        held = (self.supports, LOADS, self.contacts, self.obstacles)
+        return Problem(assembly, self.materials, *held, degree=degree)
+
+
+ON_PLANE = Case(
+    name="smooth, on a plane",
+    write=write_platens,
+    arguments={},
+    materials={"block": BLOCK},
+    exact=2 * K,
+    obstacles=[Plane("y0", point=(0.0, 0.0), normal=(0.0, 1.0))],
+)
+BETWEEN = Case(
+    name="smooth, plane and body",
+    write=write_contact_patch,
+    arguments={"dim": 2},
+    materials={"lower": BLOCK, "upper": elastic(10.0)},
+    exact=2 * K,
+    contacts=[Contact("lower_seam", "upper_seam")],
+    obstacles=[Plane("bottom", point=(0.0, 0.0), normal=(0.0, 1.0))],
+)
+ROUGH = Case(
+    name="rough, width/height 2",
+    write=write_platens,
+    arguments={"platen": True},
+    materials={"block": BLOCK, "platen": elastic(1000.0)},
+    exact=2.4277 * K,
+    supports=[Support("x0", "x"), Support("y0", "y")],
+)
+
+
+# %%
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Limit loads between smooth and rough platens. Collective."""
+    fine = (0.1, 0.05) if coarse else (0.1, 0.05, 0.025)
+    rows = []
+    for case, sizes, degree, allowed in (
+        (ON_PLANE, (0.2, 0.1), 1, 1e-3),
+        (ON_PLANE, (0.2, 0.1), 2, 1e-3),
+        (BETWEEN, (0.2, 0.1), 1, 1e-3),
+        (BETWEEN, (0.2, 0.1), 2, 1e-3),
+        (ROUGH, fine, 2, 0.02),
+    ):
+        for size in sizes:
+            problem = case.problem(folder, size, degree)
+            found = collapse(problem)
+            rows.append(
+                Row(
+                    case=case.name,
+                    quantity="limit load",
+                    element=f"P{degree}",
+                    size=size,
+                    dofs=problem.num_dofs,
+                    computed=found.zeta,
+                    exact=case.exact,
+                    allowed=allowed,
+                    solves=found.solves,
+                    seconds=found.seconds,
+                )
+            )
+        if degree == 2 and case is not ON_PLANE:
+            pictures = subfolder(folder, "rough" if case is ROUGH else "smooth")
+            about = (f"Platens: {case.name}", LOADS, case.contacts, case.obstacles)
+            if case is ROUGH or not coarse:
+                draw(pictures, problem, found.limit, *about)
+            draw_slip(pictures, problem, found.limit, about[0])
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()

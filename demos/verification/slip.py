@@ -1,0 +1,107 @@
+"""A picture of a collapse mechanism in plane strain: where it slips, and where it should."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx import LimitLoad, Problem
+from perfplast_fenicsx.output import ResultFolder
+from perfplast_fenicsx.plotting import dissipation
+from perfplast_fenicsx.surface import Surface, gather_surface
+
+Line = Sequence[tuple[float, float]]
+"""Points (x, y) of a slip line."""
+
+SHARPEST = 0.2
+"""Share of the plastic work in the cells that are drawn in the darkest colour."""
+
+MARGIN = 0.25
+"""Room around the exact slip lines, relative to the size of the box around them."""
+
+
+def prandtl_lines(down: bool) -> list[Line]:
+    """Slip lines of Prandtl's solution on one side of a ligament 0 ≤ x ≤ 1 of the line y = 0.
+
+    Args:
+        down: Whether the body lies below the line, else above.
+    """
+    sign, radius = -1.0 if down else 1.0, math.sqrt(2)
+    angles = np.linspace(3, 1, 31) * math.pi / 4
+    arc = [(1 + radius * math.cos(t), sign * radius * math.sin(t)) for t in angles]
+    edge = (1.0, 0.0)
+    return [[*arc, (3.0, 0.0)], [arc[0], edge], [edge, arc[-1]]]
+
+
+def subfolder(folder: ResultFolder, name: str) -> ResultFolder:
+    """A folder in a folder, for the pictures of one of several cases. Collective."""
+    inside = ResultFolder(folder.comm, folder.file(name), force=True)
+    inside.create()
+    return inside
+
+
+def draw_slip(
+    folder: ResultFolder,
+    problem: Problem,
+    limit: LimitLoad,
+    title: str,
+    exact: Sequence[Line] = (),
+) -> None:
+    """Draw ``slip.png``: plastic work of a mechanism, and exact slip lines. Collective.
+
+    Args:
+        folder: Where the picture goes.
+        problem: In the plane.
+        limit: Its limit load, with the mechanism.
+        title: Heading.
+        exact: Slip lines of the exact solution; the picture shows their neighbourhood.
+    """
+    rates = {"rate": dissipation(problem, limit.mechanism)}
+    surface = gather_surface(problem.assembly, {}, rates, {})
+    if surface is not None:
+        _draw(surface, title, exact, folder.file("slip.png"))
+
+
+def _draw(surface: Surface, title: str, exact: Sequence[Line], path: Path) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    x, y = surface.points[:, 0], surface.points[:, 1]
+    rate = surface.at_cells["rate"]
+    area = _areas(surface)
+    order = np.argsort(-rate)
+    work = np.cumsum((rate * area)[order])
+    shown = rate / rate[order[np.searchsorted(work, SHARPEST * work[-1])]]
+
+    figure = Figure(figsize=(8, 6), dpi=130, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot(aspect="equal")
+    image = axes.tripcolor(x, y, surface.triangles, facecolors=shown, cmap="Reds", vmin=0, vmax=1)
+    image.set(edgecolor="#d0c8c4", linewidth=0.2)
+    for a, b in surface.edges:
+        axes.plot(x[[a, b]], y[[a, b]], color="black", linewidth=1.0)
+    for number, line in enumerate(exact):
+        label = "slip lines of the exact solution" if number == 0 else None
+        axes.plot(*zip(*line, strict=True), "--", color="#1f5fa8", linewidth=1.8, label=label)
+    if exact:
+        points = np.concatenate([np.asarray(line) for line in exact])
+        low, high = points.min(axis=0), points.max(axis=0)
+        margin = MARGIN * float((high - low).max())
+        lowest = np.maximum(low - margin, [x.min(), y.min()]) - margin / 8
+        highest = np.minimum(high + margin, [x.max(), y.max()]) + margin / 8
+        axes.set(xlim=(lowest[0], highest[0]), ylim=(lowest[1], highest[1]))
+        figure.legend(loc="outside lower center")
+    axes.set(xlabel="x", ylabel="y")
+    figure.suptitle(f"{title}: where the mechanism slips")
+    label = "plastic work of the mechanism, relative"
+    figure.colorbar(image, label=label, extend="max", shrink=0.7)
+    figure.savefig(path)
+
+
+def _areas(surface: Surface) -> npt.NDArray[np.float64]:
+    a, b, c = (surface.points[surface.triangles[:, i], :2] for i in range(3))
+    ab, ac = b - a, c - a
+    areas: npt.NDArray[np.float64] = np.abs(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]) / 2
+    return areas

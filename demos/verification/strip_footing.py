@@ -1,0 +1,121 @@
+# %% [markdown]
+# # A strip footing in plane strain: Prandtl's problem
+#
+# A long footing of width 2 presses on the ground. A wedge below it goes down, two fans turn about
+# its edges, and a wedge on either side goes up, when the pressure is
+#
+#     p = (2 + π) k,   k = σ_y/√3
+#
+# (L. Prandtl, Über die Härte plastischer Körper, Nachr. Ges. Wiss. Göttingen 1920), whether the
+# footing is rough or smooth. The pressure is given here in two ways: on the ground itself, and on a
+# second body, a punch a thousand times as stiff that stands on the ground without friction. The
+# punch goes down as a whole, which the pressure does not ask for: a mesh has fewer mechanisms under
+# it, and a larger limit load.
+#
+# The ground is 6 half widths wide and deep instead of infinite. Its side is held in x; a free one
+# would let the ground split, at 4.56 k already.
+#
+# At the edge of the footing the exact velocity jumps, and the stress has as many values as there
+# are directions of the fan. Elements there are ten times smaller than elsewhere.
+#
+# An incompressible velocity of quadratic elements keeps the volume everywhere, so that its exact
+# plastic work would give an upper bound. That work is not a polynomial, however, and it is
+# integrated by three points a triangle: the values may lie on either side of the exact one.
+# Those here are above it. Linear triangles lock.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/strip_footing.py
+
+# %%
+import math
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+from demos.verification.slip import draw_slip, prandtl_lines, subfolder
+from demos.verification.study import Row, collapse, draw, mesh, run
+from meshes.strip_footing import write_strip_footing
+from perfplast_fenicsx import Contact, Elastic, Pressure, Problem, Support, VonMises
+from perfplast_fenicsx.output import ResultFolder
+
+TITLE = "Strip footing, plane strain"
+SOIL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
+STIFF = Elastic(young=1000 * SOIL.young, poisson=0.29)
+EXACT = (2 + math.pi) * SOIL.yield_stress / math.sqrt(3)
+SUPPORTS = [Support("x0", "x"), Support("side", "x"), Support("bottom")]
+ALLOWED = 0.015
+FALLS = 0.8
+
+
+# %%
+def problem_of(
+    folder: ResultFolder, punch: bool, degree: int, size: float
+) -> tuple[Problem, list[Pressure], list[Contact]]:
+    """The ground, with or without the punch, its loads and contacts. Collective."""
+    assembly = mesh(folder, write_strip_footing, size=size, punch=punch)
+    materials = {"ground": SOIL} | ({"punch": STIFF} if punch else {})
+    loads = [Pressure("top" if punch else "footing", 1.0)]
+    contacts = [Contact("ground_footing", "punch_footing")] if punch else []
+    return Problem(assembly, materials, SUPPORTS, loads, contacts, degree=degree), loads, contacts
+
+
+# %% [markdown]
+# Besides each limit load, the error on the finest mesh is compared with that on the coarsest.
+
+
+# %%
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Limit loads by a uniform pressure and by a punch. Collective."""
+    sizes = (0.4, 0.2) if coarse else (0.4, 0.2, 0.1)
+    rows = []
+    names = {False: "pressure", True: "punch"}
+    for punch, degree in ((False, 1), (False, 2), (True, 1), (True, 2)):
+        case = f"footing, {names[punch]}"
+        errors = []
+        for size in sizes if degree == 2 else sizes[:2]:
+            problem, loads, contacts = problem_of(folder, punch, degree, size)
+            found = collapse(problem)
+            row = Row(
+                case=case,
+                quantity="limit load",
+                element=f"P{degree}",
+                size=size,
+                dofs=problem.num_dofs,
+                computed=found.zeta,
+                exact=EXACT,
+                allowed=ALLOWED if degree == 2 else None,
+                solves=found.solves,
+                seconds=found.seconds,
+            )
+            rows.append(row)
+            errors.append(abs(row.error))
+        if degree == 2:
+            rows.append(
+                Row(
+                    case=case,
+                    quantity="error, finest/coarsest",
+                    element="P2",
+                    size=size,
+                    dofs=problem.num_dofs,
+                    computed=errors[-1] / errors[0],
+                    exact=FALLS,
+                    allowed=0.0,
+                    solves=0,
+                    seconds=0.0,
+                    bound=True,
+                )
+            )
+            pictures = subfolder(folder, names[punch])
+            if punch or not coarse:
+                draw(pictures, problem, found.limit, TITLE, loads, contacts)
+            draw_slip(pictures, problem, found.limit, TITLE, prandtl_lines(down=True))
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()
