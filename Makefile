@@ -10,6 +10,7 @@ help:
 	@echo 'make demo        two blocks pressed together, on 2 MPI ranks'
 	@echo 'make test        all tests on 1 and on 2 ranks, some on 3'
 	@echo 'make verify      every case with an exact solution, in one table'
+	@echo 'make bench       how fast and how large: benchmarks/README.md (hours)'
 	@echo 'make lint        ruff and mypy'
 	@echo 'make image-test  build the Dockerfile; demo and tests inside the image'
 	@echo 'make clean       remove what runs and tools left in this folder'
@@ -30,6 +31,11 @@ test: environment
 
 verify: environment
 	$(RUN) mpirun -n 2 scripts/rank0 python3 demos/verification/verify.py
+
+# CASES="start punch_16" chooses, ROUNDS=1 runs each once
+.PHONY: bench
+bench:
+	benchmarks/enter python3 -m benchmarks.run $(CASES) $(if $(ROUNDS),--rounds $(ROUNDS))
 
 lint: environment
 	$(RUN) scripts/lint

@@ -1,0 +1,237 @@
+"""One measured run, on any number of ranks: a load path beside E on the same mesh.
+
+python3 -m benchmarks.case two_blocks --n 16 -o case.json      (benchmarks/run.py does this)
+"""
+
+import argparse
+import gc
+import json
+import statistics
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from benchmarks.elastic import Elasticity, Unit
+from benchmarks.platform_facts import libraries
+from benchmarks.problems import MODELS, REFERENCES, Model
+from perfplast_fenicsx import Iteration, Level, Newton, NewtonOptions, Problem, load_path
+from perfplast_fenicsx.linear import DIRECT, MULTIGRID
+from perfplast_fenicsx.output import peak_memory
+from perfplast_fenicsx.phases import PHASES, seconds
+
+SOLVERS = {"default": {}, "multigrid": MULTIGRID, "direct": DIRECT}
+
+LEVEL_KEYS = (
+    *("zeta", "alpha", "converged", "reason", "newton_iterations", "active_set_iterations"),
+    *("linear_solves", "setups", "linear_iterations", "damping_min", "plastic_fraction"),
+    *("active_contacts", "contact_pairs", "duality_gap", "seconds"),
+)
+
+
+class Run:
+    """What is measured, and its clocks."""
+
+    def __init__(self, comm: MPI.Intracomm, arguments: argparse.Namespace) -> None:
+        """Note what to run; nothing is run yet."""
+        self.comm, self.arguments = comm, arguments
+        self.model: Model = MODELS[arguments.model]
+        self.first_step: float | None = None
+        self._clock = time.perf_counter()
+
+    def lap(self) -> float:
+        """Seconds since the lap before, all ranks having arrived."""
+        self.comm.Barrier()
+        before, self._clock = self._clock, time.perf_counter()
+        return self._clock - before
+
+    def stepped(self, iteration: Iteration) -> None:
+        """Note the time of day of the first Newton step."""
+        if self.first_step is None:
+            self.first_step = time.time()
+
+    def warm_up(self) -> None:
+        """Load the compiled forms by a run of the smallest size."""
+        problem = self.model.problem(self.comm, self.model.smallest, self.arguments.degree)
+        zeta = self.model.levels[0] / 2
+        Newton(problem, NewtonOptions(max_iterations=2)).solve(zeta)
+        if self.arguments.units:
+            self._elasticity(problem).measure()
+        del problem
+        gc.collect()
+        PETSc.garbage_cleanup(self.comm)
+
+    def measure(self) -> dict[str, Any]:
+        """Everything. Collective.
+
+        Returns:
+            A record for JSON; the same keys on every rank.
+        """
+        arguments = self.arguments
+        for key, value in SOLVERS[arguments.solver].items():
+            PETSc.Options()[f"perfplast_{key}"] = value
+        self.lap()
+        before = self._phases()
+        problem = self.model.problem(self.comm, arguments.n, arguments.degree)
+        parts = {"mesh and problem": self.lap()}
+        units = self._units(problem, arguments.units and 1)
+        self.lap()
+        solver = Newton(problem, NewtonOptions(tolerance=arguments.tolerance))
+        parts["solver"] = self.lap()
+        levels = list(load_path(solver, arguments.levels or self.model.levels, self.stepped))
+        parts["path"] = self.lap()
+        phases = {name: spent - before[name] for name, spent in self._phases().items()}
+        memory = self.comm.allgather(peak_memory())
+        traffic = self.comm.allgather(_traffic())
+        units += self._units(problem, max(arguments.units - 1, 0))
+        return {
+            "model": arguments.model,
+            "n": arguments.n,
+            "degree": arguments.degree,
+            "ranks": self.comm.size,
+            "dofs": problem.num_dofs,
+            "solver": solver.linear.name,
+            "libraries": libraries(),
+            **_path_record(levels, parts, phases),
+            **_unit_record(units, levels, parts["path"]),
+            "reference_error": self._error(levels),
+            "peak_memory_mb": {"total": sum(memory), "largest": max(memory)},
+            "ranks_detail": self._detail(problem, memory, traffic),
+        }
+
+    def _elasticity(self, problem: Problem) -> Elasticity:
+        return Elasticity(problem, self.model.material, self.model.elastic_supports)
+
+    def _units(self, problem: Problem, count: int) -> list[Unit]:
+        if not count:
+            return []
+        elasticity = self._elasticity(problem)
+        return [elasticity.measure() for _ in range(count)]
+
+    def _phases(self) -> dict[str, float]:
+        """Seconds of each phase so far, mean over ranks."""
+        spent = self.comm.allgather(seconds())
+        return {name: sum(one[name] for one in spent) / self.comm.size for name in PHASES}
+
+    def _error(self, levels: list[Level]) -> float | None:
+        key = (self.arguments.model, self.arguments.n)
+        usual = self.arguments.degree == 1 and not self.arguments.levels
+        reference = REFERENCES.get(key) if usual else None
+        return reference and levels[-1].report.alpha / reference - 1
+
+    def _detail(
+        self, problem: Problem, memory: list[float], traffic: list[dict[str, Any]]
+    ) -> list[dict[str, Any]]:
+        """What each rank has and does."""
+        index_map, block = problem.V.dofmap.index_map, problem.V.dofmap.index_map_bs
+        mine = (index_map.size_local * block, index_map.num_ghosts * block, len(problem.pairs.host))
+        return [
+            {
+                "owned_dofs": owned,
+                "ghost_dofs": ghosts,
+                "pairs_hosted": pairs,
+                "peak_memory_mb": peak,
+                **sent,
+            }
+            for (owned, ghosts, pairs), peak, sent in zip(
+                self.comm.allgather(mine), memory, traffic, strict=True
+            )
+        ]
+
+
+def _traffic() -> dict[str, Any]:
+    """What this rank has sent and received in the phases, and its reductions, by PETSc's count."""
+    events = {name: PETSc.Log.Event(f"perfplast {name}").getPerfInfo() for name in PHASES}
+    keys = {"messages": "numMessages", "bytes": "messageLength", "reductions": "numReductions"}
+    return {
+        **{name: sum(event[key] for event in events.values()) for name, key in keys.items()},
+        "reductions_by_phase": {name: event["numReductions"] for name, event in events.items()},
+    }
+
+
+def _path_record(
+    levels: list[Level], parts: dict[str, float], phases: dict[str, float]
+) -> dict[str, Any]:
+    """Counts and seconds of the path; the phases without what the problem's making took."""
+    reports = [level.report for level in levels]
+    path_phases = {name: spent for name, spent in phases.items() if name != "contact set-up"}
+    run = sum(parts.values())
+    totals = {
+        key: sum(getattr(report, key) for report in reports)
+        for key in (
+            *("newton_iterations", "active_set_iterations"),
+            *("linear_solves", "linear_iterations", "setups"),
+        )
+    }
+    return {
+        "converged": all(report.converged for report in reports),
+        **totals,
+        "active_set_changes": sum(map(_changes, levels)),
+        "iterations_per_solve": totals["linear_iterations"] / max(totals["linear_solves"], 1),
+        "levels": [{key: getattr(report, key) for key in LEVEL_KEYS} for report in reports],
+        "seconds": {
+            **parts,
+            "run": run,
+            "phases": {**phases, "rest": parts["path"] - sum(path_phases.values())},
+        },
+        "contact_share": phases["contact set-up"] / run,
+    }
+
+
+def _changes(level: Level) -> int:
+    """Newton steps of a level after which another number of pairs was closed."""
+    counts = [iteration.active_contacts for iteration in level.iterations]
+    return int(np.count_nonzero(np.diff(counts)))
+
+
+def _unit_record(units: list[Unit], levels: list[Level], path: float) -> dict[str, Any]:
+    """E, and the path in it."""
+    if not units:
+        return {}
+    unit = statistics.median(one.seconds for one in units)
+    steps = [max(level.report.newton_iterations, 1) for level in levels]
+    return {
+        "E": {"seconds": unit, "runs": [asdict(one) for one in units]},
+        "E_path": path / unit,
+        "E_per_newton_step": path / sum(steps) / unit,
+        "E_per_newton_step_by_level": [
+            level.report.seconds / count / unit for level, count in zip(levels, steps, strict=True)
+        ],
+    }
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run and write the record."""
+    parser = argparse.ArgumentParser(description="One measured load path.")
+    parser.add_argument("model", choices=MODELS)
+    parser.add_argument("--n", type=int, required=True, help="cubes per unit length")
+    parser.add_argument("--degree", type=int, default=1)
+    parser.add_argument("--levels", type=float, nargs="+", help="instead of the model's own")
+    parser.add_argument("--solver", choices=SOLVERS, default="default")
+    parser.add_argument("--tolerance", type=float, default=1e-8)
+    parser.add_argument("--units", type=int, default=3, help="how often E is measured")
+    parser.add_argument("--cold", action="store_true", help="without a run that warms up")
+    parser.add_argument("--began", type=float, help="time of day when this run was started")
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    arguments = parser.parse_args(argv)
+    PETSc.Log.begin()
+    PETSc.Options()["options_left"] = False
+    run = Run(MPI.COMM_WORLD, arguments)
+    if not arguments.cold:
+        run.warm_up()
+        run.first_step = None
+    record = run.measure()
+    if arguments.began and run.first_step:
+        record["seconds"]["to_first_step"] = run.first_step - arguments.began
+    if run.comm.rank == 0:
+        arguments.output.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

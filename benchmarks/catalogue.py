@@ -1,0 +1,142 @@
+"""What ``make bench`` runs: groups of jobs whose runs take turns."""
+
+from dataclasses import dataclass, field
+
+CASE = ("-m", "benchmarks.case")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One command, run in processes of its own; it writes a JSON record.
+
+    Attributes:
+        name: Within its group.
+        command: What follows ``python3``, without output file.
+        ranks: Processes; 0 for a command that starts MPI itself.
+        peer: Python or program that must be there, or "" for what always is.
+    """
+
+    name: str
+    command: tuple[str, ...]
+    ranks: int = 1
+    peer: str = ""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Jobs that are compared with each other: they run in turn, ``rounds`` times.
+
+    Attributes:
+        about: For people.
+        jobs: In the order of a round.
+        rounds: Unless the user wants another number.
+    """
+
+    about: str
+    jobs: tuple[Job, ...] = field(default=())
+    rounds: int = 3
+
+
+def case(
+    model: str, n: int, *options: str, ranks: int = 1, solver: str = "default", name: str = ""
+) -> Job:
+    """A job of the program itself."""
+    label = name or f"{plural(ranks)}, {solver} solver"
+    return Job(label, (*CASE, model, "--n", str(n), "--solver", solver, *options), ranks)
+
+
+def plural(ranks: int) -> str:
+    """The ranks in words."""
+    return f"{ranks} rank{'s' if ranks > 1 else ''}"
+
+
+def getfem(n: int) -> Job:
+    """GetFEM on the punch."""
+    command = ("benchmarks/peers/getfem_punch.py", "--n", str(n))
+    return Job("GetFEM", command, peer="getfem")
+
+
+def plain(n: int, ranks: int, factor: str) -> Job:
+    """The plain DOLFINx loop on the plate."""
+    command = ("-m", "benchmarks.peers.plain_newton", "--n", str(n), "--factor", factor)
+    return Job(f"plain UFL, MUMPS {factor}, {plural(ranks)}", command, ranks)
+
+
+def step42(ranks: int, refinements: int = 5) -> Job:
+    """deal.II's step-42 with perfect plasticity."""
+    command = ("-m", "benchmarks.peers.step42", "--ranks", str(ranks))
+    name = f"deal.II step-42, {plural(ranks)}"
+    return Job(name, (*command, "--refinements", str(refinements)), 0, peer="step-42")
+
+
+def plate(n: int) -> tuple[Job, ...]:
+    """The plate on 1 and 2 ranks, and what it is compared with."""
+    return tuple(
+        job
+        for ranks in (1, 2)
+        for job in (
+            case("l_plate", n, ranks=ranks),
+            plain(n, ranks, "lu"),
+            plain(n, ranks, "cholesky"),
+        )
+    )
+
+
+GROUPS = {
+    "start": Group(
+        "import to first Newton step, compiled forms in the cache",
+        (case("two_blocks", 4, "--cold", "--units", "0", name="1 rank"),),
+    ),
+    "two_blocks_8": Group(
+        "two blocks, 12 150 unknowns",
+        (
+            case("two_blocks", 8, solver="multigrid"),
+            case("two_blocks", 8),
+        ),
+    ),
+    "two_blocks_16": Group(
+        "two blocks, 84 966 unknowns",
+        (
+            case("two_blocks", 16, solver="multigrid"),
+            case("two_blocks", 16, solver="multigrid", ranks=2),
+        ),
+    ),
+    "two_blocks_24": Group(
+        "two blocks, 273 750 unknowns",
+        (
+            case("two_blocks", 24, solver="multigrid"),
+            case("two_blocks", 24, solver="multigrid", ranks=2),
+        ),
+    ),
+    "two_blocks_38": Group(
+        "two blocks, 1 049 490 unknowns",
+        (case("two_blocks", 38, solver="multigrid", ranks=2),),
+        rounds=1,
+    ),
+    "punch_16": Group("punch, 16 926 unknowns", (case("punch", 16), getfem(16))),
+    "punch_32": Group("punch, 122 550 unknowns", (case("punch", 32), getfem(32))),
+    "punch_64": Group("punch, 931 686 unknowns", (case("punch", 64, ranks=2),), rounds=1),
+    "l_plate_4": Group("plate, level 2, 19 215 unknowns", plate(4)),
+    "l_plate_8": Group("plate, level 3, 133 947 unknowns", plate(8)),
+    "p2_contact": Group(
+        "two blocks, quadratic elements, 84 966 unknowns",
+        (
+            case("two_blocks", 8, "--degree", "2", "--levels", "50", "60", "70"),
+            case("two_blocks", 8, "--degree", "2", "--levels", "50", "60", "70", ranks=2),
+        ),
+    ),
+    "step42": Group(
+        "per unknown and Newton step, against deal.II's step-42 (hexahedra)",
+        (
+            case("punch", 32),
+            step42(1),
+            case("punch", 32, ranks=2),
+            step42(2),
+        ),
+    ),
+    "scaling": Group(
+        "two blocks on more ranks than cores: counts and memory, not times",
+        tuple(case("two_blocks", 12, solver="multigrid", ranks=r) for r in (1, 2, 4, 8)),
+        rounds=1,
+    ),
+}

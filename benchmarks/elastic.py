@@ -1,0 +1,140 @@
+"""E, the unit of cost: plain linear elasticity on the same mesh, solved once by the same multigrid.
+
+Nothing here comes from the program's solvers but the options of CG and GAMG: E stays the yardstick
+whatever the program learns.
+"""
+
+import gc
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx.fem import petsc as fem_petsc
+
+from perfplast_fenicsx import Problem, Support, VonMises
+from perfplast_fenicsx.linear import MULTIGRID
+
+RTOL = 1e-8
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What one linear elasticity cost.
+
+    Attributes:
+        allocation: Sparsity pattern and memory of the matrix (s); not part of E.
+        assembly: Of the matrix (s).
+        setup: Multigrid set-up (s).
+        solve: Conjugate gradients (s).
+        iterations: How many.
+        compliance: L(u), to see that it is the right problem.
+    """
+
+    allocation: float
+    assembly: float
+    setup: float
+    solve: float
+    iterations: int
+    compliance: float
+
+    @property
+    def seconds(self) -> float:
+        """E."""
+        return self.assembly + self.setup + self.solve
+
+
+class Elasticity:
+    """Linear elasticity without contact, on the mesh and with the supports of a problem."""
+
+    def __init__(
+        self, problem: Problem, material: VonMises, extra_supports: Sequence[Support] = ()
+    ) -> None:
+        """Compile the forms. Collective.
+
+        Args:
+            problem: Whose mesh, elements, supports and loads are taken.
+            material: Of all bodies, whose yield stress does not count.
+            extra_supports: Held in addition.
+        """
+        V = problem.V
+        gdim = V.mesh.geometry.dim
+        u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+        e = ufl.sym(ufl.grad(u))
+        lame, shear = material.bulk - 2 * material.shear / 3, material.shear
+        stress = lame * ufl.tr(e) * ufl.Identity(gdim) + 2 * shear * e
+        self._a = fem.form(ufl.inner(stress, ufl.sym(ufl.grad(v))) * problem.dx)
+        self._bcs = list(problem.bcs)
+        zero = default_scalar_type(0)
+        for support in extra_supports:
+            facets = problem.assembly.facets(support.on)
+            for axis in support.axes(gdim):
+                dofs = fem.locate_dofs_topological(V.sub(axis), gdim - 1, facets)
+                self._bcs.append(fem.dirichletbc(zero, dofs, V.sub(axis)))
+        self._load = problem.load
+        self._V = V
+
+    def measure(self) -> Unit:
+        """Assemble, set up and solve once, from nothing. Collective.
+
+        Raises:
+            RuntimeError: If CG does not converge.
+        """
+        comm = self._V.mesh.comm
+        times = []
+
+        def clock() -> None:
+            comm.Barrier()
+            times.append(time.perf_counter())
+
+        clock()
+        A = fem_petsc.create_matrix(self._a)
+        clock()
+        fem_petsc.assemble_matrix(A, self._a, self._bcs)  # type: ignore[arg-type]
+        A.assemble()
+        b = self._load.copy()
+        fem_petsc.set_bc(b, self._bcs)
+        clock()
+        A.setOption(PETSc.Mat.Option.SPD, True)
+        modes = self._rigid_motions()
+        A.setNearNullSpace(modes)
+        ksp = self._solver()
+        ksp.setOperators(A)
+        ksp.setUp()
+        clock()
+        x = b.duplicate()
+        ksp.solve(b, x)
+        clock()
+        reason, iterations = ksp.getConvergedReason(), ksp.getIterationNumber()
+        compliance = b.dot(x)
+        for thing in (ksp, modes, A, b, x):
+            thing.destroy()
+        gc.collect()
+        PETSc.garbage_cleanup(comm)
+        if reason <= 0:
+            raise RuntimeError(f"linear elasticity was not solved (PETSc's reason {reason})")
+        allocation, assembly, setup, solve = (float(spent) for spent in np.diff(times))
+        return Unit(allocation, assembly, setup, solve, iterations, compliance)
+
+    def _rigid_motions(self) -> PETSc.NullSpace:
+        """The 6 (3 in 2D) rigid motions of the whole mesh."""
+        gdim, owned = self._V.mesh.geometry.dim, self._V.dofmap.index_map.size_local
+        x = self._load.duplicate()
+        x.array[:] = self._V.tabulate_dof_coordinates()[:owned, :gdim].ravel()
+        modes = PETSc.NullSpace().createRigidBody(x)
+        x.destroy()
+        return modes
+
+    def _solver(self) -> PETSc.KSP:
+        options = PETSc.Options()
+        for key, value in MULTIGRID.items():
+            options[f"elasticity_{key}"] = value
+        ksp = PETSc.KSP().create(self._V.mesh.comm)
+        ksp.setOptionsPrefix("elasticity_")
+        ksp.setTolerances(rtol=RTOL)
+        ksp.setFromOptions()
+        return ksp

@@ -1,0 +1,94 @@
+"""The problems that are measured, with their load levels and the linear elasticity that is E."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+from perfplast_fenicsx import (
+    Contact,
+    Pressure,
+    Problem,
+    Support,
+    Traction,
+    VonMises,
+    l_plate,
+    punch,
+    two_blocks,
+)
+
+STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
+PUNCH_METAL = VonMises(young=2e5, poisson=0.3, yield_stress=400 * math.sqrt(1.5))
+
+
+@dataclass(frozen=True)
+class Model:
+    """A problem in any size.
+
+    Attributes:
+        problem: Makes it: ranks, cubes per unit length, degree of the displacements.
+        levels: Load levels ζ of the path, each from the one before.
+        smallest: Number of cubes for a run that only warms up.
+        material: Of all bodies.
+        elastic_supports: Surfaces and components that E holds beyond the supports, so that bodies
+            which contact alone holds do not move as rigid ones.
+    """
+
+    problem: Callable[[MPI.Intracomm, int, int], Problem]
+    levels: tuple[float, ...]
+    smallest: int
+    material: VonMises
+    elastic_supports: Sequence[Support] = ()
+
+
+def _two_blocks(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
+    """Two cantilevers on top of each other; ζ is the traction on the upper one's free half."""
+    return Problem(
+        two_blocks(comm, n),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("left")],
+        [Traction("top", (0.0, 0.0, -1.0))],
+        [Contact("upper_bottom", "lower_top", 0.0)],
+        degree=degree,
+    )
+
+
+def _punch(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
+    """A quarter of a square punch on a block; ζ is the pressure on the punch."""
+    return Problem(
+        punch(comm, n),
+        {"base": PUNCH_METAL, "punch": PUNCH_METAL},
+        [Support("x0", "x"), Support("y0", "y"), Support("bottom")],
+        [Pressure("top", 1.0)],
+        [Contact("punch_bottom", "base_top", 0.0)],
+        degree=degree,
+    )
+
+
+def _l_plate(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
+    """A plate with a hole, a quarter of it, in plane strain: no contact; ζ = 1 is 200."""
+    return Problem(
+        l_plate(comm, n),
+        {"plate": STEEL},
+        [Support("x0", "x"), Support("y0", "y"), Support("z0", "z"), Support("z1", "z")],
+        [Traction("top", (0.0, 200.0, 0.0))],
+        degree=degree,
+    )
+
+
+MODELS = {
+    "two_blocks": Model(_two_blocks, (60.0, 80.0, 100.0), 2, STEEL),
+    "punch": Model(_punch, (450.0,), 2, PUNCH_METAL, [Support("punch_bottom", "z")]),
+    "l_plate": Model(_l_plate, (1.0,), 1, STEEL),
+}
+
+REFERENCES = {
+    ("l_plate", 2): 111.49381284,
+    ("l_plate", 4): 144.04255883,
+    ("l_plate", 8): 170.88487971,
+    ("punch", 8): 5.7498083896e-4,
+    ("punch", 16): 5.8728525143e-4,
+    ("punch", 32): 5.9190717408e-4,
+}
+"""α of the last level with linear elements, by model and n, from other programs."""
