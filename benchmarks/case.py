@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.elastic import Elasticity, Unit
 from benchmarks.platform_facts import libraries
-from benchmarks.problems import MODELS, REFERENCES, Model
+from benchmarks.problems import MODELS, Model
 from perfplast_fenicsx import Iteration, Level, Newton, NewtonOptions, Problem, load_path
 from perfplast_fenicsx.linear import DIRECT, MULTIGRID
 from perfplast_fenicsx.output import peak_memory
@@ -100,7 +100,6 @@ class Run:
             "libraries": libraries(),
             **_path_record(levels, parts, phases),
             **_unit_record(units, levels, parts["path"]),
-            "reference_error": self._error(levels),
             "peak_memory_mb": {"total": sum(memory), "largest": max(memory)},
             "ranks_detail": self._detail(problem, memory, traffic),
         }
@@ -118,12 +117,6 @@ class Run:
         """Seconds of each phase so far, mean over ranks."""
         spent = self.comm.allgather(seconds())
         return {name: sum(one[name] for one in spent) / self.comm.size for name in PHASES}
-
-    def _error(self, levels: list[Level]) -> float | None:
-        key = (self.arguments.model, self.arguments.n)
-        usual = self.arguments.degree == 1 and not self.arguments.levels
-        reference = REFERENCES.get(key) if usual else None
-        return reference and levels[-1].report.alpha / reference - 1
 
     def _detail(
         self, problem: Problem, memory: list[float], traffic: list[dict[str, Any]]
@@ -170,6 +163,7 @@ def _path_record(
         )
     }
     return {
+        "alpha": reports[-1].alpha,
         "converged": all(report.converged for report in reports),
         **totals,
         "active_set_changes": sum(map(_changes, levels)),

@@ -4,6 +4,16 @@ from dataclasses import dataclass, field
 
 CASE = ("-m", "benchmarks.case")
 
+REFERENCES = {
+    ("l_plate", 2): 111.49381284,
+    ("l_plate", 4): 144.04255883,
+    ("l_plate", 8): 170.88487971,
+    ("punch", 8): 5.7498083896e-4,
+    ("punch", 16): 5.8728525143e-4,
+    ("punch", 32): 5.9190717408e-4,
+}
+"""α of the last level with linear elements, by model and n, from GetFEM and from Octave."""
+
 
 @dataclass(frozen=True)
 class Job:
@@ -13,13 +23,15 @@ class Job:
         name: Within its group.
         command: What follows ``python3``, without output file.
         ranks: Processes; 0 for a command that starts MPI itself.
-        peer: Python or program that must be there, or "" for what always is.
+        peer: Python module or program that must be there, or "" for what always is.
+        reference: α of the last level, if it is known.
     """
 
     name: str
     command: tuple[str, ...]
     ranks: int = 1
     peer: str = ""
+    reference: float | None = None
 
 
 @dataclass(frozen=True)
@@ -42,7 +54,8 @@ def case(
 ) -> Job:
     """A job of the program itself."""
     label = name or f"{plural(ranks)}, {solver} solver"
-    return Job(label, (*CASE, model, "--n", str(n), "--solver", solver, *options), ranks)
+    command = (*CASE, model, "--n", str(n), "--solver", solver, *options)
+    return Job(label, command, ranks, reference=REFERENCES.get((model, n)))
 
 
 def plural(ranks: int) -> str:
@@ -53,13 +66,14 @@ def plural(ranks: int) -> str:
 def getfem(n: int) -> Job:
     """GetFEM on the punch."""
     command = ("benchmarks/peers/getfem_punch.py", "--n", str(n))
-    return Job("GetFEM", command, peer="getfem")
+    return Job("GetFEM", command, peer="getfem", reference=REFERENCES.get(("punch", n)))
 
 
 def plain(n: int, ranks: int, factor: str) -> Job:
     """The plain DOLFINx loop on the plate."""
     command = ("-m", "benchmarks.peers.plain_newton", "--n", str(n), "--factor", factor)
-    return Job(f"plain UFL, MUMPS {factor}, {plural(ranks)}", command, ranks)
+    name = f"plain UFL, MUMPS {factor}, {plural(ranks)}"
+    return Job(name, command, ranks, reference=REFERENCES.get(("l_plate", n)))
 
 
 def step42(ranks: int, refinements: int = 5) -> Job:

@@ -82,13 +82,3 @@ MODELS = {
     "punch": Model(_punch, (450.0,), 2, PUNCH_METAL, [Support("punch_bottom", "z")]),
     "l_plate": Model(_l_plate, (1.0,), 1, STEEL),
 }
-
-REFERENCES = {
-    ("l_plate", 2): 111.49381284,
-    ("l_plate", 4): 144.04255883,
-    ("l_plate", 8): 170.88487971,
-    ("punch", 8): 5.7498083896e-4,
-    ("punch", 16): 5.8728525143e-4,
-    ("punch", 32): 5.9190717408e-4,
-}
-"""α of the last level with linear elements, by model and n, from other programs."""

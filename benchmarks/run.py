@@ -72,6 +72,8 @@ def run(job: Job, limit: float = LIMIT) -> Record | None:
             return None
         record: Record = json.loads(output.read_text(encoding="utf-8"))
         record["job"] = job.name
+        if job.reference:
+            record["reference_error"] = record["alpha"] / job.reference - 1
         record["wall_seconds"] = time.perf_counter() - began
         record["load_average_before"] = load
         return record

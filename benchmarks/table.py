@@ -25,6 +25,7 @@ COLUMNS: dict[str, tuple[Number, str]] = {
     "run s": (lambda r: r["seconds"]["run"], ".2f"),
     "MB": (lambda r: r["peak_memory_mb"]["total"], ".0f"),
     "E s": (lambda r: r["E"]["seconds"], ".2f"),
+    "E its": (lambda r: r["E"]["runs"][0]["iterations"], "d"),
     "E/step": (lambda r: r["E_per_newton_step"], ".2f"),
     "E path": (lambda r: r["E_path"], ".1f"),
     "µs/dof/step": (
