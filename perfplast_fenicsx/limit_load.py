@@ -71,8 +71,10 @@ def limit_load(
 
     Args:
         problem: The bodies and their loads.
-        rtol: ζ has levelled off where the estimate is within this share of it, and so is either
-            the upper bound or the change of the estimate with the last level.
+        rtol: ζ has levelled off where the estimate is within this share of it, and so is the
+            upper bound or, without one, the change of the estimate with the last level. Where
+            there is an upper bound further off, loading goes on until α is :data:`FAR` beyond
+            first yield.
         solver: ALG3 or ALG4; the default is ALG3 with :func:`limit_options`.
         monitor: Called on every rank after each iteration.
         on_level: Called on every rank after each level.
@@ -104,14 +106,19 @@ def limit_load(
             bound = dissipation_bound(problem, collapse_mechanism(problem, levels), level.state)
             projections += bound.solves
             change = abs(estimate - estimates[-2]) / zeta if len(estimates) > 1 else np.inf
+            levelled_off = change <= rtol
             if bound.value is not None and bound.value - zeta <= rtol * zeta:
                 levelled_off, reason = True, f"the bounds are within {rtol:g} of each other"
                 break
-            if change <= rtol:
-                levelled_off, reason = True, f"ζ has levelled off to {rtol:g} of its limit"
+            # quadratic elements creep up to a limit, which a bound further off tells
+            if levelled_off and bound.value is None:
+                reason = f"ζ has levelled off to {rtol:g} of its limit"
                 break
+        else:
+            levelled_off = False
         if len(levels) == MOST_LEVELS or level.state.alpha > FAR * levels[0].state.alpha:
-            reason = locking(levels, problem.degree)
+            levelled = f"ζ has levelled off to {rtol:g} of its limit, but not to its upper bound"
+            reason = levelled if levelled_off else locking(levels, problem.degree)
             break
     return LimitLoad(
         lower=max((level.state.zeta for level in levels), default=0.0),

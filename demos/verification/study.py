@@ -14,6 +14,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx import Assembly, LimitLoad, Problem, limit_load, read_gmsh
 from perfplast_fenicsx.contact import Contact
+from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.loads import Load
 from perfplast_fenicsx.obstacles import Obstacle
 from perfplast_fenicsx.output import ResultFolder
@@ -72,8 +73,13 @@ Study = Callable[[MPI.Intracomm, ResultFolder, bool], list[Row]]
 
 def mesh(folder: ResultFolder, write: Callable[..., None], **arguments: object) -> Assembly:
     """Write a mesh by a generator of ``meshes/`` and read it on all ranks. Collective."""
-    path = folder.file(f"{write.__name__.removeprefix('write_')}.msh")
-    folder.on_root(lambda: write(path, **arguments))
+    path, fault = folder.file(f"{write.__name__.removeprefix('write_')}.msh"), None
+    if folder.comm.rank == 0:
+        try:
+            write(path, **arguments)
+        except (InputError, OSError) as error:
+            fault = f"the mesh '{path}' cannot be made: {error}"
+    raise_together(folder.comm, fault)
     return read_gmsh(folder.comm, path)
 
 
