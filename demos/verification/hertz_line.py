@@ -129,7 +129,7 @@ def draw_pressures(
             near = pressures.r < 1.3 * radius
             x, y = pressures.r[near] / radius, pressures.p[near] / peak
             axes.plot(x, y, mark, color=colour, fillstyle="none", markersize=5, label=label)
-        axes.set(xlabel="distance from the middle, relative to Hertz's half-width")
+        axes.set(xlabel="distance from the middle, relative to Hertz's contact")
         axes.set(ylabel="pressure, relative to Hertz's largest", title=title)
         axes.set_xlim(0, 1.3)
         axes.set_ylim(bottom=0)
@@ -143,8 +143,8 @@ def draw_pressures(
 # %% [markdown]
 # ## The cases
 #
-# A quarter of the cylinder is pushed down by a pressure on its middle plane y = R. The load is chosen
-# such that Hertz's half-width is 0.06 R.
+# A quarter of the cylinder is pushed down by a pressure on its middle plane y = R. The load is such
+# that Hertz's half-width is 0.06 R.
 
 
 # %%

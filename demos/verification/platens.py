@@ -134,12 +134,12 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
                     seconds=found.seconds,
                 )
             )
-        if degree == 2 and case is not ON_PLANE:
+        if case is ROUGH or (case is BETWEEN and degree == 2 and not coarse):
             pictures = subfolder(folder, "rough" if case is ROUGH else "smooth")
-            about = (f"Platens: {case.name}", LOADS, case.contacts, case.obstacles)
-            if case is ROUGH or not coarse:
-                draw(pictures, problem, found.limit, *about)
-            draw_slip(pictures, problem, found.limit, about[0])
+            title = f"Platens: {case.name}"
+            draw(pictures, problem, found.limit, title, LOADS, case.contacts, case.obstacles)
+            if case is ROUGH:
+                draw_slip(pictures, problem, found.limit, title)
     return rows
 
 

@@ -79,7 +79,7 @@ def _draw(surface: Surface, title: str, exact: Sequence[Line], path: Path) -> No
     FigureCanvasAgg(figure)
     axes = figure.add_subplot(aspect="equal")
     image = axes.tripcolor(x, y, surface.triangles, facecolors=shown, cmap="Reds", vmin=0, vmax=1)
-    image.set(edgecolor="#d0c8c4", linewidth=0.2)
+    image.set(edgecolor="#dccfca", linewidth=0.3, antialiased=True)
     for a, b in surface.edges:
         axes.plot(x[[a, b]], y[[a, b]], color="black", linewidth=1.0)
     for number, line in enumerate(exact):
@@ -97,7 +97,7 @@ def _draw(surface: Surface, title: str, exact: Sequence[Line], path: Path) -> No
     figure.suptitle(f"{title}: where the mechanism slips")
     label = "plastic work of the mechanism, relative"
     figure.colorbar(image, label=label, extend="max", shrink=0.7)
-    figure.savefig(path)
+    figure.savefig(path, bbox_inches="tight")
 
 
 def _areas(surface: Surface) -> npt.NDArray[np.float64]:
