@@ -3,6 +3,7 @@
 import json
 import logging
 import os
+import random
 import shutil
 import subprocess
 import sys
@@ -78,7 +79,10 @@ def display() -> Iterator[dict[str, str]]:
         yield environment
         return
     reader, writer = os.pipe()
-    command = [program, "-displayfd", str(writer), "-screen", "0", "1280x1024x24"]
+    # a number by lot: Xvfb's own choice goes by lock files, which it takes for left over where they
+    # are those of a process that it cannot see, as in another container with the same /tmp
+    number = f":{random.SystemRandom().randrange(100, 60_000)}"
+    command = [program, number, "-displayfd", str(writer), "-screen", "0", "1280x1024x24"]
     with subprocess.Popen(
         [*command, "-nolisten", "tcp"],
         pass_fds=[writer],
@@ -88,9 +92,8 @@ def display() -> Iterator[dict[str, str]]:
     ) as server:
         os.close(writer)
         with os.fdopen(reader) as pipe:
-            number = pipe.readline().strip()
-        if number:
-            environment["DISPLAY"] = f":{number}"
+            if pipe.readline().strip():
+                environment["DISPLAY"] = number
         try:
             yield environment
         finally:

@@ -23,6 +23,9 @@ from perfplast_fenicsx.work_newton import WorkNewton
 MOST_LEVELS = 60
 """Levels after which a curve counts as one that does not level off."""
 
+PLATEAU = 1e3
+"""At so many times the work at first yield ζ no longer creeps, whatever an upper bound says."""
+
 FAR = 1e5
 """So many times the work at first yield is looked at."""
 
@@ -71,8 +74,10 @@ def limit_load(
 
     Args:
         problem: The bodies and their loads.
-        rtol: ζ has levelled off where the estimate is within this share of it, and so is either
-            the upper bound or the change of the estimate with the last level.
+        rtol: ζ has levelled off where the estimate is within this share of it, and so is the
+            upper bound or the change of the estimate with the last level. Where there is an upper
+            bound further off, the latter counts only at :data:`PLATEAU` times the work of first
+            yield.
         solver: ALG3 or ALG4; the default is ALG3 with :func:`limit_options`.
         monitor: Called on every rank after each iteration.
         on_level: Called on every rank after each level.
@@ -93,9 +98,11 @@ def limit_load(
         if on_level is not None:
             on_level(level)
         if not level.report.converged:
-            reason = f"no further level could be solved: {level.report.reason}"
+            if not levelled_off:
+                reason = f"no further level could be solved: {level.report.reason}"
             break
         levels.append(level)
+        levelled_off = False
         zeta = level.state.zeta
         estimate = extrapolated_limit([(a.state.alpha, a.state.zeta) for a in levels[-3:]])
         if estimate is not None:
@@ -104,13 +111,16 @@ def limit_load(
             bound = dissipation_bound(problem, collapse_mechanism(problem, levels), level.state)
             projections += bound.solves
             change = abs(estimate - estimates[-2]) / zeta if len(estimates) > 1 else np.inf
+            levelled_off, reason = change <= rtol, f"ζ has levelled off to {rtol:g} of its limit"
             if bound.value is not None and bound.value - zeta <= rtol * zeta:
                 levelled_off, reason = True, f"the bounds are within {rtol:g} of each other"
                 break
-            if change <= rtol:
-                levelled_off, reason = True, f"ζ has levelled off to {rtol:g} of its limit"
+            # quadratic elements creep up to a limit, which a bound further off tells
+            creeps = bound.value is not None and level.state.alpha < PLATEAU * levels[0].state.alpha
+            if levelled_off and not creeps:
                 break
         if len(levels) == MOST_LEVELS or level.state.alpha > FAR * levels[0].state.alpha:
+            levelled_off = False
             reason = locking(levels, problem.degree)
             break
     return LimitLoad(

@@ -14,8 +14,8 @@ from perfplast_fenicsx.phases import phase
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.rigidity import contact_gram, null_space
 
-DIRECT_LIMIT = 40_000
-"""Up to so many unknowns a sparse Cholesky factorisation is the quicker one."""
+DIRECT_LIMIT = {2: 300_000, 3: 40_000}
+"""Up to so many unknowns, by dimension, a sparse Cholesky factorisation is the quicker one."""
 
 FALLBACK_LIMIT = 400_000
 """Up to so many unknowns a factorisation takes over where multigrid has become too slow."""
@@ -83,7 +83,9 @@ class LinearSolver:
         self.iterations = self.solves = self.setups = 0
         self._modes: PETSc.NullSpace | None = None
         self._problem = problem
-        self._configure(DIRECT if problem.num_dofs <= DIRECT_LIMIT else MULTIGRID)
+        self._configure(
+            DIRECT if problem.num_dofs <= DIRECT_LIMIT[problem.bodies.gdim] else MULTIGRID
+        )
         self._full: PETSc.Mat | None = None
         self._reduced: PETSc.Mat | None = None
         self._held: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)

@@ -76,6 +76,8 @@ def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) ->
     ksp.setType("preonly")
     ksp.getPC().setType("lu")
     ksp.getPC().setFactorSolverType("mumps")
+    ksp.getPC().setFactorSetUpSolverType()
+    ksp.getPC().getFactorMatrix().setMumpsIcntl(14, 100)  # more room to work in (%)
 
     right = ufl.dot(strain(velocity), test) - ufl.dot(multiplier, forbidden(test))
     form = fem.form(right * dx)

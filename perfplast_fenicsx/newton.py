@@ -89,7 +89,9 @@ class Newton:
             increment = iterate.take_step(beta, options.stopping, zeta)
             progress.add(zeta, increment, active, step.iterations, beta, rho)
             if increment < options.tolerance and step.settled and beta == 1:
-                return progress.level(zeta, active, True, f"{options.stopping} criterion met")
+                level = progress.level(zeta, active, True, f"{options.stopping} criterion met")
+                if level.report.converged or len(progress.history) == options.max_iterations:
+                    return level
             if len(history) >= 3 and iterate.descends_until(BEYOND * history[0].alpha, zeta):
                 return progress.level(zeta, active, False, above_limit(zeta, history))
         reason = f"no convergence in {options.max_iterations} Newton steps"

@@ -149,7 +149,8 @@ def draw_path(
     if solved and solved[0].plastic_cells == 0 and solved[0].zeta > 0:
         slope = solved[0].alpha / solved[0].zeta
         top = max(zetas) * 1.05
-        axes.plot([0, slope * top], [0, top], ":", color="#707070", label="elastic")
+        straight = np.linspace(0, top, 200)  # curved where the axis is logarithmic
+        axes.plot(slope * straight, straight, ":", color="#707070", label="elastic")
     for report in reports:
         if not report.converged:
             label = f"no solution found at ζ = {report.zeta:.6g}"

@@ -121,8 +121,8 @@ class ContactProgram:
         beyond = self._project(room)
         if not exact:
             self._evaluate(None, self._delta, self._gradient)
-            pushing = self._gradient.array_r[self._index] < 0
-            active = np.where(guess, pushing, beyond)
+            force, noise = self._gradient.array_r[self._index], self._force_tolerance
+            active = np.where(guess, force <= noise, beyond & (np.abs(force) > noise))
             return self._step(active, not self._comm.allreduce(int((active != guess).sum())))
         settled = self._variational_inequality() or self._condense(room)
         return self._step(self._system.held.copy(), settled)

@@ -103,7 +103,9 @@ class WorkNewton:
             increment = max(increment, _change(step.multiplier, zeta))
             progress.add(zeta, increment, active, step.iterations, beta, rho)
             if increment < options.tolerance and step.settled and beta == 1:
-                return progress.level(zeta, active, True, f"{options.stopping} criterion met")
+                level = progress.level(zeta, active, True, f"{options.stopping} criterion met")
+                if level.report.converged or len(progress.history) == options.max_iterations:
+                    return level
         reason = f"no convergence in {options.max_iterations} Newton steps"
         return progress.level(zeta, active, False, reason)
 

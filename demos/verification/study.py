@@ -14,6 +14,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx import Assembly, LimitLoad, Problem, limit_load, read_gmsh
 from perfplast_fenicsx.contact import Contact
+from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.loads import Load
 from perfplast_fenicsx.obstacles import Obstacle
 from perfplast_fenicsx.output import ResultFolder
@@ -72,8 +73,13 @@ Study = Callable[[MPI.Intracomm, ResultFolder, bool], list[Row]]
 
 def mesh(folder: ResultFolder, write: Callable[..., None], **arguments: object) -> Assembly:
     """Write a mesh by a generator of ``meshes/`` and read it on all ranks. Collective."""
-    path = folder.file(f"{write.__name__.removeprefix('write_')}.msh")
-    folder.on_root(lambda: write(path, **arguments))
+    path, fault = folder.file(f"{write.__name__.removeprefix('write_')}.msh"), None
+    if folder.comm.rank == 0:
+        try:
+            write(path, **arguments)
+        except (InputError, OSError) as error:
+            fault = f"the mesh '{path}' cannot be made: {error}"
+    raise_together(folder.comm, fault)
     return read_gmsh(folder.comm, path)
 
 
@@ -138,7 +144,7 @@ HEADING = (
 
 def line(row: Row) -> str:
     """A row of the table."""
-    allowed = "" if row.allowed is None else f"{row.allowed:.1g}"
+    allowed = "" if row.allowed is None else f"{row.allowed:.2g}"
     exact = f"{'<= ' if row.bound else ''}{row.exact:.7g}"
     return (
         f"{row.case:<26} {row.quantity:<26} {row.element:<12} {row.dofs:>8} {row.computed:>13.7g}"
@@ -150,7 +156,8 @@ def line(row: Row) -> str:
 def rates(rows: Sequence[Row]) -> list[str]:
     """Orders of convergence in the mesh size, one line for each sequence of meshes."""
     lines = []
-    for names, group in groupby(rows, key=lambda row: (row.case, row.quantity, row.element)):
+    values = [row for row in rows if not row.bound]
+    for names, group in groupby(values, key=lambda row: (row.case, row.quantity, row.element)):
         found = orders(list(group))
         if found:
             shown = ", ".join(f"{order:.2f}" for order in found)
@@ -159,10 +166,10 @@ def rates(rows: Sequence[Row]) -> list[str]:
 
 
 def orders(rows: Sequence[Row]) -> list[float]:
-    """Order of convergence from each mesh to the next finer one; those of rounding left out."""
+    """Order of convergence from each mesh to the next finer one, where both errors tell of the mesh."""
     found = []
     for coarse, fine in pairwise(rows):
-        if min(abs(coarse.error), abs(fine.error)) > 1e-9 and coarse.size > fine.size:
+        if min(abs(coarse.error), abs(fine.error)) > 1e-5 and coarse.size > fine.size:
             found.append(
                 math.log(abs(coarse.error / fine.error)) / math.log(coarse.size / fine.size)
             )

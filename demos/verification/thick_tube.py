@@ -14,7 +14,7 @@
 # same: a test of contact on curved surfaces.
 #
 # Linear triangles lock: each must keep its area in plastic flow, and there are about two of them
-# for each node, which has two unknowns. Their limit load is too large, and refinement may raise it.
+# for each node, which has two unknowns. Their limit load is too large: how much is the mesh's luck.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/thick_tube.py
 
