@@ -166,7 +166,7 @@ def rates(rows: Sequence[Row]) -> list[str]:
 
 
 def orders(rows: Sequence[Row]) -> list[float]:
-    """Order of convergence from each mesh to the next finer one, where both errors tell of the mesh."""
+    """Orders of convergence from mesh to mesh, where errors are large enough to tell."""
     found = []
     for coarse, fine in pairwise(rows):
         if min(abs(coarse.error), abs(fine.error)) > 1e-5 and coarse.size > fine.size:
