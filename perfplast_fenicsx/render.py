@@ -145,7 +145,9 @@ class Scene:
         right /= np.linalg.norm(right)
         axes = np.array([right, np.cross(towards, right)])
         around = [mesh.points for parts in self.obstacles for mesh, _ in parts]
-        seen = np.concatenate([self.points, self.undeformed, self.data["arrow_starts"], *around])
+        starts = self.data["arrow_starts"]
+        ends = starts + self.data["arrows"]
+        seen = np.concatenate([self.points, self.undeformed, starts, ends, *around])
         low, high = (seen @ axes.T).min(axis=0), (seen @ axes.T).max(axis=0)
         half = (high - low) / 2
         centre = (low + high) / 2 @ axes + (seen.mean(axis=0) @ towards) * towards
