@@ -99,9 +99,11 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
         gmsh.logger.start()
         try:
             gmsh.merge(str(path))
+            faults = [line for line in gmsh.logger.get() if line.startswith("Error")]
         except Exception as error:  # gmsh raises nothing more specific
             raise InputError(f"gmsh cannot read '{path}': {error}") from error
-        faults = [line for line in gmsh.logger.get() if line.startswith("Error")]
+        finally:
+            gmsh.logger.stop()  # or the next file would be blamed for this one's faults
         if faults:
             raise InputError(f"gmsh cannot read '{path}': {faults[0].partition(':')[2].strip()}")
         gdim = _dimension(gmsh, path, gdim)

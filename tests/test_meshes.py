@@ -399,6 +399,10 @@ def test_bad_file(
     text = message(lambda: read_gmsh(comm, path))
     assert expected in text
     assert str(path) in text
+    if comm.rank == 0:
+        write_plane(path, {"low": "a", "high": "b"})
+    comm.barrier()
+    assert read_gmsh(comm, path).volumes  # a good file read next is not blamed
 
 
 def test_folder_instead_of_file(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
