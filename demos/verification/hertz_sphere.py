@@ -185,9 +185,9 @@ CASES = (
         "upper_cap",
         (STEEL, ALUMINIUM),
         {1: (12,), 2: (5,)},
-        {1: (12,)},
+        {1: (8,)},
     ),
-    Case("rigid ball on a block", rigid_ball, "face", (STEEL,), {1: (12,), 2: (5, 7)}, {2: (5,)}),
+    Case("rigid ball on a block", rigid_ball, "face", (STEEL,), {1: (12,), 2: (5, 7)}, {1: (8,)}),
 )
 
 
