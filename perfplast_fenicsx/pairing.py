@@ -53,6 +53,9 @@ OBLIQUE = 1.2
 """The partner of a row may be so many times as far as the nearest row: surfaces that are apart and
 not parallel have their nodes opposite along the mean normal, not at the shortest distance."""
 
+CANDIDATES = 32
+"""Rows nearest to one that are looked at."""
+
 SAME_PLACE = 1e-9
 """Distance, relative to the size of the surfaces, of rows that are at the same place."""
 
@@ -62,9 +65,10 @@ def match_rows(
 ) -> Matching:
     """Match the rows of two surfaces that lie opposite each other. Collective.
 
-    The nearest row is taken, and of several in one place the one with the most opposite normal.
-    First rows within ``distance`` are matched; what is left is looked for in ever larger distances,
-    up to the size of the surfaces. That each row has exactly one partner is counted, not assumed.
+    Of the nearest rows the one is taken that lies most nearly opposite, along the mean normal; of
+    several in one place that is the one with the most opposite normal. First rows within
+    ``distance`` are matched; what is left is looked for in ever larger distances, up to the size of
+    the surfaces. That each row has exactly one partner is counted, not assumed.
 
     Args:
         comm: The ranks.
@@ -138,18 +142,13 @@ def _match_near(
     far = np.full(len(here), np.inf)
     nearest = np.zeros(len(here), dtype=np.int64)
     if len(here) and len(there):
-        tree = cKDTree(there[:, :3])
-        far = tree.query(here[:, :3])[0]
-        near = np.flatnonzero(far <= distance)
+        many = np.arange(1, min(CANDIDATES, len(there)) + 1)
+        fars, candidates = cKDTree(there[:, :3]).query(here[:, :3], k=many)
+        far = fars[:, 0]
         rounding = SAME_PLACE * float(np.linalg.norm(high - low))
-        found = tree.query_ball_point(here[near, :3], OBLIQUE * far[near] + rounding)
-        counts = np.array([len(candidates) for candidates in found], dtype=np.int64)
-        a = np.repeat(near, counts)
-        b = np.array([c for candidates in found for c in candidates], dtype=np.int64)
-        score = _misfit(here[a], there[b], normals, rounding)
-        order = np.lexsort((score, a))
-        firsts = order[np.cumsum(counts) - counts]
-        nearest[a[firsts]] = b[firsts]
+        misfit = _misfit(here[:, None], there[candidates], normals, rounding)
+        misfit[fars > OBLIQUE * fars[:, :1] + rounding] = np.inf
+        nearest = candidates[np.arange(len(here)), np.argmin(misfit, axis=1)]
     paired = far <= distance
     taken = there[nearest[paired]] if len(there) else there[:0]
     # a row of the second surface may have been found by several, on this rank or on others
@@ -166,16 +165,16 @@ def _match_near(
 
 
 def _misfit(a: Rows, b: Rows, normals: slice, rounding: float) -> Rows:
-    """How far rows are from lying opposite each other, shape (n,)."""
-    n, m = a[:, normals], b[:, normals]
-    facing = np.einsum("ni,ni->n", n, m)
+    """How far rows are from lying opposite each other; arrays of rows that broadcast together."""
+    n, m = a[..., normals], b[..., normals]
+    facing = np.einsum("...i,...i->...", n, m)
     mean = n - m
-    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
-    between = (b[:, :3] - a[:, :3])[:, : n.shape[1]]
-    apart = np.einsum("ni,ni->n", between, mean)
-    sideways = np.linalg.norm(between - apart[:, None] * mean, axis=1)
-    far = np.linalg.norm(between, axis=1)
-    return sideways + (1 + facing) * (0.1 * far + rounding)
+    mean /= np.maximum(np.linalg.norm(mean, axis=-1, keepdims=True), 1e-300)
+    between = (b[..., :3] - a[..., :3])[..., : n.shape[-1]]
+    apart = np.einsum("...i,...i->...", between, mean)
+    sideways = np.linalg.norm(between - apart[..., None] * mean, axis=-1)
+    far = np.linalg.norm(between, axis=-1)
+    return np.asarray(sideways + (1 + facing) * (0.1 * far + rounding))
 
 
 def bounding_box(comm: MPI.Intracomm, points: Rows) -> tuple[Rows, Rows]:
