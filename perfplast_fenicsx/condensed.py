@@ -13,7 +13,7 @@ TOLERANCE = 1e-6
 """Relative tolerance of the linear solves that condense."""
 
 REGULARISATION = 1e-13
-"""Added to the diagonal, relative to its mean, lest rounding make the matrix indefinite."""
+"""Smallest eigenvalue of the scaled matrix, lest rounding make it indefinite."""
 
 
 def condense(
@@ -82,8 +82,8 @@ def closed_pairs(stiffness: npt.NDArray[np.float64], forces: npt.NDArray[np.floa
         Where z = 0, shape (n,).
     """
     S = (stiffness + stiffness.T) / 2
-    S[np.diag_indices_from(S)] += REGULARISATION * np.trace(S) / len(S)
-    scale = np.sqrt(np.diag(S))
+    largest = float(np.diag(S).max(initial=1e-300))
+    scale = np.sqrt(np.maximum(np.diag(S), 1e-30 * largest))
     values, vectors = np.linalg.eigh(S / np.outer(scale, scale))
     roots = np.sqrt(np.maximum(values, REGULARISATION))
     openings, _ = nnls(roots[:, None] * vectors.T, (vectors.T @ (forces / scale)) / roots)

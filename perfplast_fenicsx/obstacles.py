@@ -122,7 +122,7 @@ def _vector(obstacle: Obstacle, field: str, gdim: int) -> Floats:
     if value.shape != (gdim,) or not np.isfinite(value).all():
         shape = type(obstacle).__name__.lower()
         raise InputError(
-            f"{field} = {list(np.atleast_1d(given))} of the {shape} at '{obstacle.on}' does not fit"
-            f" a mesh in {gdim}D; give {gdim} finite numbers."
+            f"{field} = {np.atleast_1d(given).tolist()} of the {shape} at '{obstacle.on}' does not"
+            f" fit a mesh in {gdim}D; give {gdim} finite numbers."
         )
     return value

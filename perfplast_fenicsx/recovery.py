@@ -28,7 +28,7 @@ class Recovery:
             ``stress`` (3×3, mean of each cell), ``plastic`` (share of each cell's points that are
             plastic), ``yield_ratio`` (‖dev σ‖/γ, the largest of each cell's points, 0 in elastic
             bodies), ``contact_pressure`` (linear on the contact surfaces, 0 elsewhere, positive
-            where bodies push each other).
+            where bodies push each other; at an edge of two contact faces the mean of both).
         resultants: Force of each contact on its primary surface, and of each obstacle on its
             surface behind them, shape (num_contacts, gdim), the same on every rank.
     """

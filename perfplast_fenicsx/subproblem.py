@@ -3,14 +3,17 @@
     minimise ½ δᵀAδ + rᵀδ  subject to  δ_s ≤ room at the bounded unknowns of the contact basis
     and, where asked,  ℓᵀδ = work
 
-First the system is solved on the active set that the last step ended with; PETSc's SNES-VI (reduced
-space, ``vinewtonrsls``) then looks whether this set is the right one and goes on from there until
-it is. SNES-VI's own reduced matrices lose block size and near-nullspace; its linear solves are
-therefore handed to :class:`linear.LinearSolver`, which holds the active unknowns in the full space.
+First the system is solved on the active set that the last step ended with. Held pairs that pull are
+then released and open ones that penetrate are held, all at once, until there are none. Pairs are
+judged by the solution as it is, before anything is pushed back. The operator is no M-matrix; near
+collapse and with quadratic elements these sets may go in circles, and the pairs that change then
+are condensed to a small dense program of their own (:mod:`condensed`), which has an exact solution.
 
-On coarse or nearly collapsed meshes, and with quadratic elements, sets may go in circles, as the
-operator is no M-matrix. The pairs that change then are condensed to a small dense program of their
-own (:mod:`condensed`), which has an exact solution; others join them as they change too.
+PETSc's SNES-VI (reduced space, ``vinewtonrsls``) has the last word: started from what was found, it
+must find nothing to change, or goes on. It pushes penetrating pairs back before it looks at forces,
+so that it goes in circles more easily. Its own reduced matrices lose block size and near-nullspace;
+its linear solves are therefore handed to :class:`linear.LinearSolver`, which holds the active
+unknowns in the full space.
 """
 
 from dataclasses import dataclass
@@ -76,7 +79,6 @@ class ContactProgram:
         self._rtol = self._force_tolerance = self._multiplier = 0.0
         self._work: float | None = None
         self._circling: Flags = np.zeros(len(self._index), dtype=bool)
-        self._seen: list[Flags] = []
         self._failure: LinearFailure | None = None
         self._r, self._delta, self._gradient, self._rhs, self._image, self._upper, self._lower = (
             problem.load.duplicate() for _ in range(7)
@@ -118,13 +120,13 @@ class ContactProgram:
         upper = self._upper.array
         upper[:] = PETSc.INFINITY
         upper[self._index] = room
-        beyond = self._project(room)
         if not exact:
-            self._evaluate(None, self._delta, self._gradient)
-            force, noise = self._gradient.array_r[self._index], self._force_tolerance
-            active = np.where(guess, force <= noise, beyond & (np.abs(force) > noise))
-            return self._step(active, not self._comm.allreduce(int((active != guess).sum())))
-        settled = self._variational_inequality() or self._condense(room)
+            wrong = self._wrong(room)
+            self._project(room)
+            return self._step(guess ^ wrong, not self._comm.allreduce(int(wrong.sum())))
+        settled = self._search(room) or self._condense(room)
+        self._project(room)
+        settled = settled and self._variational_inequality()
         return self._step(self._system.held.copy(), settled)
 
     def _step(self, active: Flags, settled: bool) -> ContactStep:
@@ -138,12 +140,40 @@ class ContactProgram:
         left = self._rtol * system.size
         self._force_tolerance = max(left, ROUNDING * r.norm(PETSc.NormType.NORM_INFINITY))
 
-    def _project(self, room: npt.NDArray[np.float64]) -> Flags:
-        """Push back the pairs that δ closes beyond their room, and tell which they are."""
+    def _project(self, room: npt.NDArray[np.float64]) -> None:
+        """Push back the pairs that δ closes beyond their room."""
         jumps = self._delta.array_r[self._index]
-        beyond: Flags = jumps > room
         self._delta.array[self._index] = np.minimum(jumps, room)
-        return beyond
+
+    def _wrong(self, room: npt.NDArray[np.float64]) -> Flags:
+        """Pairs that ought not to be as they are: held ones that pull, others that penetrate."""
+        self._evaluate(None, self._delta, self._gradient)
+        force = self._gradient.array_r[self._index]
+        excess = self._delta.array_r[self._index] - room
+        least = ROUNDING * self._delta.norm(PETSc.NormType.NORM_INFINITY)
+        wrong: Flags = np.where(self._system.held, force > self._force_tolerance, excess > least)
+        return wrong
+
+    def _search(self, room: npt.NDArray[np.float64]) -> bool:
+        """Go on from the held pairs until none is wrong. Collective.
+
+        Returns:
+            Whether that is so; if not, ``_circling`` are the pairs that go in circles.
+        """
+        seen: list[Flags] = []
+        while True:
+            held, wrong = self._system.held, self._wrong(room)
+            if not self._comm.allreduce(int(wrong.sum())):
+                return True
+            again = np.array([(earlier == held).all() for earlier in seen], dtype=np.int32)
+            self._comm.Allreduce(MPI.IN_PLACE, again, MPI.MIN)
+            seen.append(held)
+            repeated = np.flatnonzero(again)
+            if repeated.size or len(seen) > MOST_ACTIVE_SET_ITERATIONS:
+                circle = seen[repeated[-1] if repeated.size else -len(seen) // 2 :]
+                self._circling = np.any([other != held for other in circle], axis=0) | wrong
+                return False
+            self._minimise(held ^ wrong, room)
 
     def _condense(self, room: npt.NDArray[np.float64]) -> bool:
         """Find the active set among the pairs that go in circles. Collective.
@@ -165,9 +195,7 @@ class ContactProgram:
             )
             active = np.where(self._circling, closed, active)
             self._minimise(active, room)
-            self._project(room)
-            self._evaluate(None, self._delta, self._gradient)
-            wrong = self._wrong(self._delta, self._gradient)
+            wrong = self._wrong(room)
             outside = wrong & ~self._circling
             found = self._comm.allreduce(np.array([wrong.sum(), outside.sum()]))
             if not found[0]:
@@ -179,16 +207,15 @@ class ContactProgram:
         return False
 
     def _variational_inequality(self) -> bool:
-        """Let SNES-VI look for the active set.
+        """Let SNES-VI look at δ, and go on if it is not satisfied.
 
         Returns:
-            Whether it was found; if not, ``_circling`` are the pairs that go in circles.
+            Whether it has ended with a solution.
         """
         A = self._system.operator
         if self._snes is None:
             self._snes = self._make_snes(A)
         snes, self._failure = self._snes, None
-        self._seen.clear()
         snes.setFunction(self._evaluate, self._gradient)
         snes.setJacobian(lambda *_: None, A, A)
         snes.setVariableBounds(self._lower, self._upper)
@@ -216,26 +243,15 @@ class ContactProgram:
         """Stop where the active set is the one just solved for, but for forces that are noise."""
         if self._failure is not None:
             return PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
-        held = self._system.held
-        wrong = self._wrong(snes.getSolution(), snes.getFunction()[0])
+        x, f = snes.getSolution().array_r, snes.getFunction()[0].array_r
+        s, force = x[self._index], f[self._index]
+        active = (s >= self._upper.array_r[self._index]) & (force < 0)
+        wrong = (active != self._system.held) & (np.abs(force) > self._force_tolerance)
         if self._comm.allreduce(int(wrong.sum())) == 0:
             return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
-        again = np.array([(earlier == held).all() for earlier in self._seen], dtype=np.int32)
-        self._comm.Allreduce(MPI.IN_PLACE, again, MPI.MIN)
-        self._seen.append(held)
-        repeated = np.flatnonzero(again)
-        if repeated.size or its >= MOST_ACTIVE_SET_ITERATIONS:
-            circle = self._seen[repeated[-1] if repeated.size else -its // 2 :]
-            self._circling = np.any([other != held for other in circle], axis=0) | wrong
+        if its >= MOST_ACTIVE_SET_ITERATIONS:
             return PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT
         return None
-
-    def _wrong(self, x: PETSc.Vec, f: PETSc.Vec) -> Flags:
-        """Pairs that ought not to be as they are, by a force that is more than noise."""
-        s, force = x.array_r[self._index], f.array_r[self._index]
-        active = (s >= self._upper.array_r[self._index]) & (force < 0)
-        wrong: Flags = (active != self._system.held) & (np.abs(force) > self._force_tolerance)
-        return wrong
 
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Solve SNES-VI's reduced system in the full space (called by PETSc).

@@ -373,7 +373,8 @@ def test_loading_ends_where_no_step_is_short_enough(
 ) -> None:
     monkeypatch.setattr(Timid, "boldest", 1.0)
     with caplog.at_level(logging.INFO, logger="perfplast_fenicsx.loading"):
-        limit = limit_load(punch_problem(4), 1e-3, Timid(punch_problem(4)))
+        problem = punch_problem(4)
+        limit = limit_load(problem, 1e-3, Timid(problem))
     assert caplog.text.count("half the step") == MOST_HALVINGS
     assert not limit.levelled_off
     assert limit.estimate is limit.upper is None

@@ -679,3 +679,25 @@ def test_a_corner_in_the_plane_has_two_normals(read: Read, comm: MPI.Intracomm) 
         found = np.concatenate(comm.allgather(faces.normal[in_corner]))
         order = np.argsort(side * found[:, 0])
         assert found[order] == pytest.approx(np.array([[0.0, side], [side, 0.0]]))
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("active_set", ["adaptive", "exact"])
+def test_a_block_that_slides_along_a_corner_needs_few_solves(read: Read, active_set: str) -> None:
+    """Pairs are judged before they are pushed back, or their sets go in circles (limit 50.07)."""
+    flat = (0.0, 0.0, 0.0)
+    problem = Problem(
+        read(write_corner_seat, dim=3, size=0.4),
+        dict.fromkeys(("block", "seat"), VonMises(young=2e5, poisson=0.3, yield_stress=240.0)),
+        [Support("seat_bottom"), Support("seat_left"), Support("z0", "z")],
+        [Traction("top", (-3.0, -1.0, 0.0))],
+        obstacles=[
+            Plane("block_corner", flat, (1.0, 0.0, 0.0)),
+            Plane("block_corner", flat, (0.0, 1.0, 0.0)),
+        ],
+        degree=2,
+    )
+    level = Newton(problem, NewtonOptions(active_set=active_set)).solve(45.0)  # type: ignore[arg-type]
+    assert_solved(level)
+    assert level.report.linear_solves < 60
+    assert max(step.active_set_iterations for step in level.iterations) < 20
