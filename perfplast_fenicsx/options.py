@@ -122,7 +122,9 @@ def exact_active_set(options: NewtonOptions, history: list[Iteration]) -> bool:
 def forcing(increment: float, tolerance: float) -> float:
     """Relative tolerance of the linear solves of the next step: loose far from the solution.
 
-    Near it the tolerance follows the last increment, so that steps stay quadratic until the wanted
-    one is reached.
+    Near it the tolerance follows the last increment, so that steps stay quadratic. What a solve
+    leaves is its tolerance times the increment, and need not be less than a hundredth of the wanted
+    accuracy.
     """
-    return min(1e-3, max(1e-2 * increment, 1e-2 * tolerance, 1e-11))
+    enough = 1e-2 * tolerance / max(increment, tolerance)
+    return min(1e-3, max(1e-2 * increment, enough, 1e-11))
