@@ -76,21 +76,6 @@ class Strip:
         supports = [Support("x0", "x"), Support(self.held, "y")]
         return Problem(assembly, {"strip": MATERIAL}, supports, LOADS, degree=2)
 
-    def row(self, problem: Problem, size: float, found: Collapse, allowed: float | None) -> Row:
-        """The limit load."""
-        return Row(
-            case=self.name,
-            quantity="limit load",
-            element="P2",
-            size=size,
-            dofs=problem.num_dofs,
-            computed=found.zeta,
-            exact=self.exact,
-            allowed=allowed,
-            solves=found.solves,
-            seconds=found.seconds,
-        )
-
 
 SLIT = Strip("slit", 1.0, 2.0, 0.5, "outer", 2 * K * (1 - 0.5), [[(0.5, 0.0), (1.0, 0.5)]])
 NOTCHED = Strip(
@@ -138,7 +123,8 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
             found = collapse(problem)
             elements = min(strip.tip, strip.width - strip.tip) / size
             judged = strip is NOTCHED or elements >= 10 * (1 - 1e-9)
-            rows.append(strip.row(problem, size, found, ALLOWED if judged else None))
+            allowed = ALLOWED if judged else None
+            rows.append(found.row(strip.name, size, strip.exact, allowed))
             certain += bounds(strip, problem, size, found)
         rows += certain
         pictures = subfolder(folder, strip.name.replace(" ", "_"))
@@ -147,7 +133,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         draw_slip(pictures, problem, found.limit, f"Strip with {strip.name}", strip.lines)
     if not coarse:
         problem = SHORT.problem(folder, 0.2)
-        rows.append(SHORT.row(problem, 0.2, collapse(problem), None))
+        rows.append(collapse(problem).row(SHORT.name, 0.2, SHORT.exact, None))
     return rows
 
 

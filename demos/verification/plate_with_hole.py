@@ -87,42 +87,14 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         for size in sizes[:2] if coarse else sizes:
             problem = plane(folder, size, degree)
             found = collapse(problem)
-            rows.append(
-                Row(
-                    case="plate with hole",
-                    quantity="limit load",
-                    element=f"P{degree}",
-                    size=size,
-                    dofs=problem.num_dofs,
-                    computed=found.zeta,
-                    exact=BOUND,
-                    allowed=ROUNDING,
-                    solves=found.solves,
-                    seconds=found.seconds,
-                    bound=True,
-                )
-            )
+            rows.append(found.row("plate with hole", size, BOUND, ROUNDING, bound=True))
     draw(folder, problem, found.limit, TITLE, LOADS)
     draw_slip(folder, problem, found.limit, TITLE)
     rows += against_hinges([row for row in rows if row.element == "P2"])
     for cubes in (1,) if coarse else (1, 2):
         problem = slice_in_space(comm, cubes)
         found = collapse(problem)
-        rows.append(
-            Row(
-                case="slice in space",
-                quantity="limit load",
-                element="P1",
-                size=0.5 / cubes,
-                dofs=problem.num_dofs,
-                computed=found.zeta,
-                exact=BOUND,
-                allowed=ROUNDING,
-                solves=found.solves,
-                seconds=found.seconds,
-                bound=True,
-            )
-        )
+        rows.append(found.row("slice in space", 0.5 / cubes, BOUND, ROUNDING, bound=True))
     return rows
 
 

@@ -120,20 +120,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         for size in sizes:
             problem = case.problem(folder, size, degree)
             found = collapse(problem)
-            rows.append(
-                Row(
-                    case=case.name,
-                    quantity="limit load",
-                    element=f"P{degree}",
-                    size=size,
-                    dofs=problem.num_dofs,
-                    computed=found.zeta,
-                    exact=case.exact,
-                    allowed=allowed,
-                    solves=found.solves,
-                    seconds=found.seconds,
-                )
-            )
+            rows.append(found.row(case.name, size, case.exact, allowed))
         if case is ROUGH or (case is BETWEEN and degree == 2 and not coarse):
             pictures = subfolder(folder, "rough" if case is ROUGH else "smooth")
             title = f"Platens: {case.name}"

@@ -74,18 +74,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         for size in sizes if degree == 2 else sizes[:2]:
             problem, loads, contacts = problem_of(folder, punch, degree, size)
             found = collapse(problem)
-            row = Row(
-                case=case,
-                quantity="limit load",
-                element=f"P{degree}",
-                size=size,
-                dofs=problem.num_dofs,
-                computed=found.zeta,
-                exact=EXACT,
-                allowed=ALLOWED if degree == 2 else None,
-                solves=found.solves,
-                seconds=found.seconds,
-            )
+            row = found.row(case, size, EXACT, ALLOWED if degree == 2 else None)
             rows.append(row)
             errors.append(abs(row.error))
         if degree == 2:

@@ -88,14 +88,34 @@ class Collapse:
     """A limit load and what it took.
 
     Attributes:
+        problem: Whose it is.
         limit: With bounds, mechanism and levels.
         solves: Linear systems solved.
         seconds: Wall time.
     """
 
+    problem: Problem
     limit: LimitLoad
     solves: int
     seconds: float
+
+    def row(
+        self, case: str, size: float, exact: float, allowed: float | None, bound: bool = False
+    ) -> Row:
+        """The limit load as a row; see :class:`Row`."""
+        return Row(
+            case=case,
+            quantity="limit load",
+            element=f"P{self.problem.degree}",
+            size=size,
+            dofs=self.problem.num_dofs,
+            computed=self.zeta,
+            exact=exact,
+            allowed=allowed,
+            solves=self.solves,
+            seconds=self.seconds,
+            bound=bound,
+        )
 
     @property
     def zeta(self) -> float:
@@ -107,7 +127,7 @@ def collapse(problem: Problem, rtol: float = 1e-4) -> Collapse:
     """Find the limit load of a problem. Collective."""
     began = time.perf_counter()
     limit = limit_load(problem, rtol)
-    return Collapse(limit, limit.linear_solves, time.perf_counter() - began)
+    return Collapse(problem, limit, limit.linear_solves, time.perf_counter() - began)
 
 
 def draw(

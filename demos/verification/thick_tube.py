@@ -49,20 +49,8 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
             contacts = CONTACTS if interface else []
             problem = Problem(assembly, materials, SUPPORTS, LOADS, contacts, degree=degree)
             found = collapse(problem)
-            rows.append(
-                Row(
-                    case="thick tube" if interface is None else "tube in a tube",
-                    quantity="limit load",
-                    element=f"P{degree}",
-                    size=size,
-                    dofs=problem.num_dofs,
-                    computed=found.zeta,
-                    exact=EXACT,
-                    allowed=2e-3 if degree == 2 else None,
-                    solves=found.solves,
-                    seconds=found.seconds,
-                )
-            )
+            case = "thick tube" if interface is None else "tube in a tube"
+            rows.append(found.row(case, size, EXACT, 2e-3 if degree == 2 else None))
     draw(folder, problem, found.limit, TITLE, LOADS, contacts)
     return rows
 
