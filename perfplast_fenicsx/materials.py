@@ -110,6 +110,16 @@ class Moduli:
         volumetric = self.bulk * trace(e) ** 2 / 2
         return volumetric + self.shear * theta * (2 - theta) * ufl.dot(d, d)
 
+    def may_yield(self) -> Expr:
+        """Condition that the body has a yield stress: γ is not ∞."""
+        return ufl.gt(1 / self.yield_radius, 0.0)
+
+    def dissipation(self, e: Expr) -> Expr:
+        """γ‖dev e‖, the plastic power of a strain rate e; 0 in elastic bodies."""
+        d = deviator(e)
+        power = self.yield_radius * ufl.sqrt(ufl.dot(d, d))
+        return ufl.conditional(self.may_yield(), power, 0.0)
+
     def direction(self, e: Expr) -> Expr:
         """n̂ = dev e/‖dev e‖ where plastic, else 0. No division by zero at e = 0."""
         d = deviator(e)

@@ -9,7 +9,6 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
-import ufl
 from dolfinx import fem
 
 from perfplast_fenicsx.assembly import Assembly
@@ -18,7 +17,7 @@ from perfplast_fenicsx.contact import Contact
 from perfplast_fenicsx.graphics import images
 from perfplast_fenicsx.limit_load import LimitLoad
 from perfplast_fenicsx.loads import Load, Pressure, Traction
-from perfplast_fenicsx.materials import deviator, strain
+from perfplast_fenicsx.materials import strain
 from perfplast_fenicsx.obstacles import Obstacle
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.scenery import best_view, load_arrows, sample_obstacles
@@ -99,9 +98,7 @@ def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
         problem: The bodies.
         v: The velocity, its ghosts up to date.
     """
-    d, radius = deviator(strain(v)), problem.moduli.yield_radius
-    plastic = ufl.gt(1 / radius, 0.0)  # elastic bodies have γ = ∞
-    rate = ufl.conditional(plastic, radius * ufl.sqrt(ufl.dot(d, d)), 0.0)
+    rate = problem.moduli.dissipation(strain(v))
     at_points = fem.Function(problem.Q)
     at_points.interpolate(fem.Expression(rate, interpolation_points(problem.Q.element)))
     cells = fem.functionspace(problem.assembly.mesh, ("DG", 0))
