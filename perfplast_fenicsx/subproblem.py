@@ -117,16 +117,13 @@ class ContactProgram:
         self._minimise(guess, room)
         if not self._contact:
             return self._step(guess, True)
-        upper = self._upper.array
-        upper[:] = PETSc.INFINITY
-        upper[self._index] = room
         if not exact:
             wrong = self._wrong(room)
             self._project(room)
             return self._step(guess ^ wrong, not self._comm.allreduce(int(wrong.sum())))
         settled = self._search(room) or self._condense(room)
         self._project(room)
-        settled = settled and self._variational_inequality()
+        settled = settled and self._variational_inequality(room)
         return self._step(self._system.held.copy(), settled)
 
     def _step(self, active: Flags, settled: bool) -> ContactStep:
@@ -206,7 +203,7 @@ class ContactProgram:
             active &= ~self._circling
         return False
 
-    def _variational_inequality(self) -> bool:
+    def _variational_inequality(self, room: npt.NDArray[np.float64]) -> bool:
         """Let SNES-VI look at δ, and go on if it is not satisfied.
 
         Returns:
@@ -216,6 +213,9 @@ class ContactProgram:
         if self._snes is None:
             self._snes = self._make_snes(A)
         snes, self._failure = self._snes, None
+        upper = self._upper.array
+        upper[:] = PETSc.INFINITY
+        upper[self._index] = room
         snes.setFunction(self._evaluate, self._gradient)
         snes.setJacobian(lambda *_: None, A, A)
         snes.setVariableBounds(self._lower, self._upper)

@@ -27,6 +27,7 @@ class FieldsFile:
         self._folder = folder
         self._path = folder.file(name)
         self._by_dolfinx = ""
+        self._written: dict[str, fem.Function] = {}
         with XDMFFile(folder.comm, self._path, "w") as file:
             file.write_mesh(mesh)
         self._keep()
@@ -45,24 +46,24 @@ class FieldsFile:
         self._folder.on_root(lambda: _write(self._path, self._by_dolfinx))
         with XDMFFile(self._folder.comm, self._path, "a") as file:
             for name, function in fields.items():
-                writable = self._writable(function)
+                writable = self._writable(name, function)
                 writable.name = name
                 file.write_function(writable, time)
         self._keep()
         self._folder.on_root(lambda: _write(self._path, one_series(self._by_dolfinx)))
 
-    def _writable(self, function: fem.Function) -> fem.Function:
+    def _writable(self, name: str, function: fem.Function) -> fem.Function:
         """The function, in the mesh's degree if it is a nodal one of another degree."""
         space = function.function_space
         mesh, degree = space.mesh, space.element.basix_element.degree
         if degree in (0, coordinate_map(mesh).degree):
             return function
-        element = basix.ufl.element(
-            "P", mesh.basix_cell(), coordinate_map(mesh).degree, shape=function.ufl_shape or None
-        )
-        written = fem.Function(fem.functionspace(mesh, element))
-        written.interpolate(function)
-        return written
+        if name not in self._written:
+            shape, cell = function.ufl_shape or None, mesh.basix_cell()
+            element = basix.ufl.element("P", cell, coordinate_map(mesh).degree, shape=shape)
+            self._written[name] = fem.Function(fem.functionspace(mesh, element))
+        self._written[name].interpolate(function)
+        return self._written[name]
 
     def _keep(self) -> None:
         def keep() -> None:
