@@ -13,19 +13,9 @@ from perfplast_fenicsx.assembly import Assembly
 from perfplast_fenicsx.bodies import Bodies
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.faces import face_nodes
-from perfplast_fenicsx.formulas import evaluate
+from perfplast_fenicsx.gaps import MATCHING_TOLERANCE, normals_and_gaps, without_overlap
 from perfplast_fenicsx.obstacles import Obstacle
 from perfplast_fenicsx.pairing import Matching, Rows, bounding_box, match_rows, send_rows
-
-MATCHING_TOLERANCE = 1e-6
-"""Largest distance of touching nodes, relative to the size of the contact surfaces."""
-
-TILT = 0.5
-"""Nodes that are apart may be shifted sideways by this share of their distance (and of the mesh
-size): matching surfaces that are not parallel are seen so along their mean normal."""
-
-OVERLAP = 1e-9
-"""Overlap, relative to the size of the surfaces, that is rounding."""
 
 LEAST_COSINE = 0.1
 """A displacement component may stand for the normal if its share of it is at least this."""
@@ -120,7 +110,7 @@ def find_pairs(
         )
         size = _diagonal(comm, np.concatenate([first, second]))
         matching = match_rows(comm, first, second, slice(8, 8 + gdim), MATCHING_TOLERANCE * size)
-        normal, gap = _geometry(comm, place, contact, matching, size, gdim)
+        normal, gap = normals_and_gaps(comm, place, contact.gap, matching, size, gdim)
         found.append(_to_hosts(comm, matching, normal, gap, order))
     for order, obstacle in enumerate(obstacles):
         place = f"obstacle {order + 1} ({type(obstacle).__name__.lower()} at '{obstacle.on}')"
@@ -181,75 +171,6 @@ def _diagonal(comm: MPI.Intracomm, rows: Rows) -> float:
     return float(np.linalg.norm(high - low))
 
 
-def _geometry(
-    comm: MPI.Intracomm, place: str, contact: Contact, matching: Matching, size: float, gdim: int
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Normal and gap of matched nodes, after a look whether they can be in contact. Collective."""
-    if matching.alone:
-        raise InputError(
-            f"{place}: {matching.alone} nodes have no partner on the other surface (the nearest is"
-            f" up to {matching.farthest:.3g} away); mesh the two surfaces with the same nodes, for"
-            " instance by fragmenting and splitting in gmsh."
-        )
-    a, b = matching.first, matching.second
-    outward = [rows[:, 8 : 8 + gdim] for rows in (a, b)]
-    same_side = comm.allreduce(int((np.einsum("ni,ni->n", *outward) > 0).sum()))
-    if same_side:
-        raise InputError(
-            f"{place}: at {same_side} nodes the outward normals of the two surfaces point to the"
-            " same side, so they do not face each other; name one surface of each body."
-        )
-    normal = outward[0] - outward[1]
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    between = (b - a)[:, :gdim]
-    apart = np.einsum("ni,ni->n", between, normal)
-    sideways = np.linalg.norm(between - apart[:, None] * normal, axis=1)
-    least = MATCHING_TOLERANCE * size
-    allowed = least + TILT * np.minimum(np.abs(apart), np.minimum(a[:, 7], b[:, 7]))
-    shifted = comm.allreduce(int((sideways > allowed).sum()))
-    if shifted:
-        farthest = comm.allreduce(float(sideways.max(initial=0)), MPI.MAX)
-        raise InputError(
-            f"{place}: {shifted} nodes have no partner opposite them (the nearest is up to"
-            f" {farthest:.3g} aside); mesh the two surfaces with the same nodes, for instance by"
-            " fragmenting and splitting in gmsh."
-        )
-    if contact.gap is None:
-        return normal, _without_overlap(comm, place, apart, size)
-    return normal, _given_gap(comm, place, contact.gap, a[:, :3])
-
-
-def _without_overlap(
-    comm: MPI.Intracomm, place: str, gap: npt.NDArray[np.float64], size: float
-) -> npt.NDArray[np.float64]:
-    """Measured gaps, rounding removed. Collective."""
-    overlap = -comm.allreduce(float(gap.min(initial=0)), MPI.MIN)
-    if overlap > OVERLAP * size:
-        raise InputError(
-            f"{place}: the bodies overlap at first, by up to {overlap:.6g}; move one of them."
-        )
-    return np.where(gap > OVERLAP * size, gap, 0.0)
-
-
-def _given_gap(
-    comm: MPI.Intracomm, place: str, gap: float | str, x: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Gaps of a number or formula at points. Collective."""
-    message: str | None = None
-    gaps: npt.NDArray[np.float64] = np.zeros(len(x))
-    try:
-        gaps = evaluate(gap, x, f"{place}: gap")
-        if (gaps < 0).any():
-            message = (
-                f"{place}: gap = {gap} is negative ({gaps.min():.6g}) at some nodes, but bodies"
-                " cannot overlap at first; give a gap of zero or more."
-            )
-    except InputError as error:
-        message = str(error)
-    raise_together(comm, message)
-    return gaps
-
-
 def _to_hosts(
     comm: MPI.Intracomm,
     matching: Matching,
@@ -289,7 +210,7 @@ def _at_obstacle(
     except InputError as error:
         message = f"{place}: {error}"
     raise_together(comm, message)
-    gap = _without_overlap(comm, place, gap, _diagonal(comm, rows))
+    gap = without_overlap(comm, place, gap, _diagonal(comm, rows))
     free = rows[:, 8 + gdim :]
     ones, none = np.ones(len(rows)), np.zeros_like(free)
     first = [rows[:, 4], rows[:, 5], ones, gap, number * ones, RIGID * ones, rows[:, :3]]
