@@ -14,7 +14,9 @@ import pytest
 
 import perfplast_fenicsx
 from perfplast_fenicsx import __main__ as command_line
-from perfplast_fenicsx.__main__ import BAD_INPUT, FAULT, NO_SOLUTION, SOLVED, main
+from perfplast_fenicsx import run
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.run import BAD_INPUT, FAULT, NO_SOLUTION, SOLVED
 from perfplast_fenicsx.terminal import Terminal, shows
 
 CASE = """
@@ -283,7 +285,7 @@ def test_live_line(
     case: Path, comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stream = io.StringIO()
-    monkeypatch.setattr(command_line, "Terminal", lambda comm: Terminal(comm, stream, live=True))
+    monkeypatch.setattr(run, "Terminal", lambda comm: Terminal(comm, stream, live=True))
     monkeypatch.setattr("perfplast_fenicsx.terminal.LIVE_PERIOD", 0.0)
     assert main(["run", str(case), "-o", str(shared_tmp_path / "results")]) == SOLVED
     text = stream.getvalue()
