@@ -40,6 +40,15 @@ class Assembly:
     volumes: dict[str, int]
     surfaces: dict[str, int]
 
+    def __repr__(self) -> str:
+        topology = self.mesh.topology
+        kind = "triangles" if topology.dim == 2 else "tetrahedra"
+        return (
+            f"Assembly({topology.index_map(topology.dim).size_global} {kind};"
+            f" volumes {', '.join(sorted(self.volumes)) or 'none'};"
+            f" surfaces {', '.join(sorted(self.surfaces)) or 'none'})"
+        )
+
     def cells(self, name: str) -> npt.NDArray[np.int32]:
         """Local indices of the cells of a volume, sorted; empty on ranks without any.
 

@@ -105,6 +105,15 @@ class Case:
     loading: LoadControl | WorkControl
     output: OutputOptions
 
+    def __repr__(self) -> str:
+        values = self.loading.values
+        levels = "until the limit load" if values is None else f"{len(values)} levels"
+        bodies = ", ".join(self.materials)
+        return (
+            f"Case({str(self.path)!r}: {self.title}; {bodies}; P{self.element.degree};"
+            f" {self.method}, {levels})"
+        )
+
     def assembly(self, comm: MPI.Intracomm) -> Assembly:
         """Build or read the mesh. Collective.
 

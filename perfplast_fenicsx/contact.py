@@ -75,6 +75,9 @@ class ContactPairs:
     guest_body: npt.NDArray[np.int32]
     guest_x: npt.NDArray[np.float64]
 
+    def __repr__(self) -> str:
+        return f"ContactPairs({len(self.host)} hosted by this rank)"
+
 
 def find_pairs(
     V: fem.FunctionSpace,

@@ -62,6 +62,11 @@ class LimitLoad:
     mechanism: fem.Function
     levels: Sequence[Level]
 
+    def __repr__(self) -> str:
+        numbers = {"lower": self.lower, "estimate": self.estimate, "upper": self.upper}
+        told = (f"{name}={'none' if x is None else f'{x:.6g}'}" for name, x in numbers.items())
+        return f"LimitLoad({', '.join(told)}; {len(self.levels)} levels; {self.reason})"
+
 
 def limit_load(
     problem: Problem,

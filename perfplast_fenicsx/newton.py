@@ -46,6 +46,9 @@ class Newton:
         self._iterate = Iterate(problem)
         self._program = ContactProgram(problem, self.linear)
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.problem!r})"
+
     def solve(
         self, zeta: float, start: State | None = None, monitor: Monitor | None = None
     ) -> Level:

@@ -84,6 +84,14 @@ class Problem:
         self._contact(contacts, obstacles)
         self.load: PETSc.Vec = self._load(loads)
 
+    def __repr__(self) -> str:
+        topology = self.assembly.mesh.topology
+        return (
+            f"Problem({', '.join(sorted(self.assembly.volumes))};"
+            f" {topology.index_map(topology.dim).size_global} cells, P{self.degree},"
+            f" {self.num_dofs} dofs, {self.num_pairs} contact pairs)"
+        )
+
     @property
     def comm(self) -> MPI.Intracomm:
         """The ranks that share the mesh."""

@@ -24,6 +24,9 @@ class State:
     alpha: float
     active: npt.NDArray[np.bool_]
 
+    def __repr__(self) -> str:
+        return f"State(zeta={self.zeta:.6g}, alpha={self.alpha:.6g})"
+
 
 @dataclass(frozen=True)
 class Iteration:
@@ -62,6 +65,12 @@ class Iteration:
     primal: float = math.nan
     dual: float = math.nan
     penalty: float = math.nan
+
+    def __repr__(self) -> str:
+        return (
+            f"Iteration({self.number}: zeta={self.zeta:.6g}, alpha={self.alpha:.6g},"
+            f" increment={self.increment:.1e}, beta={self.beta:.2g})"
+        )
 
 
 @dataclass(frozen=True)
@@ -115,6 +124,19 @@ class LevelReport:
     max_displacement: float
     seconds: float
 
+    def __repr__(self) -> str:
+        return f"LevelReport({self.summary()})"
+
+    def summary(self) -> str:
+        """The level in a few words."""
+        if not self.converged:
+            return f"zeta={self.zeta:.6g}, no solution: {self.reason}"
+        return (
+            f"zeta={self.zeta:.6g}, alpha={self.alpha:.6g}, {self.newton_iterations} steps,"
+            f" {self.plastic_fraction:.1%} plastic, {self.active_contacts}/{self.contact_pairs}"
+            f" contacts, duality_gap={self.duality_gap:.1e}"
+        )
+
 
 @dataclass(frozen=True)
 class Level:
@@ -131,3 +153,6 @@ class Level:
     stress: fem.Function
     report: LevelReport
     iterations: list[Iteration] = field(default_factory=list)
+
+    def __repr__(self) -> str:
+        return f"Level({self.report.summary()})"

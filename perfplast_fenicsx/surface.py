@@ -44,6 +44,9 @@ class Surface:
     at_cells: dict[str, Floats]
     marks: dict[str, npt.NDArray[np.bool_]]
 
+    def __repr__(self) -> str:
+        return f"Surface({', '.join(self.names)}; {len(self.triangles)} triangles)"
+
     @property
     def plane(self) -> bool:
         """Whether it is that of a plane mesh."""

@@ -134,6 +134,9 @@ class AugmentedLagrangian:
         self._stress2 = Integral(comm, ufl.dot(law.compliance(sigma), sigma) * dx)
         self._anderson = Anderson(problem)
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.problem!r})"
+
     def solve(
         self, zeta: float, start: State | None = None, monitor: Monitor | None = None
     ) -> Level:

@@ -54,6 +54,9 @@ class WorkNewton:
         self._iterate = Iterate(problem)
         self._program = ContactProgram(problem, self.linear)
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.problem!r})"
+
     def solve(
         self, alpha: float, start: State | None = None, monitor: Monitor | None = None
     ) -> Level:
