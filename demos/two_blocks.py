@@ -139,7 +139,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     folder.create()
     results = Results(folder, problem, TITLE, __version__, newton.method)
-    fields_file = FieldsFile(folder, problem.assembly.mesh)
+    fields_file = FieldsFile(folder, problem.assembly)
     terminal = Terminal(comm)
     terminal.header(TITLE, newton.method, problem)
     for level in load_path(newton, ZETAS, terminal.iteration):

@@ -112,7 +112,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     newton, recovery = Newton(problem), Recovery(problem)
 
     results = Results(folder, problem, TITLE, __version__, newton.method)
-    fields_file = FieldsFile(folder, assembly.mesh)
+    fields_file = FieldsFile(folder, assembly)
     terminal = Terminal(comm)
     terminal.header(TITLE, newton.method, problem)
     forces = []

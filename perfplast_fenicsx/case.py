@@ -1,7 +1,8 @@
 """Case files: what is solved and how, as TOML.
 
 A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
-``[[contact]]``, ``[[obstacle]]``, ``[element]``, ``[solve]``, ``[loading]`` and ``[output]``; see
+``[[contact]]``, ``[[obstacle]]``, ``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and
+``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes, of this module or
 of the one that uses it.
 """
@@ -20,8 +21,9 @@ from perfplast_fenicsx.contact import Contact
 from perfplast_fenicsx.control import LOADINGS, LoadControl, WorkControl
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.limit_load import limit_options
-from perfplast_fenicsx.loads import BodyForce, Load, Pressure, Support, Traction
+from perfplast_fenicsx.loads import Load, Support
 from perfplast_fenicsx.materials import Elastic, Material, VonMises
+from perfplast_fenicsx.model import LOADS, Model, Units
 from perfplast_fenicsx.newton import Newton
 from perfplast_fenicsx.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.options import NewtonOptions
@@ -104,6 +106,12 @@ class Case:
     options: Any
     loading: LoadControl | WorkControl
     output: OutputOptions
+    units: Units
+
+    @property
+    def model(self) -> Model:
+        """What pictures need to know."""
+        return Model(self.title, self.loads, self.contacts, self.obstacles, self.units)
 
     def __repr__(self) -> str:
         values = self.loading.values
@@ -163,6 +171,7 @@ class _Document:
     element: Table = field(default_factory=dict)
     solve: Table = field(default_factory=dict)
     output: Table = field(default_factory=dict)
+    units: Table = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -175,7 +184,7 @@ class _LoadTable:
     body_force: list[float] | None = None
 
     def load(self, place: str) -> Load:
-        given = {kind: getattr(self, kind) for kind in ("traction", "pressure", "body_force")}
+        given = {kind: getattr(self, kind) for kind in LOADS}
         given = {kind: value for kind, value in given.items() if value is not None}
         if len(given) != 1:
             what = " and ".join(given) or "no load"
@@ -189,9 +198,8 @@ class _LoadTable:
             raise InputError(
                 f"{place}: {kind} = {shown(value)} is not finite; give finite numbers."
             )
-        return {"traction": Traction, "pressure": Pressure, "body_force": BodyForce}[kind](
-            self.on, value
-        )
+        load: Load = LOADS[kind](self.on, value)
+        return load
 
 
 def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
@@ -261,6 +269,7 @@ def _case(path: Path, table: Table) -> Case:
         options=options,
         loading=loading,
         output=convert(top.output, OutputOptions, f"{name}, [output]"),
+        units=convert(top.units, Units, f"{name}, [units]"),
     )
 
 

@@ -11,6 +11,7 @@ from perfplast_fenicsx.case import Case, read_case
 from perfplast_fenicsx.control import WorkControl
 from perfplast_fenicsx.limit_load import LimitLoad, limit_load
 from perfplast_fenicsx.loading import load_path
+from perfplast_fenicsx.model import write_model
 from perfplast_fenicsx.output import ResultFolder, Results
 from perfplast_fenicsx.plotting import dissipation, draw_fields, draw_path
 from perfplast_fenicsx.problem import Problem
@@ -50,13 +51,15 @@ def run(comm: MPI.Intracomm, path: str, output: str, force: bool) -> int:
     problem = case.problem(comm)
     solver = case.solver(problem)
     folder.create()
+    model_file = folder.file("model.json")
+    folder.on_root(lambda: write_model(case.model, problem.assembly, model_file))
     results = Results(folder, problem, case.title, __version__, case.method)
     timings = results.summary.timings
     timings["setup"] = time.perf_counter() - began
     terminal = Terminal(comm)
     terminal.header(case.title, case.method, problem)
     recovery = Recovery(problem)
-    fields_file = FieldsFile(folder, problem.assembly.mesh) if case.output.fields else None
+    fields_file = FieldsFile(folder, problem.assembly) if case.output.fields else None
     last: Level | None = None
 
     def accept(level: Level) -> None:
@@ -85,8 +88,10 @@ def run(comm: MPI.Intracomm, path: str, output: str, force: bool) -> int:
         with results.timed("output"):
             results.summary.limit = {key: getattr(limit, key) for key in LIMIT_KEYS}
             if case.output.fields:
-                mechanism = FieldsFile(folder, problem.assembly.mesh, "mechanism.xdmf")
-                mechanism.write({"mechanism": limit.mechanism}, limit.alpha)
+                mechanism = FieldsFile(folder, problem.assembly, "mechanism.xdmf")
+                work = dissipation(problem, limit.mechanism)
+                fields = {"mechanism": limit.mechanism, "dissipation": work}
+                mechanism.write(fields, limit.alpha)
     if case.output.pictures and last is not None:
         with results.timed("pictures"):
             _draw(case, problem, recovery, last, results, limit)

@@ -3,6 +3,9 @@
 DOLFINx writes the arrays in parallel, but describes each field as a time series of its own, which
 ParaView shows as that many copies of the mesh. The description is therefore rewritten as one time
 series that has all fields; the arrays stay as they are. Between two levels both files are closed.
+
+The tags of the bodies are a field of each level, ``body``. Those of the named surfaces are in the
+.h5 file only, for pictures (``/MeshTags/surfaces``).
 """
 
 import copy
@@ -13,8 +16,8 @@ from xml.etree import ElementTree
 import basix.ufl
 from dolfinx import fem
 from dolfinx.io import XDMFFile
-from dolfinx.mesh import Mesh
 
+from perfplast_fenicsx.assembly import Assembly
 from perfplast_fenicsx.compat import coordinate_map
 from perfplast_fenicsx.output import ResultFolder
 
@@ -22,14 +25,17 @@ from perfplast_fenicsx.output import ResultFolder
 class FieldsFile:
     """Writes fields of load levels, with what is prescribed (ζ or α) as the time."""
 
-    def __init__(self, folder: ResultFolder, mesh: Mesh, name: str = "fields.xdmf") -> None:
-        """Write the mesh. Collective."""
+    def __init__(self, folder: ResultFolder, assembly: Assembly, name: str = "fields.xdmf") -> None:
+        """Write the mesh and its tags. Collective."""
         self._folder = folder
         self._path = folder.file(name)
         self._by_dolfinx = ""
         self._written: dict[str, fem.Function] = {}
         with XDMFFile(folder.comm, self._path, "w") as file:
-            file.write_mesh(mesh)
+            file.write_mesh(assembly.mesh)
+            for tags, called in ((assembly.cell_tags, "body"), (assembly.facet_tags, "surfaces")):
+                tags.name = called
+                file.write_meshtags(tags, assembly.mesh.geometry)
         self._keep()
 
     def write(self, fields: Mapping[str, fem.Function], time: float) -> None:
@@ -76,17 +82,17 @@ def one_series(text: str) -> str:
     """Merge the time series of the fields of an XDMF description into one.
 
     Args:
-        text: What DOLFINx writes: the mesh as a Uniform grid, then a Temporal collection for each
-            field, whose grids refer to the mesh.
+        text: What DOLFINx writes: the mesh as a Uniform grid, tags of cells (``body``) and facets
+            as others, then a Temporal collection for each field, whose grids refer to the mesh.
 
     Returns:
-        One Temporal collection, whose grids have the mesh and all fields.
+        One Temporal collection, whose grids have the mesh, the tags of cells and all fields.
     """
     root = ElementTree.fromstring(text)
     domain = root.find("Domain")
     assert domain is not None
-    mesh = domain.find("Grid[@GridType='Uniform']")
-    assert mesh is not None
+    mesh, *tags = domain.findall("Grid[@GridType='Uniform']")
+    body = domain.find("Grid[@Name='body']/Attribute")  # cells have the order of the mesh's
     series = domain.findall("Grid[@CollectionType='Temporal']")
     merged = ElementTree.Element(
         "Grid", Name="perfplast", GridType="Collection", CollectionType="Temporal"
@@ -94,10 +100,10 @@ def one_series(text: str) -> str:
     for number, steps in enumerate(zip(*(collection for collection in series), strict=True), 1):
         grid = ElementTree.SubElement(merged, "Grid", Name=f"level {number}", GridType="Uniform")
         parts = [mesh.find("Topology"), mesh.find("Geometry"), steps[0].find("Time")]
-        parts += [step.find("Attribute") for step in steps]
+        parts += [body, *(step.find("Attribute") for step in steps)]
         grid.extend(copy.deepcopy(part) for part in parts if part is not None)
-    for collection in series:
-        domain.remove(collection)
+    for grid in (*series, *tags):
+        domain.remove(grid)
     if series:
         domain.remove(mesh)
         domain.append(merged)

@@ -99,7 +99,7 @@ def test_run(
     else:
         assert out == ""
     assert {entry.name for entry in results.iterdir()} == {
-        *("summary.json", "path.csv", "fields.xdmf", "fields.h5")
+        *("summary.json", "path.csv", "model.json", "fields.xdmf", "fields.h5")
     }
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
     assert [step["zeta"] for step in summary["steps"]] == [50.0, 80.0]

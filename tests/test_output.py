@@ -172,7 +172,7 @@ def test_fields_of_two_levels(comm: MPI.Intracomm, shared_tmp_path: Path, proble
     mesh = problem.assembly.mesh
     folder = ResultFolder(comm, shared_tmp_path / "results")
     folder.create()
-    file = FieldsFile(folder, mesh)
+    file = FieldsFile(folder, problem.assembly)
     u, q = fem.Function(problem.V), fem.Function(problem.Q)
     sigma = fem.Function(fem.functionspace(mesh, ("DG", 0, (3, 3))))
     for zeta in (0.5, 20.0):
@@ -208,5 +208,8 @@ def test_fields_of_two_levels(comm: MPI.Intracomm, shared_tmp_path: Path, proble
             assert np.all(read(grid, "Attribute[@Name='plastic']") == zeta)
             stress = read(grid, "Attribute[@Name='stress']")
             assert np.allclose(stress, zeta * np.arange(9.0))
+            body = read(grid, "Attribute[@Name='body']").ravel()
+            upper = x[cells].mean(axis=1)[:, 2] > 1
+            assert np.array_equal(body, np.where(upper, 2, 1))
         kinds = [attribute.get("AttributeType") for attribute in steps[0].findall("Attribute")]
-        assert kinds == ["Vector", "Scalar", "Tensor"]
+        assert kinds == ["Scalar", "Vector", "Scalar", "Tensor"]
