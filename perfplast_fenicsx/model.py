@@ -1,6 +1,6 @@
 """What is drawn besides the fields: names, loads, contacts, obstacles, units; ``model.json``.
 
-A run writes it with its results, so that pictures can be made of them without the case and its mesh.
+A run writes it with its results, so that pictures can be made of them without the case.
 """
 
 import json

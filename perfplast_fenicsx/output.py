@@ -25,7 +25,7 @@ from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import LevelReport
 
 RESULT_FILES = (
-    *("summary.json", "path.csv", "model.json", "fields.xdmf", "fields.h5"),
+    *("summary.json", "path.csv", "run.log", "model.json", "fields.xdmf", "fields.h5"),
     *("path.png", "fields.png"),
     *("mechanism.xdmf", "mechanism.h5", "mechanism.png"),
 )

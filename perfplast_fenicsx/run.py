@@ -1,6 +1,7 @@
 """A run: a case is solved level by level, and what comes out is written and shown."""
 
 import time
+from typing import Any
 
 from mpi4py import MPI
 
@@ -11,13 +12,14 @@ from perfplast_fenicsx.case import Case, read_case
 from perfplast_fenicsx.control import WorkControl
 from perfplast_fenicsx.limit_load import LimitLoad, limit_load
 from perfplast_fenicsx.loading import load_path
+from perfplast_fenicsx.logs import RunLog
 from perfplast_fenicsx.model import write_model
 from perfplast_fenicsx.output import ResultFolder, Results
 from perfplast_fenicsx.plotting import dissipation, draw_fields, draw_path
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.recovery import Recovery
-from perfplast_fenicsx.state import Level
-from perfplast_fenicsx.terminal import Terminal
+from perfplast_fenicsx.state import Iteration, Level
+from perfplast_fenicsx.terminal import Terminal, describe
 from perfplast_fenicsx.xdmf import FieldsFile
 
 SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
@@ -30,7 +32,14 @@ LIMIT_KEYS = ("lower", "estimate", "upper", "alpha", "levelled_off", "reason", "
 """Keys of ``limit`` in ``summary.json``."""
 
 
-def run(comm: MPI.Intracomm, path: str, output: str, force: bool) -> int:
+def run(
+    comm: MPI.Intracomm,
+    path: str,
+    output: str,
+    force: bool,
+    terminal: Terminal,
+    log_level: str = "info",
+) -> int:
     """Solve a case and write its results. Collective.
 
     Args:
@@ -38,6 +47,8 @@ def run(comm: MPI.Intracomm, path: str, output: str, force: bool) -> int:
         path: Case file.
         output: Result folder.
         force: Replace results in it.
+        terminal: What is shown.
+        log_level: What is in ``run.log`` beside what always is (:class:`logs.RunLog`).
 
     Returns:
         :data:`SOLVED`, or :data:`NO_SOLUTION` where a level has none.
@@ -48,23 +59,43 @@ def run(comm: MPI.Intracomm, path: str, output: str, force: bool) -> int:
     began = time.perf_counter()
     case = read_case(path, comm)
     folder = ResultFolder(comm, output, force)
+    terminal.status("setting up the problem")
     problem = case.problem(comm)
     solver = case.solver(problem)
     folder.create()
+    with RunLog(folder, log_level) as journal:
+        return _solve(case, problem, solver, folder, terminal, journal, began)
+
+
+def _solve(
+    case: Case,
+    problem: Problem,
+    solver: Any,
+    folder: ResultFolder,
+    terminal: Terminal,
+    journal: RunLog,
+    began: float,
+) -> int:
+    journal.header(case, describe(case.title, case.method, problem))
     model_file = folder.file("model.json")
     folder.on_root(lambda: write_model(case.model, problem.assembly, model_file))
     results = Results(folder, problem, case.title, __version__, case.method)
     timings = results.summary.timings
     timings["setup"] = time.perf_counter() - began
-    terminal = Terminal(comm)
     terminal.header(case.title, case.method, problem)
+    terminal.status("level 1")
     recovery = Recovery(problem)
     fields_file = FieldsFile(folder, problem.assembly) if case.output.fields else None
     last: Level | None = None
 
+    def monitor(record: Iteration) -> None:
+        terminal.iteration(record)
+        journal.iteration(record)
+
     def accept(level: Level) -> None:
         nonlocal last
         terminal.level(level.report)
+        journal.level(level.report)
         with results.timed("output"):
             if level.report.converged:
                 last = level
@@ -73,15 +104,17 @@ def run(comm: MPI.Intracomm, path: str, output: str, force: bool) -> int:
                     fields_file.write(recovery.update(level.state), time_)
             timings["total"] = time.perf_counter() - began
             results.add(level.report)
+        terminal.status(f"level {len(results.reports) + 1}")
 
     limit = None
     with results.timed("solve"):
         if isinstance(case.loading, WorkControl) and case.loading.limit_tolerance is not None:
             tolerance = case.loading.limit_tolerance
-            limit = limit_load(problem, tolerance, solver, terminal.iteration, accept)
+            limit = limit_load(problem, tolerance, solver, monitor, accept)
             terminal.limit(limit)
+            journal.limit(limit)
         else:
-            for level in load_path(solver, case.loading.values or [], terminal.iteration):
+            for level in load_path(solver, case.loading.values or [], monitor):
                 accept(level)
     timings["solve"] -= timings.get("output", 0.0)
     if limit is not None:
@@ -93,6 +126,7 @@ def run(comm: MPI.Intracomm, path: str, output: str, force: bool) -> int:
                 fields = {"mechanism": limit.mechanism, "dissipation": work}
                 mechanism.write(fields, limit.alpha)
     if case.output.pictures and last is not None:
+        terminal.status("drawing pictures")
         with results.timed("pictures"):
             _draw(case, problem, recovery, last, results, limit)
     timings["total"] = time.perf_counter() - began

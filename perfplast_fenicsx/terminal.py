@@ -1,6 +1,6 @@
 """What a run says on the terminal: a header, a line for each level, a live line within long ones.
 
-Rank 0 speaks. Plain ASCII, so that it can be read anywhere.
+Rank 0 speaks. Plain ASCII, so that it can be read anywhere. The live line is for terminals alone.
 """
 
 import os
@@ -29,7 +29,11 @@ class Terminal:
     """Writes to a stream on rank 0, and nothing on the others."""
 
     def __init__(
-        self, comm: MPI.Intracomm, stream: TextIO | None = None, live: bool | None = None
+        self,
+        comm: MPI.Intracomm,
+        stream: TextIO | None = None,
+        live: bool | None = None,
+        quiet: bool = False,
     ) -> None:
         """Choose where to write.
 
@@ -37,19 +41,37 @@ class Terminal:
             comm: The ranks of the run.
             stream: Where to; standard output by default.
             live: Show a live line; by default if the output goes to a terminal.
+            quiet: Write nothing at all.
         """
         self._comm = comm
         self._stream = stream or sys.stdout
-        self._live = comm.rank == 0 and (shows(self._stream) if live is None else live)
+        self._speaks = comm.rank == 0 and not quiet
+        self._live = self._speaks and (shows(self._stream) if live is None else live)
         self._shown = 0
         self._last = 0.0
+        self._began = time.monotonic()
         self._steps = 0
 
     def say(self, text: str = "") -> None:
         """Write a line."""
-        if self._comm.rank == 0:
-            self._clear()
+        if self._speaks:
+            self.clear()
             print(text, file=self._stream, flush=True)
+
+    def status(self, text: str) -> None:
+        """Say on the live line what is being done."""
+        if self._live:
+            text = f"{clock(time.monotonic() - self._began)}  {text}"
+            text = text[: shutil.get_terminal_size().columns - 1]
+            self.clear()
+            self._shown = len(text)
+            print(f"\r{text}", end="", file=self._stream, flush=True)
+
+    def clear(self) -> None:
+        """Remove the live line, so that something else can be written."""
+        if self._shown:
+            print("\r" + " " * self._shown + "\r", end="", file=self._stream, flush=True)
+            self._shown = 0
 
     def header(self, title: str, method: str, problem: Problem) -> None:
         """Say what is solved, and head the table. Collective."""
@@ -59,19 +81,13 @@ class Terminal:
     def iteration(self, record: Iteration) -> None:
         """Show a Newton step on the live line; a monitor of the algorithms."""
         now = time.monotonic()
-        if not self._live or now - self._last < LIVE_PERIOD:
-            return
-        self._last = now
-        text = (
-            f"{self._steps + 1:>4}  zeta {record.zeta:.6g}, step {record.number}:"
-            f" increment {record.increment:.1e}, beta {record.beta:.2g},"
-            f" {record.plastic_fraction:.1%} plastic, {record.active_contacts} contacts,"
-            f" {record.seconds:.1f} s"
-        )
-        text = text[: shutil.get_terminal_size().columns - 1]
-        self._clear()
-        self._shown = len(text)
-        print(f"\r{text}", end="", file=self._stream, flush=True)
+        if now - self._last >= LIVE_PERIOD:
+            self._last = now
+            self.status(
+                f"level {self._steps + 1}: zeta {record.zeta:.6g}, alpha {record.alpha:.6g},"
+                f" Newton {record.number}, CG {record.linear_iterations},"
+                f" {record.plastic_fraction:.1%} plastic, increment {record.increment:.1e}"
+            )
 
     def level(self, report: LevelReport) -> None:
         """Write the line of a level."""
@@ -101,11 +117,6 @@ class Terminal:
         if self._comm.rank == 0:
             self.say(f"Results in {folder.path}: {', '.join(folder.found())}")
 
-    def _clear(self) -> None:
-        if self._shown:
-            print("\r" + " " * self._shown + "\r", end="", file=self._stream)
-            self._shown = 0
-
 
 def describe(title: str, method: str, problem: Problem) -> str:
     """The problem in a line. Collective."""
@@ -119,6 +130,13 @@ def describe(title: str, method: str, problem: Problem) -> str:
         f" {pairs} contact pairs;"
         f" method {method} on {ranks}"
     )
+
+
+def clock(seconds: float) -> str:
+    """A time as minutes and seconds, or hours too."""
+    minutes, rest = divmod(int(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
 
 
 def shows(stream: TextIO) -> bool:

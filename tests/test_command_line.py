@@ -3,6 +3,8 @@
 import csv
 import io
 import json
+import logging
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,8 +16,9 @@ import pytest
 
 import perfplast_fenicsx
 from perfplast_fenicsx import __main__ as command_line
-from perfplast_fenicsx import run
 from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.logs import RunLog
+from perfplast_fenicsx.output import ResultFolder
 from perfplast_fenicsx.run import BAD_INPUT, FAULT, NO_SOLUTION, SOLVED
 from perfplast_fenicsx.terminal import Terminal, shows
 
@@ -99,7 +102,7 @@ def test_run(
     else:
         assert out == ""
     assert {entry.name for entry in results.iterdir()} == {
-        *("summary.json", "path.csv", "model.json", "fields.xdmf", "fields.h5")
+        *("summary.json", "path.csv", "run.log", "model.json", "fields.xdmf", "fields.h5")
     }
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
     assert [step["zeta"] for step in summary["steps"]] == [50.0, 80.0]
@@ -192,11 +195,15 @@ def test_bad_input_leaves_older_results(
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
-        ([], "run | check"),
+        ([], "COMMAND"),
         (["ran"], "ran"),
         (["run", "case.toml"], "-o/--output"),
         (["check", "no-such-case.toml"], "'no-such-case.toml' cannot be read"),
         (["check", "case.toml", "--", "ksp_type", "cg"], "'ksp_type'"),
+        (["run", "case.toml", "-o", "r", "--log-level", "loud"], "'loud' (choose from"),
+        (["info", "--", "-ksp_type", "cg"], "takes no PETSc options"),
+        (["run", "case.toml", "-o", "r", "--log-level", "loud"], "'loud' (choose from"),
+        (["info", "--", "-ksp_type", "cg"], "takes no PETSc options"),
     ],
 )
 def test_bad_arguments(
@@ -285,19 +292,102 @@ def test_live_line(
     case: Path, comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stream = io.StringIO()
-    monkeypatch.setattr(run, "Terminal", lambda comm: Terminal(comm, stream, live=True))
+    live = lambda comm, **_: Terminal(comm, stream, live=True)  # noqa: E731
+    monkeypatch.setattr(command_line, "Terminal", live)
     monkeypatch.setattr("perfplast_fenicsx.terminal.LIVE_PERIOD", 0.0)
     assert main(["run", str(case), "-o", str(shared_tmp_path / "results")]) == SOLVED
     text = stream.getvalue()
     if comm.rank > 0:
         assert text == ""
         return
-    assert "\r   1  zeta 50, step 1: increment" in text
-    assert "\r   2  zeta 80, step 1: increment" in text
+    assert text.startswith("\r0:00  setting up the problem\r")
+    for zeta, level in ((50, 1), (80, 2)):
+        pattern = rf"\r0:0\d  level {level}: zeta {zeta}, alpha (\S+), Newton 1, (.*?) *\r"
+        found = re.search(pattern, text)
+        assert found is not None
+        assert float(found[1]) > 0
+        assert re.match(r"CG 1, \d+\.\d% plastic, ", found[2])
     for line in text.split("\n"):  # what stays is what was written last over a blanked line
         *_, blank, last = line.split("\r") if "\r" in line else ("", line)
         assert blank.strip() == ""
         assert "increment" not in last
+
+
+def test_run_log(case: Path, comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    results = shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results), "--quiet"]) == SOLVED
+    lines = (results / "run.log").read_text(encoding="utf-8").splitlines()
+    stamp = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d,\d{3} INFO    ")
+    assert all(stamp.match(line) for line in lines)
+    text = "\n".join(stamp.sub("", line) for line in lines)
+    assert text.startswith(f"perfplast {perfplast_fenicsx.__version__}, DOLFINx ")
+    assert f"\nranks: {comm.size} on " in text
+    assert "\ncase.options: NewtonOptions(" in text
+    assert "\ncase.loading: LoadControl(values=[50.0, 80.0])\n" in text
+    summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    for number, step in enumerate(summary["steps"], start=1):
+        steps = re.findall(rf"^level {number}, step \d+: zeta ", text, re.MULTILINE)
+        assert len(steps) == step["newton_iterations"]
+        assert f"\nlevel {number}: solved (" in text
+    assert text.splitlines()[-1].startswith("ended after ")
+
+
+def test_warnings_and_faults_are_in_the_log(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    folder = ResultFolder(comm, shared_tmp_path / "results")
+    folder.create()
+    log = logging.getLogger("perfplast_fenicsx.test")
+    before = log.getEffectiveLevel()
+    with pytest.raises(ZeroDivisionError), RunLog(folder):
+        log.debug("too small")
+        log.warning("watch out")
+        raise ZeroDivisionError("a fault")
+    log.warning("not in the file any more")
+    assert log.getEffectiveLevel() == before
+    comm.barrier()
+    text = folder.file("run.log").read_text(encoding="utf-8")
+    assert text.count(" WARNING watch out\n") == 1
+    assert text.count(" ERROR   ended by ZeroDivisionError\n") == 1
+    assert "\nZeroDivisionError: a fault\n" in text
+    assert "too small" not in text
+    assert "any more" not in text
+    with RunLog(folder, "debug"):
+        log.debug("seen now")
+    comm.barrier()
+    text = folder.file("run.log").read_text(encoding="utf-8")
+    assert "watch out" in text
+    assert " DEBUG   seen now\n" in text
+
+
+@pytest.mark.parametrize("more", [["--quiet"], ["--quiet", "--log-level", "info"], []])
+def test_what_is_shown(
+    more: list[str],
+    case: Path,
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "results"), *more]) == SOLVED
+    out, err = capsys.readouterr()
+    assert (out == "") == ("--quiet" in more or comm.rank > 0)
+    steps = re.findall(r"^perfplast: INFO: level 1, step \d+: zeta 50, ", err, re.MULTILINE)
+    assert bool(steps) == ("info" in more and comm.rank == 0)
+    assert (err == "") == ("info" not in more or comm.rank > 0)
+
+
+def test_info(comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info"]) == SOLVED
+    out, err = capsys.readouterr()
+    assert err == ""
+    facts = dict(re.split(r"  +", line, maxsplit=1) for line in out.splitlines())
+    if comm.rank > 0:
+        assert facts == {}
+        return
+    assert facts["perfplast"] == perfplast_fenicsx.__version__
+    assert facts["PETSc"] == ".".join(map(str, PETSc.Sys.getVersion()))
+    assert facts["ranks"].split()[0] == str(comm.size)
+    assert "mumps" in facts["PETSc packages"]
+    assert "blas" in facts["BLAS"].lower()
+    assert "core" in facts["threads"]
 
 
 def test_nobody_watches_a_file(tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ def test_arrays_are_written_as_lists(tmp_path: Path) -> None:
 )
 def test_what_is_no_model(table: dict, part: str) -> None:
     names = ("loads", "contacts", "obstacles")
-    whole = {"title": "", "volumes": {}, "surfaces": {}, "units": {}} | dict.fromkeys(names, [])
+    whole = {"title": "", "volumes": {}, "surfaces": {}, "units": {}} | {name: [] for name in names}
     with pytest.raises(InputError, match=part):
         read_model(whole | table if table else {}, "model.json")
 

@@ -1,0 +1,124 @@
+"""The arguments of the command line, and the PETSc options behind them."""
+
+import argparse
+from collections.abc import Sequence
+from typing import NoReturn
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from perfplast_fenicsx import __version__
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.logs import LEVELS
+
+
+def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Namespace:
+    """What the arguments say; PETSc's own go to its database. Not collective.
+
+    Args:
+        comm: Help and version are shown on its rank 0 alone.
+        arguments: Without the name of the program.
+
+    Raises:
+        InputError: If they say nothing that can be done.
+        SystemExit: After help or version.
+    """
+    ours, petsc = list(arguments), []
+    if "--" in ours:
+        split = ours.index("--")
+        ours, petsc = ours[:split], ours[split + 1 :]
+    parser = make_parser(comm)
+    chosen = parser.parse_args(ours)
+    if petsc and chosen.command not in SOLVING:
+        raise InputError(f"perfplast {chosen.command} takes no PETSc options; leave out '--'.")
+    set_petsc_options(petsc)
+    return chosen
+
+
+SOLVING = ("run", "check")
+"""Commands that take PETSc options."""
+
+
+def set_petsc_options(arguments: Sequence[str]) -> None:
+    """Put options such as ``-perfplast_ksp_rtol 1e-10`` into PETSc's database.
+
+    Raises:
+        InputError: If an argument is neither an option nor the value of one.
+    """
+    options = PETSc.Options()
+    name = None
+    names = []
+    for argument in arguments:
+        is_name = argument.startswith("-") and argument[1:2].isalpha()
+        if is_name:
+            name = argument[1:]
+            options[name] = None
+            names.append(name)
+        elif name is not None:
+            options[name] = argument
+            name = None
+        else:
+            raise InputError(
+                f"after '--' stands '{argument}', which is neither a PETSc option nor its value;"
+                " write for instance -- -perfplast_ksp_rtol 1e-10."
+            )
+    for name in names:  # the solvers copy what has their prefix; PETSc warns of unused copies
+        if name.startswith("perfplast_"):
+            options.hasName(name)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Speaks on rank 0 only, and raises InputError instead of printing its usage."""
+
+    comm: MPI.Intracomm = MPI.COMM_WORLD
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {self.prog} --help.")
+
+    def _print_message(self, message: str, file: object = None) -> None:
+        if self.comm.rank == 0:
+            super()._print_message(message, file)  # type: ignore[arg-type]
+
+
+def make_parser(comm: MPI.Intracomm) -> argparse.ArgumentParser:
+    """The parser of all commands."""
+    parser = _Parser(
+        prog="perfplast",
+        description="Elastic-perfectly plastic bodies in frictionless contact.",
+        epilog="Exit status: 0 all load levels solved, 1 a fault of the program, 2 bad input,"
+        " 3 a load level without a solution (the levels before it are valid).",
+    )
+    parser.comm = comm
+    parser.add_argument("--version", action="version", version=f"perfplast {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    run = commands.add_parser(
+        "run",
+        help="solve a case",
+        description="Solve a case on any number of ranks, e.g. mpirun -n 2 perfplast run ...",
+        epilog="PETSc options follow two dashes: -- -perfplast_ksp_rtol 1e-10 for the linear"
+        " solver, -perfplast_vi_... for the contact set.",
+    )
+    run.add_argument("case", metavar="CASE.toml", help="what to solve")
+    run.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for results")
+    run.add_argument("--force", action="store_true", help="replace results in DIR")
+    run.add_argument(
+        "--log-level",
+        choices=LEVELS,
+        default="warning",
+        help="show what is at least as serious on standard error; info shows every Newton step"
+        " (DIR/run.log always has them; default: warning)",
+    )
+    run.add_argument(
+        "--quiet", action="store_true", help="nothing on standard output; warnings are still shown"
+    )
+
+    check = commands.add_parser(
+        "check", help="check a case, its mesh and names included, without solving it"
+    )
+    check.add_argument("case", metavar="CASE.toml", help="what to check")
+
+    commands.add_parser(
+        "info", help="show versions, PETSc's packages, BLAS, ranks and threads, for bug reports"
+    )
+    return parser
