@@ -48,7 +48,7 @@ def entity_nodes(mesh: Mesh, dim: int, entities: npt.NDArray[np.int32]) -> npt.N
     """Local geometry nodes of entities, shape (num_entities, nodes_per_entity). Not collective.
 
     ``entities_to_geometry``, which in 0.9 ends the process when ``entities`` is empty, as it often
-    is on some of the ranks.
+    is on some of the ranks. (Their size is counted, as 0.11 has no ``num_entity_closure_dofs``.)
 
     Args:
         mesh: The mesh, with the connectivities between ``dim`` and the cells' dimension.
@@ -57,5 +57,5 @@ def entity_nodes(mesh: Mesh, dim: int, entities: npt.NDArray[np.int32]) -> npt.N
     """
     if entities.size:
         return entities_to_geometry(mesh, dim, entities)
-    size = coordinate_map(mesh).create_dof_layout().num_entity_closure_dofs(dim)
+    size = len(coordinate_map(mesh).create_dof_layout().entity_closure_dofs(dim, 0))
     return np.empty((0, size), dtype=np.int32)
