@@ -25,6 +25,10 @@ def two_blocks(comm: MPI.Intracomm, n: int) -> Assembly:
     Volumes ``lower`` and ``upper``; surfaces ``left`` (x = 0, both), ``top`` (z = 2 and x ≥ 1.5;
     for odd n only the whole cubes of it), ``upper_bottom`` and ``lower_top`` (z = 1).
 
+    Args:
+        comm: Communicator of the mesh.
+        n: Cubes per unit length, at least 1.
+
     Raises:
         InputError: If ``n`` is not a positive whole number.
     """
@@ -118,8 +122,8 @@ def stacked_blocks(comm: MPI.Intracomm, n: int, heights: Sequence[float] = (1.0,
 
     Args:
         comm: Communicator of the mesh.
-        n: Cubes along each edge of each block, stretched to its height.
-        heights: Heights of the lower and the upper block.
+        n: Cubes along each edge of each block, at least 1, stretched to its height.
+        heights: Heights of the lower and the upper block, both > 0.
 
     Raises:
         InputError: If ``n`` is not a positive whole number or a height is not positive.
@@ -154,6 +158,7 @@ def stacked_blocks(comm: MPI.Intracomm, n: int, heights: Sequence[float] = (1.0,
 BUILDERS: dict[str, Callable[..., Assembly]] = {
     builder.__name__: builder for builder in (two_blocks, punch, l_plate, stacked_blocks)
 }
+"""The builders by the names that case files know."""
 
 
 def build(comm: MPI.Intracomm, name: str, **arguments: object) -> Assembly:

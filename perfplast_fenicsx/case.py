@@ -76,14 +76,24 @@ class ElementOptions:
 
 @dataclass(frozen=True)
 class MeshFile:
-    """A gmsh file with physical names, relative to the folder of the case file."""
+    """A gmsh file of tetrahedra, or of triangles in a plane z = const for plane strain.
+
+    Args:
+        file: Its path, relative to the folder of the case file. Bodies and surfaces have physical
+            names.
+    """
 
     file: str
 
 
 @dataclass(frozen=True)
 class MeshBuilder:
-    """A structured builder of :mod:`perfplast_fenicsx.builders` and its arguments."""
+    """A structured builder of :mod:`perfplast_fenicsx.builders` and its arguments.
+
+    Args:
+        builder: Its name.
+        arguments: What the builder takes, each a key of its own.
+    """
 
     builder: str
     arguments: dict[str, Any]
@@ -157,8 +167,22 @@ class Case:
 
 
 @dataclass(frozen=True)
-class _Document:
-    """The top level of a case file."""
+class Document:
+    """The top level of a case file.
+
+    Args:
+        mesh: The bodies.
+        material: The law of each body; NAME is that of its physical volume.
+        load: What pushes and pulls, at least once. All loads are multiplied by the load factor ζ.
+        loading: How far the bodies are loaded, and by what it is controlled.
+        title: For people; the name of the file where it is missing.
+        support: What holds the bodies.
+        contact: Which bodies touch, or may touch, each other.
+        obstacle: Rigid obstacles that do not move.
+        element: The finite elements.
+        solve: The algorithm and its options.
+        output: What is written.
+    """
 
     mesh: Table
     material: dict[str, Table]
@@ -175,8 +199,15 @@ class _Document:
 
 
 @dataclass(frozen=True)
-class _LoadTable:
-    """A ``[[load]]``: where, and one of three kinds."""
+class LoadTable:
+    """A load on a surface or in a volume: give exactly one of its three kinds.
+
+    Args:
+        on: Physical surface, or volume for a ``body_force``.
+        traction: Force per area (stress), one number a direction.
+        pressure: Pressure (stress); a positive one pushes on the body.
+        body_force: Force per volume, one number a direction.
+    """
 
     on: str
     traction: list[float] | None = None
@@ -184,6 +215,11 @@ class _LoadTable:
     body_force: list[float] | None = None
 
     def load(self, place: str) -> Load:
+        """The load that it describes.
+
+        Raises:
+            InputError: If it has none or several of the three kinds, or one that is not finite.
+        """
         given = {kind: getattr(self, kind) for kind in LOADS}
         given = {kind: value for kind, value in given.items() if value is not None}
         if len(given) != 1:
@@ -234,7 +270,7 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
 
 def _case(path: Path, table: Table) -> Case:
     name = path.name
-    top = convert(table, _Document, name)
+    top = convert(table, Document, name)
     if not top.load:
         raise InputError(f"{name}: no load is given; add a [[load]] table.")
     materials: dict[str, Material] = {}
@@ -244,7 +280,7 @@ def _case(path: Path, table: Table) -> Case:
         materials[body] = convert(rest, law, place)
     loads = []
     for place, load in _numbered(top.load, f"{name}, [[load]]"):
-        loads.append(convert(load, _LoadTable, place).load(place))
+        loads.append(convert(load, LoadTable, place).load(place))
     supports = _numbered(top.support, f"{name}, [[support]]")
     contacts = _numbered(top.contact, f"{name}, [[contact]]")
     obstacles: list[Obstacle] = []

@@ -35,7 +35,7 @@ class Contact:
         primary: Physical name of the first surface; the normal points out of its body.
         secondary: Physical name of the second surface.
         gap: Initial gap g >= 0 (length) between them: a number or a formula in x, y, z of the
-            primary surface; None measures it along the normal.
+            primary surface; without it, it is measured along the normal.
     """
 
     primary: str

@@ -31,7 +31,8 @@ class WorkControl:
     Args:
         values: Works, increasing, not negative.
         until: "limit" chooses the steps itself, until ζ(α) has levelled off.
-        limit_tolerance: How near to its limit ζ must have come, relative; with ``until`` only.
+        limit_tolerance: How near to its limit ζ must have come, relative, between 0 and 1; with
+            ``until`` only.
 
     Raises:
         InputError: Not exactly one of ``values`` and ``until``, ``until`` without a tolerance, or

@@ -46,7 +46,8 @@ class Fields:
         u: Displacement.
         e: ε(u), Mandel vectors at the quadrature points, as all strains and stresses.
         stress: Σ(e).
-        du, de: A direction δu and ε(δu).
+        du: A direction δu.
+        de: Its strain ε(δu).
         beta: Step length in the line-search integrals.
         rho: ρ of Σ^{o,ρ}.
     """

@@ -46,7 +46,7 @@ class Iterate:
         """Start from a state, what penetrates being pushed back, or from zero displacement.
 
         Returns:
-            The active set to begin with: the state's, or the problem's first one.
+            The active set to begin with, the state's or the problem's first one.
         """
         basis, u = self.problem.basis, self.fields.u
         if start is None:

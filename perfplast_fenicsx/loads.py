@@ -18,7 +18,7 @@ class Support:
     """Zero displacement of some components on a surface.
 
     Args:
-        on: Physical surface name.
+        on: Physical surface.
         components: Any of the letters x, y, z; the default holds all that the mesh has.
     """
 
@@ -38,7 +38,12 @@ class Support:
 
 @dataclass(frozen=True)
 class Traction:
-    """Force per area ``value`` (stress units, one number a direction) on surface ``on``."""
+    """Force per area on a surface.
+
+    Args:
+        on: Physical surface.
+        value: The force per area (stress), one number a direction.
+    """
 
     on: str
     value: Sequence[float]
@@ -46,7 +51,12 @@ class Traction:
 
 @dataclass(frozen=True)
 class Pressure:
-    """Pressure ``value`` (stress units) on surface ``on``; a positive one pushes on the body."""
+    """Pressure on a surface.
+
+    Args:
+        on: Physical surface.
+        value: The pressure (stress); a positive one pushes on the body.
+    """
 
     on: str
     value: float
@@ -54,7 +64,12 @@ class Pressure:
 
 @dataclass(frozen=True)
 class BodyForce:
-    """Force per volume ``value`` (one number a direction) in the volume ``on``."""
+    """Force per volume.
+
+    Args:
+        on: Physical volume.
+        value: The force per volume, one number a direction.
+    """
 
     on: str
     value: Sequence[float]

@@ -18,7 +18,7 @@ class Plane:
     Args:
         on: Physical surface that cannot penetrate it.
         point: A point of the plane (length; 2 or 3 numbers).
-        normal: Points out of the obstacle, towards the body; of any length.
+        normal: Points out of the obstacle, towards the body; of any length but 0.
     """
 
     on: str
@@ -49,7 +49,7 @@ class Sphere:
     Args:
         on: Physical surface that cannot penetrate it.
         centre: Its centre (length).
-        radius: Its radius (length).
+        radius: Its radius > 0 (length).
         hollow: Whether the body is inside.
     """
 
@@ -70,8 +70,8 @@ class Cylinder:
     Args:
         on: Physical surface that cannot penetrate it.
         point: A point of its axis (length).
-        axis: Direction of its axis, of any length.
-        radius: Its radius (length).
+        axis: Direction of its axis, of any length but 0.
+        radius: Its radius > 0 (length).
         hollow: Whether the body is inside.
     """
 

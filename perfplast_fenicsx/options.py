@@ -23,11 +23,12 @@ class NewtonOptions:
         stopping: Which of the paper's relative criteria ends the iteration (Remark 1):
             "displacement" ‖δu‖ / (‖u + δu‖ + ‖u‖), "stress" ‖δσ‖_E / (‖σ + δσ‖_E + ‖σ‖_E),
             or "energy" |δJ| / (|J + δJ| + |J|).
-        tolerance: Bound of this criterion; a damped step does not end the iteration.
+        tolerance: Bound of this criterion, between 0 and 1; a damped step does not end the
+            iteration.
         active_set: "exact" solves each contact quadratic program to its end; "once" updates the
             active set once in a Newton step; "adaptive" does so too, but goes on to the end after
             a damped step and after :data:`PATIENCE` steps.
-        max_iterations: Most Newton steps of a level.
+        max_iterations: Most Newton steps of a level, at least 1.
 
     Raises:
         InputError: If a value is out of its range.

@@ -57,7 +57,7 @@ def convert(table: Table, schema: type[T], place: str) -> T:
         if key in table:
             values[key] = _converted(table[key], key, hints[key], place)
         elif field.default is field.default_factory is dataclasses.MISSING:
-            raise InputError(f"{place}: '{key}' is missing; give {_described(hints[key], key)}.")
+            raise InputError(f"{place}: '{key}' is missing; give {described(hints[key], key)}.")
     with at(place):
         return schema(**values)
 
@@ -97,12 +97,17 @@ def _converted(value: object, key: str, hint: Any, place: str) -> Any:
         return msgspec.convert(value, type=hint)
     except msgspec.ValidationError as error:
         raise InputError(
-            f"{place}: {key} = {shown(value)} cannot be used; give {_described(hint, key)}."
+            f"{place}: {key} = {shown(value)} cannot be used; give {described(hint, key)}."
         ) from error
 
 
-def _described(hint: Any, key: str) -> str:
-    """A type in words."""
+def described(hint: Any, key: str) -> str:
+    """A type in words.
+
+    Args:
+        hint: The annotation of a field.
+        key: Its name.
+    """
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if hint in _WORDS:
         return _WORDS[hint]
@@ -110,11 +115,11 @@ def _described(hint: Any, key: str) -> str:
         return _either([shown(argument) for argument in arguments])
     if origin in (typing.Union, types.UnionType):
         known = [argument for argument in arguments if argument is not types.NoneType]
-        return _either([_described(argument, key) for argument in known])
+        return _either([described(argument, key) for argument in known])
     if origin in (list, Sequence):
         if typing.get_origin(arguments[0]) is dict:
             return f"tables, each under a heading [[{key}]] of its own"
-        return f"a list whose items are each {_described(arguments[0], key)}"
+        return f"a list whose items are each {described(arguments[0], key)}"
     if typing.get_origin(arguments[-1]) is dict:
         return f"tables with a name, headed [{key}.NAME]"
     return f"a table, headed [{key}]"

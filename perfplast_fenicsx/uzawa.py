@@ -58,8 +58,8 @@ class AugmentedLagrangianOptions:
         acceleration: "anderson" extrapolates e^k from the last iterations, going back to the plain
             iteration whenever that does not reduce the residual; or "none".
         tolerance: Bound of both relative residuals, ‖ε(u) − e‖_C/‖ε(u)‖_C (primal) and
-            r‖e^{k+1} − e^k‖_C/‖σ‖_E (dual).
-        max_iterations: Most iterations of a level.
+            r‖e^{k+1} − e^k‖_C/‖σ‖_E (dual); between 0 and 1.
+        max_iterations: Most iterations of a level, at least 1.
 
     Raises:
         InputError: If a value is out of its range.
