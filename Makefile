@@ -4,7 +4,7 @@ LIMIT = 3600
 RUN = timeout --foreground --kill-after=30 $(LIMIT) ./fenicsx
 PYTEST = python3 -m pytest -q
 
-.PHONY: help demo test verify lint image-test clean
+.PHONY: help demo test verify lint docs image-test clean
 
 help:
 	@echo 'make demo        two blocks pressed together, on 2 MPI ranks'
@@ -12,6 +12,7 @@ help:
 	@echo 'make verify      every case with an exact solution, in one table'
 	@echo 'make bench       how fast and how large: benchmarks/README.md (hours)'
 	@echo 'make lint        ruff and mypy'
+	@echo 'make docs        the documentation site, in build/docs/index.html'
 	@echo 'make image-test  build the Dockerfile; demo and tests inside the image'
 	@echo 'make clean       remove what runs and tools left in this folder'
 	@echo './fenicsx CMD    any command in the environment, as: ./fenicsx perfplast run case.toml'
@@ -39,6 +40,10 @@ bench:
 
 lint: environment
 	$(RUN) scripts/lint
+
+docs: environment
+	$(RUN) sphinx-build -W --keep-going -n -q -b html docs build/docs
+	@echo 'Open build/docs/index.html'
 
 image-test:
 	scripts/image-test

@@ -1,0 +1,196 @@
+"""The reference of case files, made from the dataclasses that read them.
+
+Sphinx puts it into ``case_file.md`` in place of :data:`MARK`. Keys, types and defaults are those of
+the dataclasses, meanings and ranges the ``Args`` of their docstrings.
+"""
+
+import dataclasses
+import inspect
+import re
+import typing
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from perfplast_fenicsx import case
+from perfplast_fenicsx.builders import BUILDERS
+from perfplast_fenicsx.contact import Contact
+from perfplast_fenicsx.control import LOADINGS
+from perfplast_fenicsx.loads import Support
+from perfplast_fenicsx.obstacles import OBSTACLES
+from perfplast_fenicsx.schema import described, shown
+
+MARK = "<!-- the tables, from the program -->"
+
+HEAD = "| key | type | default | meaning |\n|---|---|---|---|\n"
+
+
+def arguments(documented: object) -> dict[str, str]:
+    """The ``Args`` of a Google docstring: name to text, on one line, in Markdown.
+
+    Args:
+        documented: A class or a function with a docstring.
+    """
+    lines = (inspect.getdoc(documented) or "").splitlines()
+    found: dict[str, list[str]] = {}
+    if "Args:" not in lines:
+        return {}
+    name = ""
+    for line in lines[lines.index("Args:") + 1 :]:
+        if line and not line.startswith(" "):
+            break
+        entry = re.match(r"    (\w+): (.*)", line)
+        if entry:
+            name = entry[1]
+            found[name] = [entry[2]]
+        elif line.strip():
+            found[name].append(line.strip())
+    module = inspect.getmodule(documented)
+    return {name: markdown(" ".join(text), module) for name, text in found.items()}
+
+
+def summary(documented: object) -> str:
+    """The text of a docstring before its first section, in Markdown."""
+    text = inspect.getdoc(documented) or ""
+    before = re.split(r"\n\n(?:Args|Raises|Returns|Attributes):", text)[0]
+    return markdown(before, inspect.getmodule(documented)).replace(" Collective.", "")
+
+
+def markdown(text: str, module: object = None) -> str:
+    """A docstring's reStructuredText as MyST; roles without a module belong to ``module``."""
+
+    def role(match: re.Match[str]) -> str:
+        kind, target = match.groups()
+        if "." not in target and inspect.ismodule(module):
+            return f"{{py:{kind}}}`{target} <{module.__name__}.{target}>`"
+        return f"{{py:{kind}}}`{target}`"
+
+    return re.sub(r":(\w+):`([^`]+)`", role, text.replace("``", "`"))
+
+
+def row(key: str, kind: str, default: str, meaning: str) -> str:
+    """A line of a table; bars inside of it are escaped."""
+    cells = (f"`{key}`", kind, default, meaning)
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
+
+
+def rows(schema: type[Any], leave_out: frozenset[str] = frozenset()) -> str:
+    """The keys of a dataclass as lines of a table."""
+    hints = typing.get_type_hints(schema)
+    meaning = arguments(schema)
+    lines = ""
+    for field in dataclasses.fields(schema):
+        if field.name in leave_out:
+            continue
+        kind = _type(hints[field.name], field.name)
+        lines += row(field.name, kind, _default(field), meaning[field.name])
+    return lines
+
+
+def _type(hint: Any, key: str) -> str:
+    """A type in the words of the program's messages, with TOML's quotes."""
+    words = described(hint, key).replace("a list whose items are each a number", "list of numbers")
+    return re.sub(r"'([^']*)'", r'`"\1"`', words)
+
+
+def _default(field: "dataclasses.Field[Any]") -> str:
+    if field.default is None:
+        return "none"
+    if field.default is not dataclasses.MISSING:
+        return f"`{shown(field.default)}`".replace("'", '"')
+    return "required" if field.default_factory is dataclasses.MISSING else "none"
+
+
+def _parameters(builder: Callable[..., Any]) -> str:
+    """The arguments of a builder as lines of a table."""
+    meaning = arguments(builder)
+    lines = ""
+    for name, parameter in list(inspect.signature(builder).parameters.items())[1:]:
+        required = parameter.default is inspect.Parameter.empty
+        default = "required" if required else f"`{list(parameter.default)}`"
+        lines += row(name, _type(parameter.annotation, name), default, meaning[name])
+    return lines
+
+
+def _choice(key: str, choices: Mapping[str, object], default: str | None, meaning: str) -> str:
+    """The line of the key that chooses one of several tables."""
+    kinds = " or ".join(f'`"{choice}"`' for choice in choices)
+    return row(key, kinds, f'`"{default}"`' if default else "required", meaning)
+
+
+def _variants(key: str, choices: Mapping[str, type[Any]]) -> Iterator[str]:
+    """A table for each choice, those that share a dataclass together."""
+    for schema in dict.fromkeys(choices.values()):
+        names = [name for name, other in choices.items() if other is schema]
+        wanted = " or ".join(f'`"{name}"`' for name in names)
+        yield f"**`{key} =` {wanted}.** {summary(schema)}\n\n{HEAD}{rows(schema)}"
+
+
+def _mesh() -> Iterator[str]:
+    yield f"Either a file or a builder.\n\n**`file`.** {summary(case.MeshFile)}\n"
+    yield HEAD + rows(case.MeshFile)
+    yield f"**`builder`.** {summary(case.MeshBuilder)}\n"
+    meaning = arguments(case.MeshBuilder)
+    yield (
+        HEAD
+        + _choice("builder", BUILDERS, None, meaning["builder"])
+        + row("...", "see below", "", meaning["arguments"])
+    )
+    for name, builder in BUILDERS.items():
+        yield f'**`builder = "{name}"`.** {summary(builder)}\n\n{HEAD}{_parameters(builder)}'
+
+
+def _solve() -> Iterator[str]:
+    yield HEAD + _choice(
+        "method",
+        case.METHODS,
+        None,
+        "The algorithm. Without it ALG1 where the load is prescribed, ALG3 where the work is.",
+    ).replace("required", "see right")
+    yield from _variants("method", {name: entry.options for name, entry in case.METHODS.items()})
+
+
+def _single(schema: type[Any]) -> Callable[[], Iterator[str]]:
+    """The content of a table that is always the same dataclass."""
+    return lambda: iter([summary(schema) + "\n", HEAD + rows(schema)])
+
+
+def _chosen(
+    key: str, choices: Mapping[str, type[Any]], default: str | None, meaning: str
+) -> Callable[[], Iterator[str]]:
+    """The content of a table whose key ``key`` chooses one of several dataclasses."""
+    return lambda: iter([HEAD + _choice(key, choices, default, meaning), *_variants(key, choices)])
+
+
+SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
+    "mesh": ("[mesh]", _mesh),
+    "material": ("[material.NAME]", _chosen("law", case.MATERIALS, None, "The law of the body.")),
+    "support": ("[[support]]", _single(Support)),
+    "load": ("[[load]]", _single(case.LoadTable)),
+    "contact": ("[[contact]]", _single(Contact)),
+    "obstacle": ("[[obstacle]]", _chosen("shape", OBSTACLES, None, "What it is.")),
+    "element": ("[element]", _single(case.ElementOptions)),
+    "solve": ("[solve]", _solve),
+    "loading": ("[loading]", _chosen("control", LOADINGS, "load", "What is prescribed.")),
+    "output": ("[output]", _single(case.OutputOptions)),
+}
+"""Tables of a case file, by their key at its top level: heading and content."""
+
+
+def reference() -> str:
+    """The whole reference as MyST."""
+    scalars = frozenset(SECTIONS)
+    text = f"## Top level\n\n{HEAD}{rows(case.Document, leave_out=scalars)}"
+    meaning = arguments(case.Document)
+    for key, (heading, content) in SECTIONS.items():
+        text += f"\n## `{heading}`\n\n{meaning[key]}\n\n" + "\n".join(content())
+    return text
+
+
+def _read(app: Any, docname: str, source: list[str]) -> None:
+    source[0] = source[0].replace(MARK, reference() if MARK in source[0] else "")
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Put the reference in where a page has :data:`MARK`; called by Sphinx."""
+    app.connect("source-read", _read)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

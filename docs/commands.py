@@ -1,0 +1,207 @@
+r"""Run the commands of a page in a fresh folder, and compare or refresh what it shows of them.
+
+    ./fenicsx python3 docs/commands.py docs/tutorial.md            # are they as shown?
+    ./fenicsx python3 docs/commands.py docs/tutorial.md --write    # show what they print now
+
+A code block with a caption is a file; with the caption ``FILE, [TABLE]`` it takes the place of that
+table of a case file. In a block of the language ``console`` a line that begins with ``$`` is a
+command, and the lines below it are what it prints; a line ``...`` stands for any number of lines.
+All other blocks are left alone.
+"""
+
+import argparse
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+ROOT = Path(__file__).resolve().parents[1]
+
+BLOCK = re.compile(r"^(?P<fence>```+)(?P<info>[^\n`]*)\n(?P<text>.*?)^(?P=fence)$", re.M | re.S)
+CAPTION = re.compile(r":caption: (.+)\n+")
+NUMBER = re.compile(r"[-−+]?\d+(\.\d+)?([eE][-+−]?\d+)?")
+ELLIPSIS = "..."
+
+NO_PICTURES = "\n[output]\npictures = false\n"
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command of a page.
+
+    Attributes:
+        line: What is typed.
+        shown: What the page shows of its output.
+        span: Where that stands in the page.
+    """
+
+    line: str
+    shown: str
+    span: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class File:
+    """A file of a page.
+
+    Attributes:
+        name: Its name, with ``, [TABLE]`` where only that table of it is given.
+        text: Its content.
+    """
+
+    name: str
+    text: str
+
+
+def parts(page: str) -> Iterator[Command | File]:
+    """Files and commands of a page, in order."""
+    for block in BLOCK.finditer(page):
+        caption = CAPTION.match(block["text"])
+        if caption:
+            yield File(caption[1], block["text"][caption.end() :])
+        elif block["info"].strip() == "console":
+            yield from _commands(block["text"], block.start("text"))
+
+
+def _commands(text: str, offset: int) -> Iterator[Command]:
+    starts = [match.start() for match in re.finditer(r"^\$ ", text, re.M)]
+    for start, end in zip(starts, [*starts[1:], len(text)], strict=True):
+        typed = re.match(r"\$ ((?:.*\\\n)*.*\n)", text[start:end])
+        assert typed
+        first = start + typed.end()
+        yield Command(typed[1].strip(), text[first:end], (offset + first, offset + end))
+
+
+def clone(folder: Path) -> Path:
+    """A folder that looks like a clone of the repository, in which commands may leave files."""
+    folder.mkdir()
+    for entry in ROOT.iterdir():
+        if not entry.name.startswith((".", "results", "build")):
+            (folder / entry.name).symlink_to(entry)
+    return folder
+
+
+def write_file(folder: Path, file: File, pictures: bool = True) -> None:
+    """Write a file of a page, or replace a table in it.
+
+    Args:
+        folder: Where.
+        file: What.
+        pictures: Whether a case file shall draw pictures.
+    """
+    name, _, table = file.name.partition(", ")
+    path, text = folder / name, file.text
+    if table:
+        old = path.read_text(encoding="utf-8")
+        place = re.compile(rf"^{re.escape(table)}\n.*?(?=^\[|\Z)", re.M | re.S)
+        if not place.search(old):
+            raise LookupError(f"{name} has no table {table}")
+        text = place.sub(lambda _: text, old)
+    elif path.suffix == ".toml" and not pictures:
+        text += NO_PICTURES
+    path.write_text(text, encoding="utf-8")
+
+
+def execute(folder: Path, command: Command, timeout: float = 300) -> str:
+    """What a command prints.
+
+    Raises:
+        RuntimeError: If it fails.
+    """
+    done = subprocess.run(
+        command.line,
+        shell=True,
+        executable="/bin/bash",
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        encoding="utf-8",
+        timeout=timeout,
+    )
+    if done.returncode:
+        raise RuntimeError(f"$ {command.line}\nended with {done.returncode}:\n{done.stdout}")
+    return done.stdout
+
+
+def same(shown: str, printed: str) -> bool:
+    """Whether the page shows what a command prints, apart from numbers, spaces and pictures."""
+
+    def plain(text: str) -> list[str]:
+        text = re.sub(r",? [\w./]+\.png", "", text)
+        return [" ".join(NUMBER.sub("0", line).split()) for line in text.strip().splitlines()]
+
+    pattern = "".join(
+        r"(.*\n)*" if line == ELLIPSIS else re.escape(f"{line}\n") for line in plain(shown)
+    )
+    return bool(re.fullmatch(pattern, "".join(f"{line}\n" for line in plain(printed))))
+
+
+def check(page: Path, folder: Path, pictures: bool = True) -> list[str]:
+    """Run a page in a folder that is made for it.
+
+    Args:
+        page: A page in Markdown.
+        folder: It must not exist yet.
+        pictures: Whether its case files shall draw pictures.
+
+    Returns:
+        A message for each command that prints something else than shown.
+
+    Raises:
+        RuntimeError: If a command fails.
+    """
+    clone(folder)
+    faults = []
+    for part in parts(page.read_text(encoding="utf-8")):
+        if isinstance(part, File):
+            write_file(folder, part, pictures)
+            continue
+        printed = execute(folder, part)
+        if not same(part.shown, printed):
+            faults.append(f"$ {part.line}\nprints\n{printed}\nbut {page.name} shows\n{part.shown}")
+    return faults
+
+
+def refresh(page: Path, folder: Path) -> None:
+    """Run a page and write what its commands print into it, except where it shows a part only."""
+    text = page.read_text(encoding="utf-8")
+    clone(folder)
+    printed: list[tuple[tuple[int, int], str]] = []
+    for part in parts(text):
+        if isinstance(part, File):
+            write_file(folder, part)
+            continue
+        output = execute(folder, part)
+        if ELLIPSIS not in part.shown.splitlines():
+            printed.append((part.span, output))
+    for (start, end), output in reversed(printed):
+        text = text[:start] + output + text[end:]
+    page.write_text(text, encoding="utf-8")
+
+
+def main() -> int:
+    """Check the pages that the command line names, or write anew what they show."""
+    parser = argparse.ArgumentParser(description="Run the commands of pages.")
+    parser.add_argument("pages", nargs="+", type=Path)
+    parser.add_argument("--write", action="store_true", help="write what they print")
+    arguments = parser.parse_args()
+    status = 0
+    for page in arguments.pages:
+        with TemporaryDirectory() as temporary:
+            folder = Path(temporary) / "clone"
+            if arguments.write:
+                refresh(page, folder)
+            else:
+                for fault in check(page, folder):
+                    status = 1
+                    print(fault)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

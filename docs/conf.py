@@ -1,0 +1,91 @@
+"""Sphinx's settings of the documentation site; `make docs` builds it."""
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from perfplast_fenicsx import __version__  # noqa: E402
+
+project = "perfplast_fenicsx"
+author = "perfplast_fenicsx authors"
+copyright = "perfplast_fenicsx authors"
+version = release = __version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "docs.mathml",
+    "docs.case_reference",
+    "docs.api_pages",
+    "docs.repository",
+]
+exclude_patterns = ["_build"]
+suppress_warnings = [
+    "myst.xref_missing",  # the pages read well in the repository too: links to its other files
+]
+
+# Markdown with formulas between dollars, headings as link targets, and lists of definitions.
+myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "attrs_inline"]
+myst_heading_anchors = 3
+myst_dmath_double_inline = True
+
+# API pages: the docstrings are Google's style and name the types only where signatures do not.
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_default_options = {"members": True, "show-inheritance": False}
+python_maximum_signature_line_length = 88
+python_use_unqualified_type_names = True
+
+# No inventories are fetched, so that the site builds without a network: what other packages
+# define is no link.
+nitpicky = True
+nitpick_ignore_regex = [
+    (
+        "py:.*",
+        r"(mpi4py|petsc4py|dolfinx|ufl|basix|numpy|np|npt|matplotlib|collections|pathlib|types)(\..*)?",
+    ),
+    ("py:.*", r"(MPI|PETSc|fem|ufl)\..*"),
+    ("py:class", r"perfplast_fenicsx\.\w+\.(T|Function)"),  # type variables
+]
+
+html_theme = "furo"
+html_title = f"perfplast_fenicsx {release}"
+html_math_renderer = "perfplast_mathml"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+
+
+MODULES = "|".join(sorted(path.stem for path in (ROOT / "perfplast_fenicsx").glob("*.py")))
+SHORT = re.compile(rf":(class|mod|func|data):`(({MODULES})(\.\w+)?)`")
+
+
+def _as_written(
+    app: Any, what: str, name: str, obj: object, options: Any, lines: list[str]
+) -> None:
+    """Read docstrings as people do.
+
+    Bars are bars, as in |J|; the first colon in the docstring of a constant ends no type; modules
+    are named without the package.
+    """
+    for number, line in enumerate(lines):
+        parts = SHORT.sub(r":\1:`~perfplast_fenicsx.\2`", line).split("``")
+        parts[::2] = [part.replace("|", "\\|") for part in parts[::2]]
+        lines[number] = "``".join(parts)
+    if what in ("attribute", "data", "property"):
+        lines[:0] = ["..", ""]  # a comment
+
+
+def setup(app: Any) -> None:
+    """Called by Sphinx; napoleon comes after it."""
+    app.connect("autodoc-process-docstring", _as_written, priority=400)

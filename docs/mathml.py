@@ -1,0 +1,50 @@
+"""Formulas as MathML, which browsers draw without JavaScript, so that the site works off-line.
+
+A renderer for Sphinx, by the converter that docutils brings along.
+"""
+
+import re
+from html import escape
+from typing import Any
+
+from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.application import Sphinx
+from sphinx.util.math import get_node_equation_number
+
+
+def mathml(tex: str, block: bool = False) -> str:
+    """A formula as an element ``<math>``.
+
+    Args:
+        tex: LaTeX, as far as docutils knows it.
+        block: Whether it stands by itself.
+
+    Raises:
+        docutils.utils.math.MathError: For what docutils does not know.
+    """
+    text = re.sub(r"\s+", " ", tex.strip())
+    return str(tex2mathml(text, as_block=block))
+
+
+def _inline(self: Any, node: nodes.math) -> None:
+    self.body.append(mathml(node.astext()))
+    raise nodes.SkipNode
+
+
+def _block(self: Any, node: nodes.math_block) -> None:
+    self.body.append(self.starttag(node, "div", CLASS="math"))
+    if node.get("number"):
+        number = get_node_equation_number(self, node)
+        self.body.append(f'<span class="eqno">({escape(str(number))})')
+        self.add_permalink_ref(node, "Link to this equation")
+        self.body.append("</span>")
+    self.body.append(mathml(node.astext(), block=True))
+    self.body.append("</div>\n")
+    raise nodes.SkipNode
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Make the renderer known to Sphinx."""
+    app.add_html_math_renderer("perfplast_mathml", (_inline, None), (_block, None))
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

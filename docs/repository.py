@@ -1,0 +1,74 @@
+"""Pages of the site that refer to, or consist of, files of the repository outside of ``docs/``.
+
+``<!-- include PATH -->`` stands for a file, ``<!-- include PATH, HEADING -->`` for its section of
+the second level under that heading. Links to what is no page of the site become its path: the pages
+are also read in the repository, where the links lead there.
+"""
+
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).resolve().parent
+ROOT = DOCS.parent
+INCLUDE = re.compile(r"<!-- include ([^,\n]+?)(?:, ([^\n]+?))? -->")
+LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#\s]+)(#[^)\s]*)?\)")
+
+
+def section(text: str, heading: str) -> str:
+    """The part of a text under a heading of the second level, without it.
+
+    Raises:
+        LookupError: If there is no such heading.
+    """
+    found = re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^## |\Z)", text, re.M | re.S)
+    if not found:
+        raise LookupError(f"no section '{heading}'")
+    return found[1]
+
+
+def with_local_links(text: str, page: Path, origin: Path) -> str:
+    """A text with the links of ``origin`` as they must be on ``page``.
+
+    Args:
+        text: Markdown.
+        page: The page that it is on.
+        origin: The file that it comes from.
+    """
+
+    def link(match: re.Match[str]) -> str:
+        words, target, anchor = match[1], match[2], match[3] or ""
+        if "://" in target or target.startswith("mailto:"):
+            return match[0]
+        path = (origin.parent / target).resolve()
+        if path.is_relative_to(DOCS):
+            return f"[{words}]({relative(path, page.parent)}{anchor})"
+        name = path.relative_to(ROOT).as_posix()
+        return f"`{name}`" if words.strip("`") in name else f"{words} (`{name}`)"
+
+    return LINK.sub(link, text)
+
+
+def relative(path: Path, folder: Path) -> str:
+    """A path as seen from a folder."""
+    return Path(os.path.relpath(path, folder)).as_posix()
+
+
+def _read(app: Any, docname: str, source: list[str]) -> None:
+    page = DOCS / f"{docname}.md"
+
+    def included(match: re.Match[str]) -> str:
+        origin = ROOT / match[1]
+        text = origin.read_text(encoding="utf-8")
+        text = section(text, match[2]) if match[2] else text
+        return with_local_links(text, page, origin)
+
+    text = with_local_links(source[0], page, page)
+    source[0] = INCLUDE.sub(included, text)
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Called by Sphinx."""
+    app.connect("source-read", _read)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
