@@ -16,6 +16,7 @@ from perfplast_fenicsx.builders import BUILDERS
 from perfplast_fenicsx.contact import Contact
 from perfplast_fenicsx.control import LOADINGS
 from perfplast_fenicsx.loads import Support
+from perfplast_fenicsx.model import Units
 from perfplast_fenicsx.obstacles import OBSTACLES
 from perfplast_fenicsx.schema import described, shown
 
@@ -172,6 +173,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "solve": ("[solve]", _solve),
     "loading": ("[loading]", _chosen("control", LOADINGS, "load", "What is prescribed.")),
     "output": ("[output]", _single(case.OutputOptions)),
+    "units": ("[units]", _single(Units)),
 }
 """Tables of a case file, by their key at its top level: heading and content."""
 

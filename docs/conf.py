@@ -49,11 +49,7 @@ python_use_unqualified_type_names = True
 # define is no link.
 nitpicky = True
 nitpick_ignore_regex = [
-    (
-        "py:.*",
-        r"(mpi4py|petsc4py|dolfinx|ufl|basix|numpy|np|npt|matplotlib|collections|pathlib|types)(\..*)?",
-    ),
-    ("py:.*", r"(MPI|PETSc|fem|ufl)\..*"),
+    ("py:.*", r"(?!perfplast_fenicsx\.)\w+(\.\w+)+"),
     ("py:class", r"perfplast_fenicsx\.\w+\.(T|Function)"),  # type variables
 ]
 

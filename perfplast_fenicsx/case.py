@@ -182,6 +182,7 @@ class Document:
         element: The finite elements.
         solve: The algorithm and its options.
         output: What is written.
+        units: What legends call the units.
     """
 
     mesh: Table

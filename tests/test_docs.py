@@ -18,6 +18,7 @@ from perfplast_fenicsx.builders import BUILDERS
 from perfplast_fenicsx.contact import Contact
 from perfplast_fenicsx.control import LOADINGS
 from perfplast_fenicsx.loads import Support
+from perfplast_fenicsx.model import Units
 from perfplast_fenicsx.obstacles import OBSTACLES
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -33,6 +34,7 @@ TABLES = {
     "[solve]": [entry.options for entry in case.METHODS.values()],
     "[loading]": [*LOADINGS.values()],
     "[output]": [case.OutputOptions],
+    "[units]": [Units],
 }
 
 
