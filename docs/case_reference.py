@@ -189,7 +189,8 @@ def reference() -> str:
 
 
 def _read(app: Any, docname: str, source: list[str]) -> None:
-    source[0] = source[0].replace(MARK, reference() if MARK in source[0] else "")
+    if MARK in source[0]:
+        source[0] = source[0].replace(MARK, reference())
 
 
 def setup(app: Any) -> dict[str, bool]:

@@ -22,6 +22,7 @@ extensions = [
     "docs.mathml",
     "docs.case_reference",
     "docs.api_pages",
+    "docs.command_reference",
     "docs.repository",
 ]
 exclude_patterns = ["_build"]

@@ -13,6 +13,11 @@ from sphinx.application import Sphinx
 from sphinx.util.math import get_node_equation_number
 
 
+LETTER = re.compile(r"<mi>(\w)</mi>")
+"""A variable. Browsers draw it by Unicode's mathematical italics, which not every machine has a font
+for, unless they are told not to; the style sheet makes it italic instead."""
+
+
 def mathml(tex: str, block: bool = False) -> str:
     """A formula as an element ``<math>``.
 
@@ -24,7 +29,7 @@ def mathml(tex: str, block: bool = False) -> str:
         docutils.utils.math.MathError: For what docutils does not know.
     """
     text = re.sub(r"\s+", " ", tex.strip())
-    return str(tex2mathml(text, as_block=block))
+    return LETTER.sub(r'<mi mathvariant="normal" class="letter">\1</mi>', tex2mathml(text, block))
 
 
 def _inline(self: Any, node: nodes.math) -> None:

@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 import pytest
 
-from docs import api_pages, case_reference, commands
+from docs import api_pages, case_reference, command_reference, commands
 from perfplast_fenicsx import case
 from perfplast_fenicsx.builders import BUILDERS
 from perfplast_fenicsx.contact import Contact
@@ -76,6 +76,13 @@ def test_choices_are_documented() -> None:
     choices: list[Any] = [case.MATERIALS, case.METHODS, OBSTACLES, LOADINGS, BUILDERS]
     for name in [name for mapping in choices for name in mapping]:
         assert f'`"{name}"`' in text
+
+
+def test_every_command_is_documented() -> None:
+    text = command_reference.reference()
+    for command in ("run", "check"):
+        assert f"\n## `perfplast {command}`\n" in text
+    assert "--force" in text
 
 
 def test_every_module_has_a_place() -> None:
