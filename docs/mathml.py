@@ -12,10 +12,9 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 from sphinx.util.math import get_node_equation_number
 
-
 LETTER = re.compile(r"<mi>(\w)</mi>")
-"""A variable. Browsers draw it by Unicode's mathematical italics, which not every machine has a font
-for, unless they are told not to; the style sheet makes it italic instead."""
+"""A variable. Browsers draw it in Unicode's mathematical italics, which not every machine has a
+font for, unless they are told not to; the style sheet makes it italic instead."""
 
 
 def mathml(tex: str, block: bool = False) -> str:
