@@ -106,7 +106,7 @@ def write_file(folder: Path, file: File, pictures: bool = True) -> None:
 
 
 def execute(folder: Path, command: Command, timeout: float = 300) -> str:
-    """What a command prints.
+    """What a command prints on standard output.
 
     Raises:
         RuntimeError: If it fails.
@@ -116,15 +116,15 @@ def execute(folder: Path, command: Command, timeout: float = 300) -> str:
         shell=True,
         executable="/bin/bash",
         cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
+        capture_output=True,
         stdin=subprocess.DEVNULL,
         text=True,
         encoding="utf-8",
         timeout=timeout,
     )
     if done.returncode:
-        raise RuntimeError(f"$ {command.line}\nended with {done.returncode}:\n{done.stdout}")
+        printed = done.stdout + done.stderr
+        raise RuntimeError(f"$ {command.line}\nended with {done.returncode}:\n{printed}")
     return done.stdout
 
 
