@@ -26,10 +26,6 @@ extensions = [
     "docs.repository",
 ]
 exclude_patterns = ["_build"]
-suppress_warnings = [
-    "myst.xref_missing",  # the pages read well in the repository too: links to its other files
-]
-
 # Markdown with formulas between dollars, headings as link targets, and lists of definitions.
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "attrs_inline"]
 myst_heading_anchors = 3
