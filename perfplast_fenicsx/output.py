@@ -1,18 +1,19 @@
 """The result folder: ``summary.json`` and ``path.csv``, kept up to date level by level.
 
-Rank 0 writes; what goes wrong there is raised on every rank. ``summary.json`` is replaced as a
-whole after each level, so that whoever reads it, at any time and after any crash, finds it whole.
+What goes wrong on a rank is raised on every rank. Files are replaced as a whole, so that whoever
+reads them, at any time, after any crash and with a full disk, finds them whole.
 """
 
 import csv
 import dataclasses
+import errno
 import io
 import json
 import math
 import os
 import resource
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,7 +29,14 @@ RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "model.json", "fields.xdmf", "fields.h5"),
     *("path.png", "fields.png"),
     *("mechanism.xdmf", "mechanism.h5", "mechanism.png"),
+    *("checkpoint.h5", "checkpoint_before.h5"),
 )
+
+FIELDS = "fields"
+"""Folder of the arrays that ``fields.h5`` refers to, a file for each level."""
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says where there is no room."""
 
 STEP_KEYS = (
     *("zeta", "alpha", "converged", "reason"),
@@ -42,20 +50,27 @@ STEP_KEYS = (
 class ResultFolder:
     """A folder for the results of one run, which never silently replaces those of another."""
 
-    def __init__(self, comm: MPI.Intracomm, path: str | Path, force: bool = False) -> None:
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        path: str | Path,
+        force: bool = False,
+        restart: bool = False,
+    ) -> None:
         """Look whether the folder can be used; nothing is written or removed yet. Collective.
 
         Args:
             comm: The ranks of the run.
             path: The folder; made with its parents if it does not exist.
             force: Replace results that are there.
+            restart: Go on from results that are there.
 
         Raises:
-            InputError: If ``path`` is no folder, cannot be written, or has results and ``force`` is
-                not set.
+            InputError: If ``path`` is no folder, cannot be written, has results and neither
+                ``force`` nor ``restart`` is set, or has none to go on from.
         """
         self.comm, self.path = comm, Path(path)
-        raise_together(comm, self._obstacle(force) if comm.rank == 0 else None)
+        raise_together(comm, self._obstacle(force, restart) if comm.rank == 0 else None)
 
     def file(self, name: str) -> Path:
         """Path of a result file."""
@@ -76,6 +91,10 @@ class ResultFolder:
             self.path.mkdir(parents=True, exist_ok=True)
             for name in RESULT_FILES:
                 self.file(name).unlink(missing_ok=True)
+            for rest in (*self.path.glob("*.part"), *self.file(FIELDS).glob("*.h5*")):
+                rest.unlink()
+            if self.file(FIELDS).is_dir() and not any(self.file(FIELDS).iterdir()):
+                self.file(FIELDS).rmdir()
             self.file("path.csv").touch()
 
         self.on_root(create)
@@ -86,15 +105,27 @@ class ResultFolder:
         Raises:
             InputError: On every rank, if the system refuses.
         """
+        self.on_each(action if self.comm.rank == 0 else lambda: None)
+
+    def on_each(self, action: Callable[[], None]) -> None:
+        """Write something on every rank. Collective; the action is not.
+
+        Raises:
+            InputError: On every rank, if the system refuses on any.
+        """
         fault = None
-        if self.comm.rank == 0:
-            try:
-                action()
-            except OSError as error:
-                fault = self._unwritable(error.strerror or str(error))
+        try:
+            action()
+        except OSError as error:
+            fault = self._unwritable(error.strerror or str(error))
+            if error.errno in FULL:
+                fault = (
+                    f"the output folder '{self.path}' cannot be written ({error.strerror}); make"
+                    " room, then go on with --restart: what was written before is whole."
+                )
         raise_together(self.comm, fault)
 
-    def _obstacle(self, force: bool) -> str | None:
+    def _obstacle(self, force: bool, restart: bool) -> str | None:
         there = self.path
         try:
             while not there.exists() and there != there.parent:
@@ -106,10 +137,15 @@ class ResultFolder:
             found = self.found()
         except OSError as error:
             return self._unwritable(error.strerror or str(error))
-        if found and not force:
+        if restart and not {"checkpoint.h5", "checkpoint_before.h5"} & set(found):
+            return (
+                f"the folder '{self.path}' has no checkpoint.h5 to go on from; start anew with"
+                f" -o {self.path}."
+            )
+        if found and not (force or restart):
             return (
                 f"the output folder '{self.path}' already has results ({', '.join(found)}); give"
-                " another folder, or --force to replace them."
+                " another folder, --force to replace them, or --restart to go on from them."
             )
         return None
 
@@ -144,9 +180,15 @@ class Results:
     """Summary and path of a run, on file from the first level on."""
 
     def __init__(
-        self, folder: ResultFolder, problem: Problem, title: str, version: str, method: str
+        self,
+        folder: ResultFolder,
+        problem: Problem,
+        title: str,
+        version: str,
+        method: str,
+        reports: Sequence[LevelReport] = (),
     ) -> None:
-        """Write a summary without levels. Collective."""
+        """Write a summary without levels, or with those of an earlier run. Collective."""
         mesh = problem.assembly.mesh
         self.folder = folder
         self.summary = Summary(
@@ -161,25 +203,30 @@ class Results:
             },
         )
         self.reports: list[LevelReport] = []
+        for report in reports:
+            self._append(report)
         self.write()
 
     def add(self, report: LevelReport) -> None:
         """Append a level to ``path.csv`` and ``summary.json``. Collective."""
-        row = {"step": len(self.reports) + 1} | dataclasses.asdict(report)
-        self.reports.append(report)
-        self.summary.steps.append({key: row[key] for key in STEP_KEYS})
-
-        def append() -> None:
-            with self.folder.file("path.csv").open("a", encoding="utf-8", newline="") as file:
-                text = io.StringIO()
-                writer = csv.DictWriter(text, list(row), lineterminator="\n")
-                if len(self.reports) == 1:
-                    writer.writeheader()
-                writer.writerow(row)
-                file.write(text.getvalue())
-
-        self.folder.on_root(append)
+        self._append(report)
         self.write()
+
+    def _append(self, report: LevelReport) -> None:
+        self.reports.append(report)
+        table = dataclasses.asdict(report)
+        self.summary.steps.append({key: table[key] for key in STEP_KEYS})
+
+    def _path(self) -> str:
+        """What ``path.csv`` says."""
+        text = io.StringIO()
+        columns = [field.name for field in dataclasses.fields(LevelReport)]
+        writer = csv.DictWriter(text, ["step", *columns], lineterminator="\n")
+        if self.reports:
+            writer.writeheader()
+        for step, report in enumerate(self.reports, start=1):
+            writer.writerow({"step": step} | dataclasses.asdict(report))
+        return text.getvalue()
 
     @contextmanager
     def timed(self, activity: str) -> Iterator[None]:
@@ -190,16 +237,49 @@ class Results:
         timings[activity] = timings.get(activity, 0.0) + time.perf_counter() - began
 
     def write(self) -> None:
-        """Replace ``summary.json``. Collective."""
+        """Replace ``path.csv`` and ``summary.json``. Collective."""
         self.summary.peak_memory_mb = self.folder.comm.allreduce(peak_memory())
 
-        def replace() -> None:
-            file = self.folder.file("summary.json")
-            part = file.with_suffix(".json.part")
-            part.write_text(to_json(dataclasses.asdict(self.summary)), encoding="utf-8")
-            part.replace(file)
+        def write() -> None:
+            replace(self.folder.file("path.csv"), self._path().encode())
+            text = to_json(dataclasses.asdict(self.summary))
+            replace(self.folder.file("summary.json"), text.encode())
 
-        self.folder.on_root(replace)
+        self.folder.on_root(write)
+
+
+def replace(path: Path, content: bytes) -> None:
+    """Write a file so that whoever reads it, after any crash, finds the old one or the new one.
+
+    Raises:
+        OSError: If the system refuses; the file is then as it was.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        with part.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
+    put(part, path)
+
+
+def put(part: Path, path: Path, before: Path | None = None) -> None:
+    """Give a complete file its name, for good; the older one of that name gets another, if given.
+
+    Raises:
+        OSError: If the system refuses.
+    """
+    if before is not None and path.exists():
+        path.replace(before)
+    part.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
 
 
 def peak_memory() -> float:
