@@ -6,18 +6,18 @@ load. The estimate fits ζ = ζ_∞ − c α^(−p) to the last three levels.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.loading import work_path
-from perfplast_fenicsx.mechanism import UpperBound, dissipation_bound
+from perfplast_fenicsx.loading import Reached, work_path
+from perfplast_fenicsx.mechanism import dissipation_bound
 from perfplast_fenicsx.options import Monitor, NewtonOptions
 from perfplast_fenicsx.problem import Problem
-from perfplast_fenicsx.state import Level
+from perfplast_fenicsx.state import Level, State
 from perfplast_fenicsx.work_newton import WorkNewton
 
 MOST_LEVELS = 60
@@ -48,7 +48,7 @@ class LimitLoad:
         reason: Why the loading ended, in words.
         linear_solves: Linear systems solved for all of it, the upper bound included.
         mechanism: Velocity v of the collapse, normalised to L(v) = 1.
-        levels: The loading path.
+        levels: The loading path; behind a restart what came after it.
     """
 
     lower: float
@@ -68,12 +68,37 @@ class LimitLoad:
         return f"LimitLoad({', '.join(told)}; {len(self.levels)} levels; {self.reason})"
 
 
+@dataclass
+class Search:
+    """What the search for a limit load has found so far; plain data, for a restart.
+
+    Attributes:
+        points: (α, ζ) of the levels.
+        estimates: Of ζ_∞, one for each level from where there is one.
+        upper: The last upper bound.
+        levelled_off: Whether ζ had levelled off at the last level.
+        ended: Whether the last level is the last.
+        reason: Why.
+        linear_solves: Linear systems solved.
+    """
+
+    points: list[tuple[float, float]] = field(default_factory=list)
+    estimates: list[float] = field(default_factory=list)
+    upper: float | None = None
+    levelled_off: bool = False
+    ended: bool = False
+    reason: str = ""
+    linear_solves: int = 0
+
+
 def limit_load(
     problem: Problem,
     rtol: float = 1e-4,
     solver: WorkNewton | None = None,
     monitor: Monitor | None = None,
-    on_level: Callable[[Level], None] | None = None,
+    on_level: Callable[[Level, Search], None] | None = None,
+    search: Search | None = None,
+    reached: Reached | None = None,
 ) -> LimitLoad:
     """Load by work until ζ(α) has levelled off. Collective.
 
@@ -85,7 +110,9 @@ def limit_load(
             yield.
         solver: ALG3 or ALG4; the default is ALG3 with :func:`limit_options`.
         monitor: Called on every rank after each iteration.
-        on_level: Called on every rank after each level.
+        on_level: Called on every rank after each level, with what is known by then.
+        search: Found by an earlier run, to go on with.
+        reached: Where that run had come to.
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1.
@@ -93,53 +120,76 @@ def limit_load(
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
     solver = solver or WorkNewton(problem, NewtonOptions(**limit_options(rtol)))
-    before = solver.linear.solves
+    search = search or Search()
+    judge = _Judge(problem, rtol, search)
+    first = search.linear_solves - solver.linear.solves
     levels: list[Level] = []
-    estimates: list[float] = []
-    bound = UpperBound(None, 0)
-    projections = 0
-    levelled_off, reason = False, ""
-    for level in work_path(solver, monitor):
-        if on_level is not None:
-            on_level(level)
+    last, before = (reached.last, reached.before) if reached else (None, None)
+    for level in () if search.ended else work_path(solver, monitor, reached):
+        search.linear_solves = first + solver.linear.solves + judge.projections
         if not level.report.converged:
-            if not levelled_off:
-                reason = f"no further level could be solved: {level.report.reason}"
+            if not search.levelled_off:
+                search.reason = f"no further level could be solved: {level.report.reason}"
+        else:
+            levels.append(level)
+            before, last = last, level.state
+            judge(level, before)
+            search.linear_solves = first + solver.linear.solves + judge.projections
+        if on_level is not None:
+            on_level(level, search)
+        if search.ended:
             break
-        levels.append(level)
-        levelled_off = False
-        zeta = level.state.zeta
-        estimate = extrapolated_limit([(a.state.alpha, a.state.zeta) for a in levels[-3:]])
-        if estimate is not None:
-            estimates.append(estimate)
-        if estimate is not None and estimate - zeta <= rtol * zeta:
-            bound = dissipation_bound(problem, collapse_mechanism(problem, levels), level.state)
-            projections += bound.solves
-            change = abs(estimate - estimates[-2]) / zeta if len(estimates) > 1 else np.inf
-            levelled_off, reason = change <= rtol, f"ζ has levelled off to {rtol:g} of its limit"
-            if bound.value is not None and bound.value - zeta <= rtol * zeta:
-                levelled_off, reason = True, f"the bounds are within {rtol:g} of each other"
-                break
-            # quadratic elements creep up to a limit, which a bound further off tells
-            creeps = bound.value is not None and level.state.alpha < PLATEAU * levels[0].state.alpha
-            if levelled_off and not creeps:
-                break
-        if len(levels) == MOST_LEVELS or level.state.alpha > FAR * levels[0].state.alpha:
-            levelled_off = False
-            reason = locking(levels, problem.degree)
-            break
+    estimates = search.estimates
     return LimitLoad(
-        lower=max((level.state.zeta for level in levels), default=0.0),
-        estimate=estimates[-1] if levelled_off else None,
+        lower=max((zeta for _, zeta in search.points), default=0.0),
+        estimate=estimates[-1] if search.levelled_off else None,
         residual=abs(1 - estimates[-2] / estimates[-1]) if len(estimates) > 1 else None,
-        upper=bound.value,
-        alpha=levels[-1].state.alpha if levels else 0.0,
-        levelled_off=levelled_off,
-        reason=reason,
-        linear_solves=solver.linear.solves - before + projections,
-        mechanism=collapse_mechanism(problem, levels),
+        upper=search.upper,
+        alpha=search.points[-1][0] if search.points else 0.0,
+        levelled_off=search.levelled_off,
+        reason=search.reason,
+        linear_solves=search.linear_solves,
+        mechanism=collapse_mechanism(problem, before, last),
         levels=levels,
     )
+
+
+class _Judge:
+    """Decides after each level whether ζ has levelled off."""
+
+    def __init__(self, problem: Problem, rtol: float, search: Search) -> None:
+        self._problem, self._rtol, self._search = problem, rtol, search
+        self.projections = 0
+
+    def __call__(self, level: Level, before: State | None) -> None:
+        """Add a level, and the state of the one before, to the search. Collective."""
+        problem, rtol, search = self._problem, self._rtol, self._search
+        zeta, alpha = level.state.zeta, level.state.alpha
+        search.points.append((alpha, zeta))
+        search.levelled_off, first = False, search.points[0][0]
+        estimate = extrapolated_limit(search.points[-3:])
+        if estimate is not None:
+            search.estimates.append(estimate)
+        if estimate is not None and estimate - zeta <= rtol * zeta:
+            mechanism = collapse_mechanism(problem, before, level.state)
+            bound = dissipation_bound(problem, mechanism, level.state)
+            self.projections += bound.solves
+            upper = search.upper = bound.value
+            known = search.estimates
+            change = abs(estimate - known[-2]) / zeta if len(known) > 1 else np.inf
+            search.levelled_off = bool(change <= rtol)
+            search.reason = f"ζ has levelled off to {rtol:g} of its limit"
+            if upper is not None and upper - zeta <= rtol * zeta:
+                search.levelled_off = search.ended = True
+                search.reason = f"the bounds are within {rtol:g} of each other"
+                return
+            # quadratic elements creep up to a limit, which a bound further off tells
+            if search.levelled_off and not (upper is not None and alpha < PLATEAU * first):
+                search.ended = True
+                return
+        if len(search.points) == MOST_LEVELS or alpha > FAR * first:
+            search.levelled_off, search.ended = False, True
+            search.reason = locking(search.points, level.report.plastic_cells, problem.degree)
 
 
 def limit_options(rtol: float) -> dict[str, Any]:
@@ -180,17 +230,23 @@ def extrapolated_limit(points: Sequence[tuple[float, float]]) -> float | None:
     return z + (z - y) / ((c / b) ** high - 1)
 
 
-def locking(levels: Sequence[Level], degree: int) -> str:
-    """What to tell of a curve that does not level off."""
-    first, last = levels[0].state, levels[-1].state
-    if levels[-1].report.plastic_cells == 0:
+def locking(points: Sequence[tuple[float, float]], plastic_cells: int, degree: int) -> str:
+    """What to tell of a curve that does not level off.
+
+    Args:
+        points: (α, ζ) of its levels.
+        plastic_cells: Of the last one.
+        degree: Of the elements.
+    """
+    (first, _), (alpha, zeta) = points[0], points[-1]
+    if plastic_cells == 0:
         return (
-            f"ζ does not level off: nothing has yielded up to ζ = {last.zeta:.6g}; give the bodies"
+            f"ζ does not level off: nothing has yielded up to ζ = {zeta:.6g}; give the bodies"
             " that may collapse a yield stress"
         )
     told = (
-        f"ζ does not level off: it has reached {last.zeta:.6g} and still rises at"
-        f" {last.alpha / first.alpha:.3g} times the work at first yield; "
+        f"ζ does not level off: it has reached {zeta:.6g} and still rises at"
+        f" {alpha / first:.3g} times the work at first yield; "
     )
     if degree == 1:
         return told + (
@@ -200,12 +256,12 @@ def locking(levels: Sequence[Level], degree: int) -> str:
     return told + "the loads may be such that the bodies carry any multiple of them; or refine"
 
 
-def collapse_mechanism(problem: Problem, levels: Sequence[Level]) -> fem.Function:
+def collapse_mechanism(problem: Problem, before: State | None, last: State | None) -> fem.Function:
     """The last increment of displacement, normalised to L(v) = 1 (zero without any level)."""
     v = fem.Function(problem.V, name="mechanism")
-    if levels:
-        v.x.array[:] = levels[-1].state.u.x.array
-        if len(levels) > 1:
-            v.x.array[:] -= levels[-2].state.u.x.array
+    if last is not None:
+        v.x.array[:] = last.u.x.array
+        if before is not None:
+            v.x.array[:] -= before.u.x.array
         v.x.array[:] /= float(problem.load.dot(v.x.petsc_vec))
     return v

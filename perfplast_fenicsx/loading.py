@@ -7,6 +7,7 @@ from the elastic slope to the plateau of ζ(α).
 import logging
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -36,6 +37,21 @@ MOST_HALVINGS = 6
 """A level is tried again with half the step so many times."""
 
 log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Reached:
+    """How far a loading by chosen steps has come: all that its next step depends on.
+
+    Attributes:
+        last: State of the last level.
+        before: State of the level before it; None behind the first one.
+        newton_iterations: Steps that the last level took.
+    """
+
+    last: State
+    before: State | None
+    newton_iterations: int
 
 
 class Solver(Protocol):
@@ -81,7 +97,9 @@ def load_path(
         start = level.state
 
 
-def work_path(solver: WorkNewton, monitor: Monitor | None = None) -> Iterator[Level]:
+def work_path(
+    solver: WorkNewton, monitor: Monitor | None = None, reached: Reached | None = None
+) -> Iterator[Level]:
     """Load by work without end, from first yield on; the caller stops it.
 
     α grows by a factor that shrinks where ζ(α) bends or a level has needed many steps, and grows
@@ -91,17 +109,22 @@ def work_path(solver: WorkNewton, monitor: Monitor | None = None) -> Iterator[Le
     Args:
         solver: ALG3 or ALG4.
         monitor: Called on every rank after each iteration.
+        reached: Where to go on; None from first yield on.
 
     Yields:
         The levels; one that has not converged is the last, after the step was halved
         ``MOST_HALVINGS`` times.
     """
-    elastic = solver.first_yield()
-    target, factor = elastic.alpha, FIRST_FACTOR
-    start = None if solver.problem.has_gaps else elastic
     before: State | None = None
     last: State | None = None
+    if reached is None:
+        elastic = solver.first_yield()
+        target, start = elastic.alpha, None if solver.problem.has_gaps else elastic
     while True:
+        if reached is not None:
+            before, last = reached.before, reached.last
+            target = last.alpha * _next_factor(reached)
+            start = extrapolate(solver.problem, before, last, target)
         for halving in range(MOST_HALVINGS + 1):
             level = solver.solve(target, start, monitor)
             if level.report.converged or halving == MOST_HALVINGS:
@@ -112,16 +135,16 @@ def work_path(solver: WorkNewton, monitor: Monitor | None = None) -> Iterator[Le
         yield level
         if not level.report.converged:
             return
-        if last is not None:
-            factor = _next_factor(level.state.alpha / last.alpha, last, level)
-        before, last = last, level.state
-        target = last.alpha * factor
-        start = extrapolate(solver.problem, before, last, target)
+        reached = Reached(level.state, last, level.report.newton_iterations)
 
 
-def _next_factor(factor: float, last: State, level: Level) -> float:
-    bend = 1 - last.zeta / level.state.zeta if level.state.zeta > 0 else 1.0
-    if level.report.newton_iterations > MANY_ITERATIONS:
+def _next_factor(reached: Reached) -> float:
+    last, before = reached.last, reached.before
+    if before is None:
+        return FIRST_FACTOR
+    factor = last.alpha / before.alpha
+    bend = 1 - before.zeta / last.zeta if last.zeta > 0 else 1.0
+    if reached.newton_iterations > MANY_ITERATIONS:
         return max(math.sqrt(factor), SMALLEST_FACTOR)
     if bend > BENT:
         return max(min(factor, FIRST_FACTOR), SMALLEST_FACTOR)
