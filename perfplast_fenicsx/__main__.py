@@ -79,9 +79,10 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
         live = False if steps_shown else None
         terminal = Terminal(comm, live=live, quiet=chosen.quiet)
         with logged_to_console(comm, chosen.log_level, terminal.clear):
-            where = (chosen.case, chosen.output, chosen.force)
+            where = (chosen.case, chosen.restart or chosen.output, chosen.force)
+            restart = chosen.restart is not None
             try:
-                return run(comm, *where, terminal, chosen.log_level)
+                return run(comm, *where, terminal, chosen.log_level, restart)
             finally:
                 terminal.clear()
     with logged_to_console(comm):

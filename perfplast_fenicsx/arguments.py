@@ -31,6 +31,8 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
     chosen = parser.parse_args(ours)
     if petsc and chosen.command not in SOLVING:
         raise InputError(f"perfplast {chosen.command} takes no PETSc options; leave out '--'.")
+    if chosen.command == "run" and chosen.restart and chosen.force:
+        raise InputError("--restart goes on from results and --force replaces them; give one.")
     set_petsc_options(petsc)
     return chosen
 
@@ -86,7 +88,8 @@ def make_parser(comm: MPI.Intracomm) -> argparse.ArgumentParser:
         prog="perfplast",
         description="Elastic-perfectly plastic bodies in frictionless contact.",
         epilog="Exit status: 0 all load levels solved, 1 a fault of the program, 2 bad input,"
-        " 3 a load level without a solution (the levels before it are valid).",
+        " 3 a load level without a solution (the levels before it are valid), 130 or 143"
+        " interrupted (--restart goes on).",
     )
     parser.comm = comm
     parser.add_argument("--version", action="version", version=f"perfplast {__version__}")
@@ -100,7 +103,11 @@ def make_parser(comm: MPI.Intracomm) -> argparse.ArgumentParser:
         " solver, -perfplast_vi_... for the contact set.",
     )
     run.add_argument("case", metavar="CASE.toml", help="what to solve")
-    run.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for results")
+    where = run.add_mutually_exclusive_group(required=True)
+    where.add_argument("-o", "--output", metavar="DIR", help="folder for results")
+    where.add_argument(
+        "--restart", metavar="DIR", help="go on from the last level that is solved in this folder"
+    )
     run.add_argument("--force", action="store_true", help="replace results in DIR")
     run.add_argument(
         "--log-level",

@@ -101,9 +101,13 @@ class MeshBuilder:
 
 @dataclass(frozen=True)
 class Case:
-    """A case file, read and checked as far as it can be without its mesh."""
+    """A case file, read and checked as far as it can be without its mesh.
+
+    ``table`` is what it says, as TOML.
+    """
 
     path: Path
+    table: Table = field(repr=False)
     title: str
     mesh: MeshFile | MeshBuilder
     materials: dict[str, Material]
@@ -285,15 +289,16 @@ def _case(path: Path, table: Table) -> Case:
     supports = _numbered(top.support, f"{name}, [[support]]")
     contacts = _numbered(top.contact, f"{name}, [[contact]]")
     obstacles: list[Obstacle] = []
-    for place, table in _numbered(top.obstacle, f"{name}, [[obstacle]]"):
-        _, shape, rest = choose(table, "shape", OBSTACLES, place)
+    for place, obstacle in _numbered(top.obstacle, f"{name}, [[obstacle]]"):
+        _, shape, rest = choose(obstacle, "shape", OBSTACLES, place)
         obstacles.append(convert(rest, shape, place))
     place = f"{name}, [loading]"
-    control, schema, table = choose(top.loading, "control", LOADINGS, place, default="load")
-    loading: LoadControl | WorkControl = convert(table, schema, place)
+    control, schema, rest = choose(top.loading, "control", LOADINGS, place, default="load")
+    loading: LoadControl | WorkControl = convert(rest, schema, place)
     method, options = _algorithm(top.solve, control, loading, f"{name}, [solve]")
     return Case(
         path=path,
+        table=table,
         title=top.title or path.stem,
         mesh=_mesh(top.mesh, f"{name}, [mesh]"),
         materials=materials,

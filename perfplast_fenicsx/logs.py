@@ -113,7 +113,7 @@ class RunLog:
         log.info("%s", ", ".join(f"{name} {version}" for name, version in versions().items()))
         for name, text in surroundings(self._comm).items():
             log.info("%s: %s", name, text)
-        for field in dataclasses.fields(case):
+        for field in filter(lambda field: field.repr, dataclasses.fields(case)):
             log.info("case.%s: %s", field.name, getattr(case, field.name))
         options = PETSc.Options().getAll()
         log.info("PETSc options: %s", " ".join(f"-{key} {options[key]}" for key in options))

@@ -1,5 +1,6 @@
 """A run: a case is solved level by level, and what comes out is written and shown."""
 
+import logging
 import time
 from typing import Any
 
@@ -9,27 +10,27 @@ from dolfinx import fem
 
 from perfplast_fenicsx import __version__
 from perfplast_fenicsx.case import Case, read_case
+from perfplast_fenicsx.checkpoint import Checkpoints, Saved, check_case
 from perfplast_fenicsx.control import WorkControl
+from perfplast_fenicsx.interrupts import Interrupted, Interrupts
 from perfplast_fenicsx.limit_load import LimitLoad, limit_load
 from perfplast_fenicsx.loading import load_path
 from perfplast_fenicsx.logs import RunLog
 from perfplast_fenicsx.model import write_model
-from perfplast_fenicsx.output import ResultFolder, Results
+from perfplast_fenicsx.output import ResultFolder
 from perfplast_fenicsx.plotting import dissipation, draw_fields, draw_path
 from perfplast_fenicsx.problem import Problem
-from perfplast_fenicsx.recovery import Recovery
-from perfplast_fenicsx.state import Iteration, Level
+from perfplast_fenicsx.recorder import Recorder
 from perfplast_fenicsx.terminal import Terminal, describe
 from perfplast_fenicsx.xdmf import FieldsFile
 
 SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
-"""Exit statuses of the command line."""
-
-PRESCRIBED = {"load": "zeta", "work": "alpha"}
-"""What each control prescribes; the time of the fields' file."""
+"""Exit statuses of the command line; an interrupted run has that of :class:`Interrupted`."""
 
 LIMIT_KEYS = ("lower", "estimate", "upper", "alpha", "levelled_off", "reason", "linear_solves")
 """Keys of ``limit`` in ``summary.json``."""
+
+log = logging.getLogger(__name__)
 
 
 def run(
@@ -39,6 +40,7 @@ def run(
     force: bool,
     terminal: Terminal,
     log_level: str = "info",
+    restart: bool = False,
 ) -> int:
     """Solve a case and write its results. Collective.
 
@@ -49,74 +51,60 @@ def run(
         force: Replace results in it.
         terminal: What is shown.
         log_level: What is in ``run.log`` beside what always is (:class:`logs.RunLog`).
+        restart: Go on from the last level that is solved in the folder.
 
     Returns:
-        :data:`SOLVED`, or :data:`NO_SOLUTION` where a level has none.
+        :data:`SOLVED`, :data:`NO_SOLUTION` where a level has none, or the status of an interrupt.
 
     Raises:
         InputError: If the case or the folder cannot be used.
     """
     began = time.perf_counter()
-    case = read_case(path, comm)
-    folder = ResultFolder(comm, output, force)
-    terminal.status("setting up the problem")
-    problem = case.problem(comm)
-    solver = case.solver(problem)
-    folder.create()
-    with RunLog(folder, log_level) as journal:
-        return _solve(case, problem, solver, folder, terminal, journal, began)
+    with Interrupts(comm) as interrupts:
+        case = read_case(path, comm)
+        folder = ResultFolder(comm, output, force, restart)
+        if restart:
+            check_case(folder, case.table, case.path.name)
+        terminal.status("setting up the problem")
+        problem = case.problem(comm)
+        solver = case.solver(problem)
+        checkpoints = Checkpoints(folder, problem, case.table, __version__)
+        saved = checkpoints.read() if restart else Saved()
+        if not restart:
+            folder.create()
+            checkpoints.write(saved)
+        with RunLog(folder, log_level) as journal:
+            journal.header(case, describe(case.title, case.method, problem))
+            try:
+                about = (case, problem, folder, checkpoints, saved, terminal, journal, interrupts)
+                return _solve(case, solver, Recorder(*about, began), terminal, journal)
+            except Interrupted as interrupted:
+                log.warning(
+                    "interrupted by %s, what is solved is on file; go on with:"
+                    " perfplast run %s --restart %s",
+                    *(interrupted, path, output),
+                )
+                return interrupted.status
 
 
-def _solve(
-    case: Case,
-    problem: Problem,
-    solver: Any,
-    folder: ResultFolder,
-    terminal: Terminal,
-    journal: RunLog,
-    began: float,
-) -> int:
-    journal.header(case, describe(case.title, case.method, problem))
+def _solve(case: Case, solver: Any, recorder: Recorder, terminal: Terminal, journal: RunLog) -> int:
+    problem: Problem = solver.problem
+    results, saved = recorder.results, recorder.saved
+    folder, timings = results.folder, results.summary.timings
     model_file = folder.file("model.json")
     folder.on_root(lambda: write_model(case.model, problem.assembly, model_file))
-    results = Results(folder, problem, case.title, __version__, case.method)
-    timings = results.summary.timings
-    timings["setup"] = time.perf_counter() - began
-    terminal.header(case.title, case.method, problem)
-    terminal.status("level 1")
-    recovery = Recovery(problem)
-    fields_file = FieldsFile(folder, problem.assembly) if case.output.fields else None
-    last: Level | None = None
-
-    def monitor(record: Iteration) -> None:
-        terminal.iteration(record)
-        journal.iteration(record)
-
-    def accept(level: Level) -> None:
-        nonlocal last
-        terminal.level(level.report)
-        journal.level(level.report)
-        with results.timed("output"):
-            if level.report.converged:
-                last = level
-                if fields_file is not None:
-                    time_ = getattr(level.report, PRESCRIBED[solver.control])
-                    fields_file.write(recovery.update(level.state), time_)
-            timings["total"] = time.perf_counter() - began
-            results.add(level.report)
-        terminal.status(f"level {len(results.reports) + 1}")
-
     limit = None
-    with results.timed("solve"):
-        if isinstance(case.loading, WorkControl) and case.loading.limit_tolerance is not None:
-            tolerance = case.loading.limit_tolerance
-            limit = limit_load(problem, tolerance, solver, monitor, accept)
-            terminal.limit(limit)
-            journal.limit(limit)
-        else:
-            for level in load_path(solver, case.loading.values or [], monitor):
-                accept(level)
-    timings["solve"] -= timings.get("output", 0.0)
+    if isinstance(case.loading, WorkControl) and case.loading.limit_tolerance is not None:
+        tolerance = case.loading.limit_tolerance
+        watch, known = (recorder.iteration, recorder.level), (saved.search, saved.reached)
+        limit = limit_load(problem, tolerance, solver, *watch, *known)
+        terminal.limit(limit)
+        journal.limit(limit)
+    else:
+        values = (case.loading.values or [])[len(saved.reports) :]
+        start = saved.level.state if saved.level else None
+        for level in load_path(solver, values, recorder.iteration, start):
+            recorder.level(level)
     if limit is not None:
         with results.timed("output"):
             results.summary.limit = {key: getattr(limit, key) for key in LIMIT_KEYS}
@@ -125,33 +113,28 @@ def _solve(
                 work = dissipation(problem, limit.mechanism)
                 fields = {"mechanism": limit.mechanism, "dissipation": work}
                 mechanism.write(fields, limit.alpha)
-    if case.output.pictures and last is not None:
+    if case.output.pictures and recorder.last is not None:
         terminal.status("drawing pictures")
         with results.timed("pictures"):
-            _draw(case, problem, recovery, last, results, limit)
-    timings["total"] = time.perf_counter() - began
+            _draw(case, problem, recorder, limit)
+    timings["total"] = recorder.elapsed()
     results.write()
     terminal.results(folder)
     solved = all(report.converged for report in results.reports)
     return SOLVED if solved and (limit is None or limit.levelled_off) else NO_SOLUTION
 
 
-def _draw(
-    case: Case,
-    problem: Problem,
-    recovery: Recovery,
-    last: Level,
-    results: Results,
-    limit: LimitLoad | None,
-) -> None:
-    folder = results.folder
+def _draw(case: Case, problem: Problem, recorder: Recorder, limit: LimitLoad | None) -> None:
+    results, last = recorder.results, recorder.last
+    assert last is not None
+    folder, report = results.folder, last.report
 
     def draw(fields: dict[str, fem.Function], name: str, caption: str | None = None) -> None:
-        about = (last.report, case.title, case.loads, case.contacts)
+        about = (report, case.title, case.loads, case.contacts)
         path = folder.file(name)
         draw_fields(problem.assembly, fields, *about, path, caption, case.obstacles)
 
-    fields = recovery.update(last.state)
+    fields = recorder.recovery.update(last.state)
     draw(fields, "fields.png")
     if limit is not None:
         caption = f"collapse mechanism at ζ = {limit.lower:.6g}, velocity of unit work"

@@ -102,7 +102,8 @@ def test_run(
     else:
         assert out == ""
     assert {entry.name for entry in results.iterdir()} == {
-        *("summary.json", "path.csv", "run.log", "model.json", "fields.xdmf", "fields.h5")
+        *("summary.json", "path.csv", "run.log", "model.json", "fields.xdmf", "fields.h5"),
+        *("fields", "checkpoint.h5", "checkpoint_before.h5"),
     }
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
     assert [step["zeta"] for step in summary["steps"]] == [50.0, 80.0]

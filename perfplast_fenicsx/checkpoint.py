@@ -1,0 +1,341 @@
+"""Checkpoints: all that a run needs to go on from its last level, on any number of ranks.
+
+``checkpoint.h5`` is written after each level, and the one before stays as ``checkpoint_before.h5``.
+Both have the order of the input. What loading by chosen steps depends on, the state of the level
+before and what the search for the limit load has found, is part of it. The algorithms keep nothing
+else from level to level: the law has no history, and ALG2 begins each level with σ = Σ(ε(u)) and a
+new penalty.
+"""
+
+import dataclasses
+import hashlib
+import json
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Block, block, checksum, read_rows, write_arrays
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.fingerprint import case_hash, first_difference, mesh_hash
+from perfplast_fenicsx.limit_load import Search
+from perfplast_fenicsx.loading import Reached
+from perfplast_fenicsx.materials import strain
+from perfplast_fenicsx.ordering import cell_ordering, node_ordering
+from perfplast_fenicsx.output import ResultFolder
+from perfplast_fenicsx.problem import Problem
+from perfplast_fenicsx.schema import Table
+from perfplast_fenicsx.state import Level, LevelReport, State
+
+SCHEMA = 1
+"""Version of what stands in a checkpoint."""
+
+NEWEST, BEFORE = "checkpoint.h5", "checkpoint_before.h5"
+
+GENERIC = np.array([0.5377, 0.8319, 0.1379])
+"""Along this direction the normals of the faces that meet at a node are all different."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a checkpoint says besides its fields; its attributes are the keys of its JSON.
+
+    Attributes:
+        schema: :data:`SCHEMA`.
+        version: Of the program.
+        case: The case file's content.
+        case_hash: Its hash.
+        mesh_hash: That of the mesh.
+        reports: Of the levels so far.
+        search: What is known of the limit load.
+        timings: Wall time by activity (s).
+        checksums: Of the arrays.
+    """
+
+    schema: int
+    version: str
+    case: Table
+    case_hash: str
+    mesh_hash: str
+    reports: list[dict[str, Any]]
+    search: dict[str, Any] | None
+    timings: dict[str, float]
+    checksums: dict[str, int]
+
+
+@dataclass(frozen=True)
+class Saved:
+    """What a checkpoint holds.
+
+    Attributes:
+        reports: Of the levels so far.
+        level: The last one, without its iterations; None before the first.
+        before: State of the level before it, where the steps are chosen.
+        search: What is known of the limit load, where one is looked for.
+        timings: Wall time by activity (s).
+    """
+
+    reports: Sequence[LevelReport] = ()
+    level: Level | None = None
+    before: State | None = None
+    search: Search | None = None
+    timings: dict[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def reached(self) -> Reached | None:
+        """How far a loading by chosen steps has come."""
+        if self.level is None:
+            return None
+        return Reached(self.level.state, self.before, self.level.report.newton_iterations)
+
+
+class Checkpoints:
+    """Writes and reads the checkpoints of one problem."""
+
+    def __init__(self, folder: ResultFolder, problem: Problem, case: Table, version: str) -> None:
+        """Number cells and nodes, and look at the mesh. Collective.
+
+        Args:
+            folder: Where they are.
+            problem: Whose states they hold.
+            case: The case file's content.
+            version: Of the program.
+        """
+        self._folder, self._problem, self._case, self._version = folder, problem, case, version
+        mesh, V = problem.assembly.mesh, problem.V
+        self._cells = cell_ordering(mesh)
+        self._nodes = node_ordering(mesh, V.dofmap.list, V.dofmap.index_map)
+        self._mesh_hash = mesh_hash(problem.assembly, self._cells)
+        self._owned_cells = mesh.topology.index_map(mesh.topology.dim).size_local
+        self._owned_nodes = V.dofmap.index_map.size_local
+        self._bit = _bits(problem)
+        self._u, self._strain = fem.Function(V), fem.Function(problem.S)
+        points = interpolation_points(problem.S.element)
+        self._expression = fem.Expression(strain(self._u), points)
+
+    def write(self, saved: Saved) -> None:
+        """Replace the checkpoint, and keep the one there is as the one before. Collective.
+
+        Raises:
+            InputError: If the system refuses; the checkpoints are then as they were.
+        """
+        arrays: dict[str, Block] = {}
+        if saved.level is not None:
+            self._u.x.array[:] = saved.level.state.u.x.array
+            self._strain.interpolate(self._expression)
+            arrays = self._of_state(saved.level.state)
+            arrays["strain"] = self._of_points(self._strain)
+            arrays["stress"] = self._of_points(saved.level.stress)
+            if saved.before is not None:
+                of_before = self._of_state(saved.before)
+                arrays |= {f"{name}_before": rows for name, rows in of_before.items()}
+        header = Header(
+            schema=SCHEMA,
+            version=self._version,
+            case=self._case,
+            case_hash=case_hash(self._case),
+            mesh_hash=self._mesh_hash,
+            reports=[dataclasses.asdict(report) for report in saved.reports],
+            search=dataclasses.asdict(saved.search) if saved.search else None,
+            timings=saved.timings,
+            checksums={name: checksum(self._problem.comm, rows) for name, rows in arrays.items()},
+        )
+        arrays["header"] = _packed(header, self._problem.comm.rank)
+        folder = self._folder
+        write_arrays(folder, folder.file(NEWEST), arrays, folder.file(BEFORE))
+
+    def read(self) -> Saved:
+        """The last checkpoint that is whole. Collective.
+
+        Raises:
+            InputError: If none is, or the mesh is another one.
+        """
+        header, faults = read_header(self._folder), []
+        if header.mesh_hash != self._mesh_hash:
+            raise InputError(
+                f"the mesh is not the one of the checkpoint in '{self._folder.path}' (its points,"
+                " cells or names have changed); give the mesh as it was, or start anew with -o."
+            )
+        for path in _generations(self._folder):
+            try:
+                found = _header(self._problem.comm, path)
+                saved = self._read(found, path)
+            except InputError as error:
+                faults.append(str(error))
+                continue
+            if faults:
+                log.warning("%s; going on from '%s', level %d", faults[0], path, len(saved.reports))
+            return saved
+        raise _nothing_left(self._folder, faults)
+
+    def _read(self, header: Header, path: Path) -> Saved:
+        """Collective.
+
+        Raises:
+            InputError: If the file is damaged.
+        """
+        comm, problem = self._problem.comm, self._problem
+        arrays: dict[str, npt.NDArray] = {}
+        fault = None
+        try:
+            for name in header.checksums:
+                ordering = self._cells if name in ("strain", "stress") else self._nodes
+                arrays[name] = read_rows(path, name, ordering)
+        except OSError as error:
+            fault = _damaged(path, error)
+        raise_together(comm, fault)
+        for name, values in arrays.items():
+            ordering = self._cells if name in ("strain", "stress") else self._nodes
+            if (
+                checksum(comm, Block(values, ordering.first, ordering.total))
+                != (header.checksums[name])
+            ):
+                raise InputError(_damaged(path, f"{name} is not what was written"))
+        reports = [LevelReport(**report) for report in header.reports]
+        search = Search(**header.search) if header.search else None
+        if search:
+            search.points = [(alpha, zeta) for alpha, zeta in search.points]
+        level, before = None, None
+        if reports:
+            stress = fem.Function(problem.S, name="stress")
+            self._to_points(arrays["stress"], stress)
+            level = Level(self._to_state(arrays, "", reports[-1]), stress, reports[-1])
+            if "displacement_before" in arrays:
+                before = self._to_state(arrays, "_before", reports[-2])
+        return Saved(reports, level, before, search, header.timings)
+
+    def _of_state(self, state: State) -> dict[str, Block]:
+        """Displacement; a byte for each node whose bits tell which of its pairs are closed."""
+        width = self._problem.V.dofmap.index_map_bs
+        u = state.u.x.array.reshape(-1, width)[: self._owned_nodes]
+        bits = np.where(state.active, self._bit, 0)
+        closed = np.bincount(self._problem.pairs.host, bits, self._owned_nodes).astype(np.uint8)
+        return {"displacement": block(self._nodes, u), "active": block(self._nodes, closed)}
+
+    def _to_state(self, arrays: dict[str, npt.NDArray], end: str, report: LevelReport) -> State:
+        u = fem.Function(self._problem.V, name="displacement")
+        nodal = self._nodes.from_blocks(arrays["displacement" + end])
+        u.x.array[: nodal.size] = nodal.ravel()
+        u.x.scatter_forward()
+        closed = self._nodes.from_blocks(arrays["active" + end])[self._problem.pairs.host]
+        return State(u, report.zeta, report.alpha, (closed & self._bit).astype(bool))
+
+    def _of_points(self, function: fem.Function) -> Block:
+        """Mandel vectors of each cell, shape (num_cells, points, size)."""
+        points = self._problem.S.dofmap.list[: self._owned_cells]
+        width = self._problem.S.dofmap.index_map_bs
+        return block(self._cells, function.x.array.reshape(-1, width)[points])
+
+    def _to_points(self, values: npt.NDArray, function: fem.Function) -> None:
+        points = self._problem.S.dofmap.list[: self._owned_cells]
+        width = self._problem.S.dofmap.index_map_bs
+        function.x.array.reshape(-1, width)[points] = self._cells.from_blocks(values)
+        function.x.scatter_forward()
+
+
+def read_header(folder: ResultFolder) -> Header:
+    """The header of the last checkpoint that has one. Collective.
+
+    Raises:
+        InputError: If none has, or it is of another version of this format.
+    """
+    faults = []
+    for path in _generations(folder):
+        try:
+            header = _header(folder.comm, path)
+        except InputError as error:
+            faults.append(str(error))
+            continue
+        if header.schema != SCHEMA:
+            raise InputError(
+                f"the checkpoint '{path}' has schema {header.schema}, but this version of perfplast"
+                f" reads {SCHEMA}; go on with perfplast {header.version}, or start anew with -o."
+            )
+        return header
+    raise _nothing_left(folder, faults)
+
+
+def check_case(folder: ResultFolder, table: Table, name: str) -> None:
+    """Make sure that the checkpoint is one of this case. Collective.
+
+    Args:
+        folder: Where it is.
+        table: The case file's content.
+        name: Its name, for the message.
+
+    Raises:
+        InputError: With the first difference.
+    """
+    difference = first_difference(table, read_header(folder).case)
+    if difference is not None:
+        raise InputError(
+            f"{name}: {difference} in the run whose checkpoint is in '{folder.path}'; give it back"
+            " its value to go on, or start anew with -o."
+        )
+
+
+def _bits(problem: Problem) -> npt.NDArray[np.uint8]:
+    """A bit for each pair hosted here, another one for each pair of the same host."""
+    pairs = problem.pairs
+    along = pairs.normal @ GENERIC[: pairs.normal.shape[1]]
+    order = np.lexsort([along, pairs.contact, pairs.host])
+    _, first, counts = np.unique(pairs.host[order], return_index=True, return_counts=True)
+    slot = np.empty(len(order), dtype=np.uint8)
+    slot[order] = np.arange(len(order)) - np.repeat(first, counts)
+    return np.left_shift(np.uint8(1), slot)
+
+
+def _packed(header: Header, rank: int) -> Block:
+    """The header as bytes, with a hash of them in front; whole on rank 0, nothing elsewhere."""
+    text = json.dumps(dataclasses.asdict(header)).encode()
+    data = np.frombuffer(hashlib.sha256(text).digest() + text, dtype=np.uint8)
+    return Block(data if rank == 0 else data[:0], 0 if rank == 0 else len(data), len(data))
+
+
+def _header(comm: MPI.Intracomm, path: Path) -> Header:
+    """Collective.
+
+    Raises:
+        InputError: If it cannot be read.
+    """
+    text, fault = b"", None
+    if comm.rank == 0:
+        try:
+            with h5py.File(path, "r", locking=False) as file:
+                data = bytes(np.asarray(file["header"]))
+            digest, text = data[:32], data[32:]
+            if hashlib.sha256(text).digest() != digest:
+                fault = _damaged(path, "its header is not what was written")
+        except FileNotFoundError:
+            fault = f"'{path}' is missing"
+        except (OSError, KeyError, RuntimeError, TypeError, ValueError) as error:
+            fault = _damaged(path, error)
+    raise_together(comm, fault)
+    table = json.loads(comm.bcast(text))
+    if table["schema"] != SCHEMA:
+        known = {field.name: table.get(field.name) for field in dataclasses.fields(Header)}
+        return Header(**known)
+    return Header(**table)
+
+
+def _generations(folder: ResultFolder) -> list[Path]:
+    return [folder.file(NEWEST), folder.file(BEFORE)]
+
+
+def _damaged(path: Path, reason: object) -> str:
+    return f"the checkpoint '{path}' is damaged ({' '.join(str(reason).split())})"
+
+
+def _nothing_left(folder: ResultFolder, faults: Sequence[str]) -> InputError:
+    return InputError(f"{', and '.join(faults)}; start anew with -o {folder.path} --force.")

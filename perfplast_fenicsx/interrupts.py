@@ -1,0 +1,64 @@
+"""Ctrl-C and SIGTERM: the ranks end together, between two iterations.
+
+A signal may reach one rank alone, and at any place. It is noted there, and all ranks look together
+after each iteration whether any has one. The same signal once more ends the process at once;
+nothing on the disk is harmed by that either.
+"""
+
+import signal
+import threading
+from types import FrameType, TracebackType
+
+from mpi4py import MPI
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interrupted(Exception):
+    """Raised on all ranks together.
+
+    Attributes:
+        status: Exit status, as shells give it: 128 and the signal's number.
+    """
+
+    def __init__(self, number: int) -> None:
+        self.status = 128 + number
+        super().__init__(signal.Signals(number).name)
+
+
+class Interrupts:
+    """Notes signals while it is entered; outside of the main thread it cannot, and does nothing."""
+
+    def __init__(self, comm: MPI.Intracomm) -> None:
+        """Notes none yet."""
+        self._comm = comm
+        self._noted = 0
+        self._before: dict[int, object] = {}
+
+    def __enter__(self) -> "Interrupts":
+        if threading.current_thread() is threading.main_thread():
+            self._before = {number: signal.signal(number, self._note) for number in SIGNALS}
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+
+    def check(self) -> None:
+        """Look whether any rank has had a signal. Collective.
+
+        Raises:
+            Interrupted: On every rank, if so.
+        """
+        number = self._comm.allreduce(self._noted, MPI.MAX)
+        if number:
+            raise Interrupted(number)
+
+    def _note(self, number: int, _: FrameType | None) -> None:
+        self._noted = self._noted or number
+        signal.signal(number, self._before.pop(number))  # type: ignore[arg-type]
