@@ -1,5 +1,6 @@
 """Sphinx's settings of the documentation site; `make docs` builds it."""
 
+import ast
 import re
 import sys
 from pathlib import Path
@@ -59,8 +60,16 @@ html_copy_source = False
 html_show_sphinx = False
 
 
-MODULES = "|".join(sorted(path.stem for path in (ROOT / "perfplast_fenicsx").glob("*.py")))
+SOURCES = sorted((ROOT / "perfplast_fenicsx").glob("*.py"))
+HOMES = {
+    statement.name: path.stem
+    for path in SOURCES
+    for statement in ast.parse(path.read_text(encoding="utf-8")).body
+    if isinstance(statement, ast.ClassDef)
+}
+MODULES = "|".join(path.stem for path in SOURCES)
 SHORT = re.compile(rf":(class|mod|func|data):`(({MODULES})(\.\w+)?)`")
+CLASS = re.compile(r":class:`([A-Z]\w*)`")
 
 
 def _as_written(
@@ -69,10 +78,16 @@ def _as_written(
     """Read docstrings as people do.
 
     Bars are bars, as in |J|; the first colon in the docstring of a constant ends no type; modules
-    are named without the package.
+    are named without the package, and classes without their module.
     """
+
+    def home(match: re.Match[str]) -> str:
+        known = match[1] in HOMES
+        return f":class:`{HOMES[match[1]]}.{match[1]}`" if known else match[0]
+
     for number, line in enumerate(lines):
-        parts = SHORT.sub(r":\1:`~perfplast_fenicsx.\2`", line).split("``")
+        text = SHORT.sub(r":\1:`~perfplast_fenicsx.\2`", CLASS.sub(home, line))
+        parts = text.split("``")
         parts[::2] = [part.replace("|", "\\|") for part in parts[::2]]
         lines[number] = "``".join(parts)
     if what in ("attribute", "data", "property"):

@@ -104,7 +104,7 @@ def test_pictures_are_small() -> None:
         ("a 1.5\nb\n", "a  2e-3\nb\n", True),
         ("a\n...\nc\n", "a\nb\nb\nc\n", True),
         ("a\nc\n", "a\nb\nc\n", False),
-        ("files x.csv, x.png, y.png\n", "files x.csv\n", True),
+        ("Results in r: x.csv, x.png\n", "Results in r: x.csv\n", True),
         ("2 ranks\n", "1 rank\n", False),
     ],
 )
