@@ -1,4 +1,4 @@
-"""The command line: ``perfplast run CASE.toml -o DIR``, ``check``, ``info``.
+"""The command line: ``perfplast run CASE.toml -o DIR``, ``check``, ``plot``, ``animate``, ``info``.
 
 Exit status: 0 all load levels solved, 1 a fault of the program, 2 bad input, 3 a load level without
 a solution (a result like any other: the levels before it are valid).
@@ -11,10 +11,11 @@ from collections.abc import Sequence
 
 from mpi4py import MPI
 
+from perfplast_fenicsx.album import animate, plot
 from perfplast_fenicsx.arguments import read_arguments
 from perfplast_fenicsx.case import read_case
 from perfplast_fenicsx.environment import surroundings, versions
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.logs import logged_to_console
 from perfplast_fenicsx.run import BAD_INPUT, FAULT, SOLVED, run
 from perfplast_fenicsx.terminal import Terminal, describe
@@ -72,6 +73,33 @@ def info(comm: MPI.Intracomm) -> int:
     return SOLVED
 
 
+def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) -> int:
+    """Draw pictures or an animation of results on rank 0. Collective.
+
+    Args:
+        comm: The ranks; the others wait.
+        command: "plot" or "animate".
+        results: Folder of the results.
+        output: Where the pictures go, or the animation; by default to the results.
+
+    Raises:
+        InputError: If there are no results, or nothing can be drawn.
+    """
+    terminal, fault = Terminal(comm), None
+    if comm.rank == 0:
+        terminal.status("drawing")
+        try:
+            if command == "plot":
+                plot(results, output, terminal.say)
+            else:
+                terminal.say(str(animate(results, output)))
+        except InputError as error:
+            fault = str(error)
+        terminal.clear()
+    raise_together(comm, fault)
+    return SOLVED
+
+
 def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
     chosen = read_arguments(comm, arguments)
     if chosen.command == "run":
@@ -86,7 +114,11 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
             finally:
                 terminal.clear()
     with logged_to_console(comm):
-        return check(comm, chosen.case) if chosen.command == "check" else info(comm)
+        if chosen.command == "check":
+            return check(comm, chosen.case)
+        if chosen.command == "info":
+            return info(comm)
+        return draw(comm, chosen.command, chosen.results, chosen.output)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from perfplast_fenicsx import __version__
+from perfplast_fenicsx.completion import complete
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.logs import LEVELS
 
@@ -28,6 +29,7 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
         split = ours.index("--")
         ours, petsc = ours[:split], ours[split + 1 :]
     parser = make_parser(comm)
+    complete(parser)
     chosen = parser.parse_args(ours)
     if petsc and chosen.command not in SOLVING:
         raise InputError(f"perfplast {chosen.command} takes no PETSc options; leave out '--'.")
@@ -124,6 +126,26 @@ def make_parser(comm: MPI.Intracomm) -> argparse.ArgumentParser:
         "check", help="check a case, its mesh and names included, without solving it"
     )
     check.add_argument("case", metavar="CASE.toml", help="what to check")
+
+    plot = commands.add_parser(
+        "plot",
+        help="draw loading curve, plastic zone, mechanism and contact pressure",
+        description="Draw path.png, fields.png and mechanism.png of a run, which may still be"
+        " going on. One process draws, whatever the number of ranks.",
+    )
+    plot.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
+    plot.add_argument("-o", "--output", metavar="FOLDER", help="for the pictures (default: DIR)")
+
+    animate = commands.add_parser(
+        "animate",
+        help="show the loading as an animation",
+        description="Show plastic zone, contact pressure and loading curve of a run level by level."
+        " One process draws, whatever the number of ranks.",
+    )
+    animate.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
+    animate.add_argument(
+        "-o", "--output", metavar="FILE", help=".gif or .webp (default: DIR/loading.gif)"
+    )
 
     commands.add_parser(
         "info", help="show versions, PETSc's packages, BLAS, ranks and threads, for bug reports"

@@ -1,9 +1,9 @@
 """The drawing program's process, with an X server of its own."""
 
 import json
-import logging
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -16,24 +16,37 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-log = logging.getLogger(__name__)
-
 PATIENCE = 300.0
-"""Longest time for a picture (s)."""
+"""Longest time for a picture (s), and for each further frame a tenth of it."""
+
+
+class DrawingError(RuntimeError):
+    """Nothing can be drawn; the message is a sentence that says why, and what to install."""
+
+
+def not_installed(package: str) -> DrawingError:
+    """The error where a Python package is missing."""
+    return DrawingError(
+        f"{package} is not installed; install Debian's package python3-{package}, or use"
+        f" pip install {package}."
+    )
 
 
 def images(
-    arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, object], name: str
-) -> npt.NDArray[np.uint8] | None:
+    arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, object], num_frames: int = 1
+) -> npt.NDArray[np.uint8]:
     """Draw by :mod:`perfplast_fenicsx.render` in a process of its own.
 
     Args:
         arrays: What that reads.
         about: The same, as JSON.
-        name: Of the picture, for warnings.
+        num_frames: In there.
 
     Returns:
-        The panels, shape (num_panels, height, width, 3); None after a warning that says why not.
+        The panels of each frame, shape (num_frames, num_panels, height, width, 3).
+
+    Raises:
+        DrawingError: If there is no graphics system, or it fails.
     """
     program = Path(__file__).with_name("render.py")
     with tempfile.TemporaryDirectory() as folder, display() as environment:
@@ -47,23 +60,27 @@ def images(
                 env=environment,
                 capture_output=True,
                 text=True,
-                timeout=PATIENCE,
+                timeout=PATIENCE * (1 + 0.1 * num_frames),
                 check=False,
             )
         except (OSError, subprocess.TimeoutExpired) as error:
-            log.warning("%s was not drawn (%s).", name, error)
-            return None
+            raise DrawingError(f"the drawing program cannot be run ({error}).") from error
         if done.returncode == 0 and target.exists():
             return np.asarray(np.load(target))
-    log.warning("%s was not drawn: %s", name, _cause(environment, done))
-    return None
+    raise _cause(environment, done)
 
 
-def _cause(environment: Mapping[str, str], done: subprocess.CompletedProcess[str]) -> str:
+def _cause(environment: Mapping[str, str], done: subprocess.CompletedProcess[str]) -> DrawingError:
     last = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
+    missing = re.fullmatch(r"ModuleNotFoundError: No module named '(\w+)'", last)
+    if missing:
+        return not_installed(missing[1])
     if "DISPLAY" not in environment and "Error" not in last:
-        return "there is no X server; install Xvfb (Debian package xvfb), or set DISPLAY."
-    return f"the drawing program failed ({last})."
+        return DrawingError(
+            "there is no X server to draw with; install Xvfb (Debian's package xvfb), or set"
+            " DISPLAY."
+        )
+    return DrawingError(f"the drawing program failed ({last}).")
 
 
 @contextmanager

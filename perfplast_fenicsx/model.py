@@ -70,10 +70,15 @@ class Model:
 
     @property
     def marks(self) -> dict[str, list[str]]:
-        """Surfaces of each mark of a skin: ``load i`` for each load on surfaces, ``contact``."""
+        """Surfaces of each mark of a skin.
+
+        ``load i`` for each load on surfaces, ``contact`` where its pressure is shown, ``opposite``
+        for the other surface of each pair.
+        """
         marks = {f"load {i}": [load.on] for i, load in enumerate(self.on_surfaces)}
         contact = [contact.secondary for contact in self.contacts]
-        return marks | {"contact": contact + [obstacle.on for obstacle in self.obstacles]}
+        marks["contact"] = contact + [obstacle.on for obstacle in self.obstacles]
+        return marks | {"opposite": [contact.primary for contact in self.contacts]}
 
 
 def write_model(model: Model, assembly: Assembly, path: Path) -> None:

@@ -1,34 +1,35 @@
-"""Pictures of a run: ``fields.png``, the deformed bodies, and ``path.png``, ζ over α."""
+"""Pictures that a run makes: ``fields.png``, the deformed bodies, and ``path.png``, ζ over α.
+
+Where nothing can be drawn, a warning says why, and the run goes on.
+"""
 
 import logging
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.assembly import Assembly
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.contact import Contact
-from perfplast_fenicsx.graphics import images
-from perfplast_fenicsx.limit_load import LimitLoad
-from perfplast_fenicsx.loads import Load, Pressure, Traction
+from perfplast_fenicsx.curve import Bounds, save_curve
+from perfplast_fenicsx.graphics import DrawingError
+from perfplast_fenicsx.loads import Load
 from perfplast_fenicsx.materials import strain
+from perfplast_fenicsx.model import Model, Units
 from perfplast_fenicsx.obstacles import Obstacle
+from perfplast_fenicsx.pictures import draw_surface
 from perfplast_fenicsx.problem import Problem
-from perfplast_fenicsx.scenery import best_view, load_arrows, sample_obstacles
 from perfplast_fenicsx.spaces import by_cell
 from perfplast_fenicsx.state import LevelReport
-from perfplast_fenicsx.surface import Surface, gather_surface
+from perfplast_fenicsx.surface import gather_surface
 
 log = logging.getLogger(__name__)
 
-SHOWN_DEFORMATION, SHOWN_MECHANISM = 0.1, 0.04
-"""The largest displacement is drawn about so large, relative to the size of the assembly."""
+NODAL, CELLWISE = ("displacement", "contact_pressure"), ("yield_ratio", "dissipation")
 
 
 def draw_fields(
@@ -41,6 +42,7 @@ def draw_fields(
     path: Path,
     caption: str | None = None,
     obstacles: Sequence[Obstacle] = (),
+    units: Units = Units(),  # noqa: B008 (frozen)
 ) -> bool:
     """Draw the deformed bodies with plastic zone, displacement and contact pressure. Collective.
 
@@ -59,6 +61,7 @@ def draw_fields(
         path: The png file.
         caption: Second line of the heading; by default load factor and work.
         obstacles: Shown where they are near, and with the contact pressure.
+        units: For the legends.
 
     Returns:
         Whether there is a picture, on every rank alike.
@@ -66,29 +69,28 @@ def draw_fields(
     gdim, comm = assembly.mesh.geometry.dim, assembly.mesh.comm
     for obstacle in obstacles:
         obstacle.towards(np.zeros((0, gdim)))  # one that does not fit raises on every rank
-    nodal = {name: fields[name] for name in ("displacement", "contact_pressure")}
-    cellwise = {name: fields[name] for name in ("yield_ratio", "dissipation") if name in fields}
-    largest = float(cellwise["dissipation"].x.array.max(initial=0)) if len(cellwise) > 1 else 0.0
-    largest = comm.allreduce(largest, MPI.MAX)
-    on_surfaces = [load for load in loads if isinstance(load, Traction | Pressure)]
-    marks = {f"load {i}": [load.on] for i, load in enumerate(on_surfaces)}
-    marks["contact"] = [contact.secondary for contact in contacts]
-    marks["contact"] += [obstacle.on for obstacle in obstacles]
-    surface = gather_surface(assembly, nodal, cellwise, marks)
+    largest = None
+    if "dissipation" in fields:
+        own = float(fields["dissipation"].x.array.max(initial=0))
+        largest = comm.allreduce(own, MPI.MAX)
+    model = Model(title, loads, contacts, obstacles, units)
+    nodal = {name: fields[name] for name in NODAL}
+    cellwise = {name: fields[name] for name in CELLWISE if name in fields}
+    surface = gather_surface(assembly, nodal, cellwise, model.marks)
     drawn = False
     if surface is not None:
-        scale = deformation_scale(
-            surface, SHOWN_MECHANISM if "dissipation" in cellwise else SHOWN_DEFORMATION
-        )
-        enlarged = "to scale" if scale == 1 else f"drawn {scale:g} times as large"
-        level = f"load factor ζ = {report.zeta:.6g},   work of the loads α = {report.alpha:.5g}"
-        words = (title, f"{caption or level},   deformation {enlarged}")
-        points = surface.points + scale * surface.at_points["displacement"]
+        caption = caption or level_caption(report.zeta, report.alpha, units.of_work(gdim))
         try:
-            drawn = _draw(surface, points, largest, on_surfaces, obstacles, words, path)
+            draw_surface(surface, model, caption, path, largest)
+            drawn = True
         except Exception as error:  # the other ranks wait, and a picture is no reason to stop
-            log.warning("%s was not drawn (%s).", path.name, error)
+            log.warning("%s was not drawn: %s", path.name, error)
     return bool(comm.bcast(drawn))
+
+
+def level_caption(zeta: float, alpha: float, unit: str) -> str:
+    """A level in words."""
+    return f"load factor ζ = {zeta:.6g},   work of the loads α = {alpha:.5g} {unit}".rstrip()
 
 
 def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
@@ -107,18 +109,12 @@ def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
     return mean
 
 
-def deformation_scale(surface: Surface, shown: float = SHOWN_DEFORMATION) -> float:
-    """A round number (1, 2 or 5 times a power of ten) that makes the deformation visible."""
-    largest = float(np.linalg.norm(surface.at_points["displacement"], axis=1).max(initial=0))
-    wanted = shown * surface.size / largest if largest > 0 else 1.0
-    if not (math.isfinite(wanted) and wanted > 0):
-        return 1.0
-    power = 10.0 ** math.floor(math.log10(wanted))
-    return float(max(digit * power for digit in (1, 2, 5) if digit * power <= wanted * (1 + 1e-9)))
-
-
 def draw_path(
-    reports: Sequence[LevelReport], title: str, path: Path, limit: LimitLoad | None = None
+    reports: Sequence[LevelReport],
+    title: str,
+    path: Path,
+    limit: Bounds | None = None,
+    unit: str = "",
 ) -> None:
     """Draw the load factor ζ over the work α of the converged levels. Not collective.
 
@@ -129,82 +125,9 @@ def draw_path(
         title: Heading.
         path: The png file.
         limit: Limit load, to be marked with its bounds.
+        unit: Of the work.
     """
     try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        log.warning("%s was not drawn: matplotlib is not installed.", path.name)
-        return
-    solved = [report for report in reports if report.converged]
-    figure = Figure(figsize=(7, 5), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    alphas = [0.0, *(report.alpha for report in solved)]
-    zetas = [0.0, *(report.zeta for report in solved)]
-    axes.plot(alphas, zetas, "o-", color="#3b6ea5", markersize=5, label="solved load levels")
-    if solved and solved[0].plastic_cells == 0 and solved[0].zeta > 0:
-        slope = solved[0].alpha / solved[0].zeta
-        top = max(zetas) * 1.05
-        straight = np.linspace(0, top, 200)  # curved where the axis is logarithmic
-        axes.plot(slope * straight, straight, ":", color="#707070", label="elastic")
-    for report in reports:
-        if not report.converged:
-            label = f"no solution found at ζ = {report.zeta:.6g}"
-            axes.axhline(report.zeta, color="#d62020", linestyle="--", label=label)
-    if limit is not None and limit.estimate is not None:
-        label = f"limit load, estimated {limit.estimate:.6g}"
-        axes.axhline(limit.estimate, color="#d62020", linewidth=1, label=label)
-        if limit.upper is not None:
-            label = f"bounds {limit.lower:.6g} to {limit.upper:.6g}"
-            axes.axhspan(limit.lower, limit.upper, color="#d62020", alpha=0.15, label=label)
-        axes.set_xscale("symlog", linthresh=solved[0].alpha)
-    axes.set(xlabel="work of the loads α", ylabel="load factor ζ")
-    axes.set_title(title, parse_math=False)
-    axes.set_xlim(left=0)
-    axes.set_ylim(bottom=0)
-    axes.grid(alpha=0.3)
-    axes.legend(loc="lower right")
-    figure.savefig(path)
-
-
-def _draw(
-    surface: Surface,
-    points: npt.NDArray[np.float64],
-    largest_dissipation: float,
-    loads: Sequence[Traction | Pressure],
-    obstacles: Sequence[Obstacle],
-    words: tuple[str, str],
-    path: Path,
-) -> bool:
-    """Draw a surface, its points moved, under two lines of words. Not collective."""
-    from perfplast_fenicsx.panels import compose, hue, panels
-
-    shown = panels(surface, largest_dissipation)
-    arrows = load_arrows(surface, points, loads)
-    near = sample_obstacles(surface, points, obstacles)
-    arrays = {
-        "undeformed": surface.points,
-        "points": points,
-        "triangles": surface.triangles,
-        "facets": surface.facets,
-        "body": surface.body,
-        "arrow_starts": arrows.starts,
-        "arrows": arrows.vectors,
-        **{f"colours {i}": panel.colours for i, panel in enumerate(shown)},
-        **{f"facets {i}": p.facets for i, p in enumerate(shown) if p.facets is not None},
-        **{f"obstacle {i}": distance for i, distance in enumerate(near.distances)},
-    }
-    about = {
-        "hues": [hue(body) for body in range(len(surface.names))],
-        "view": best_view(surface),
-        "loads": [panel.loads for panel in shown],
-        "corner": near.corner.tolist(),
-        "spacing": near.spacing.tolist(),
-        "num_obstacles": len(obstacles),
-    }
-    drawn = images(arrays, about, path.name)
-    if drawn is None:
-        return False
-    compose(shown, drawn, *words, path)
-    return True
+        save_curve(reports, title, path, limit, unit)
+    except DrawingError as error:
+        log.warning("%s was not drawn: %s", path.name, error)

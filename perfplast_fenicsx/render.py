@@ -14,7 +14,6 @@ import pyvista as pv
 
 Floats = npt.NDArray[np.float64]
 
-PIXELS = (1000, 800)
 SHARP = 30.0
 """Edges between facets that differ by more degrees are drawn."""
 
@@ -32,33 +31,36 @@ HATCHES = 60
 
 
 class Scene:
-    """The deformed bodies of a file and what is around them, seen from one direction."""
+    """The deformed bodies of a file and what is around them, seen from one direction.
+
+    The frames of an animation differ in the deformation, the arrows and the colours. They have one
+    camera, which sees all of them.
+    """
 
     def __init__(self, data: dict[str, npt.NDArray[Any]], about: dict[str, Any]) -> None:
         self.data, self.about = data, about
         self.triangles, self.facets = data["triangles"], data["facets"]
-        self.undeformed, self.points = data["undeformed"], data["points"]
+        self.undeformed, self.frames = data["undeformed"], data["points"]
+        self.pixels = tuple(about["pixels"])
         self.size = float(np.linalg.norm(np.ptp(self.undeformed, axis=0)))
         self.flat = self.facets.shape[1] == 2
-        if self.flat:
-            self.outlines = [tuple(_mesh(x, self.facets) for x in (self.undeformed, self.points))]
-        else:
-            self.outlines = [self._outline(body) for body in range(len(about["hues"]))]
+        self.sharp = [] if self.flat else [self._sharp(body) for body in range(len(about["hues"]))]
         self.obstacles = [
             self._obstacle(data[f"obstacle {i}"]) for i in range(about["num_obstacles"])
         ]
 
-    def draw(self, panel: int) -> npt.NDArray[np.uint8]:
+    def draw(self, frame: int, panel: int) -> npt.NDArray[np.uint8]:
         """An image of a panel, shape (height, width, 3)."""
-        plotter = pv.Plotter(off_screen=True, window_size=list(PIXELS))
+        plotter = pv.Plotter(off_screen=True, window_size=list(self.pixels))
         plotter.set_background("white")
-        colours = self.data[f"colours {panel}"]
+        points = self.frames[frame]
+        colours = self.data[f"colours {panel}"][frame]
         chosen = self.data.get(f"facets {panel}")
         if chosen is None:
-            self._add_bodies(plotter, colours)
+            self._add_bodies(plotter, points, colours)
         else:
-            self._add_contact(plotter, colours, chosen)
-        for before, after in self.outlines:
+            self._add_contact(plotter, points, colours, chosen)
+        for before, after in self._outlines(points):
             plotter.add_mesh(before, color="#b0b0b0", line_width=1.5, lighting=False)
             plotter.add_mesh(after, color="#202020", line_width=2.5, lighting=False)
         for parts in self.obstacles:
@@ -67,7 +69,7 @@ class Scene:
         plotter.view_vector(self.about["view"], viewup=(0, 1, 0) if self.flat else (0, 0, 1))
         plotter.enable_parallel_projection()
         if self.about["loads"][panel] and len(self.data["arrows"]):
-            start, vector = self.data["arrow_starts"], self.data["arrows"]
+            start, vector = self.data["arrow_starts"][frame], self.data["arrows"]
             plotter.add_arrows(start, vector, color="#111111", lighting=False)
         self._frame(plotter)
         plotter.enable_anti_aliasing("ssaa")
@@ -75,9 +77,9 @@ class Scene:
         plotter.close()
         return np.asarray(image)
 
-    def _add_bodies(self, plotter: pv.Plotter, colours: Floats) -> None:
+    def _add_bodies(self, plotter: pv.Plotter, points: Floats, colours: Floats) -> None:
         plotter.add_mesh(
-            _mesh(self.points, self.triangles),
+            _mesh(points, self.triangles),
             scalars=colours,
             rgb=True,
             lighting=not self.flat,
@@ -90,24 +92,24 @@ class Scene:
         )
 
     def _add_contact(
-        self, plotter: pv.Plotter, colours: Floats, chosen: npt.NDArray[np.bool_]
+        self, plotter: pv.Plotter, points: Floats, colours: Floats, chosen: npt.NDArray[np.bool_]
     ) -> None:
         """The chosen facets over bodies of glass: triangles, or thick lines with a rim."""
         for body, hue in enumerate(self.about["hues"]):
             glass = self.data["body"] == body
-            if not self.flat:
-                glass &= ~chosen
+            if not self.flat:  # two skins at the same place would be mixed up
+                glass &= ~(chosen | self.data["opposite"])
             if glass.any():
-                mesh = _mesh(self.points, self.triangles[glass])
+                mesh = _mesh(points, self.triangles[glass])
                 plotter.add_mesh(mesh, color=hue, opacity=GLASS[self.flat], lighting=False)
         if not self.flat:
-            mesh = _mesh(self.points, self.facets[chosen])
-            plotter.add_mesh(mesh, scalars=colours, rgb=True, ambient=0.6, diffuse=0.45)
+            mesh = _mesh(points, self.facets[chosen])
+            plotter.add_mesh(mesh, scalars=colours, rgb=True, lighting=False)
             return
         rim: dict[str, Any] = {"color": "#404040", "line_width": 30}
         line: dict[str, Any] = {"scalars": colours, "rgb": True, "line_width": 24}
         for layer, paint in enumerate((rim, line), start=1):
-            lifted = self.points + np.array([0, 0, layer * IN_FRONT * self.size])
+            lifted = points + np.array([0, 0, layer * IN_FRONT * self.size])
             plotter.add_mesh(_mesh(lifted, self.facets[chosen]), lighting=False, **paint)
 
     def _obstacle(self, distance: Floats) -> list[tuple[pv.DataSet, dict[str, Any]]]:
@@ -146,29 +148,36 @@ class Scene:
         axes = np.array([right, np.cross(towards, right)])
         around = [mesh.points for parts in self.obstacles for mesh, _ in parts]
         starts = self.data["arrow_starts"]
-        ends = starts + self.data["arrows"]
-        seen = np.concatenate([self.points, self.undeformed, starts, ends, *around])
+        arrows = np.concatenate([starts, starts + self.data["arrows"]]).reshape(-1, 3)
+        seen = np.concatenate([self.frames.reshape(-1, 3), self.undeformed, arrows, *around])
         low, high = (seen @ axes.T).min(axis=0), (seen @ axes.T).max(axis=0)
         half = (high - low) / 2
         centre = (low + high) / 2 @ axes + (seen.mean(axis=0) @ towards) * towards
         plotter.camera.focal_point = centre
         plotter.camera.position = centre + 3 * self.size * towards
-        plotter.camera.parallel_scale = 1.04 * max(half[1], half[0] * PIXELS[1] / PIXELS[0])
+        plotter.camera.parallel_scale = 1.04 * max(
+            half[1], half[0] * self.pixels[1] / self.pixels[0]
+        )
         plotter.reset_camera_clipping_range()
 
-    def _outline(self, body: int) -> tuple[pv.PolyData, pv.PolyData]:
-        """Sharp edges of a body before and after the deformation.
+    def _outlines(self, points: Floats) -> list[tuple[pv.PolyData, pv.PolyData]]:
+        """Edges of the bodies before and after a deformation."""
+        if self.flat:
+            return [(_mesh(self.undeformed, self.facets), _mesh(points, self.facets))]
+        found = []
+        for before in self.sharp:
+            after = before.copy()
+            after.points = points[before.point_data["number"]]
+            found.append((before, after))
+        return found
 
-        They are found before it, where an edge that bends is sharp all along.
-        """
+    def _sharp(self, body: int) -> pv.PolyData:
+        """Sharp edges of a body; found before it bends, where an edge is sharp all along."""
         mesh = _mesh(self.undeformed, self.triangles[self.data["body"] == body])
-        mesh.point_data["moved"] = self.points
-        before = mesh.clean().extract_feature_edges(
+        mesh.point_data["number"] = np.arange(len(self.undeformed))
+        return mesh.clean().extract_feature_edges(
             SHARP, boundary_edges=False, manifold_edges=False, non_manifold_edges=False
         )
-        after = before.copy()
-        after.points = before.point_data["moved"]
-        return before, after
 
 
 def _mesh(points: Floats, cells: npt.NDArray[np.int64]) -> pv.PolyData:
@@ -179,11 +188,12 @@ def _mesh(points: Floats, cells: npt.NDArray[np.int64]) -> pv.PolyData:
 
 
 def main(source: str, target: str) -> None:
-    """Draw the panels of the file ``source`` (npz) as arrays of pixels in ``target`` (npy)."""
+    """Draw all panels of the frames of ``source`` (npz) as arrays of pixels in ``target`` (npy)."""
     with np.load(source) as file:
         data = {name: file[name] for name in file.files}
     scene = Scene(data, json.loads(str(data.pop("about"))))
-    np.save(target, np.stack([scene.draw(panel) for panel in range(len(scene.about["loads"]))]))
+    frames, panels = range(len(scene.frames)), range(len(scene.about["loads"]))
+    np.save(target, np.stack([[scene.draw(frame, panel) for panel in panels] for frame in frames]))
 
 
 if __name__ == "__main__":

@@ -132,7 +132,7 @@ def _draw(case: Case, problem: Problem, recorder: Recorder, limit: LimitLoad | N
     def draw(fields: dict[str, fem.Function], name: str, caption: str | None = None) -> None:
         about = (report, case.title, case.loads, case.contacts)
         path = folder.file(name)
-        draw_fields(problem.assembly, fields, *about, path, caption, case.obstacles)
+        draw_fields(problem.assembly, fields, *about, path, caption, case.obstacles, case.units)
 
     fields = recorder.recovery.update(last.state)
     draw(fields, "fields.png")
@@ -142,4 +142,5 @@ def _draw(case: Case, problem: Problem, recorder: Recorder, limit: LimitLoad | N
         mechanism = fields | {"displacement": limit.mechanism, "dissipation": work}
         draw(mechanism, "mechanism.png", caption)
     path = folder.file("path.png")
-    folder.on_root(lambda: draw_path(results.reports, case.title, path, limit))
+    unit = case.units.of_work(problem.assembly.mesh.geometry.dim)
+    folder.on_root(lambda: draw_path(results.reports, case.title, path, limit, unit))

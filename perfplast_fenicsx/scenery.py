@@ -56,7 +56,8 @@ def load_arrows(surface: Surface, points: Floats, loads: Sequence[Traction | Pre
             continue
         total = np.linalg.norm(normals, axis=1).sum()
         spacing = max((total / ARROWS) ** (1 / (facets.shape[1] - 1)), APART * surface.size)
-        ends, facet = _spread(points[facets], spacing)
+        weights, facet = _spread(surface.points[facets], spacing)
+        ends = np.einsum("nc,nci->ni", weights, points[facets[facet]])
         d = directions[facet] / np.linalg.norm(directions[facet], axis=1, keepdims=True)
         d *= ARROW * surface.size
         pushes = np.einsum("ni,ni->", d, normals[facet]) < 0
@@ -66,7 +67,11 @@ def load_arrows(surface: Surface, points: Floats, loads: Sequence[Traction | Pre
 
 
 def _spread(corners: Floats, spacing: float) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Points on facets about so far apart, those nearest the middles of boxes, and their facets."""
+    """Points on facets about so far apart, those nearest the middles of boxes.
+
+    Returns:
+        Their weights for the facet's corners, shape (num_points, 2 or 3), and their facets.
+    """
     if corners.shape[1] == 2:
         s = (np.arange(48) + 0.5) / 48
         weights = np.column_stack([s, 1 - s])
@@ -80,7 +85,7 @@ def _spread(corners: Floats, spacing: float) -> tuple[Floats, npt.NDArray[np.int
     boxes = np.minimum(np.floor(scaled), count - 1)
     near = np.argsort(np.linalg.norm(scaled - boxes - 0.5, axis=1), kind="stable")
     chosen = near[np.unique(boxes[near], axis=0, return_index=True)[1]]
-    return points[chosen], chosen // len(weights)
+    return weights[chosen % len(weights)], chosen // len(weights)
 
 
 @dataclass(frozen=True)

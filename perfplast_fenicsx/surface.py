@@ -6,6 +6,7 @@ Of a plane mesh the skin is the mesh itself, and its exterior facets are the edg
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -132,11 +133,21 @@ def _exterior(assembly: Assembly) -> tuple[Ints, Ints, Ints]:
     to_cell = mesh.topology.connectivity(tdim - 1, tdim)
     cells = to_cell.array[to_cell.offsets[facets]]
     x: Floats = mesh.geometry.x.astype(np.float64)
-    centres = x[geometry_dofmap(mesh)[cells, : tdim + 1]].mean(axis=1)
+    turn_outward(corners, x, x[geometry_dofmap(mesh)[cells, : tdim + 1]].mean(axis=1))
+    return facets, corners, cells
+
+
+def turn_outward(corners: npt.NDArray[Any], x: Floats, centres: Floats) -> None:
+    """Order the corners of facets such that their normals point out of their cells.
+
+    Args:
+        corners: Indices of points, shape (num_facets, 2 or 3); changed in place.
+        x: The points, shape (num_points, 3).
+        centres: Of each facet's cell, shape (num_facets, 3).
+    """
     from_inside: Floats = x[corners[:, 0]] - centres
     inward = np.einsum("ni,ni->n", _normals(x, corners), from_inside) < 0
     corners[inward, -2:] = corners[inward, :-3:-1]
-    return facets, corners, cells
 
 
 def _normals(points: Floats, facets: npt.NDArray[np.integer]) -> Floats:

@@ -40,6 +40,7 @@ def test_written_and_read(tmp_path: Path) -> None:
         "load 0": ["top"],
         "load 1": ["left"],
         "contact": ["lower_top", "top", "left", "top"],
+        "opposite": ["upper_bottom"],
     }
 
 

@@ -19,7 +19,8 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.loads import Pressure, Support, Traction
 from perfplast_fenicsx.materials import Elastic
 from perfplast_fenicsx.obstacles import Cylinder, Obstacle, Plane, Sphere
-from perfplast_fenicsx.plotting import deformation_scale, dissipation, draw_fields, draw_path
+from perfplast_fenicsx.pictures import deformation_scale
+from perfplast_fenicsx.plotting import dissipation, draw_fields, draw_path
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.scenery import load_arrows, sample_obstacles
 from perfplast_fenicsx.surface import Surface, gather_surface
@@ -203,7 +204,7 @@ def test_deformation_scale(largest: float, scale: float) -> None:
     none = np.zeros(1, dtype=np.int64)
     no_edges = np.zeros((0, 2), dtype=np.int64)
     surface = Surface(points, np.array([[0, 1, 2]]), no_edges, none, ["a"], moved, {}, {})
-    assert deformation_scale(surface) == pytest.approx(scale, rel=1e-12)
+    assert deformation_scale([surface]) == pytest.approx(scale, rel=1e-12)
 
 
 @pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no Xvfb to draw with")

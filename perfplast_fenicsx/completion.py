@@ -1,0 +1,42 @@
+"""Completion of arguments by the shell, where argcomplete is installed."""
+
+import argparse
+import os
+from typing import Any
+
+ENDINGS = {"CASE.toml": ("toml",), "FILE": ("gif", "webp")}
+"""Of the files that arguments name, by metavar."""
+
+FOLDERS = ("DIR", "FOLDER")
+"""Metavars of arguments that name folders."""
+
+
+def complete(parser: argparse.ArgumentParser, **settings: Any) -> None:
+    """Answer the shell and end the process, if it is the shell that asks; else do nothing.
+
+    Args:
+        parser: Of all commands.
+        settings: Of ``argcomplete.autocomplete``, for tests.
+    """
+    if "_ARGCOMPLETE" not in os.environ:
+        return
+    try:
+        import argcomplete
+        from argcomplete.completers import DirectoriesCompleter, FilesCompleter
+    except ImportError:
+        return
+    for action in _actions(parser):
+        if action.metavar in FOLDERS:
+            vars(action)["completer"] = DirectoriesCompleter()
+        elif isinstance(action.metavar, str) and action.metavar in ENDINGS:
+            vars(action)["completer"] = FilesCompleter(ENDINGS[action.metavar])
+    argcomplete.autocomplete(parser, **settings)
+
+
+def _actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    """Those of the parser and of its commands."""
+    found = list(parser._actions)
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            found += [deeper for command in action.choices.values() for deeper in _actions(command)]
+    return found
