@@ -157,7 +157,7 @@ def _common_colours(frames: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     codes = (frames.reshape(-1, 3) & 0xFC).astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1])
     different = np.unique(codes)[:, None] >> np.array([16, 8, 0]) & 0xFF
     sample = Image.fromarray(different.astype(np.uint8)[None])
-    found = sample.quantize(255, Image.Quantize.MEDIANCUT).getpalette() or []
+    found = sample.quantize(255, Image.Quantize.MEDIANCUT, kmeans=2).getpalette() or []
     colours = np.full((256, 3), 255, dtype=np.uint8)
     colours[: min(len(found) // 3, 255)] = np.reshape(found, (-1, 3))[:255]
     return colours

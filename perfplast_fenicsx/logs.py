@@ -61,18 +61,19 @@ class RunLog:
     a run that goes on in a folder is appended to what there is.
     """
 
-    def __init__(self, folder: ResultFolder, level: str = "info") -> None:
+    def __init__(self, folder: ResultFolder, level: str = "info", first: int = 1) -> None:
         """Open the file. Collective.
 
         Args:
             folder: Where it is.
             level: Also log what is as serious as this, if less than "info".
+            first: Number of the first load level, where the run goes on from others.
 
         Raises:
             InputError: If it cannot be written.
         """
         self._comm = folder.comm
-        self._number = 1
+        self._number = first
         self._began = time.perf_counter()
         fault = None
         handler: logging.Handler = logging.NullHandler()

@@ -27,7 +27,7 @@ from perfplast_fenicsx.state import LevelReport
 
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "model.json", "fields.xdmf", "fields.h5"),
-    *("path.png", "fields.png"),
+    *("path.png", "fields.png", "loading.gif"),
     *("mechanism.xdmf", "mechanism.h5", "mechanism.png"),
     *("checkpoint.h5", "checkpoint_before.h5"),
 )

@@ -73,7 +73,7 @@ def run(
         if not restart:
             folder.create()
             checkpoints.write(saved)
-        with RunLog(folder, log_level) as journal:
+        with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
             journal.header(case, describe(case.title, case.method, problem))
             try:
                 about = (case, problem, folder, checkpoints, saved, terminal, journal, interrupts)

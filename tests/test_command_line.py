@@ -13,6 +13,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import pytest
+from test_output import report
 
 import perfplast_fenicsx
 from perfplast_fenicsx import __main__ as command_line
@@ -351,12 +352,14 @@ def test_warnings_and_faults_are_in_the_log(comm: MPI.Intracomm, shared_tmp_path
     assert "\nZeroDivisionError: a fault\n" in text
     assert "too small" not in text
     assert "any more" not in text
-    with RunLog(folder, "debug"):
+    with RunLog(folder, "debug", first=3) as journal:
         log.debug("seen now")
+        journal.level(report(7.5, reason="criterion met"))
     comm.barrier()
     text = folder.file("run.log").read_text(encoding="utf-8")
     assert "watch out" in text
     assert " DEBUG   seen now\n" in text
+    assert " INFO    level 3: solved (criterion met): zeta 7.5, alpha " in text
 
 
 @pytest.mark.parametrize("more", [["--quiet"], ["--quiet", "--log-level", "info"], []])
