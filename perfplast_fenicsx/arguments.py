@@ -1,7 +1,7 @@
 """The arguments of the command line, and the PETSc options behind them."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NoReturn
 
 from mpi4py import MPI
@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 from perfplast_fenicsx import __version__
 from perfplast_fenicsx.completion import complete
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.logs import LEVELS
 
 
@@ -30,7 +30,11 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
         ours, petsc = ours[:split], ours[split + 1 :]
     parser = make_parser(comm)
     complete(parser)
-    chosen = parser.parse_args(ours)
+    chosen, unknown = parser.parse_known_args(ours)
+    if unknown:
+        known = [name for name in parser.options(chosen.command) if name.startswith("--")]
+        first, remedy = unknown[0], nearest(unknown[0], known)
+        raise InputError(f"perfplast {chosen.command} has no argument '{first}'; {remedy}")
     if petsc and chosen.command not in SOLVING:
         raise InputError(f"perfplast {chosen.command} takes no PETSc options; leave out '--'.")
     if chosen.command == "run" and chosen.restart and chosen.force:
@@ -75,6 +79,11 @@ class _Parser(argparse.ArgumentParser):
     """Speaks on rank 0 only, and raises InputError instead of printing its usage."""
 
     comm: MPI.Intracomm = MPI.COMM_WORLD
+    commands: Mapping[str, argparse.ArgumentParser]
+
+    def options(self, command: str) -> list[str]:
+        """The names of the options of a command."""
+        return list(self.commands[command]._option_string_actions)
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message}; see {self.prog} --help.")
@@ -84,7 +93,7 @@ class _Parser(argparse.ArgumentParser):
             super()._print_message(message, file)  # type: ignore[arg-type]
 
 
-def make_parser(comm: MPI.Intracomm) -> argparse.ArgumentParser:
+def make_parser(comm: MPI.Intracomm) -> _Parser:
     """The parser of all commands."""
     parser = _Parser(
         prog="perfplast",
@@ -96,6 +105,7 @@ def make_parser(comm: MPI.Intracomm) -> argparse.ArgumentParser:
     parser.comm = comm
     parser.add_argument("--version", action="version", version=f"perfplast {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    parser.commands = commands.choices
 
     run = commands.add_parser(
         "run",

@@ -203,8 +203,8 @@ def test_bad_input_leaves_older_results(
         (["check", "no-such-case.toml"], "'no-such-case.toml' cannot be read"),
         (["check", "case.toml", "--", "ksp_type", "cg"], "'ksp_type'"),
         (["run", "case.toml", "-o", "r", "--log-level", "loud"], "'loud' (choose from"),
-        (["info", "--", "-ksp_type", "cg"], "takes no PETSc options"),
-        (["run", "case.toml", "-o", "r", "--log-level", "loud"], "'loud' (choose from"),
+        (["run", "case.toml", "-o", "r", "--frce"], "did you mean '--force'?"),
+        (["plot", "a", "b"], "perfplast plot has no argument 'b'; known: --help, --output."),
         (["info", "--", "-ksp_type", "cg"], "takes no PETSc options"),
     ],
 )
