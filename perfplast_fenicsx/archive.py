@@ -50,7 +50,7 @@ class StoredLevel:
     Attributes:
         number: From 1.
         report: Its row of ``path.csv``.
-        places: Of its fields in ``fields.h5``, by name.
+        places: Of its fields, as ``FILE:/ARRAY``, by name.
     """
 
     number: int
@@ -133,14 +133,10 @@ class Archive:
 
     def surface(self, level: StoredLevel) -> Surface:
         """The skin with the fields of a level."""
-
-        def read(path: Path) -> Surface:
-            with h5py.File(path, locking=False) as file:
-                at_points = {name: self._nodal(file[level.places[name]]) for name in NODAL}
-                at_cells = {name: self._cellwise(file[level.places[name]]) for name in CELLWISE}
-            return dataclasses.replace(self._skin.surface, at_points=at_points, at_cells=at_cells)
-
-        return self._read("fields.h5", read)
+        places = level.places
+        at_points = {name: self._nodal(self._array(places[name])) for name in NODAL}
+        at_cells = {name: self._cellwise(self._array(places[name])) for name in CELLWISE}
+        return dataclasses.replace(self._skin.surface, at_points=at_points, at_cells=at_cells)
 
     def mechanism(self, surface: Surface) -> tuple[Surface, float] | None:
         """The collapse mechanism, where the limit load has been found.
@@ -154,19 +150,14 @@ class Archive:
         """
         if self.limit is None or not (self.path / "mechanism.xdmf").exists():
             return None
-
         (_, places), *_ = self._series("mechanism.xdmf") or [(0.0, {})]
-
-        def read(path: Path) -> tuple[Surface, float]:
-            with h5py.File(path, locking=False) as file:
-                velocity = self._nodal(file[places["mechanism"]])
-                work = np.asarray(file[places["dissipation"]], dtype=np.float64)
-            at_cells = surface.at_cells | {"dissipation": self._cellwise(work)}
-            at_points = surface.at_points | {"displacement": velocity}
-            found = dataclasses.replace(surface, at_points=at_points, at_cells=at_cells)
-            return found, float(work.max(initial=0.0))
-
-        return self._read("mechanism.h5", read)
+        work = self._array(places["dissipation"])
+        at_cells = surface.at_cells | {"dissipation": self._cellwise(work)}
+        at_points = surface.at_points | {
+            "displacement": self._nodal(self._array(places["mechanism"]))
+        }
+        found = dataclasses.replace(surface, at_points=at_points, at_cells=at_cells)
+        return found, float(work.max(initial=0.0))
 
     @cached_property
     def _skin(self) -> Skin:
@@ -179,6 +170,16 @@ class Archive:
             return make_skin(x, cells, body, facets, tags, self.named)
 
         return self._read("fields.h5", read)
+
+    def _array(self, place: str) -> Floats:
+        """The array that an XDMF file names."""
+        file_, _, name = place.partition(":")
+
+        def read(path: Path) -> Floats:
+            with h5py.File(path, locking=False) as file:
+                return np.asarray(file[name], dtype=np.float64)
+
+        return self._read(file_, read)
 
     def _nodal(self, values: Any) -> Floats:
         """Values at the skin's points, shape (num_points,) or (num_points, 3)."""
@@ -199,7 +200,7 @@ class Archive:
         return self._read(name, load)
 
     def _series(self, name: str) -> list[tuple[float, dict[str, str]]]:
-        """Times of an XDMF file, rising, each with the places of its fields in the .h5 file."""
+        """Times of an XDMF file, rising, each with the places of its fields."""
 
         def read(path: Path) -> list[tuple[float, dict[str, str]]]:
             found: dict[float, dict[str, str]] = {}
@@ -210,7 +211,7 @@ class Archive:
                     assert at is not None
                     assert item is not None
                     fields = found.setdefault(float(at.attrib["Value"]), {})
-                    fields[attribute.attrib["Name"]] = (item.text or "").split(":")[-1].strip()
+                    fields[attribute.attrib["Name"]] = (item.text or "").strip()
             return sorted(found.items())
 
         return self._read(name, read)

@@ -1,9 +1,10 @@
 """``fields.xdmf`` and ``fields.h5``: the fields of all levels, for ParaView.
 
 The arrays of the mesh and of each level are files of their own in the folder ``fields``, in the
-order of the input, whatever the number of ranks. ``fields.h5`` joins them by links, ``fields.xdmf``
-describes them as one time series; both are small and replaced as a whole when a level has been
-written. So no crash harms the levels that are there, and a restart goes on with them.
+order of the input, whatever the number of ranks. ``fields.xdmf`` describes them as one time series,
+``fields.h5`` joins them by links, for those who read arrays themselves (VTK's reader of XDMF cannot
+follow them); both are small and replaced as a whole when a level has been written. So no crash
+harms the levels that are there, and a restart goes on with them.
 
 The tags of the bodies are a field of each level, ``body``. Those of the named surfaces are in the
 .h5 file only, for pictures (``/MeshTags/surfaces``).
@@ -192,7 +193,7 @@ class FieldsFile:
                     attribute = ElementTree.SubElement(
                         grid, "Attribute", Name=name, AttributeType=KINDS[shape[1]], Center=center
                     )
-                    self._add_item(attribute, shape, _place(name, time), "Float", 8)
+                    self._add_item(attribute, shape, number, name, "Float", 8)
         ElementTree.indent(root)
         return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -205,32 +206,33 @@ class FieldsFile:
             NumberOfElements=str(cells),
             NodesPerElement=str(per_cell),
         )
-        self._add_item(topology, (cells, per_cell), TOPOLOGY, "Int", 8)
+        self._add_item(topology, (cells, per_cell), 0, TOPOLOGY, "Int", 8)
         kind = "XYZ" if self._mesh.geometry.dim == 3 else "XY"
         geometry = ElementTree.SubElement(grid, "Geometry", GeometryType=kind)
-        self._add_item(geometry, self._shapes[GEOMETRY], GEOMETRY, "Float", 8)
+        self._add_item(geometry, self._shapes[GEOMETRY], 0, GEOMETRY, "Float", 8)
         body = ElementTree.SubElement(
             grid, "Attribute", Name="body", AttributeType="Scalar", Center="Cell"
         )
-        self._add_item(body, self._shapes[BODY], BODY, "Int", 4)
+        self._add_item(body, self._shapes[BODY], 0, BODY, "Int", 4)
 
     def _add_item(
         self,
         parent: ElementTree.Element,
         shape: tuple[int, ...],
-        place: str,
-        number: str,
+        level: int,
+        name: str,
+        kind: str,
         precision: int,
     ) -> None:
         item = ElementTree.SubElement(
             parent,
             "DataItem",
             Dimensions=" ".join(map(str, shape)),
-            NumberType=number,
+            NumberType=kind,
             Precision=str(precision),
             Format="HDF",
         )
-        item.text = f"{self._path.stem}.h5:/{place}"
+        item.text = f"{FIELDS}/{self._data(level).name}:/{name}"
 
 
 def _stored(fields: Mapping[str, fem.Function], arrays: Mapping[str, Block]) -> dict[str, _Stored]:
