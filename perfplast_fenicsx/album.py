@@ -1,7 +1,7 @@
 """Pictures of results on file, ``perfplast plot`` and ``animate``. Single-process."""
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from perfplast_fenicsx.pictures import (
     in_words,
     need_matplotlib,
 )
-from perfplast_fenicsx.plotting import level_caption
+from perfplast_fenicsx.plotting import level_caption, mechanism_caption
 from perfplast_fenicsx.surface import Surface
 
 Floats = npt.NDArray[np.float64]
@@ -141,12 +141,12 @@ def _animate(archive: Archive, levels: list[StoredLevel], target: Path) -> None:
     times = [round(1000 * each)] * (len(frames) - 1) + [round(1000 * (each + END))]
     if target.suffix.lower() == ".gif":
         palette = Image.new("P", (1, 1))
-        palette.putpalette(_common_colours(np.array(frames)).ravel().tolist())
+        palette.putpalette(_common_colours([np.asarray(a) for a in frames]).ravel().tolist())
         frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     frames[0].save(target, save_all=True, append_images=frames[1:], duration=times, loop=0)
 
 
-def _common_colours(frames: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+def _common_colours(frames: Sequence[npt.NDArray[np.uint8]]) -> npt.NDArray[np.uint8]:
     """One palette for all frames, so that colours do not flicker, shape (256, 3).
 
     Each colour counts once however much of the pictures it fills, so that small gradients are
@@ -154,12 +154,15 @@ def _common_colours(frames: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     """
     from PIL import Image
 
-    codes = (frames.reshape(-1, 3) & 0xFC).astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1])
-    different = np.unique(codes)[:, None] >> np.array([16, 8, 0]) & 0xFF
+    found: npt.NDArray[np.uint32] = np.zeros(0, dtype=np.uint32)
+    for frame in frames:
+        red, green, blue = (frame[..., i].astype(np.uint32) & 0xFC for i in range(3))
+        found = np.union1d(found, red << 16 | green << 8 | blue)
+    different = found[:, None] >> np.array([16, 8, 0], dtype=np.uint32) & 0xFF
     sample = Image.fromarray(different.astype(np.uint8)[None])
-    found = sample.quantize(255, Image.Quantize.MEDIANCUT, kmeans=2).getpalette() or []
+    palette = sample.quantize(255, Image.Quantize.MEDIANCUT, kmeans=2).getpalette() or []
     colours = np.full((256, 3), 255, dtype=np.uint8)
-    colours[: min(len(found) // 3, 255)] = np.reshape(found, (-1, 3))[:255]
+    colours[: min(len(palette) // 3, 255)] = np.reshape(palette, (-1, 3))[:255]
     return colours
 
 
@@ -193,11 +196,6 @@ def _mechanism(
     moving = dataclasses.replace(surface, at_points=at_points)
     zetas = f"ζ = {before.report.zeta:.6g} and {last.report.zeta:.6g}"
     return moving, 0.0, f"velocity between {zetas}, of unit work"
-
-
-def mechanism_caption(zeta: float) -> str:
-    """A collapse mechanism in words."""
-    return f"collapse mechanism at ζ = {zeta:.6g}, velocity of unit work"
 
 
 @contextmanager

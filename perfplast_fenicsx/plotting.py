@@ -93,6 +93,11 @@ def level_caption(zeta: float, alpha: float, unit: str) -> str:
     return f"load factor ζ = {zeta:.6g},   work of the loads α = {alpha:.5g} {unit}".rstrip()
 
 
+def mechanism_caption(zeta: float) -> str:
+    """A collapse mechanism in words."""
+    return f"collapse mechanism at ζ = {zeta:.6g}, velocity of unit work"
+
+
 def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
     """γ‖dev ε(v)‖, the mean of each cell: the plastic work of a velocity; 0 in elastic bodies.
 

@@ -18,7 +18,7 @@ from perfplast_fenicsx.loading import load_path
 from perfplast_fenicsx.logs import RunLog
 from perfplast_fenicsx.model import write_model
 from perfplast_fenicsx.output import ResultFolder
-from perfplast_fenicsx.plotting import dissipation, draw_fields, draw_path
+from perfplast_fenicsx.plotting import dissipation, draw_fields, draw_path, mechanism_caption
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.recorder import Recorder
 from perfplast_fenicsx.terminal import Terminal, describe
@@ -137,10 +137,9 @@ def _draw(case: Case, problem: Problem, recorder: Recorder, limit: LimitLoad | N
     fields = recorder.recovery.update(last.state)
     draw(fields, "fields.png")
     if limit is not None:
-        caption = f"collapse mechanism at ζ = {limit.lower:.6g}, velocity of unit work"
         work = dissipation(problem, limit.mechanism)
         mechanism = fields | {"displacement": limit.mechanism, "dissipation": work}
-        draw(mechanism, "mechanism.png", caption)
+        draw(mechanism, "mechanism.png", mechanism_caption(limit.lower))
     path = folder.file("path.png")
     unit = case.units.of_work(problem.assembly.mesh.geometry.dim)
     folder.on_root(lambda: draw_path(results.reports, case.title, path, limit, unit))
