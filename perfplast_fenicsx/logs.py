@@ -9,7 +9,7 @@ import logging
 import time
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import TracebackType
 
 from mpi4py import MPI
@@ -17,7 +17,7 @@ from petsc4py import PETSc
 
 from perfplast_fenicsx.case import Case
 from perfplast_fenicsx.environment import surroundings, versions
-from perfplast_fenicsx.errors import raise_together
+from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.limit_load import LimitLoad
 from perfplast_fenicsx.output import ResultFolder
 from perfplast_fenicsx.state import Iteration, LevelReport
@@ -80,7 +80,7 @@ class RunLog:
         if self._comm.rank == 0:
             path = folder.file("run.log")
             try:
-                handler = logging.FileHandler(path, encoding="utf-8", delay=False)
+                handler = _LogFile(path, encoding="utf-8", delay=False)
             except OSError as error:
                 fault = f"'{path}' cannot be written ({error.strerror}); give another folder."
         raise_together(self._comm, fault)
@@ -98,7 +98,9 @@ class RunLog:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if error is not None:
+        if isinstance(error, InputError):  # the command line says it
+            log.info("ended: %s", error)
+        elif error is not None:
             text = "".join(traceback.format_exception(error)).rstrip()
             log.error("ended by %s\n%s", type(error).__name__, text)
         log.info("ended after %.1f s", time.perf_counter() - self._began)
@@ -144,6 +146,18 @@ class RunLog:
     def limit(self, limit: LimitLoad) -> None:
         """Log what is known of the limit load."""
         log.info("%s", limit)
+
+
+class _LogFile(logging.FileHandler):
+    """Goes on without what the system refuses, as with a full disk: the results say so."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Leave the record out."""
+
+    def close(self) -> None:
+        """Close the file, whatever is lost of it."""
+        with suppress(OSError):
+            super().close()
 
 
 @contextmanager

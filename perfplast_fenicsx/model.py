@@ -13,6 +13,7 @@ from perfplast_fenicsx.assembly import Assembly
 from perfplast_fenicsx.contact import Contact
 from perfplast_fenicsx.loads import BodyForce, Load, Pressure, Traction
 from perfplast_fenicsx.obstacles import OBSTACLES, Obstacle
+from perfplast_fenicsx.output import replace
 from perfplast_fenicsx.schema import Table, at, choose, convert
 
 LOADS: dict[str, type[Any]] = {"traction": Traction, "pressure": Pressure, "body_force": BodyForce}
@@ -92,7 +93,7 @@ def write_model(model: Model, assembly: Assembly, path: Path) -> None:
         entry["shape"] = shapes[type(obstacle)]
     names = {"volumes": assembly.volumes, "surfaces": assembly.surfaces}
     text = json.dumps(names | table, indent=2, ensure_ascii=False, default=list)
-    path.write_text(text + "\n", encoding="utf-8")
+    replace(path, f"{text}\n".encode())
 
 
 @dataclass(frozen=True)
