@@ -68,10 +68,11 @@ class Recorder:
             terminal.level(report)
         self._announce()
         self.recovery = Recovery(problem)
-        self._fields = FieldsFile(folder, problem.assembly) if case.output.fields else None
-        if self._fields is not None and self.last is not None:
+        self._fields: FieldsFile | None = None
+        if case.output.fields:
+            kept = self.recovery.update(self.last.state) if self.last else None
             times = [getattr(report, self._prescribed) for report in saved.reports]
-            self._fields.keep(self.recovery.update(self.last.state), times)
+            self._fields = FieldsFile(folder, problem.assembly, fields=kept, times=times)
         interrupts.check()
         self._solving = time.perf_counter()
 

@@ -45,8 +45,22 @@ _Stored = tuple[str, tuple[int, ...]]
 class FieldsFile:
     """Writes fields of load levels, with what is prescribed (ζ or α) as the time."""
 
-    def __init__(self, folder: ResultFolder, assembly: Assembly, name: str = "fields.xdmf") -> None:
-        """Write the mesh and its tags. Collective.
+    def __init__(
+        self,
+        folder: ResultFolder,
+        assembly: Assembly,
+        name: str = "fields.xdmf",
+        fields: Mapping[str, fem.Function] | None = None,
+        times: Sequence[float] = (),
+    ) -> None:
+        """Write the mesh and its tags, and take over the levels of an earlier run. Collective.
+
+        Args:
+            folder: Where the files are.
+            assembly: The mesh, with names.
+            name: Of the description.
+            fields: Functions like those that the earlier run has written.
+            times: Of its levels, from the first one on; later ones are forgotten.
 
         Raises:
             InputError: If the files cannot be written.
@@ -57,11 +71,12 @@ class FieldsFile:
         self._cells = cell_ordering(mesh)
         self._nodes = node_ordering(mesh, self._dofs, mesh.geometry.index_map())
         self._written: dict[str, fem.Function] = {}
-        self._levels: list[tuple[float, dict[str, _Stored]]] = []
         folder.on_root(lambda: folder.file(FIELDS).mkdir(exist_ok=True))
         arrays = self._mesh_arrays(assembly)
         self._shapes = {name: array.shape for name, array in arrays.items()}
         write_arrays(folder, self._data(0), arrays)
+        kept = {name: self._array(name, function) for name, function in (fields or {}).items()}
+        self._levels = [(time, _stored(fields or {}, kept)) for time in times]
         self._describe()
 
     def write(self, fields: Mapping[str, fem.Function], time: float) -> None:
@@ -78,17 +93,6 @@ class FieldsFile:
         arrays = {name: self._array(name, function) for name, function in fields.items()}
         write_arrays(self._folder, self._data(len(self._levels) + 1), arrays)
         self._levels.append((time, _stored(fields, arrays)))
-        self._describe()
-
-    def keep(self, fields: Mapping[str, fem.Function], times: Sequence[float]) -> None:
-        """Take over the levels of an earlier run, and forget those behind them. Collective.
-
-        Args:
-            fields: Functions like those that were written.
-            times: Of the levels to keep, from the first one on.
-        """
-        arrays = {name: self._array(name, function) for name, function in fields.items()}
-        self._levels = [(time, _stored(fields, arrays)) for time in times]
         self._describe()
 
     def _data(self, level: int) -> Path:
