@@ -17,8 +17,9 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.files import put
 from perfplast_fenicsx.ordering import Ordering
-from perfplast_fenicsx.output import ResultFolder, put
+from perfplast_fenicsx.output import ResultFolder
 
 LAYOUT = 1 << 16
 """Room for what HDF5 writes beside the arrays, at the most (bytes)."""

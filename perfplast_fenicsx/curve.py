@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from perfplast_fenicsx.files import replace_picture
 from perfplast_fenicsx.graphics import not_installed
 from perfplast_fenicsx.state import LevelReport
 
@@ -57,7 +58,7 @@ def save_curve(
     axes = figure.add_subplot()
     draw_curve(axes, reports, limit, unit)
     axes.set_title(title, parse_math=False)
-    figure.savefig(path)
+    replace_picture(path, figure)
 
 
 def draw_curve(

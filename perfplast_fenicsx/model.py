@@ -11,9 +11,9 @@ from typing import Any
 
 from perfplast_fenicsx.assembly import Assembly
 from perfplast_fenicsx.contact import Contact
+from perfplast_fenicsx.files import replace
 from perfplast_fenicsx.loads import BodyForce, Load, Pressure, Traction
 from perfplast_fenicsx.obstacles import OBSTACLES, Obstacle
-from perfplast_fenicsx.output import replace
 from perfplast_fenicsx.schema import Table, at, choose, convert
 
 LOADS: dict[str, type[Any]] = {"traction": Traction, "pressure": Pressure, "body_force": BodyForce}

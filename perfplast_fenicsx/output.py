@@ -22,6 +22,7 @@ from typing import Any
 from mpi4py import MPI
 
 from perfplast_fenicsx.errors import raise_together
+from perfplast_fenicsx.files import replace
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import LevelReport
 
@@ -246,40 +247,6 @@ class Results:
             replace(self.folder.file("summary.json"), text.encode())
 
         self.folder.on_root(write)
-
-
-def replace(path: Path, content: bytes) -> None:
-    """Write a file so that whoever reads it, after any crash, finds the old one or the new one.
-
-    Raises:
-        OSError: If the system refuses; the file is then as it was.
-    """
-    part = path.with_name(path.name + ".part")
-    try:
-        with part.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError:
-        part.unlink(missing_ok=True)
-        raise
-    put(part, path)
-
-
-def put(part: Path, path: Path, before: Path | None = None) -> None:
-    """Give a complete file its name, for good; the older one of that name gets another, if given.
-
-    Raises:
-        OSError: If the system refuses.
-    """
-    if before is not None and path.exists():
-        path.replace(before)
-    part.replace(path)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
 
 
 def peak_memory() -> float:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.files import replace_picture
 from perfplast_fenicsx.graphics import images, not_installed
 from perfplast_fenicsx.model import Model
 from perfplast_fenicsx.scenery import best_view, load_arrows, sample_obstacles
@@ -53,7 +54,7 @@ def draw_surface(
     scale = deformation_scale([surface], wanted)
     drawn = draw_panels([surface], model, shown, scale)
     words = (model.title, f"{caption},   {in_words(scale)}")
-    compose(shown, drawn[0], words).savefig(path)
+    replace_picture(path, compose(shown, drawn[0], words))
 
 
 def draw_panels(

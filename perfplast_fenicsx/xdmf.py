@@ -24,8 +24,9 @@ from dolfinx.io.utils import cell_perm_vtk
 from perfplast_fenicsx.arrays import Block, block, write_arrays
 from perfplast_fenicsx.assembly import Assembly
 from perfplast_fenicsx.compat import coordinate_map, entity_nodes, geometry_dofmap
+from perfplast_fenicsx.files import replace
 from perfplast_fenicsx.ordering import Ordering, cell_ordering, node_ordering, with_ghosts
-from perfplast_fenicsx.output import FIELDS, ResultFolder, replace
+from perfplast_fenicsx.output import FIELDS, ResultFolder
 
 KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
 """What XDMF calls values of so many components."""
