@@ -51,6 +51,7 @@ from perfplast_fenicsx import (
     load_path,
     two_blocks,
 )
+from perfplast_fenicsx.model import Model, Units, write_model
 from perfplast_fenicsx.output import ResultFolder, Results
 from perfplast_fenicsx.plotting import draw_fields, draw_path
 from perfplast_fenicsx.recovery import Recovery
@@ -138,6 +139,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     recovery = Recovery(problem)
 
     folder.create()
+    model = Model(TITLE, LOADS, CONTACTS, units=Units("mm", "MPa"))
+    model_file = folder.file("model.json")  # for perfplast plot and animate
+    folder.on_root(lambda: write_model(model, problem.assembly, model_file))
     results = Results(folder, problem, TITLE, __version__, newton.method)
     fields_file = FieldsFile(folder, problem.assembly)
     terminal = Terminal(comm)
@@ -155,8 +159,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     with results.timed("pictures"):
         picture, path = folder.file("fields.png"), folder.file("path.png")
         fields = recovery.update(level.state)
-        draw_fields(problem.assembly, fields, level.report, TITLE, LOADS, CONTACTS, picture)
-        folder.on_root(lambda: draw_path(results.reports, TITLE, path))
+        about = (level.report, TITLE, LOADS, CONTACTS, picture)
+        draw_fields(problem.assembly, fields, *about, units=model.units)
+        unit = model.units.of_work(3)
+        folder.on_root(lambda: draw_path(results.reports, TITLE, path, unit=unit))
     results.write()
 
     # %% [markdown]
