@@ -48,6 +48,7 @@ python_use_unqualified_type_names = True
 nitpicky = True
 nitpick_ignore_regex = [
     ("py:.*", r"(?!perfplast_fenicsx\.)\w+(\.\w+)+"),
+    ("py:.*", r"perfplast_fenicsx\.\w+\._\w+"),  # private
     ("py:class", r"perfplast_fenicsx\.\w+\.(T|Function)"),  # type variables
 ]
 
