@@ -95,6 +95,17 @@ def _as_written(
         lines[:0] = ["..", ""]  # a comment
 
 
+def _parsable(
+    app: Any, what: str, name: str, obj: object, options: Any, signature: str | None, returned: str
+) -> tuple[str | None, str]:
+    """Signatures that are Python: a field's default that a function makes is three dots.
+
+    In ``<factory>``, Python's own way to show it, Sphinx 9 takes the parts of types for names.
+    """
+    return signature and signature.replace("<factory>", "..."), returned
+
+
 def setup(app: Any) -> None:
     """Called by Sphinx; napoleon comes after it."""
     app.connect("autodoc-process-docstring", _as_written, priority=400)
+    app.connect("autodoc-process-signature", _parsable)
