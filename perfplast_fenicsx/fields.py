@@ -50,6 +50,8 @@ class Fields:
         de: Its strain ε(δu).
         beta: Step length in the line-search integrals.
         rho: ρ of Σ^{o,ρ}.
+        force: Of :meth:`assemble_force`.
+        stiffness: Of :meth:`assemble_stiffness`; empty before.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -102,7 +104,9 @@ class Fields:
         self._owned_cells = mesh.topology.index_map(mesh.topology.dim).size_local
         self._fixed = problem.fixed[: V.dofmap.index_map.size_local].ravel()
         self.force: PETSc.Vec = problem.load.duplicate()
-        self.stiffness: PETSc.Mat = fem_petsc.create_matrix(self._tangent_form)
+        # blocks are assembled twice as fast as single entries
+        self._blocks: PETSc.Mat = fem_petsc.create_matrix(self._tangent_form, "baij")
+        self.stiffness = PETSc.Mat()
 
     @phase("return map")
     def update(self) -> None:
@@ -144,9 +148,10 @@ class Fields:
         self.rho.value = rho
         for function, expression in self._tangent:
             function.interpolate(expression)
-        self.stiffness.zeroEntries()
-        fem_petsc.assemble_matrix(self.stiffness, self._tangent_form, self._bcs)  # type: ignore[arg-type]
-        self.stiffness.assemble()
+        self._blocks.zeroEntries()
+        fem_petsc.assemble_matrix(self._blocks, self._tangent_form, self._bcs)  # type: ignore[arg-type]
+        self._blocks.assemble()
+        self._blocks.convert("aij", self.stiffness)
         self._scale_supports()
         return self.stiffness
 

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.contact_operator import ContactOperator
 from perfplast_fenicsx.linear import LinearFailure, LinearSolver
 from perfplast_fenicsx.problem import Problem
 
@@ -31,7 +32,7 @@ class HeldSystem:
         """Keep what all systems share. Collective."""
         self._linear = linear
         self._index = problem.basis.index
-        self._A: PETSc.Mat | None = None
+        self._A: ContactOperator | None = None
         self._border, self._rhs, self._image, self._response = (
             problem.load.duplicate() for _ in range(4)
         )
@@ -40,14 +41,14 @@ class HeldSystem:
         self.held: Flags = np.zeros(len(self._index), dtype=bool)
         self.sets, self.size = 0, 0.0
 
-    def set_operator(self, A: PETSc.Mat) -> None:
+    def set_operator(self, A: ContactOperator) -> None:
         """Take a new operator A in the contact basis, or the same one with new values."""
         self._A = A
         self._linear.set_operator(A)
         self._response_is_new = False
 
     @property
-    def operator(self) -> PETSc.Mat:
+    def operator(self) -> ContactOperator:
         """The operator A."""
         assert self._A is not None
         return self._A
@@ -80,7 +81,7 @@ class HeldSystem:
         closed = self._index[held]
         self._rhs.set(0)
         self._rhs.array[closed] = values[held]
-        self.operator.multAdd(self._rhs, r, self._image)
+        self.operator.mult_add(self._rhs, r, self._image)
         self._image.scale(-1)
         self._image.array[closed] = 0
         self.solve(held, self._image, rtol, delta)
@@ -115,5 +116,5 @@ class HeldSystem:
 
     def gradient(self, delta: PETSc.Vec, r: PETSc.Vec, multiplier: float, f: PETSc.Vec) -> None:
         """Set f to Aδ + r − multiplier ℓ."""
-        self.operator.multAdd(delta, r, f)
+        self.operator.mult_add(delta, r, f)
         f.axpy(-multiplier, self._border)

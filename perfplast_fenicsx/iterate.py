@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from perfplast_fenicsx.contact_operator import ContactOperator
 from perfplast_fenicsx.fields import Fields
 from perfplast_fenicsx.phases import phase
 from perfplast_fenicsx.problem import Problem
@@ -40,7 +41,7 @@ class Iterate:
         self._residual = problem.load.duplicate()
         self._r = problem.load.duplicate()
         self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
-        self._operator: PETSc.Mat | None = None
+        self._operator = ContactOperator(problem, self.fields.stiffness)
 
     def begin(self, start: State | None) -> npt.NDArray[np.bool_]:
         """Start from a state, what penetrates being pushed back, or from zero displacement.
@@ -83,18 +84,9 @@ class Iterate:
         self.problem.basis.T.multTranspose(self._residual, self._r)
         return self._r
 
-    def operator(self, rho: float) -> PETSc.Mat:
+    def operator(self, rho: float) -> ContactOperator:
         """Σ^{o,ρ}(ε(u)) in the contact basis; valid until the next call."""
-        K = self.fields.assemble_stiffness(rho)
-        if not self.problem.num_pairs:
-            return K
-        return self._changed(K)
-
-    @phase("basis change")
-    def _changed(self, K: PETSc.Mat) -> PETSc.Mat:
-        """TᵀKT, in the matrix of the time before."""
-        T = self.problem.basis.T
-        self._operator = K.PtAP(T) if self._operator is None else K.PtAP(T, self._operator)
+        self.fields.assemble_stiffness(rho)
         return self._operator
 
     def aim(self, delta: PETSc.Vec) -> None:

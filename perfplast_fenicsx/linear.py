@@ -1,4 +1,4 @@
-"""Linear systems of one step, with some unknowns held: presets by size, near-nullspace, reuse."""
+"""Linear systems of one step, with some unknowns held: presets by size, reuse, last resorts."""
 
 import logging
 from collections.abc import Mapping
@@ -8,11 +8,11 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.contact import RIGID
+from perfplast_fenicsx.coarse import CoarseSpaces, blocked
+from perfplast_fenicsx.contact_operator import ContactOperator
 from perfplast_fenicsx.petsc_options import LINEAR, own_prefix
 from perfplast_fenicsx.phases import phase
 from perfplast_fenicsx.problem import Problem
-from perfplast_fenicsx.rigidity import contact_gram, null_space
 
 DIRECT_LIMIT = {2: 300_000, 3: 40_000}
 """Up to so many unknowns, by dimension, a sparse Cholesky factorisation is the quicker one."""
@@ -29,9 +29,6 @@ USELESS = 0.1
 SET_UP_WORTH = 12
 """A multigrid set-up costs about as much as so many Krylov iterations."""
 
-MOST_MODES = 12
-"""With more near-null motions than this (many bodies) only the common ones are kept."""
-
 DIRECT = {
     "ksp_type": "preonly",
     "pc_type": "cholesky",
@@ -43,10 +40,8 @@ MULTIGRID = {
     "ksp_type": "cg",
     "ksp_norm_type": "unpreconditioned",
     "ksp_max_it": 1000,
-    "pc_type": "gamg",
-    "pc_gamg_threshold": 0.01,
-    "pc_gamg_aggressive_coarsening": 1,
-    "pc_gamg_coarse_eq_limit": 1000,
+    "pc_type": "mg",
+    "pc_use_amat": None,  # the smoothers work with the blocked matrix, as CG does
     "mg_levels_ksp_type": "chebyshev",
     "mg_levels_ksp_max_it": 3,
     "mg_levels_pc_type": "jacobi",
@@ -67,10 +62,13 @@ class LinearFailure(RuntimeError):
 class LinearSolver:
     """Solves A y = b in the contact basis, with any set of unknowns held at zero.
 
-    CG + GAMG for large problems, MUMPS Cholesky for small ones; every PETSc option can be given
-    with the prefix ``perfplast_``. The coarse grids are kept while the operator and the held
-    unknowns change, with the finest one up to date, until the iterations that this has cost beyond
-    those of new ones outweigh a set-up.
+    CG with smoothed aggregation for large problems, MUMPS Cholesky for small ones; every PETSc
+    option can be given with the prefix ``perfplast_``. The coarse grids are kept while the operator
+    and the held unknowns change, with the finest one up to date, until the iterations that this has
+    cost beyond those of new ones outweigh a set-up.
+
+    CG and its smoothers multiply with a copy that stores the upper triangle in blocks, more than
+    twice as fast.
 
     Attributes:
         iterations: Krylov iterations so far.
@@ -80,14 +78,15 @@ class LinearSolver:
     """
 
     def __init__(self, problem: Problem) -> None:
+        """Choose a solver by size."""
         self.iterations = self.solves = self.setups = 0
-        self._modes: PETSc.NullSpace | None = None
         self._problem = problem
+        self._spaces: CoarseSpaces | None = None
+        self._blocked: PETSc.Mat | None = None
         self._configure(
             DIRECT if problem.num_dofs <= DIRECT_LIMIT[problem.bodies.gdim] else MULTIGRID
         )
-        self._full: PETSc.Mat | None = None
-        self._reduced: PETSc.Mat | None = None
+        self._operator: ContactOperator | None = None
         self._held: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self._ready = False
         self._rate = self._excess = 0.0
@@ -96,22 +95,19 @@ class LinearSolver:
         self._ksp = PETSc.KSP().create(self._problem.comm)
         self._ksp.setOptionsPrefix(own_prefix(LINEAR, preset))
         self._ksp.setFromOptions()
+        pc = self._ksp.getPC().getType()
         self.direct = self._ksp.getType() == "preonly"
-        self.name = f"{self._ksp.getType()} + {self._ksp.getPC().getType()}"
+        self._aggregates = pc == "mg"
+        self.name = f"{self._ksp.getType()} + {'smoothed aggregation' if self._aggregates else pc}"
         self._old = False
 
     def counts(self) -> tuple[int, int, int]:
         """Systems solved, set-ups and Krylov iterations so far."""
         return self.solves, self.setups, self.iterations
 
-    def set_operator(self, A: PETSc.Mat) -> None:
-        """Take a new matrix, or the same one with new values; nothing is held."""
-        A.setOption(PETSc.Mat.Option.SPD, True)
-        if self._modes is None and not self.direct:
-            self._modes = near_null_space(self._problem, A)
-        if self._modes is not None:
-            A.setNearNullSpace(self._modes)
-        self._full = A
+    def set_operator(self, operator: ContactOperator) -> None:
+        """Take a new operator, or the same one with new values; nothing is held."""
+        self._operator = operator
         self._ready = False
 
     def hold(self, held: npt.NDArray[np.int32]) -> bool:
@@ -120,42 +116,47 @@ class LinearSolver:
         Returns:
             Whether this called for a new set-up.
         """
-        assert self._full is not None
         changed = not np.array_equal(held, self._held)
         if self._ready and not self._problem.comm.allreduce(changed):
             return False
         self._held = held.copy()
-        self._reduce()
+        self._current.hold(held)
+        self._set_matrices()
+        self._renew(self.direct or not self._rate or self._excess > SET_UP_WORTH)
         self._ready = True
         return True
 
+    @property
+    def _current(self) -> ContactOperator:
+        assert self._operator is not None
+        return self._operator
+
     @phase("linear set-up")
-    def _reduce(self) -> None:
-        full = self._full
-        assert full is not None
-        if self._reduced is None:
-            self._reduced = full.copy()
-            self._reduced.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-            self._reduced.setOption(PETSc.Mat.Option.SPD, True)
-            if self._modes is not None:
-                self._reduced.setNearNullSpace(self._modes)
-        else:
-            full.copy(self._reduced, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        first = full.getOwnershipRange()[0]
-        diagonal = full.getDiagonal()
-        scale = diagonal.sum() / diagonal.getSize()
-        diagonal.destroy()
-        self._reduced.zeroRowsColumns((self._held + first).astype(PETSc.IntType), diag=scale)
-        self._ksp.setOperators(self._reduced)
-        self._renew(self.direct or not self._rate or self._excess > SET_UP_WORTH)
+    def _set_matrices(self) -> None:
+        matrix = self._current.matrix
+        if self.direct:
+            self._ksp.setOperators(matrix)
+            return
+        self._blocked = blocked(matrix, self._blocked)
+        self._ksp.setOperators(self._blocked, matrix)
 
     def _renew(self, new: bool) -> None:
         """Make a new preconditioner at the next solve, or keep the coarse grids there are."""
         self._ksp.getPC().setReusePreconditioner(not new)
         self._old = not new
         if new:
+            if self._aggregates:
+                self._coarsen()
             self.setups += 1
             self._rate = self._excess = 0.0
+
+    @phase("linear set-up")
+    def _coarsen(self) -> None:
+        operator, pc = self._current, self._ksp.getPC()
+        if self._spaces is None:
+            self._spaces = CoarseSpaces(self._problem, operator.stiffness)
+            self._spaces.install(pc)
+        self._spaces.project(operator.matrix, self._held, pc)
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> None:
         """Solve for x; entries of b at held unknowns must be zero. Collective.
@@ -193,9 +194,8 @@ class LinearSolver:
 
     def _left(self, b: PETSc.Vec, x: PETSc.Vec) -> float:
         """Share of b that A x misses: a factorisation of a singular matrix may go unnoticed."""
-        assert self._reduced is not None
         image = b.duplicate()
-        self._reduced.mult(x, image)
+        self._current.matrix.mult(x, image)
         image.axpy(-1.0, b)
         left = image.norm() / b.norm()
         image.destroy()
@@ -227,9 +227,8 @@ class LinearSolver:
         log.info("%s has become slow; a factorisation takes over", self.name)
         self._ksp.destroy()
         self._configure(DIRECT)
-        if self._reduced is not None:
-            self._ksp.setOperators(self._reduced)
-            self.setups += 1
+        self._set_matrices()
+        self.setups += 1
 
 
 _REASONS = {
@@ -237,36 +236,3 @@ _REASONS = {
     for name, value in vars(PETSc.KSP.ConvergedReason).items()
     if isinstance(value, int)
 }
-
-
-def near_null_space(problem: Problem, A: PETSc.Mat) -> PETSc.NullSpace:
-    """The rigid motions that closed contact leaves free, in the contact basis, orthonormal.
-
-    Supports and obstacles do not count: they hold nodes, not the operator inside the bodies.
-
-    For one body these are its 6 (3 in 2D) rigid motions; two bodies on a plane have 9: the common
-    ones, and the in-plane motions of one body alone, which a frictionless interface lets slide.
-    """
-    V, bodies, basis = problem.V, problem.bodies, problem.basis
-    owned, gdim = V.dofmap.index_map.size_local, bodies.gdim
-    moving = problem.pairs.guest_body != RIGID
-    motions = null_space(contact_gram(V, bodies, problem.pairs, moving))
-    if motions.shape[1] > MOST_MODES:
-        motions = np.tile(np.eye(bodies.num_modes), (bodies.count, 1))
-    x = V.tabulate_dof_coordinates()[:owned]
-    shares = motions.reshape(bodies.count, bodies.num_modes, -1)[bodies.of_node[:owned]]
-    nodal = np.einsum("nim,nmk->nik", bodies.rigid_modes(x), shares).reshape(owned * gdim, -1)
-    u, y = A.createVecs()
-    for k in range(nodal.shape[1]):
-        u.array[:] = nodal[:, k]
-        basis.M.mult(u, y)
-        nodal[:, k] = y.array
-    nodal[basis.index] = 0
-    gram = problem.comm.allreduce(nodal.T @ nodal)
-    orthonormal = np.linalg.solve(np.linalg.cholesky(gram), nodal.T)
-    vectors = []
-    for row in orthonormal:
-        vector = A.createVecRight()
-        vector.array[:] = row
-        vectors.append(vector)
-    return PETSc.NullSpace().create(vectors=vectors, comm=problem.comm)

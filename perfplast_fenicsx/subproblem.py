@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.condensed import condense
+from perfplast_fenicsx.contact_operator import ContactOperator
 from perfplast_fenicsx.held import Flags, HeldSystem
 from perfplast_fenicsx.linear import LinearFailure, LinearSolver
 from perfplast_fenicsx.petsc_options import ACTIVE_SET, own_prefix
@@ -86,7 +87,7 @@ class ContactProgram:
         self._lower.set(PETSc.NINFINITY)
         self._snes: PETSc.SNES | None = None
 
-    def set_operator(self, A: PETSc.Mat) -> None:
+    def set_operator(self, A: ContactOperator) -> None:
         """Take a new operator A in the contact basis, or the same one with new values."""
         self._system.set_operator(A)
 
@@ -209,7 +210,7 @@ class ContactProgram:
         Returns:
             Whether it has ended with a solution.
         """
-        A = self._system.operator
+        A = self._system.operator.matrix  # what it holds does not matter here
         if self._snes is None:
             self._snes = self._make_snes(A)
         snes, self._failure = self._snes, None

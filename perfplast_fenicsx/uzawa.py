@@ -101,8 +101,8 @@ class AugmentedLagrangian:
         """Compile the forms and create the solvers. Collective."""
         self.problem = problem
         self.options = options or AugmentedLagrangianOptions()
-        self.linear = LinearSolver(problem)
         self._iterate = Iterate(problem)
+        self.linear = LinearSolver(problem)
         self._program = ContactProgram(problem, self.linear)
         self._program.set_operator(self._iterate.operator(rho=1.0))
 

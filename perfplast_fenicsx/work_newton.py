@@ -50,8 +50,8 @@ class WorkNewton:
         """Compile the forms and create the solvers. Collective."""
         self.problem = problem
         self.options = options or NewtonOptions()
-        self.linear = LinearSolver(problem)
         self._iterate = Iterate(problem)
+        self.linear = LinearSolver(problem)
         self._program = ContactProgram(problem, self.linear)
 
     def __repr__(self) -> str:
