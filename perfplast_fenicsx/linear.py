@@ -109,6 +109,8 @@ class LinearSolver:
         """Take a new operator, or the same one with new values; nothing is held."""
         self._operator = operator
         self._ready = False
+        if self._aggregates and self._spaces is None:
+            self._aggregate()  # before other matrices are made, since it needs the most memory
 
     def hold(self, held: npt.NDArray[np.int32]) -> bool:
         """Hold the unknowns with these local (owned) indices at zero. Collective.
@@ -151,12 +153,14 @@ class LinearSolver:
             self._rate = self._excess = 0.0
 
     @phase("linear set-up")
+    def _aggregate(self) -> None:
+        self._spaces = CoarseSpaces(self._problem, self._current.stiffness)
+        self._spaces.install(self._ksp.getPC())
+
+    @phase("linear set-up")
     def _coarsen(self) -> None:
-        operator, pc = self._current, self._ksp.getPC()
-        if self._spaces is None:
-            self._spaces = CoarseSpaces(self._problem, operator.stiffness)
-            self._spaces.install(pc)
-        self._spaces.project(operator.matrix, self._held, pc)
+        assert self._spaces is not None
+        self._spaces.project(self._current.matrix, self._held, self._ksp.getPC())
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> None:
         """Solve for x; entries of b at held unknowns must be zero. Collective.
