@@ -13,7 +13,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.petsc_options import LINEAR, own_prefix
+from perfplast_fenicsx.petsc_options import COARSE, own_prefix
 from perfplast_fenicsx.problem import Problem
 
 AGGREGATION = {
@@ -31,7 +31,11 @@ AGGREGATION = {
 
 
 class CoarseSpaces:
-    """Interpolations in the contact basis, from the coarsest to the finest."""
+    """Coarse spaces in the contact basis.
+
+    Attributes:
+        interpolations: From the coarsest to the finest; none for a problem of one level.
+    """
 
     def __init__(self, problem: Problem, stiffness: PETSc.Mat) -> None:
         """Aggregate. Collective.
@@ -40,23 +44,20 @@ class CoarseSpaces:
             problem: Whose contact basis is meant.
             stiffness: K in nodal unknowns; only its pattern and strengths matter.
         """
-        interpolations = _aggregate(problem, stiffness)
-        finest = interpolations.pop()
-        self._interpolations = [*interpolations, problem.basis.M.matMult(finest)]
-        finest.destroy()
+        self.interpolations = _aggregate(problem, stiffness)
         self._index = problem.basis.index
-        self._rows = _rows(self._finest, self._index)
+        if self.interpolations:  # a small problem has but one level
+            nodal = self.interpolations[-1]
+            self.interpolations[-1] = problem.basis.M.matMult(nodal)
+            nodal.destroy()
+            self._rows = _rows(self.interpolations[-1], self._index)
         self._operators: list[tuple[PETSc.Mat | None, PETSc.Mat | None]]
-        self._operators = [(None, None)] * len(self._interpolations)
-
-    @property
-    def _finest(self) -> PETSc.Mat:
-        return self._interpolations[-1]
+        self._operators = [(None, None)] * len(self.interpolations)
 
     def install(self, pc: PETSc.PC) -> None:
         """Give a preconditioner of type "mg" its levels. Collective."""
-        pc.setMGLevels(len(self._interpolations) + 1)
-        for level, interpolation in enumerate(self._interpolations, start=1):
+        pc.setMGLevels(len(self.interpolations) + 1)
+        for level, interpolation in enumerate(self.interpolations, start=1):
             pc.setMGInterpolation(level, interpolation)
 
     def project(self, A: PETSc.Mat, held: npt.NDArray[np.int32], pc: PETSc.PC) -> None:
@@ -68,9 +69,9 @@ class CoarseSpaces:
             pc: Gets the operators; its finest one is set by whoever solves with it.
         """
         self._hold(held)
-        for level in reversed(range(len(self._interpolations))):
+        for level in reversed(range(len(self.interpolations))):
             operator, copy = self._operators[level]
-            A = A.PtAP(self._interpolations[level], operator)
+            A = A.PtAP(self.interpolations[level], operator)
             copy = blocked(A, copy)
             pc.getMGSmoother(level).setOperators(copy, A)
             self._operators[level] = A, copy
@@ -80,10 +81,10 @@ class CoarseSpaces:
         pointer, columns, values = self._rows
         free = ~np.isin(self._index, held)
         kept = np.where(np.repeat(free, np.diff(pointer)), values, 0.0)
-        first = self._finest.getOwnershipRange()[0]
-        rows = (self._index + first).astype(PETSc.IntType)
-        self._finest.setValuesIJV(pointer, columns, kept, rowmap=rows)
-        self._finest.assemble()
+        finest = self.interpolations[-1]
+        rows = (self._index + finest.getOwnershipRange()[0]).astype(PETSc.IntType)
+        finest.setValuesIJV(pointer, columns, kept, rowmap=rows)
+        finest.assemble()
 
 
 def blocked(A: PETSc.Mat, copy: PETSc.Mat | None) -> PETSc.Mat:
@@ -103,7 +104,7 @@ def _aggregate(problem: Problem, stiffness: PETSc.Mat) -> list[PETSc.Mat]:
     stiffness.setNearNullSpace(modes)
     modes.destroy()
     ksp = PETSc.KSP().create(problem.comm)
-    ksp.setOptionsPrefix(own_prefix(LINEAR, AGGREGATION))
+    ksp.setOptionsPrefix(own_prefix(COARSE, AGGREGATION))
     ksp.setFromOptions()
     ksp.setOperators(stiffness)
     ksp.setUp()

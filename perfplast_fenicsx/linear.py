@@ -83,20 +83,20 @@ class LinearSolver:
         self._problem = problem
         self._spaces: CoarseSpaces | None = None
         self._blocked: PETSc.Mat | None = None
-        self._configure(
-            DIRECT if problem.num_dofs <= DIRECT_LIMIT[problem.bodies.gdim] else MULTIGRID
-        )
+        self._configure(_preset(problem))
         self._operator: ContactOperator | None = None
         self._held: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self._ready = False
         self._rate = self._excess = 0.0
 
-    def _configure(self, preset: Mapping[str, object]) -> None:
+    def _configure(self, preset: Mapping[str, object], heed: bool = True) -> None:
         self._ksp = PETSc.KSP().create(self._problem.comm)
-        self._ksp.setOptionsPrefix(own_prefix(LINEAR, preset))
+        self._ksp.setOptionsPrefix(own_prefix(LINEAR, preset, heed))
         self._ksp.setFromOptions()
         pc = self._ksp.getPC().getType()
         self.direct = self._ksp.getType() == "preonly"
+        asked = PETSc.Options(self._ksp.getOptionsPrefix()).hasName("ksp_rtol")
+        self._least_rtol = self._ksp.getTolerances()[0] if asked else 1.0
         self._aggregates = pc == "mg"
         self.name = f"{self._ksp.getType()} + {'smoothed aggregation' if self._aggregates else pc}"
         self._old = False
@@ -155,7 +155,11 @@ class LinearSolver:
     @phase("linear set-up")
     def _aggregate(self) -> None:
         self._spaces = CoarseSpaces(self._problem, self._current.stiffness)
-        self._spaces.install(self._ksp.getPC())
+        if self._spaces.interpolations:
+            self._spaces.install(self._ksp.getPC())
+        else:  # a small problem
+            self._ksp.destroy()
+            self._configure(DIRECT, heed=False)
 
     @phase("linear set-up")
     def _coarsen(self) -> None:
@@ -208,7 +212,7 @@ class LinearSolver:
     def _try(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> int:
         """Solve, and tell PETSc's reason for having ended."""
         if not self.direct:
-            self._ksp.setTolerances(rtol=rtol)
+            self._ksp.setTolerances(rtol=min(rtol, self._least_rtol))
         self._set_up()
         self._iterate(b, x)
         iterations = self._ksp.getIterationNumber()
@@ -230,7 +234,7 @@ class LinearSolver:
         """Factorise from now on: near collapse multigrid finds no good coarse spaces."""
         log.info("%s has become slow; a factorisation takes over", self.name)
         self._ksp.destroy()
-        self._configure(DIRECT)
+        self._configure(DIRECT, heed=False)
         self._set_matrices()
         self.setups += 1
 
@@ -240,3 +244,12 @@ _REASONS = {
     for name, value in vars(PETSc.KSP.ConvergedReason).items()
     if isinstance(value, int)
 }
+
+
+def _preset(problem: Problem) -> Mapping[str, object]:
+    """The preset whose preconditioner the user asks for, or the one for this size."""
+    asked = PETSc.Options().getString(LINEAR + "pc_type", "")
+    for preset in (DIRECT, MULTIGRID):
+        if preset["pc_type"] == asked:
+            return preset
+    return DIRECT if problem.num_dofs <= DIRECT_LIMIT[problem.bodies.gdim] else MULTIGRID

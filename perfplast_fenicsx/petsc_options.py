@@ -8,6 +8,9 @@ from petsc4py import PETSc
 LINEAR = "perfplast_"
 """Prefix of the user's options for every linear solver."""
 
+COARSE = "perfplast_coarse_"
+"""Prefix of the user's options for the aggregation that makes multigrid's coarse spaces."""
+
 ACTIVE_SET = "perfplast_vi_"
 """Prefix of the user's options for SNES-VI, which finds the active contact set."""
 
@@ -15,26 +18,29 @@ _instances = itertools.count()
 _made: set[str] = set()
 
 
-def own_prefix(prefix: str, preset: Mapping[str, object]) -> str:
+def own_prefix(prefix: str, preset: Mapping[str, object], heed: bool = True) -> str:
     """Make an options prefix for one solver.
 
     Args:
-        prefix: :data:`LINEAR` or :data:`ACTIVE_SET`, where users put options for all of a kind.
+        prefix: :data:`LINEAR`, :data:`COARSE` or :data:`ACTIVE_SET`, where users put options for
+            all of a kind.
         preset: Options that hold where the user says nothing, without prefix.
+        heed: Whether the user's options count.
 
     Returns:
         A prefix nobody else uses, under which preset and user's options stand.
     """
     options = PETSc.Options()
     own = f"{prefix}{next(_instances)}_"
-    longer = {other for other in {LINEAR, ACTIVE_SET, *_made} if len(other) > len(prefix)}
+    longer = {other for other in {LINEAR, COARSE, ACTIVE_SET, *_made} if len(other) > len(prefix)}
     given = {
         key.removeprefix(prefix): value
         for key, value in options.getAll().items()
-        if key.startswith(prefix) and not key.startswith(tuple(longer))
+        if heed and key.startswith(prefix) and not key.startswith(tuple(longer))
     }
     _made.add(own)
-    if "pc_type" in given:  # what tunes the preset's preconditioner says nothing of another one
+    if given.get("pc_type", preset.get("pc_type")) != preset.get("pc_type"):
+        # what tunes the preset's preconditioner says nothing of another one
         preset = {k: v for k, v in preset.items() if not k.startswith(("pc_", "mg_", "mat_"))}
     for key, value in {**preset, **given}.items():
         options[own + key] = value

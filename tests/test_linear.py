@@ -1,0 +1,183 @@
+"""Linear solvers: multigrid against a factorisation, its coarse spaces, and what users choose."""
+
+from collections.abc import Callable, Iterator
+
+import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+from models import STEEL, l_plate_problem, punch_problem, stack_problem, two_blocks_problem
+
+from perfplast_fenicsx import (
+    BodyForce,
+    Contact,
+    Newton,
+    NewtonOptions,
+    Problem,
+    Support,
+    Traction,
+    punch,
+    two_blocks,
+)
+from perfplast_fenicsx.coarse import CoarseSpaces
+from perfplast_fenicsx.contact_operator import ContactOperator
+from perfplast_fenicsx.fields import Fields
+from perfplast_fenicsx.linear import LinearSolver
+from perfplast_fenicsx.loading import load_path
+from perfplast_fenicsx.obstacles import Plane
+
+TIGHT = NewtonOptions(tolerance=1e-10)
+
+
+@pytest.fixture
+def multigrid() -> Iterator[None]:
+    """Coarse levels for problems that would be factorised."""
+    options = PETSc.Options()
+    given = {"perfplast_pc_type": "mg", "perfplast_coarse_pc_gamg_coarse_eq_limit": "60"}
+    for key, value in given.items():
+        options[key] = value
+    yield
+    for key in given:
+        options.delValue(key)
+
+
+def corner_problem() -> Problem:
+    """A punch on a block, both in a corner of two rigid planes: its edge has two normals a node."""
+    return Problem(
+        punch(MPI.COMM_WORLD, 4),
+        {"base": STEEL, "punch": STEEL},
+        [Support("y0", "y")],
+        [Traction("top", (-0.2, 0.0, -1.0)), BodyForce("base", (-0.1, 0.0, 0.0))],
+        [Contact("punch_bottom", "base_top", 0.0)],
+        [
+            Plane("x0", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
+            Plane("bottom", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        ],
+    )
+
+
+def quadratic_problem() -> Problem:
+    return Problem(
+        two_blocks(MPI.COMM_WORLD, 2),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("left")],
+        [Traction("top", (0.0, 0.0, -1.0))],
+        [Contact("upper_bottom", "lower_top", 0.0)],
+        degree=2,
+    )
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize(
+    ("make", "levels", "most"),
+    [
+        (lambda: two_blocks_problem(4), (60.0, 120.0), 20),
+        (lambda: two_blocks_problem(4, gap="0.001 + 0.002*x"), (60.0,), 20),
+        (lambda: punch_problem(4), (450.0,), 25),
+        (lambda: stack_problem(4), (200.0,), 20),
+        (lambda: l_plate_problem(1), (0.9,), 45),
+        (corner_problem, (200.0, 400.0), 30),
+        (quadratic_problem, (60.0, 80.0), 45),
+    ],
+    ids=["two blocks", "gap", "punch", "held by contact", "plate", "two normals", "quadratic"],
+)
+def test_multigrid_gives_what_a_factorisation_gives(
+    multigrid: None, make: Callable[[], Problem], levels: tuple[float, ...], most: int
+) -> None:
+    problem = make()
+    iterative = Newton(problem, TIGHT)
+    assert iterative.linear.name == "cg + smoothed aggregation"
+    PETSc.Options().delValue("perfplast_pc_type")
+    direct = Newton(problem, TIGHT)
+    assert direct.linear.name == "preonly + cholesky"
+    for one, other in zip(
+        load_path(iterative, levels), load_path(direct, levels), strict=True
+    ):
+        assert one.report.converged
+        assert other.report.converged
+        assert one.state.alpha == pytest.approx(other.state.alpha, rel=1e-9)
+        difference = one.state.u.x.petsc_vec - other.state.u.x.petsc_vec
+        assert difference.norm() < 1e-8 * other.state.u.x.petsc_vec.norm()
+        assert abs(one.report.duality_gap) < 1e-8
+    solves, _, iterations = iterative.linear.counts()
+    assert iterations / solves < most
+
+
+@pytest.mark.mpi3
+def test_iterations_hardly_grow_as_the_mesh_is_refined(multigrid: None) -> None:
+    """All contact closed, elastic bodies, relative residual 1e-8."""
+    counts = []
+    for n in (4, 8):
+        problem = two_blocks_problem(n)
+        operator = _operator(problem)
+        solver = LinearSolver(problem)
+        solver.set_operator(operator)
+        solver.hold(problem.basis.index)
+        b = problem.load.duplicate()
+        problem.basis.T.multTranspose(problem.load, b)
+        b.array[problem.basis.index] = 0
+        x = b.duplicate()
+        solver.solve(b, x, 1e-8)
+        operator.matrix.mult(x, b)
+        counts.append(solver.iterations)
+    assert counts[0] <= 16
+    assert counts[1] <= 20
+
+
+@pytest.mark.mpi3
+def test_coarse_spaces_hold_what_is_held_and_move_bodies_rigidly(multigrid: None) -> None:
+    problem = two_blocks_problem(4)
+    operator = _operator(problem)
+    spaces = CoarseSpaces(problem, operator.stiffness)
+    finest = spaces.interpolations[-1]
+    index = problem.basis.index
+    before = _row_sizes(finest, index)
+    pc = PETSc.PC().create(problem.comm)
+    pc.setType("mg")
+    spaces.install(pc)
+    held = index[::2]
+    operator.hold(held)
+    spaces.project(operator.matrix, held, pc)
+    sizes = _row_sizes(finest, index)
+    assert (sizes[::2] == 0).all()
+    assert np.array_equal(sizes[1::2], before[1::2])
+    operator.hold(index[:0])
+    spaces.project(operator.matrix, index[:0], pc)
+    assert np.array_equal(_row_sizes(finest, index), before)
+
+
+def _operator(problem: Problem) -> ContactOperator:
+    fields = Fields(problem)
+    fields.update()
+    fields.assemble_stiffness(1.0)
+    return ContactOperator(problem, fields.stiffness)
+
+
+def _row_sizes(A: PETSc.Mat, local: np.ndarray) -> np.ndarray:
+    first = A.getOwnershipRange()[0]
+    return np.array([np.abs(A.getRow(first + i)[1]).sum() for i in local])
+
+
+@pytest.mark.mpi3
+def test_products_with_the_operator_are_those_with_its_matrix() -> None:
+    problem = two_blocks_problem(3)
+    operator = _operator(problem)
+    operator.hold(problem.basis.index[:0])
+    y, r, f, image = (problem.load.duplicate() for _ in range(4))
+    y.array[:] = np.sin(np.arange(*y.getOwnershipRange()))
+    r.array[:] = np.cos(np.arange(*y.getOwnershipRange()))
+    operator.mult_add(y, r, f)
+    operator.matrix.multAdd(y, r, image)
+    image.axpy(-1.0, f)
+    assert image.norm() < 1e-12 * f.norm()
+
+
+def test_a_small_problem_has_one_level() -> None:
+    options = PETSc.Options()
+    options["perfplast_pc_type"] = "mg"
+    try:
+        level = Newton(two_blocks_problem(2)).solve(60.0)
+    finally:
+        options.delValue("perfplast_pc_type")
+    assert level.report.converged
