@@ -91,9 +91,7 @@ def test_multigrid_gives_what_a_factorisation_gives(
     PETSc.Options().delValue("perfplast_pc_type")
     direct = Newton(problem, TIGHT)
     assert direct.linear.name == "preonly + cholesky"
-    for one, other in zip(
-        load_path(iterative, levels), load_path(direct, levels), strict=True
-    ):
+    for one, other in zip(load_path(iterative, levels), load_path(direct, levels), strict=True):
         assert one.report.converged
         assert other.report.converged
         assert one.state.alpha == pytest.approx(other.state.alpha, rel=1e-9)
