@@ -8,7 +8,6 @@ of the one that uses it.
 """
 
 import math
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -29,6 +28,7 @@ from perfplast_fenicsx.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.options import NewtonOptions
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.schema import Table, at, choose, convert, shown
+from perfplast_fenicsx.toml_files import parse, read_text
 from perfplast_fenicsx.uzawa import AugmentedLagrangian, AugmentedLagrangianOptions
 from perfplast_fenicsx.work_newton import BorderedNewton, WorkNewton
 
@@ -258,18 +258,11 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
     text, fault = "", None
     if comm.rank == 0:
         try:
-            text = path.read_text(encoding="utf-8")
-        except UnicodeDecodeError:
-            fault = f"'{path}' is not a text file in UTF-8; give a case file (TOML)."
-        except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            fault = f"the case file '{path}' cannot be read ({reason}); check its name."
+            text = read_text(path)
+        except InputError as error:
+            fault = str(error)
     raise_together(comm, fault)
-    try:
-        table = tomllib.loads(comm.bcast(text))
-    except tomllib.TOMLDecodeError as error:
-        reason = str(error)[:1].lower() + str(error)[1:]
-        raise InputError(f"{path.name} is not valid TOML: {reason}; correct this place.") from error
+    table = parse(comm.bcast(text), path.name)
     return _case(path, table)
 
 

@@ -6,13 +6,50 @@ collective call.
 """
 
 import difflib
+import math
 from collections.abc import Iterable
 
 from mpi4py import MPI
 
+LONGEST_MESSAGE = 3000
+"""Characters of a message; of a longer one the middle is left out."""
+
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Magnitudes of numbers other than 0 whose squares and products can be computed with."""
+
 
 class InputError(ValueError):
-    """Input that cannot be used; the message is one sentence with place, value and remedy."""
+    """Input that cannot be used; the message is one sentence with place, value and remedy.
+
+    What is quoted in it may be anything, so that control characters are written as escapes, and
+    what is very long is cut.
+    """
+
+    def __init__(self, message: str) -> None:
+        if len(message) > LONGEST_MESSAGE:
+            keep = LONGEST_MESSAGE // 2 - 10
+            message = f"{message[:keep]} [...] {message[-keep:]}"
+        super().__init__("".join(map(_visible, message)))
+
+
+def _visible(character: str) -> str:
+    return character if character.isprintable() else ascii(character)[1:-1]
+
+
+def check_magnitude(field: str, value: float) -> None:
+    """Refuse a number that is so large or small that results would overflow or vanish.
+
+    What is not finite is left to those who know what the number stands for.
+
+    Raises:
+        InputError: Naming the field and the value.
+    """
+    size = abs(value)
+    if math.isfinite(size) and size and not SMALLEST <= size <= LARGEST:
+        raise InputError(
+            f"{field} = {value:.6g} is too {'large' if size > 1 else 'small'} to compute with; use"
+            f" units in which it lies between {SMALLEST:g} and {LARGEST:g}."
+        )
 
 
 def raise_together(comm: MPI.Intracomm, message: str | None) -> None:
@@ -33,5 +70,5 @@ def raise_together(comm: MPI.Intracomm, message: str | None) -> None:
 def nearest(word: object, known: Iterable[str]) -> str:
     """The remedy for an unknown word: the nearest known one, or all of them."""
     words = list(known)
-    close = difflib.get_close_matches(str(word), words, n=1)
+    close = difflib.get_close_matches(str(word)[:100], words, n=1)
     return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(words)}."

@@ -11,7 +11,7 @@ import numexpr
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import LARGEST, InputError
 
 VARIABLES = ("x", "y", "z", "pi")
 
@@ -83,6 +83,12 @@ def evaluate(
         raise InputError(
             f"{place}: {_quoted(formula)} is {values[wrong][0]} at ({at}); give a number or formula"
             " that is finite on the whole surface."
+        )
+    largest = np.abs(values).max(initial=0)
+    if largest > LARGEST:
+        raise InputError(
+            f"{place}: {_quoted(formula)} is as large as {largest:.6g}, too large to compute with;"
+            f" stay below {LARGEST:g}."
         )
     return values
 

@@ -24,7 +24,7 @@ from typing import Any, TypeAlias
 
 import ufl
 
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, check_magnitude
 
 Expr: TypeAlias = Any
 """A UFL expression; UFL brings no types."""
@@ -226,3 +226,4 @@ Material = Elastic | VonMises
 def _require_positive(field: str, value: float) -> None:
     if not (value > 0 and math.isfinite(value)):
         raise InputError(f"{field} = {value} is not a positive number; give it in stress units.")
+    check_magnitude(field, value)

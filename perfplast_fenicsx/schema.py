@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar
 
 import msgspec
 
-from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.errors import InputError, check_magnitude, nearest
 
 T = TypeVar("T")
 Table = dict[str, Any]
@@ -94,11 +94,16 @@ def shown(value: object) -> str:
 
 def _converted(value: object, key: str, hint: Any, place: str) -> Any:
     try:
-        return msgspec.convert(value, type=hint)
+        converted = msgspec.convert(value, type=hint)
     except msgspec.ValidationError as error:
         raise InputError(
             f"{place}: {key} = {shown(value)} cannot be used; give {described(hint, key)}."
         ) from error
+    with at(place):
+        for number in converted if isinstance(converted, list) else [converted]:
+            if isinstance(number, float):
+                check_magnitude(key, number)
+    return converted
 
 
 def described(hint: Any, key: str) -> str:
