@@ -1,5 +1,11 @@
 """Gmsh on one process: a quiet session, and a .msh file as checked arrays. No MPI."""
 
+import json
+import signal
+import stat
+import subprocess
+import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -9,10 +15,12 @@ from types import ModuleType
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.apart import environment_apart
+from perfplast_fenicsx.errors import LARGEST, InputError
 
 # Gmsh element type -> polynomial degree, by dimension.
 SIMPLICES = {1: {1: 1, 8: 2}, 2: {2: 1, 9: 2}, 3: {4: 1, 11: 2}}
+_NO_GMSH = "gmsh's Python module cannot be loaded; install it (Debian package python3-gmsh)"
 _ENTITY = ("point", "curve", "surface", "volume")
 _SIMPLEX = ("points", "lines", "triangles", "tetrahedra")
 
@@ -61,9 +69,7 @@ def gmsh_session() -> Iterator[ModuleType]:
     try:
         import gmsh
     except (ImportError, OSError) as error:
-        raise InputError(
-            "gmsh's Python module cannot be loaded; install it (Debian package python3-gmsh)"
-        ) from error
+        raise InputError(_NO_GMSH) from error
     in_use = bool(gmsh.isInitialized())
     if in_use:
         model = gmsh.model.getCurrent()
@@ -95,40 +101,41 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
             others beside them, or names that are missing, double or on the same entity.
     """
     _check_header(Path(path))
-    with gmsh_session() as gmsh:
-        gmsh.logger.start()
-        try:
-            gmsh.merge(str(path))
-            faults = [line for line in gmsh.logger.get() if line.startswith("Error")]
-        except Exception as error:  # gmsh raises nothing more specific
-            raise InputError(f"gmsh cannot read '{path}': {error}") from error
-        finally:
-            gmsh.logger.stop()  # or the next file would be blamed for this one's faults
-        if faults:
-            raise InputError(f"gmsh cannot read '{path}': {faults[0].partition(':')[2].strip()}")
-        gdim = _dimension(gmsh, path, gdim)
-        volumes = _names(gmsh, path, gdim)
-        if not volumes:
-            entity = _ENTITY[gdim]
-            raise InputError(f"'{path}' has no physical {entity}; name each body by one in gmsh")
-        surfaces = _names(gmsh, path, gdim - 1)
-        degree, cells, cell_values = _elements(gmsh, path, gdim)
-        _, facets, facet_values = _elements(gmsh, path, gdim - 1)
-        tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    content = _dumped(Path(path))
+    gdim = _dimension(content, path, gdim)
+    volumes = _names(content, path, gdim)
+    if not volumes:
+        entity = _ENTITY[gdim]
+        raise InputError(f"'{path}' has no physical {entity}; name each body by one in gmsh")
+    surfaces = _names(content, path, gdim - 1)
+    degree, cells, cell_values = _elements(content, path, gdim)
+    _, facets, facet_values = _elements(content, path, gdim - 1)
+    tags, coordinates = content.tags, content.coordinates
     named = facet_values > 0
     facets, facet_values = facets[named], facet_values[named]
     # Nodes of geometry points, unnamed surfaces, … are left out.
     used = np.unique(cells)
     order = np.argsort(tags)
-    points = coordinates.reshape(-1, 3)[order[np.searchsorted(tags[order], used)]]
+    if not np.isin(used, tags).all():
+        raise InputError(f"elements of '{path}' have nodes that it has not; save the whole mesh")
+    points = coordinates[order[np.searchsorted(tags[order], used)]]
     if gdim == 2 and np.ptp(points[:, 2]) > 1e-12 * np.ptp(points):
         raise InputError(f"'{path}' is read as a plane mesh but its nodes have different z")
+    cells = np.searchsorted(used, cells)
+    _check_cells(path, points, cells, gdim)
+    corners = np.sort(facets[:, :gdim], axis=1)
+    doubled = len(corners) - len(np.unique(corners, axis=0))
+    if doubled:
+        raise InputError(
+            f"{doubled} of the {len(facets)} named surface elements of '{path}' are there twice;"
+            " give each surface one name"
+        )
     on_cells = np.isin(facets, used).all(axis=1)
     return GmshMesh(
         gdim=gdim,
         degree=degree,
         points=points,
-        cells=np.searchsorted(used, cells),
+        cells=cells,
         cell_values=cell_values,
         facets=np.searchsorted(used, facets[on_cells]),
         facet_values=facet_values[on_cells],
@@ -139,21 +146,130 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
 
 
 def _check_header(path: Path) -> None:
-    # Gmsh itself would run any other text file as a script.
-    if not path.exists():
-        raise InputError(f"mesh file '{path}' does not exist; check the path")
+    # Gmsh itself would run any other text file as a script, and wait at a FIFO.
     try:
+        mode = path.stat().st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            raise InputError(f"mesh file '{path}' is no regular file; save the mesh from gmsh")
         with path.open("rb") as file:
             head = file.read(11)
-    except OSError as error:
-        raise InputError(f"mesh file '{path}' cannot be read: {error.strerror}") from error
+    except FileNotFoundError as error:
+        raise InputError(f"mesh file '{path}' does not exist; check the path") from error
+    except (OSError, ValueError) as error:  # the latter for a name that no file can have
+        if isinstance(error, InputError):
+            raise
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"mesh file '{path}' cannot be read: {reason}") from error
     if not head.startswith((b"$MeshFormat", b"$Comments")):
         raise InputError(f"'{path}' is not a gmsh .msh file; save the mesh from gmsh as .msh")
 
 
-def _dimension(gmsh: ModuleType, path: str | Path, gdim: int | None) -> int:
+@dataclass(frozen=True)
+class _Block:
+    """Elements of one entity and type: nodes (gmsh's tags), shape (num_elements, ·)."""
+
+    dim: int
+    entity: int
+    groups: list[int]
+    kind: int
+    nodes: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Content:
+    """What :mod:`perfplast_fenicsx.gmsh_dump` has found in a file.
+
+    Attributes:
+        blocks: Its elements.
+        groups: Dimension, tag and name of the physical groups.
+        types: Name and number of nodes of each element type.
+        tags: Of the nodes, shape (num_nodes,).
+        coordinates: Of the nodes, shape (num_nodes, 3).
+    """
+
+    blocks: list[_Block]
+    groups: list[tuple[int, int, str]]
+    types: dict[int, tuple[str, int]]
+    tags: npt.NDArray[np.int64]
+    coordinates: npt.NDArray[np.float64]
+
+
+def _dumped(path: Path) -> _Content:
+    """Let gmsh read a file in a process of its own.
+
+    Raises:
+        InputError: If gmsh is not installed, finds a fault or does not survive the file.
+    """
+    program = Path(__file__).with_name("gmsh_dump.py")
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "mesh.npz"
+        command = [sys.executable, "-P", str(program), str(path.absolute()), str(target)]
+        try:
+            done = subprocess.run(
+                command,
+                env=environment_apart(),
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                check=False,
+            )
+        except OSError as error:
+            raise InputError(f"gmsh cannot be started to read '{path}': {error}") from error
+        if b"    import gmsh" in done.stderr:  # the line at which it ended
+            raise InputError(_NO_GMSH)
+        if not target.exists() or done.returncode:
+            end = f"exit status {done.returncode}"
+            if done.returncode < 0:
+                end = signal.strsignal(-done.returncode) or end
+            raise InputError(
+                f"gmsh cannot read '{path}': it broke down ({end.lower()}), so the file is damaged;"
+                " save the mesh again"
+            )
+        with np.load(target) as arrays:
+            about = json.loads(str(arrays["about"]))
+            if about["fault"] is not None:
+                raise InputError(f"gmsh cannot read '{path}': {about['fault']}")
+            blocks = [
+                _Block(dim, entity, groups, kind, arrays[f"block_{number}"].astype(np.int64))
+                for number, (dim, entity, groups, kind) in enumerate(about["blocks"])
+            ]
+            types = {int(kind): tuple(properties) for kind, properties in about["types"].items()}
+            nodes = (arrays["tags"].astype(np.int64), arrays["coordinates"])
+            return _Content(blocks, about["groups"], types, *nodes)
+
+
+FLAT = 1e-12
+"""Cells are flat whose volume is less than this share of that of a cube of their longest edge."""
+
+
+def _check_cells(
+    path: str | Path, points: npt.NDArray[np.float64], cells: npt.NDArray[np.int64], gdim: int
+) -> None:
+    """Refuse nodes that are nowhere and cells without volume."""
+    wrong = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))  # NaN is not either
+    if wrong.size:
+        place = ", ".join(f"{coordinate:.6g}" for coordinate in points[wrong[0]])
+        raise InputError(
+            f"'{path}' has {wrong.size} nodes with coordinates such as ({place}); save the mesh"
+            " again"
+        )
+    first = points[cells[:, 0], :gdim]
+    edges = points[cells[:, 1 : gdim + 1], :gdim] - first[:, None]
+    longest = np.abs(edges).max(axis=(1, 2), initial=0)
+    if (longest > 0).all():
+        flat = np.abs(np.linalg.det(edges / longest[:, None, None])) < FLAT
+    else:
+        flat = longest == 0
+    if flat.any():
+        at = ", ".join(f"{coordinate:.6g}" for coordinate in first[np.argmax(flat)])
+        raise InputError(
+            f"{np.count_nonzero(flat)} cells of '{path}' have no volume, the first at ({at}); mesh"
+            " the bodies again"
+        )
+
+
+def _dimension(content: _Content, path: str | Path, gdim: int | None) -> int:
     """Dimension of the mesh, which is to be ``gdim`` if that is given."""
-    dims = [dim for dim in range(4) if len(gmsh.model.mesh.getElementTypes(dim))]
+    dims = [block.dim for block in content.blocks]
     if not dims:
         raise InputError(f"'{path}' has no elements; mesh the model in gmsh before saving")
     if max(dims) < 2 or gdim not in (None, max(dims)):
@@ -162,11 +278,10 @@ def _dimension(gmsh: ModuleType, path: str | Path, gdim: int | None) -> int:
     return max(dims)
 
 
-def _names(gmsh: ModuleType, path: str | Path, dim: int) -> dict[str, int]:
+def _names(content: _Content, path: str | Path, dim: int) -> dict[str, int]:
     """Name to tag of the physical groups of one dimension."""
     names: dict[str, int] = {}
-    for _, tag in gmsh.model.getPhysicalGroups(dim):
-        name = gmsh.model.getPhysicalName(dim, tag)
+    for tag, name in [(tag, name) for of, tag, name in content.groups if of == dim]:
         if not name:
             raise InputError(f"physical {_ENTITY[dim]} {tag} of '{path}' has no name; give it one")
         if name in names:
@@ -179,30 +294,28 @@ def _names(gmsh: ModuleType, path: str | Path, dim: int) -> dict[str, int]:
 
 
 def _elements(
-    gmsh: ModuleType, path: str | Path, dim: int
+    content: _Content, path: str | Path, dim: int
 ) -> tuple[int, npt.NDArray[np.int64], npt.NDArray[np.int32]]:
     """Degree, nodes (gmsh's tags) and physical tags (0 for none) of the elements of a dimension."""
-    types: set[int] = set()
-    nodes = [np.empty(0, dtype=np.int64)]
-    values = [np.empty(0, dtype=np.int32)]
-    for _, entity in gmsh.model.getEntities(dim):
-        groups = gmsh.model.getPhysicalGroupsForEntity(dim, entity)
-        if len(groups) > 1:
-            names = " and ".join(f"'{gmsh.model.getPhysicalName(dim, tag)}'" for tag in groups)
+    blocks = [block for block in content.blocks if block.dim == dim]
+    for block in blocks:
+        if len(block.groups) > 1:
+            known = {tag: name for of, tag, name in content.groups if of == dim}
+            names = " and ".join(f"'{known[tag]}'" for tag in block.groups)
             raise InputError(
-                f"{_ENTITY[dim]} {entity} of '{path}' is in the physical groups {names}; "
+                f"{_ENTITY[dim]} {block.entity} of '{path}' is in the physical groups {names}; "
                 "an entity can have one name only"
             )
-        kinds, tags, connectivity = gmsh.model.mesh.getElements(dim, entity)
-        types.update(int(kind) for kind in kinds)
-        nodes.extend(array.astype(np.int64) for array in connectivity)
-        count = sum(len(array) for array in tags)
-        values.append(np.full(count, groups[0] if len(groups) else 0, dtype=np.int32))
+    types = {block.kind for block in blocks}
     if len(types) > 1 or not types <= SIMPLICES[dim].keys():
-        names = ", ".join(gmsh.model.mesh.getElementProperties(kind)[0] for kind in sorted(types))
+        names = ", ".join(content.types[kind][0] for kind in sorted(types))
         raise InputError(
             f"'{path}' has the elements {names}; all must be {_SIMPLEX[dim]} of one degree, 1 or 2"
         )
     kind = types.pop() if types else min(SIMPLICES[dim])
-    size = gmsh.model.mesh.getElementProperties(kind)[3]
-    return SIMPLICES[dim][kind], np.concatenate(nodes).reshape(-1, size), np.concatenate(values)
+    size = content.types[kind][1] if blocks else dim + 1
+    nodes = [np.empty((0, size), dtype=np.int64), *(block.nodes for block in blocks)]
+    counts = [len(block.nodes) for block in blocks]
+    tags = [block.groups[0] if block.groups else 0 for block in blocks]
+    values = np.repeat(np.array(tags, dtype=np.int64), np.array(counts, dtype=np.int64))
+    return SIMPLICES[dim][kind], np.concatenate(nodes), values.astype(np.int32)

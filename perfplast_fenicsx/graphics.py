@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.apart import environment_apart
+
 PATIENCE = 300.0
 """Longest time for a picture (s), and for each further frame a tenth of it."""
 
@@ -89,8 +91,7 @@ def display() -> Iterator[dict[str, str]]:
 
     The variables of MPI launchers are left out, so that the child is no rank.
     """
-    hidden = ("OMPI_", "PMIX_", "PRTE_", "PMI_", "MPI_", "HYDRA_")
-    environment = {key: value for key, value in os.environ.items() if not key.startswith(hidden)}
+    environment = environment_apart()
     program = shutil.which("Xvfb")
     if program is None:
         yield environment

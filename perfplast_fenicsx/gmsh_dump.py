@@ -1,0 +1,73 @@
+"""A program of its own: gmsh reads a .msh file, and what is in it goes into an .npz file.
+
+Broken files make gmsh crash, or run or allocate without end. That ends this process, not the ranks.
+It imports nothing of this package, as that would start MPI.
+
+    python3 -P gmsh_dump.py FILE.msh TARGET.npz
+"""
+
+import json
+import resource
+import sys
+from pathlib import Path
+from typing import Any
+
+import gmsh
+import numpy as np
+
+SECONDS, SECONDS_PER_MB = 30, 5
+"""Processor time that gmsh may take; good files need less than a tenth."""
+
+MEMORY, MEMORY_PER_BYTE = 8 << 30, 100
+"""Address space that it may take."""
+
+
+def limit(size: int) -> None:
+    """Bound what this process may take, for a file of ``size`` bytes."""
+    seconds = SECONDS + SECONDS_PER_MB * (size >> 20)
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    memory, most = MEMORY + MEMORY_PER_BYTE * size, resource.getrlimit(resource.RLIMIT_AS)[1]
+    if most == resource.RLIM_INFINITY or memory < most:
+        resource.setrlimit(resource.RLIMIT_AS, (memory, most))
+
+
+def dump(source: str, target: str) -> None:
+    """Read one file, write the other; what gmsh complains of is in there too."""
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.logger.start()
+    fault = None
+    try:
+        gmsh.merge(source)
+    except Exception as error:  # gmsh raises nothing more specific
+        fault = str(error)
+    faults = [line for line in gmsh.logger.get() if line.startswith("Error")]
+    if faults and fault is None:
+        fault = faults[0].partition(":")[2].strip()
+    arrays: dict[str, Any] = {}
+    blocks: list[tuple[int, int, list[int], int]] = []
+    groups: list[tuple[int, int, str]] = []
+    types: dict[int, tuple[str, int]] = {}
+    if fault is None:
+        for dim in range(4):
+            for _, tag in gmsh.model.getPhysicalGroups(dim):
+                groups.append((dim, int(tag), gmsh.model.getPhysicalName(dim, tag)))
+            for _, entity in gmsh.model.getEntities(dim):
+                named = [int(tag) for tag in gmsh.model.getPhysicalGroupsForEntity(dim, entity)]
+                kinds, tags, nodes = gmsh.model.mesh.getElements(dim, entity)
+                for kind, elements, connectivity in zip(kinds, tags, nodes, strict=True):
+                    arrays[f"block_{len(blocks)}"] = connectivity.reshape(len(elements), -1)
+                    blocks.append((dim, int(entity), named, int(kind)))
+                    properties = gmsh.model.mesh.getElementProperties(kind)
+                    types[int(kind)] = (properties[0], int(properties[3]))
+        tags, coordinates, _ = gmsh.model.mesh.getNodes()
+        arrays |= {"tags": tags, "coordinates": coordinates.reshape(-1, 3)}
+    about = {"fault": fault, "blocks": blocks, "groups": groups, "types": types}
+    with open(target, "wb") as file:  # after an error gmsh may not live to its end
+        np.savez(file, about=json.dumps(about), **arrays)
+
+
+if __name__ == "__main__":
+    limit(Path(sys.argv[1]).stat().st_size)
+    dump(*sys.argv[1:3])
