@@ -5,7 +5,6 @@ How they are cut into tetrahedra, and what is exact about it, is told in
 """
 
 import inspect
-import math
 from collections.abc import Callable, Sequence
 from numbers import Integral, Real
 
@@ -15,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.assembly import Assembly
-from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.errors import LARGEST, SMALLEST, InputError, nearest
 from perfplast_fenicsx.structured import Box, Surface, structured_assembly
 
 
@@ -132,7 +131,7 @@ def stacked_blocks(comm: MPI.Intracomm, n: int, heights: Sequence[float] = (1.0,
     if not (
         isinstance(heights, Sequence)
         and len(heights) == 2
-        and all(isinstance(h, Real) and 0 < h < math.inf for h in heights)
+        and all(isinstance(h, Real) and SMALLEST < h < LARGEST for h in heights)
     ):
         raise InputError(
             f"builder 'stacked_blocks' has heights = {heights!r}; give two positive numbers"

@@ -7,6 +7,7 @@ touching surfaces coincide exactly.
 """
 
 import math
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +22,7 @@ from dolfinx.mesh import create_mesh, locate_entities_boundary, meshtags
 
 from perfplast_fenicsx.assembly import Assembly
 from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.errors import InputError
 
 Marker = Callable[[npt.NDArray[Any]], npt.NDArray[np.bool_]]
 
@@ -106,7 +108,11 @@ def structured_assembly(
         comm: Communicator of the mesh, which gets no ghost cells.
         boxes: The bodies.
         surfaces: Their named surfaces, which must not overlap.
+
+    Raises:
+        InputError: If the mesh would not fit into the memory of the machines.
     """
+    _check_size(comm, boxes)
     first_vertices = np.cumsum([0] + [box.num_vertices for box in boxes])
     cells = [
         first + box.tetrahedra(cubes)
@@ -145,6 +151,25 @@ def structured_assembly(
         volumes=volumes,
         surfaces={surface.name: tag for tag, surface in enumerate(surfaces, start=1)},
     )
+
+
+LEAST_MEMORY = 200
+"""Bytes that a tetrahedron needs at the very least, while the mesh is made."""
+
+
+def _check_size(comm: MPI.Intracomm, boxes: Sequence[Box]) -> None:
+    """Refuse what no memory can hold, before it is asked for. Collective."""
+    cubes = sum(box.num_cubes for box in boxes)
+    needed = cubes * len(TETRAHEDRA) * LEAST_MEMORY
+    machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    here = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if machine.rank == 0 else 0
+    machine.Free()
+    available = comm.allreduce(here)
+    if needed > available:
+        raise InputError(
+            f"{float(cubes * len(TETRAHEDRA)):.3g} tetrahedra need more than the"
+            f" {available / 2**30:.3g} GiB of memory there are; choose a smaller n"
+        )
 
 
 def _shares(comm: MPI.Intracomm, sizes: Sequence[int]) -> list[npt.NDArray[np.int64]]:
