@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.assembly import Assembly
-from perfplast_fenicsx.errors import LARGEST, SMALLEST, InputError, nearest
+from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.structured import Box, Surface, structured_assembly
 
 
@@ -122,19 +122,20 @@ def stacked_blocks(comm: MPI.Intracomm, n: int, heights: Sequence[float] = (1.0,
     Args:
         comm: Communicator of the mesh.
         n: Cubes along each edge of each block, at least 1, stretched to its height.
-        heights: Heights of the lower and the upper block, both > 0.
+        heights: Heights of the lower and the upper block, from 1e-6 to 1e6.
 
     Raises:
-        InputError: If ``n`` is not a positive whole number or a height is not positive.
+        InputError: If ``n`` is not a positive whole number or a height out of its range.
     """
     _check_n("stacked_blocks", n)
     if not (
         isinstance(heights, Sequence)
         and len(heights) == 2
-        and all(isinstance(h, Real) and SMALLEST < h < LARGEST for h in heights)
+        and all(isinstance(h, Real) and 1e-6 <= h <= 1e6 for h in heights)
     ):
         raise InputError(
-            f"builder 'stacked_blocks' has heights = {heights!r}; give two positive numbers"
+            f"builder 'stacked_blocks' has heights = {heights!r}; give two positive numbers between"
+            " 1e-6 and 1e6, as the blocks are 1 wide"
         )
     middle, top = float(heights[0]), float(heights[0]) + float(heights[1])
     return structured_assembly(
