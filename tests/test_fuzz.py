@@ -35,6 +35,8 @@ from perfplast_fenicsx.loading import load_path
 from perfplast_fenicsx.run import BAD_INPUT
 from perfplast_fenicsx.toml_files import DEEPEST, LARGEST_FILE, parse
 
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")  # they would be printed
+
 EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
 
 BASE: dict[str, Any] = {
