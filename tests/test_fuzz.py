@@ -32,7 +32,7 @@ from perfplast_fenicsx.builders import build
 from perfplast_fenicsx.case import read_case
 from perfplast_fenicsx.errors import LONGEST_MESSAGE, InputError
 from perfplast_fenicsx.loading import load_path
-from perfplast_fenicsx.run import BAD_INPUT
+from perfplast_fenicsx.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.toml_files import DEEPEST, LARGEST_FILE, parse
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")  # they would be printed
@@ -355,7 +355,7 @@ def test_mesh_files(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) ->
     lines = path.read_text(encoding="utf-8").split("\n")
     comm.barrier()
     lot = random.Random(2)
-    for _ in range(max(1, int((40 if comm.size == 1 else 12) * EFFORT))):
+    for _ in range(max(1, int((30 if comm.size == 1 else 10) * EFFORT))):
         put(comm, path, broken_mesh(lines, lot))
         tally.counts[outcome(comm, lambda: repr(type(read_gmsh(comm, path)).__name__), 120)] += 1
     tally.show("broken mesh files read")
@@ -510,3 +510,51 @@ def test_output_folders(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally
             assert ranks > 1 or done.stderr.count("\n") == 1
             tally.counts["refused"] += 1
     tally.show("output folders that cannot be")
+
+
+@pytest.mark.mpi3
+def test_result_folders(
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    tally: Tally,
+) -> None:
+    """Restarts from damaged checkpoints: from the one before, or not at all."""
+    case = put(comm, shared_tmp_path / "case.toml", document(BASE).encode())
+    results = shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results)]) == SOLVED
+    whole = {path: path.read_bytes() for path in sorted(results.glob("checkpoint*.h5"))}
+    assert len(whole) == 2
+    comm.barrier()
+    lot = random.Random(3)
+    for _ in range(max(1, int(12 * EFFORT))):
+        damaged = {path: content for path, content in whole.items() if lot.random() < 0.7}
+        for path, content in whole.items():
+            put(comm, path, damage(content, lot) if path in damaged else content)
+
+        def attempt() -> str:
+            status = main(["run", str(case), "--restart", str(results)])
+            if status == BAD_INPUT:
+                return "refused"
+            assert status == SOLVED
+            return "solved"
+
+        tally.counts[outcome(comm, attempt)] += 1
+        error = capsys.readouterr().err
+        if comm.rank == 0:
+            assert "Traceback" not in error
+        summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+        assert all(abs(step["duality_gap"]) < 1e-3 for step in summary["steps"])
+        comm.barrier()
+    tally.show("damaged result folders gone on from")
+    assert len(tally.counts) == 2
+
+
+def damage(content: bytes, lot: random.Random) -> bytes:
+    """A file that is cut, or has some of its bytes changed."""
+    if lot.random() < 0.3:
+        return content[: lot.randrange(len(content))]
+    changed = bytearray(content)
+    for _ in range(lot.choice([1, 3, 30])):
+        changed[lot.randrange(len(changed))] = lot.randrange(256)
+    return bytes(changed)

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Iterator
 
-import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-from models import STEEL, l_plate_problem, punch_problem, stack_problem, two_blocks_problem
+import pytest
 
+from models import STEEL, l_plate_problem, punch_problem, stack_problem, two_blocks_problem
 from perfplast_fenicsx import (
     BodyForce,
     Contact,
