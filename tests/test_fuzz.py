@@ -151,7 +151,7 @@ def broken_cases(draw: st.DrawFn, most: int = 3) -> str:
         elif kind == "formula":
             container[key] = draw(FORMULAS)
         else:
-            container[key] = draw(st.sampled_from(HOSTILE))
+            container[key] = copy.deepcopy(draw(st.sampled_from(HOSTILE)))  # lists may change
         if not table:
             break
     return document(table)
