@@ -44,7 +44,7 @@ MULTIGRID = {
     "pc_use_amat": None,  # the smoothers work with the blocked matrix, as CG does
     "mg_levels_ksp_type": "chebyshev",
     "mg_levels_ksp_max_it": 3,
-    "mg_levels_pc_type": "jacobi",
+    "mg_levels_pc_type": "pbjacobi",
     "mg_levels_esteig_ksp_type": "cg",
     "mg_levels_ksp_chebyshev_esteig": "0,0.1,0,1.05",
     "mg_coarse_pc_type": "redundant",
