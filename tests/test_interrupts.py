@@ -72,8 +72,9 @@ class Run:
         """Process of a rank."""
         if self.ranks == 1:
             return self.process.pid
-        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
-        return sorted(int(child) for child in children.read_text().split())[number]
+        # of all threads: OpenMPI 6 starts the ranks from another than the first
+        threads = Path(f"/proc/{self.process.pid}/task").glob("*/children")
+        return sorted(int(child) for some in threads for child in some.read_text().split())[number]
 
     def ended(self) -> tuple[int, str]:
         """Exit status and standard error."""
@@ -131,7 +132,10 @@ def test_control_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
     run.process.send_signal(signal.SIGINT)
     status, _ = run.ended()  # what mpirun makes of it
     assert status != SOLVED
-    assert f"--restart {folder}" in (folder / "run.log").read_text().splitlines()[-2]
+    if MPI.get_vendor()[1] < (6,):  # later an mpirun that is interrupted kills its ranks at once
+        assert f"--restart {folder}" in (folder / "run.log").read_text().splitlines()[-2]
+    assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
+    same_path(folder, whole[1])
 
     assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
     same_path(folder, whole[1])
