@@ -21,7 +21,15 @@ import numpy as np
 from benchmarks.elastic import Elasticity, Unit
 from benchmarks.platform_facts import libraries
 from benchmarks.problems import MODELS, Model
-from perfplast_fenicsx import Iteration, Level, Newton, NewtonOptions, Problem, load_path
+from perfplast_fenicsx import (
+    Iteration,
+    Level,
+    Newton,
+    NewtonOptions,
+    Problem,
+    WorkNewton,
+    load_path,
+)
 from perfplast_fenicsx.linear import DIRECT, MULTIGRID
 from perfplast_fenicsx.output import peak_memory
 from perfplast_fenicsx.phases import PHASES, seconds
@@ -82,9 +90,11 @@ class Run:
         parts = {"mesh and problem": self.lap()}
         units = self._units(problem, arguments.units and 1)
         self.lap()
-        solver = Newton(problem, NewtonOptions(tolerance=arguments.tolerance))
+        method = WorkNewton if arguments.works else Newton
+        solver = method(problem, NewtonOptions(tolerance=arguments.tolerance))
         parts["solver"] = self.lap()
-        levels = list(load_path(solver, arguments.levels or self.model.levels, self.stepped))
+        values = arguments.works or arguments.levels or self.model.levels
+        levels = list(load_path(solver, values, self.stepped))
         parts["path"] = self.lap()
         phases = {name: spent - before[name] for name, spent in self._phases().items()}
         memory = self.comm.allgather(peak_memory())
@@ -207,6 +217,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--n", type=int, required=True, help="cubes per unit length")
     parser.add_argument("--degree", type=int, default=1)
     parser.add_argument("--levels", type=float, nargs="+", help="instead of the model's own")
+    parser.add_argument("--works", type=float, nargs="+", help="works α instead of loads (ALG3)")
     parser.add_argument("--solver", choices=SOLVERS, default="default")
     parser.add_argument("--tolerance", type=float, default=1e-8)
     parser.add_argument("--units", type=int, default=3, help="how often E is measured")

@@ -96,6 +96,9 @@ def plate(n: int) -> tuple[Job, ...]:
     )
 
 
+WORKS = ("--works", "0.016", "0.025", "0.066")
+"""Works of `two_blocks` n = 8 at ζ = 60, 80, 100: a finer mesh at these has the same deformation."""
+
 GROUPS = {
     "start": Group(
         "import to first Newton step, compiled forms in the cache",
@@ -125,6 +128,15 @@ GROUPS = {
     "two_blocks_38": Group(
         "two blocks, 1 049 490 unknowns",
         (case("two_blocks", 38, solver="multigrid", ranks=2),),
+        rounds=1,
+    ),
+    "growth": Group(
+        "two blocks at the same works of the loads: iterations, not times",
+        (
+            case("two_blocks", 8, *WORKS, solver="multigrid", name="n = 8"),
+            case("two_blocks", 16, *WORKS, solver="multigrid", ranks=2, name="n = 16"),
+            case("two_blocks", 38, *WORKS, solver="multigrid", ranks=2, name="n = 38"),
+        ),
         rounds=1,
     ),
     "punch_16": Group("punch, 16 926 unknowns", (case("punch", 16), getfem(16))),

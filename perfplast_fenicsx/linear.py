@@ -41,6 +41,7 @@ MULTIGRID = {
     "ksp_norm_type": "unpreconditioned",
     "ksp_max_it": 1000,
     "pc_type": "mg",
+    "pc_mg_cycle_type": "w",
     "pc_use_amat": None,  # the smoothers work with the blocked matrix, as CG does
     "mg_levels_ksp_type": "chebyshev",
     "mg_levels_ksp_max_it": 3,
@@ -51,6 +52,8 @@ MULTIGRID = {
     "mg_coarse_redundant_pc_type": "cholesky",
 }
 
+
+NAMES = {("preonly", "cholesky"): "MUMPS Cholesky", ("cg", "mg"): "CG + smoothed aggregation"}
 
 log = logging.getLogger(__name__)
 
@@ -98,7 +101,7 @@ class LinearSolver:
         asked = PETSc.Options(self._ksp.getOptionsPrefix()).hasName("ksp_rtol")
         self._least_rtol = self._ksp.getTolerances()[0] if asked else 1.0
         self._aggregates = pc == "mg"
-        self.name = f"{self._ksp.getType()} + {'smoothed aggregation' if self._aggregates else pc}"
+        self.name = _name(self._ksp.getType(), pc)
         self._old = False
 
     def counts(self) -> tuple[int, int, int]:
@@ -244,6 +247,17 @@ _REASONS = {
     for name, value in vars(PETSc.KSP.ConvergedReason).items()
     if isinstance(value, int)
 }
+
+
+def chosen_solver(problem: Problem) -> str:
+    """What :class:`LinearSolver` begins with for a problem, for people."""
+    preset, options = _preset(problem), PETSc.Options()
+    kinds = (options.getString(LINEAR + key, str(preset[key])) for key in ("ksp_type", "pc_type"))
+    return _name(*kinds)
+
+
+def _name(ksp: str, pc: str) -> str:
+    return NAMES.get((ksp, pc), f"{ksp} + {pc}")
 
 
 def _preset(problem: Problem) -> Mapping[str, object]:

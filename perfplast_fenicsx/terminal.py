@@ -12,6 +12,7 @@ from typing import TextIO
 from mpi4py import MPI
 
 from perfplast_fenicsx.limit_load import LimitLoad
+from perfplast_fenicsx.linear import chosen_solver
 from perfplast_fenicsx.output import ResultFolder
 from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.state import Iteration, LevelReport
@@ -128,7 +129,7 @@ def describe(title: str, method: str, problem: Problem) -> str:
     return (
         f"{title}: {bodies}; {cells} cells, P{problem.degree}, {problem.num_dofs} dofs,"
         f" {pairs} contact pairs;"
-        f" method {method} on {ranks}"
+        f" method {method} on {ranks}, {chosen_solver(problem)}"
     )
 
 

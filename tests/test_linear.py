@@ -87,10 +87,10 @@ def test_multigrid_gives_what_a_factorisation_gives(
 ) -> None:
     problem = make()
     iterative = Newton(problem, TIGHT)
-    assert iterative.linear.name == "cg + smoothed aggregation"
+    assert iterative.linear.name == "CG + smoothed aggregation"
     PETSc.Options().delValue("perfplast_pc_type")
     direct = Newton(problem, TIGHT)
-    assert direct.linear.name == "preonly + cholesky"
+    assert direct.linear.name == "MUMPS Cholesky"
     for one, other in zip(load_path(iterative, levels), load_path(direct, levels), strict=True):
         assert one.report.converged
         assert other.report.converged
