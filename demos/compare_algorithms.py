@@ -384,7 +384,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     for row in rows:
         report = row.level.report
         i = path_shares.index(row.share)
-        # ALG2 converges linearly, at a rate q near 1: a last step of ε leaves an error of ε/(1 − q).
+        # ALG2 converges linearly at a rate q near 1: a last step ε leaves an error of ε/(1 − q).
         # α grows ever faster as ζ nears its limit, and so does what errors in forces make of it.
         j = max(i, 1)
         steepness = math.log(alphas[j] / alphas[j - 1]) / math.log(zetas[j] / zetas[j - 1])
