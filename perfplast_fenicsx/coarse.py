@@ -100,7 +100,7 @@ def blocked(A: PETSc.Mat, copy: PETSc.Mat | None) -> PETSc.Mat:
 
 def _aggregate(problem: Problem, stiffness: PETSc.Mat) -> list[PETSc.Mat]:
     """GAMG's interpolations in nodal unknowns, from the coarsest to the finest."""
-    modes = _rigid_motions(problem, stiffness)
+    modes = _rigid_motions(problem)
     stiffness.setNearNullSpace(modes)
     modes.destroy()
     ksp = PETSc.KSP().create(problem.comm)
@@ -116,18 +116,14 @@ def _aggregate(problem: Problem, stiffness: PETSc.Mat) -> list[PETSc.Mat]:
     return interpolations
 
 
-def _rigid_motions(problem: Problem, stiffness: PETSc.Mat) -> PETSc.NullSpace:
-    """Rigid motions of all bodies together, orthonormal."""
-    V = problem.V
-    x = V.tabulate_dof_coordinates()[: V.dofmap.index_map.size_local]
-    modes = problem.bodies.rigid_modes(x).reshape(-1, problem.bodies.num_modes)
-    gram = problem.comm.allreduce(modes.T @ modes)
-    vectors = []
-    for row in np.linalg.solve(np.linalg.cholesky(gram), modes.T):
-        vector = stiffness.createVecRight()
-        vector.array[:] = row
-        vectors.append(vector)
-    return PETSc.NullSpace().create(vectors=vectors, comm=problem.comm)
+def _rigid_motions(problem: Problem) -> PETSc.NullSpace:
+    """Rigid motions of all bodies together."""
+    x = problem.load.duplicate()
+    owned = problem.V.dofmap.index_map.size_local
+    x.array[:] = problem.V.tabulate_dof_coordinates()[:owned, : problem.bodies.gdim].ravel()
+    modes = PETSc.NullSpace().createRigidBody(x)
+    x.destroy()
+    return modes
 
 
 def _rows(
