@@ -11,6 +11,7 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from docs.marks import replace_mark
 from perfplast_fenicsx import case
 from perfplast_fenicsx.builders import BUILDERS
 from perfplast_fenicsx.contact import Contact
@@ -188,12 +189,6 @@ def reference() -> str:
     return text
 
 
-def _read(app: Any, docname: str, source: list[str]) -> None:
-    if MARK in source[0]:
-        source[0] = source[0].replace(MARK, reference())
-
-
 def setup(app: Any) -> dict[str, bool]:
     """Put the reference in where a page has :data:`MARK`; called by Sphinx."""
-    app.connect("source-read", _read)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    return replace_mark(app, MARK, reference)

@@ -9,6 +9,7 @@ from typing import Any
 
 from mpi4py import MPI
 
+from docs.marks import replace_mark
 from perfplast_fenicsx.arguments import make_parser
 
 MARK = "<!-- the commands, from the program -->"
@@ -33,12 +34,6 @@ def _help(parser: argparse.ArgumentParser) -> str:
     return f"```text\n{parser.format_help()}```\n"
 
 
-def _read(app: Any, docname: str, source: list[str]) -> None:
-    if MARK in source[0]:
-        source[0] = source[0].replace(MARK, reference())
-
-
 def setup(app: Any) -> dict[str, bool]:
     """Put the reference in where a page has :data:`MARK`; called by Sphinx."""
-    app.connect("source-read", _read)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    return replace_mark(app, MARK, reference)
