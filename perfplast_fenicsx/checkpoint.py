@@ -8,25 +8,31 @@ new penalty.
 """
 
 import dataclasses
-import hashlib
-import json
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from mpi4py import MPI
-
-import h5py
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Block, block, checksum, read_rows, write_arrays
+from perfplast_fenicsx.checkpoint_header import (
+    BEFORE,
+    NEWEST,
+    SCHEMA,
+    Header,
+    damaged,
+    generations,
+    header_of,
+    nothing_left,
+    packed,
+    read_header,
+)
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.fingerprint import case_hash, first_difference, mesh_hash
+from perfplast_fenicsx.fingerprint import case_hash, mesh_hash
 from perfplast_fenicsx.limit_load import Search
 from perfplast_fenicsx.loading import Reached
 from perfplast_fenicsx.materials import strain
@@ -36,42 +42,10 @@ from perfplast_fenicsx.problem import Problem
 from perfplast_fenicsx.schema import Table
 from perfplast_fenicsx.state import Level, LevelReport, State
 
-SCHEMA = 1
-"""Version of what stands in a checkpoint."""
-
-NEWEST, BEFORE = "checkpoint.h5", "checkpoint_before.h5"
-
 GENERIC = np.array([0.5377, 0.8319, 0.1379])
 """Along this direction the normals of the faces that meet at a node are all different."""
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class Header:
-    """What a checkpoint says besides its fields; its attributes are the keys of its JSON.
-
-    Attributes:
-        schema: :data:`SCHEMA`.
-        version: Of the program.
-        case: The case file's content.
-        case_hash: Its hash.
-        mesh_hash: That of the mesh.
-        reports: Of the levels so far.
-        search: What is known of the limit load.
-        timings: Wall time by activity (s).
-        checksums: Of the arrays.
-    """
-
-    schema: int
-    version: str
-    case: Table
-    case_hash: str
-    mesh_hash: str
-    reports: list[dict[str, Any]]
-    search: dict[str, Any] | None
-    timings: dict[str, float]
-    checksums: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -151,7 +125,7 @@ class Checkpoints:
             timings=saved.timings,
             checksums={name: checksum(self._problem.comm, rows) for name, rows in arrays.items()},
         )
-        arrays["header"] = _packed(header, self._problem.comm.rank)
+        arrays["header"] = packed(header, self._problem.comm.rank)
         folder = self._folder
         write_arrays(folder, folder.file(NEWEST), arrays, folder.file(BEFORE))
 
@@ -167,9 +141,9 @@ class Checkpoints:
                 f"the mesh is not the one of the checkpoint in '{self._folder.path}' (its points,"
                 " cells or names have changed); give the mesh as it was, or start anew with -o."
             )
-        for path in _generations(self._folder):
+        for path in generations(self._folder):
             try:
-                found = _header(self._problem.comm, path)
+                found = header_of(self._problem.comm, path)
                 saved = self._read(found, path)
             except InputError as error:
                 faults.append(str(error))
@@ -177,7 +151,7 @@ class Checkpoints:
             if faults:
                 log.warning("%s; going on from '%s', level %d", faults[0], path, len(saved.reports))
             return saved
-        raise _nothing_left(self._folder, faults)
+        raise nothing_left(self._folder, faults)
 
     def _read(self, header: Header, path: Path) -> Saved:
         """Collective.
@@ -193,7 +167,7 @@ class Checkpoints:
                 ordering = self._cells if name in ("strain", "stress") else self._nodes
                 arrays[name] = read_rows(path, name, ordering)
         except OSError as error:
-            fault = _damaged(path, error)
+            fault = damaged(path, error)
         raise_together(comm, fault)
         for name, values in arrays.items():
             ordering = self._cells if name in ("strain", "stress") else self._nodes
@@ -201,7 +175,7 @@ class Checkpoints:
                 checksum(comm, Block(values, ordering.first, ordering.total))
                 != (header.checksums[name])
             ):
-                raise InputError(_damaged(path, f"{name} is not what was written"))
+                raise InputError(damaged(path, f"{name} is not what was written"))
         reports = [LevelReport(**report) for report in header.reports]
         search = Search(**header.search) if header.search else None
         if search:
@@ -244,47 +218,6 @@ class Checkpoints:
         function.x.scatter_forward()
 
 
-def read_header(folder: ResultFolder) -> Header:
-    """The header of the last checkpoint that has one. Collective.
-
-    Raises:
-        InputError: If none has, or it is of another version of this format.
-    """
-    faults = []
-    for path in _generations(folder):
-        try:
-            header = _header(folder.comm, path)
-        except InputError as error:
-            faults.append(str(error))
-            continue
-        if header.schema != SCHEMA:
-            raise InputError(
-                f"the checkpoint '{path}' has schema {header.schema}, but this version of perfplast"
-                f" reads {SCHEMA}; go on with perfplast {header.version}, or start anew with -o."
-            )
-        return header
-    raise _nothing_left(folder, faults)
-
-
-def check_case(folder: ResultFolder, table: Table, name: str) -> None:
-    """Make sure that the checkpoint is one of this case. Collective.
-
-    Args:
-        folder: Where it is.
-        table: The case file's content.
-        name: Its name, for the message.
-
-    Raises:
-        InputError: With the first difference.
-    """
-    difference = first_difference(table, read_header(folder).case)
-    if difference is not None:
-        raise InputError(
-            f"{name}: {difference} in the run whose checkpoint is in '{folder.path}'; give it back"
-            " its value to go on, or start anew with -o."
-        )
-
-
 def _bits(problem: Problem) -> npt.NDArray[np.uint8]:
     """A bit for each pair hosted here, another one for each pair of the same host."""
     pairs = problem.pairs
@@ -294,48 +227,3 @@ def _bits(problem: Problem) -> npt.NDArray[np.uint8]:
     slot = np.empty(len(order), dtype=np.uint8)
     slot[order] = np.arange(len(order)) - np.repeat(first, counts)
     return np.left_shift(np.uint8(1), slot)
-
-
-def _packed(header: Header, rank: int) -> Block:
-    """The header as bytes, with a hash of them in front; whole on rank 0, nothing elsewhere."""
-    text = json.dumps(dataclasses.asdict(header)).encode()
-    data = np.frombuffer(hashlib.sha256(text).digest() + text, dtype=np.uint8)
-    return Block(data if rank == 0 else data[:0], 0 if rank == 0 else len(data), len(data))
-
-
-def _header(comm: MPI.Intracomm, path: Path) -> Header:
-    """Collective.
-
-    Raises:
-        InputError: If it cannot be read.
-    """
-    text, fault = b"", None
-    if comm.rank == 0:
-        try:
-            with h5py.File(path, "r", locking=False) as file:
-                data = bytes(np.asarray(file["header"]))
-            digest, text = data[:32], data[32:]
-            if hashlib.sha256(text).digest() != digest:
-                fault = _damaged(path, "its header is not what was written")
-        except FileNotFoundError:
-            fault = f"'{path}' is missing"
-        except (OSError, KeyError, RuntimeError, TypeError, ValueError) as error:
-            fault = _damaged(path, error)
-    raise_together(comm, fault)
-    table = json.loads(comm.bcast(text))
-    if table["schema"] != SCHEMA:
-        known = {field.name: table.get(field.name) for field in dataclasses.fields(Header)}
-        return Header(**known)
-    return Header(**table)
-
-
-def _generations(folder: ResultFolder) -> list[Path]:
-    return [folder.file(NEWEST), folder.file(BEFORE)]
-
-
-def _damaged(path: Path, reason: object) -> str:
-    return f"the checkpoint '{path}' is damaged ({' '.join(str(reason).split())})"
-
-
-def _nothing_left(folder: ResultFolder, faults: Sequence[str]) -> InputError:
-    return InputError(f"{', and '.join(faults)}; start anew with -o {folder.path} --force.")

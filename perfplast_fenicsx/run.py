@@ -10,7 +10,8 @@ from dolfinx import fem
 
 from perfplast_fenicsx import __version__
 from perfplast_fenicsx.case import Case, read_case
-from perfplast_fenicsx.checkpoint import Checkpoints, Saved, check_case
+from perfplast_fenicsx.checkpoint import Checkpoints, Saved
+from perfplast_fenicsx.checkpoint_header import check_case
 from perfplast_fenicsx.control import WorkControl
 from perfplast_fenicsx.interrupts import Interrupted, Interrupts
 from perfplast_fenicsx.limit_load import LimitLoad, limit_load

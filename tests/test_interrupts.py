@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.checkpoint import NEWEST
+from perfplast_fenicsx.checkpoint_header import NEWEST
 from perfplast_fenicsx.run import BAD_INPUT, SOLVED
 from tests.test_restart import case_text, fields_of, path_of, same_path
 

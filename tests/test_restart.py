@@ -18,7 +18,7 @@ import pytest
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import recorder
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.checkpoint import BEFORE, NEWEST
+from perfplast_fenicsx.checkpoint_header import BEFORE, NEWEST
 from perfplast_fenicsx.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.state import Level
 
