@@ -101,6 +101,7 @@ class Fields:
         self._force_form = fem.form(problem.internal_form(self.stress))
         self._tangent_form = fem.form(problem.tangent_form(self._a, self._normal))
         self._bcs, self._comm = problem.bcs, comm
+        self._cells = problem.cells
         self._owned_cells = mesh.topology.index_map(mesh.topology.dim).size_local
         self._fixed = problem.fixed[: V.dofmap.index_map.size_local].ravel()
         self.force: PETSc.Vec = problem.load.duplicate()
@@ -112,23 +113,23 @@ class Fields:
     def update(self) -> None:
         """Bring strain and stress to u. Its ghosts must be up to date."""
         for function, expression in self._update:
-            function.interpolate(expression)
+            function.interpolate(expression, self._cells)
 
     @phase("return map")
     def update_direction(self) -> None:
         """Bring ε(δu) to δu. Its ghosts must be up to date."""
-        self.de.interpolate(self._strain_of_direction)
+        self.de.interpolate(self._strain_of_direction, self._cells)
 
     def largest_overstress(self) -> float:
         """Largest 2μ‖dev e‖/γ of all points; above 1 something is plastic. Collective."""
         function, expression = self._overstress
-        function.interpolate(expression)
+        function.interpolate(expression, self._cells)
         return self._comm.allreduce(float(function.x.array.max(initial=0)), MPI.MAX)
 
     def plastic_cells(self) -> int:
         """Number of cells with a plastic point. Collective."""
         function, expression = self._overstress
-        function.interpolate(expression)
+        function.interpolate(expression, self._cells)
         plastic = (by_cell(function)[: self._owned_cells] > 1).any(axis=1)
         return self._comm.allreduce(int(plastic.sum()))
 
@@ -147,7 +148,7 @@ class Fields:
         """Σ^{o,ρ}(e) as a matrix; supported unknowns keep a diagonal of its mean. Collective."""
         self.rho.value = rho
         for function, expression in self._tangent:
-            function.interpolate(expression)
+            function.interpolate(expression, self._cells)
         self._blocks.zeroEntries()
         fem_petsc.assemble_matrix(self._blocks, self._tangent_form, self._bcs)  # type: ignore[arg-type]
         self._blocks.assemble()

@@ -37,6 +37,8 @@ class Problem:
         S: Mandel vectors (strain, stress) at the quadrature points (:class:`spaces.Spaces`).
         Q: Scalars at the quadrature points.
         dx: Integrates over these points.
+        cells: All cells of this rank, ghosts too; what is interpolated often names them, since
+            DOLFINx makes such an array each time and leaves it to Python's cyclic collector.
         bodies: Connected components and their rigid motions.
         moduli: κ, μ as functions of Q, and γ in terms of one.
         bcs: Homogeneous supports.
@@ -78,6 +80,9 @@ class Problem:
         spaces = make_spaces(assembly.mesh, degree)
         self.degree, self.dx = degree, spaces.dx
         self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
+        topology = assembly.mesh.topology
+        index_map = topology.index_map(topology.dim)
+        self.cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         self.bodies: Bodies = find_bodies(self.V)
         self.moduli = self._moduli(materials)
         self.bcs, self.fixed = self._supports(supports)

@@ -159,7 +159,7 @@ class AugmentedLagrangian:
         active = iterate.begin(start)
         self._r.value = FIRST_PENALTY if options.penalty == "adaptive" else options.penalty
         self._q.x.array[:] = iterate.fields.e.x.array
-        self._sigma.interpolate(self._step_3)
+        self._sigma.interpolate(self._step_3, self.problem.cells)
         self._anderson.restart()
         progress = Progress(iterate, self.linear, monitor)
         history = progress.history
@@ -173,12 +173,12 @@ class AugmentedLagrangian:
             active = step.active
             iterate.aim(step.delta)
             iterate.advance(1.0)
-            self._next_q.interpolate(self._step_2)
+            self._next_q.interpolate(self._step_2, self.problem.cells)
             primal2, dual2 = self._primal2(), self._dual2()
             if options.acceleration == "anderson":
                 self._anderson.extrapolate(self._q, self._next_q)
             self._q.x.array[:] = self._next_q.x.array
-            self._sigma.interpolate(self._step_3)
+            self._sigma.interpolate(self._step_3, self.problem.cells)
             primal = _ratio(primal2, self._strain2())
             dual = float(self._r.value) * _ratio(dual2, self._stress2())
             progress.add(
@@ -201,7 +201,7 @@ class AugmentedLagrangian:
 
     def _step_1_gradient(self, zeta: float) -> PETSc.Vec:
         """⟨σ^k + rC(ε(u) − e^k), ε(·)⟩ − ζL over r, in the contact basis."""
-        self._trial.interpolate(self._augmented)
+        self._trial.interpolate(self._augmented, self.problem.cells)
         assemble_force(self._force, self._force_form, self.problem.bcs)
         self._force.axpy(-zeta, self.problem.load)
         self._force.scale(1 / float(self._r.value))
