@@ -1,11 +1,16 @@
 """Coarse spaces of multigrid: smoothed aggregation, body by body, seen through closed contact.
 
 In the contact basis an operator couples the bodies, and aggregates that mix them need more than
-the rigid motions of one body (the in-plane slip of frictionless contact). So the aggregates and
-interpolations P are PETSc's GAMG's for the stiffness K in nodal unknowns, where bodies do not see
-each other and 6 (3 in 2D) modes do. In the contact basis y = M u the finest one is M P, without its
-rows of held unknowns: at a closed pair the host takes the normal displacement of its guest, and
-slides along it. The interpolations are made once; a set-up forms the coarse operators PᵀAP.
+the rigid motions of one body (the in-plane slip of frictionless contact). So the aggregates are
+those of the stiffness K in nodal unknowns, where bodies do not see each other and 6 (3 in 2D)
+motions do. Their tentative interpolation Q is smoothed by one Jacobi step, P = Q - w D^-1 K Q. In
+the contact basis y = M u the finest one is M P, without its rows of held unknowns: at a closed pair
+the host takes the normal displacement of its guest, and slides along it. Coarser levels do the same
+with the operators that they have. A set-up forms the coarse operators PᵀAP.
+
+A body that flows hardly changes its volume, and motions put together of rigid pieces do, which
+costs them an energy that the flow does not have. So the way in which it flows, of which the last
+Newton increment tells, can be made one more motion of every aggregate.
 """
 
 from petsc4py import PETSc
@@ -13,28 +18,23 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.petsc_options import COARSE, own_prefix
+from perfplast_fenicsx.aggregates import Aggregates, aggregate
+from perfplast_fenicsx.contact_operator import LARGE
+from perfplast_fenicsx.petsc_options import default
 from perfplast_fenicsx.problem import Problem
 
-AGGREGATION = {
-    "ksp_type": "preonly",
-    "pc_type": "gamg",
-    "pc_gamg_threshold": 0.01,
-    "pc_gamg_aggressive_coarsening": 1,
-    "pc_gamg_coarse_eq_limit": 1000,
-    # nothing is solved with it, and bodies that contact alone holds have a singular K
-    "mg_levels_ksp_type": "richardson",
-    "mg_levels_pc_type": "none",
-    "mg_coarse_ksp_type": "preonly",
-    "mg_coarse_pc_type": "none",
-}
+DAMPING = 1.4
+"""Of the Jacobi step that smooths, over the spectral radius."""
+
+ITERATIONS = 10
+"""Iterations that estimate the spectral radius."""
 
 
 class CoarseSpaces:
     """Coarse spaces in the contact basis.
 
     Attributes:
-        interpolations: From the coarsest to the finest; none for a problem of one level.
+        interpolations: Those made so far, finest first.
     """
 
     def __init__(self, problem: Problem, stiffness: PETSc.Mat) -> None:
@@ -44,21 +44,63 @@ class CoarseSpaces:
             problem: Whose contact basis is meant.
             stiffness: K in nodal unknowns; only its pattern and strengths matter.
         """
-        self.interpolations = _aggregate(problem, stiffness)
-        self._index = problem.basis.index
-        if self.interpolations:  # a small problem has but one level
-            nodal = self.interpolations[-1]
-            self.interpolations[-1] = problem.basis.M.matMult(nodal)
-            nodal.destroy()
-            self._rows = _rows(self.interpolations[-1], self._index)
-        self._operators: list[tuple[PETSc.Mat | None, PETSc.Mat | None]]
-        self._operators = [(None, None)] * len(self.interpolations)
+        self._problem = problem
+        self._rigid = aggregate(problem, stiffness)
+        self._enriched = False
+        self.interpolations: list[PETSc.Mat] = []
+        self._operators: list[PETSc.Mat] = []
+        self._copies: list[PETSc.Mat] = []
+        if self._rigid:
+            self._set(self._rigid, stiffness)
 
-    def install(self, pc: PETSc.PC) -> None:
-        """Give a preconditioner of type "mg" its levels. Collective."""
-        pc.setMGLevels(len(self.interpolations) + 1)
-        for level, interpolation in enumerate(self.interpolations, start=1):
-            pc.setMGInterpolation(level, interpolation)
+    @property
+    def levels(self) -> int:
+        """Levels of multigrid, with the finest one; 1 for a small problem."""
+        return len(self._rigid) + 1
+
+    def destroy(self) -> None:
+        """Give back memory at once. Collective."""
+        for matrices in (self.interpolations, self._operators, self._copies):
+            for matrix in matrices:
+                matrix.destroy()
+            matrices.clear()
+
+    def add(self, motion: PETSc.Vec, stiffness: PETSc.Mat) -> None:
+        """Make all levels anew, with one motion besides the rigid ones. Collective.
+
+        Args:
+            motion: In the contact basis.
+            stiffness: K in nodal unknowns.
+        """
+        nodal = motion.duplicate()
+        self._problem.basis.T.mult(motion, nodal)
+        moved = nodal.array.reshape(-1, self._problem.bodies.gdim)
+        levels = []
+        for rigid in self._rigid:
+            richer, moved = rigid.with_motion(moved, motion.comm)
+            levels.append(richer)
+        nodal.destroy()
+        if not self._enriched or motion.getSize() >= LARGE:
+            self.destroy()
+        self._enriched = True
+        self._set(levels, stiffness)
+
+    def _set(self, levels: list[Aggregates], stiffness: PETSc.Mat) -> None:
+        """Take these aggregates; the interpolations of coarser levels follow in a set-up."""
+        self._aggregates = levels
+        nodal = _smoothed(stiffness, levels[0])
+        self._put(0, self._problem.basis.M.matMult(nodal))
+        nodal.destroy()
+        self._rows = _rows(self.interpolations[0], self._problem.basis.index)
+
+    def _put(self, depth: int, P: PETSc.Mat) -> None:
+        """Take an interpolation, in the place of one with the same pattern if there is one."""
+        if depth == len(self.interpolations):
+            self.interpolations.append(P)
+        else:
+            P.copy(self.interpolations[depth], PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+            P.destroy()
+        self._made = depth + 1
 
     def project(self, A: PETSc.Mat, held: npt.NDArray[np.int32], pc: PETSc.PC) -> None:
         """Form the operators PᵀAP of all levels. Collective.
@@ -66,23 +108,33 @@ class CoarseSpaces:
         Args:
             A: Operator of the finest level, with rows and columns of the identity at ``held``.
             held: Local (owned) indices of unknowns that are zero.
-            pc: Gets the operators; its finest one is set by whoever solves with it.
+            pc: Of type "mg", with as many levels. Gets interpolations and operators; its finest
+                operator is set by whoever solves with it.
         """
         self._hold(held)
-        for level in reversed(range(len(self.interpolations))):
-            operator, copy = self._operators[level]
-            A = A.PtAP(self.interpolations[level], operator)
-            copy = blocked(A, copy)
-            pc.getMGSmoother(level).setOperators(copy, A)
-            self._operators[level] = A, copy
+        for depth, aggregates in enumerate(self._aggregates):
+            level = len(self._aggregates) - depth
+            if depth == self._made:
+                self._put(depth, _smoothed(A, aggregates))
+            P = self.interpolations[depth]
+            pc.setMGInterpolation(level, P)
+            if depth == len(self._operators):
+                A = _coarse(A, P)
+                self._operators.append(A)
+                self._copies.append(blocked(_regular(A), None))
+            else:
+                A = A.PtAP(P, self._operators[depth])
+                blocked(_regular(A), self._copies[depth])
+            pc.getMGSmoother(level - 1).setOperators(self._copies[depth], A)
 
     def _hold(self, held: npt.NDArray[np.int32]) -> None:
         """Take the held unknowns out of the finest coarse space, and put back the others."""
         pointer, columns, values = self._rows
-        free = ~np.isin(self._index, held)
+        index = self._problem.basis.index
+        free = ~np.isin(index, held)
         kept = np.where(np.repeat(free, np.diff(pointer)), values, 0.0)
-        finest = self.interpolations[-1]
-        rows = (self._index + finest.getOwnershipRange()[0]).astype(PETSc.IntType)
+        finest = self.interpolations[0]
+        rows = (index + finest.getOwnershipRange()[0]).astype(PETSc.IntType)
         finest.setValuesIJV(pointer, columns, kept, rowmap=rows)
         finest.assemble()
 
@@ -98,32 +150,57 @@ def blocked(A: PETSc.Mat, copy: PETSc.Mat | None) -> PETSc.Mat:
     return A.convert("sbaij", copy or PETSc.Mat())
 
 
-def _aggregate(problem: Problem, stiffness: PETSc.Mat) -> list[PETSc.Mat]:
-    """GAMG's interpolations in nodal unknowns, from the coarsest to the finest."""
-    modes = _rigid_motions(problem)
-    stiffness.setNearNullSpace(modes)
-    modes.destroy()
-    ksp = PETSc.KSP().create(problem.comm)
-    ksp.setOptionsPrefix(own_prefix(COARSE, AGGREGATION))
-    ksp.setFromOptions()
-    ksp.setOperators(stiffness)
-    ksp.setUp()
-    pc = ksp.getPC()
-    interpolations = [pc.getMGInterpolation(level) for level in range(1, pc.getMGLevels())]
-    stiffness.setNearNullSpace(PETSc.NullSpace())
-    for thing in (pc, ksp):  # at once: what Python only lets go waits for a collective clean-up
+def _smoothed(A: PETSc.Mat, aggregates: Aggregates) -> PETSc.Mat:
+    """Q - w D^-1 A Q, for the tentative interpolation Q, with D the diagonal of A."""
+    Q = aggregates.interpolation(A.comm)
+    P = A.matMult(Q)
+    diagonal = A.getDiagonal()
+    diagonal.reciprocal()
+    diagonal.scale(-DAMPING / _spectral_radius(A))
+    P.diagonalScale(diagonal)
+    P.axpy(1.0, Q, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+    P.setBlockSizes(*Q.getBlockSizes())
+    for thing in (Q, diagonal):
         thing.destroy()
-    return interpolations
+    return P
 
 
-def _rigid_motions(problem: Problem) -> PETSc.NullSpace:
-    """Rigid motions of all bodies together."""
-    x = problem.load.duplicate()
-    owned = problem.V.dofmap.index_map.size_local
-    x.array[:] = problem.V.tabulate_dof_coordinates()[:owned, : problem.bodies.gdim].ravel()
-    modes = PETSc.NullSpace().createRigidBody(x)
-    x.destroy()
-    return modes
+def _spectral_radius(A: PETSc.Mat) -> float:
+    """Of D^-1 A, from a few iterations of CG."""
+    ksp = PETSc.KSP().create(A.comm)
+    ksp.setType("cg")
+    ksp.getPC().setType("jacobi")
+    ksp.setNormType(PETSc.KSP.NormType.NONE)
+    ksp.setTolerances(max_it=ITERATIONS)
+    ksp.setComputeSingularValues(True)
+    ksp.setOperators(A)
+    x, b = A.createVecs()
+    b.setRandom()
+    ksp.solve(b, x)
+    largest, _ = ksp.computeExtremeSingularValues()
+    for thing in (ksp, x, b):
+        thing.destroy()
+    return float(largest)
+
+
+def _coarse(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
+    """PᵀAP for the first time."""
+    if A.comm.size > 1:
+        return A.PtAP(P)
+    with default("matptap_via", "rap"):  # twice as fast, with more memory
+        return A.PtAP(P)
+
+
+def _regular(A: PETSc.Mat) -> PETSc.Mat:
+    """A coarse operator, with the identity where an aggregate has no such motion. Collective."""
+    diagonal = A.getDiagonal()
+    empty = diagonal.array == 0
+    if A.comm.tompi4py().allreduce(bool(empty.any())):
+        scale = diagonal.sum() / diagonal.getSize()
+        diagonal.array[:] = np.where(empty, scale, 0.0)
+        A.setDiagonal(diagonal, PETSc.InsertMode.ADD_VALUES)
+    diagonal.destroy()
+    return A
 
 
 def _rows(

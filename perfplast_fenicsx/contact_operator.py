@@ -9,8 +9,12 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.petsc_options import default
 from perfplast_fenicsx.phases import phase
 from perfplast_fenicsx.problem import Problem
+
+LARGE = 500_000
+"""From so many unknowns on memory counts for more than a tenth of the time."""
 
 
 class ContactOperator:
@@ -45,7 +49,7 @@ class ContactOperator:
         elif self.matrix:
             self.stiffness.PtAP(self._T, self.matrix)
         else:
-            self.matrix = self.stiffness.PtAP(self._T)
+            self.matrix = self._product()
             self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         if not self._contact:
@@ -55,3 +59,10 @@ class ContactOperator:
         diagonal.destroy()
         first = self.matrix.getOwnershipRange()[0]
         self.matrix.zeroRowsColumns((held + first).astype(PETSc.IntType), diag=scale)
+
+    def _product(self) -> PETSc.Mat:
+        """TᵀKT for the first time."""
+        if self._T.comm.size == 1 or self._T.getSize()[0] < LARGE:
+            return self.stiffness.PtAP(self._T)
+        with default("matptap_via", "allatonce"):  # the usual one keeps K T, and more
+            return self.stiffness.PtAP(self._T)

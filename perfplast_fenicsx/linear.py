@@ -29,6 +29,10 @@ USELESS = 0.1
 SET_UP_WORTH = 12
 """A multigrid set-up costs about as much as so many Krylov iterations."""
 
+WORTH_A_MOTION = 6.0
+"""Krylov iterations a decimal digit from which on coarse spaces get the last solution as a motion;
+elastic bodies take two."""
+
 DIRECT = {
     "ksp_type": "preonly",
     "pc_type": "cholesky",
@@ -68,7 +72,8 @@ class LinearSolver:
     CG with smoothed aggregation for large problems, MUMPS Cholesky for small ones; every PETSc
     option can be given with the prefix ``perfplast_``. The coarse grids are kept while the operator
     and the held unknowns change, with the finest one up to date, until the iterations that this has
-    cost beyond those of new ones outweigh a set-up.
+    cost beyond those of new ones outweigh a set-up. Where bodies flow and it takes many iterations,
+    they are made for the last solution as well.
 
     CG and its smoothers multiply with a copy that stores the upper triangle in blocks, more than
     twice as fast.
@@ -90,7 +95,8 @@ class LinearSolver:
         self._operator: ContactOperator | None = None
         self._held: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self._ready = False
-        self._rate = self._excess = 0.0
+        self._rate = self._latest_rate = self._excess = 0.0
+        self._motion: PETSc.Vec | None = None
 
     def _configure(self, preset: Mapping[str, object], heed: bool = True) -> None:
         self._ksp = PETSc.KSP().create(self._problem.comm)
@@ -158,8 +164,8 @@ class LinearSolver:
     @phase("linear set-up")
     def _aggregate(self) -> None:
         self._spaces = CoarseSpaces(self._problem, self._current.stiffness)
-        if self._spaces.interpolations:
-            self._spaces.install(self._ksp.getPC())
+        if self._spaces.levels > 1:
+            self._ksp.getPC().setMGLevels(self._spaces.levels)
         else:  # a small problem
             self._ksp.destroy()
             self._configure(DIRECT, heed=False)
@@ -167,7 +173,13 @@ class LinearSolver:
     @phase("linear set-up")
     def _coarsen(self) -> None:
         assert self._spaces is not None
-        self._spaces.project(self._current.matrix, self._held, self._ksp.getPC())
+        pc = self._ksp.getPC()
+        if self._motion and self._latest_rate > WORTH_A_MOTION:
+            pc.reset()  # its levels will have other sizes
+            pc.setMGLevels(self._spaces.levels)
+            self._ksp.setOperators(self._blocked, self._current.matrix)
+            self._spaces.add(self._motion, self._current.stiffness)
+        self._spaces.project(self._current.matrix, self._held, pc)
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> None:
         """Solve for x; entries of b at held unknowns must be zero. Collective.
@@ -220,10 +232,14 @@ class LinearSolver:
         self._iterate(b, x)
         iterations = self._ksp.getIterationNumber()
         self.iterations += iterations
+        reason = int(self._ksp.getConvergedReason())
+        self._latest_rate = iterations / -np.log10(rtol)
+        if reason > 0 and not self.direct:
+            self._motion = x.copy(self._motion)
         if not self._rate:
-            self._rate = iterations / -np.log10(rtol)
+            self._rate = self._latest_rate
         self._excess += iterations + self._rate * np.log10(rtol)
-        return int(self._ksp.getConvergedReason())
+        return reason
 
     @phase("linear set-up")
     def _set_up(self) -> None:
@@ -237,6 +253,8 @@ class LinearSolver:
         """Factorise from now on: near collapse multigrid finds no good coarse spaces."""
         log.info("%s has become slow; a factorisation takes over", self.name)
         self._ksp.destroy()
+        if self._spaces:
+            self._spaces.destroy()
         self._configure(DIRECT, heed=False)
         self._set_matrices()
         self.setups += 1

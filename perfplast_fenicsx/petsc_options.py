@@ -1,7 +1,8 @@
 """PETSc options: a preset, overridden by the user's, under a prefix of the solver's own."""
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 from petsc4py import PETSc
 
@@ -49,3 +50,17 @@ def own_prefix(prefix: str, preset: Mapping[str, object], heed: bool = True) -> 
                 own + key
             )  # counts as used, whether its solver ever gets to work or not
     return own
+
+
+@contextmanager
+def default(name: str, value: str) -> Iterator[None]:
+    """Give an option that PETSc reads without a prefix, where the user has not."""
+    options = PETSc.Options()
+    given = options.hasName(name)
+    if not given:
+        options[name] = value
+    try:
+        yield
+    finally:
+        if not given:
+            options.delValue(name)

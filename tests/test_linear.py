@@ -17,6 +17,9 @@ from perfplast_fenicsx import (
     Problem,
     Support,
     Traction,
+    coarse,
+    contact_operator,
+    linear,
     punch,
     two_blocks,
 )
@@ -26,6 +29,7 @@ from perfplast_fenicsx.fields import Fields
 from perfplast_fenicsx.linear import LinearSolver
 from perfplast_fenicsx.loading import load_path
 from perfplast_fenicsx.obstacles import Plane
+from perfplast_fenicsx.petsc_options import default
 
 TIGHT = NewtonOptions(tolerance=1e-10)
 
@@ -124,16 +128,16 @@ def test_iterations_hardly_grow_as_the_mesh_is_refined(multigrid: None) -> None:
 
 
 @pytest.mark.mpi3
-def test_coarse_spaces_hold_what_is_held_and_move_bodies_rigidly(multigrid: None) -> None:
+def test_coarse_spaces_hold_what_is_held(multigrid: None) -> None:
     problem = two_blocks_problem(4)
     operator = _operator(problem)
     spaces = CoarseSpaces(problem, operator.stiffness)
-    finest = spaces.interpolations[-1]
+    finest = spaces.interpolations[0]
     index = problem.basis.index
     before = _row_sizes(finest, index)
     pc = PETSc.PC().create(problem.comm)
     pc.setType("mg")
-    spaces.install(pc)
+    pc.setMGLevels(spaces.levels)
     held = index[::2]
     operator.hold(held)
     spaces.project(operator.matrix, held, pc)
@@ -143,6 +147,79 @@ def test_coarse_spaces_hold_what_is_held_and_move_bodies_rigidly(multigrid: None
     operator.hold(index[:0])
     spaces.project(operator.matrix, index[:0], pc)
     assert np.array_equal(_row_sizes(finest, index), before)
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("large", [10**9, 0], ids=["small", "large"])
+@pytest.mark.parametrize("flow", ["none", "some"])
+def test_coarse_spaces_have_the_motion_that_they_are_given(
+    multigrid: None, flow: str, large: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A motion of no size adds nothing."""
+    monkeypatch.setattr(coarse, "LARGE", large)
+    problem = two_blocks_problem(4)
+    operator = _operator(problem)
+    held = problem.basis.index[::3]
+    operator.hold(held)
+    motion = problem.load.duplicate()
+    nodes = problem.V.tabulate_dof_coordinates()[: motion.getLocalSize() // 3]
+    if flow == "some":
+        motion.array[:] = np.sin(4 * nodes).ravel()
+    motion.array[held] = 0.0
+    spaces = CoarseSpaces(problem, operator.stiffness)
+    left = []
+    for _ in range(3):  # the third time in the place of the second
+        pc = PETSc.PC().create(problem.comm)
+        pc.setType("mg")
+        pc.setMGLevels(spaces.levels)
+        spaces.project(operator.matrix, held, pc)
+        left.append(_energy_beyond(operator.matrix, spaces.interpolations[0], motion))
+        spaces.add(motion, operator.stiffness)
+    if flow == "some":
+        assert left[1] < 0.5 * left[0]
+        assert left[2] == pytest.approx(left[1], rel=1e-6)
+    else:
+        assert left == [0.0, 0.0, 0.0]
+
+
+def _energy_beyond(A: PETSc.Mat, P: PETSc.Mat, y: PETSc.Vec) -> float:
+    """Energy of what is best left of y by the columns of P."""
+    coarse, image = P.createVecs()
+    ksp = PETSc.KSP().create(A.comm)
+    ksp.setType("cg")
+    ksp.getPC().setType("jacobi")
+    ksp.setTolerances(rtol=1e-12, max_it=2000)
+    operator = A.PtAP(P)
+    diagonal = operator.getDiagonal()
+    diagonal.array[:] = diagonal.array == 0
+    operator.setDiagonal(diagonal, PETSc.InsertMode.ADD_VALUES)
+    ksp.setOperators(operator)
+    A.mult(y, image)
+    P.multTranspose(image, coarse)
+    best = coarse.duplicate()
+    ksp.solve(coarse, best)
+    assert ksp.getConvergedReason() > 0
+    P.mult(best, image)
+    image.aypx(-1.0, y)
+    product = image.duplicate()
+    A.mult(image, product)
+    return float(image.dot(product))
+
+
+@pytest.mark.mpi3
+def test_flow_makes_fewer_iterations_where_coarse_spaces_follow_it(
+    multigrid: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts, alphas = [], []
+    for worth in (np.inf, 1.0):
+        monkeypatch.setattr(linear, "WORTH_A_MOTION", worth)
+        solver = Newton(two_blocks_problem(8), TIGHT)
+        levels = list(load_path(solver, (60.0, 80.0, 100.0)))
+        assert all(level.report.converged for level in levels)
+        alphas.append(levels[-1].report.alpha)
+        counts.append(solver.linear.iterations)
+    assert alphas[1] == pytest.approx(alphas[0], rel=1e-9)
+    assert counts[1] < 0.9 * counts[0]
 
 
 def _operator(problem: Problem) -> ContactOperator:
@@ -179,3 +256,31 @@ def test_a_small_problem_has_one_level() -> None:
     finally:
         options.delValue("perfplast_pc_type")
     assert level.report.converged
+
+
+def test_a_default_option_gives_way_to_the_users_and_is_gone_afterwards() -> None:
+    options = PETSc.Options()
+    with default("matptap_via", "allatonce"):
+        assert options.getString("matptap_via") == "allatonce"
+    assert not options.hasName("matptap_via")
+    options["matptap_via"] = "scalable"
+    with default("matptap_via", "allatonce"):
+        assert options.getString("matptap_via") == "scalable"
+    assert options.getString("matptap_via") == "scalable"
+    options.delValue("matptap_via")
+
+
+@pytest.mark.mpi3
+def test_a_large_problem_has_the_same_operator(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Products that save memory give what the usual ones give."""
+    matrices = []
+    for large in (10**9, 0):
+        monkeypatch.setattr(contact_operator, "LARGE", large)
+        problem = two_blocks_problem(4)
+        operator = _operator(problem)
+        for _ in range(2):
+            operator.hold(problem.basis.index[::2])
+        matrices.append(operator.matrix)
+    usual, lean = matrices
+    lean.axpy(-1.0, usual)
+    assert lean.norm() < 1e-14 * usual.norm()
