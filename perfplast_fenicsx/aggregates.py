@@ -84,7 +84,7 @@ class Aggregates:
 
         Args:
             motion: Shape (nodes, unknowns a node). A node may have one unknown more than
-                :attr:`motions` say: that of the motion made possible on the finer level.
+                ``motions`` say: that of the motion made possible on the finer level.
             comm: The problem's communicator.
 
         Returns:

@@ -1,11 +1,5 @@
 """Gmsh on one process: a quiet session, and a .msh file as checked arrays. No MPI."""
 
-import json
-import signal
-import stat
-import subprocess
-import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -15,12 +9,11 @@ from types import ModuleType
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.apart import environment_apart
 from perfplast_fenicsx.errors import LARGEST, InputError
+from perfplast_fenicsx.msh_content import NO_GMSH, Content, read_content
 
 # Gmsh element type -> polynomial degree, by dimension.
 SIMPLICES = {1: {1: 1, 8: 2}, 2: {2: 1, 9: 2}, 3: {4: 1, 11: 2}}
-_NO_GMSH = "gmsh's Python module cannot be loaded; install it (Debian package python3-gmsh)"
 _ENTITY = ("point", "curve", "surface", "volume")
 _SIMPLEX = ("points", "lines", "triangles", "tetrahedra")
 
@@ -69,7 +62,7 @@ def gmsh_session() -> Iterator[ModuleType]:
     try:
         import gmsh
     except (ImportError, OSError) as error:
-        raise InputError(_NO_GMSH) from error
+        raise InputError(NO_GMSH) from error
     in_use = bool(gmsh.isInitialized())
     if in_use:
         model = gmsh.model.getCurrent()
@@ -100,8 +93,7 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
         InputError: If the file is missing, is not gmsh's, has no simplices of that dimension or
             others beside them, or names that are missing, double or on the same entity.
     """
-    _check_header(Path(path))
-    content = _dumped(Path(path))
+    content = read_content(Path(path))
     gdim = _dimension(content, path, gdim)
     volumes = _names(content, path, gdim)
     if not volumes:
@@ -145,98 +137,6 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
     )
 
 
-def _check_header(path: Path) -> None:
-    # Gmsh itself would run any other text file as a script, and wait at a FIFO.
-    try:
-        mode = path.stat().st_mode
-        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-            raise InputError(f"mesh file '{path}' is no regular file; save the mesh from gmsh")
-        with path.open("rb") as file:
-            head = file.read(11)
-    except FileNotFoundError as error:
-        raise InputError(f"mesh file '{path}' does not exist; check the path") from error
-    except (OSError, ValueError) as error:  # the latter for a name that no file can have
-        if isinstance(error, InputError):
-            raise
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"mesh file '{path}' cannot be read: {reason}") from error
-    if not head.startswith((b"$MeshFormat", b"$Comments")):
-        raise InputError(f"'{path}' is not a gmsh .msh file; save the mesh from gmsh as .msh")
-
-
-@dataclass(frozen=True)
-class _Block:
-    """Elements of one entity and type: nodes (gmsh's tags), shape (num_elements, ·)."""
-
-    dim: int
-    entity: int
-    groups: list[int]
-    kind: int
-    nodes: npt.NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class _Content:
-    """What :mod:`perfplast_fenicsx.gmsh_dump` has found in a file.
-
-    Attributes:
-        blocks: Its elements.
-        groups: Dimension, tag and name of the physical groups.
-        types: Name and number of nodes of each element type.
-        tags: Of the nodes, shape (num_nodes,).
-        coordinates: Of the nodes, shape (num_nodes, 3).
-    """
-
-    blocks: list[_Block]
-    groups: list[tuple[int, int, str]]
-    types: dict[int, tuple[str, int]]
-    tags: npt.NDArray[np.int64]
-    coordinates: npt.NDArray[np.float64]
-
-
-def _dumped(path: Path) -> _Content:
-    """Let gmsh read a file in a process of its own.
-
-    Raises:
-        InputError: If gmsh is not installed, finds a fault or does not survive the file.
-    """
-    program = Path(__file__).with_name("gmsh_dump.py")
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "mesh.npz"
-        command = [sys.executable, "-P", str(program), str(path.absolute()), str(target)]
-        try:
-            done = subprocess.run(
-                command,
-                env=environment_apart(),
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                check=False,
-            )
-        except OSError as error:
-            raise InputError(f"gmsh cannot be started to read '{path}': {error}") from error
-        if b"    import gmsh" in done.stderr:  # the line at which it ended
-            raise InputError(_NO_GMSH)
-        if not target.exists() or done.returncode:
-            end = f"exit status {done.returncode}"
-            if done.returncode < 0:
-                end = signal.strsignal(-done.returncode) or end
-            raise InputError(
-                f"gmsh cannot read '{path}': it broke down ({end.lower()}), so the file is damaged;"
-                " save the mesh again"
-            )
-        with np.load(target) as arrays:
-            about = json.loads(str(arrays["about"]))
-            if about["fault"] is not None:
-                raise InputError(f"gmsh cannot read '{path}': {about['fault']}")
-            blocks = [
-                _Block(dim, entity, groups, kind, arrays[f"block_{number}"].astype(np.int64))
-                for number, (dim, entity, groups, kind) in enumerate(about["blocks"])
-            ]
-            types = {int(kind): tuple(properties) for kind, properties in about["types"].items()}
-            nodes = (arrays["tags"].astype(np.int64), arrays["coordinates"])
-            return _Content(blocks, about["groups"], types, *nodes)
-
-
 FLAT = 1e-12
 """Cells are flat whose volume is less than this share of that of a cube of their longest edge."""
 
@@ -267,7 +167,7 @@ def _check_cells(
         )
 
 
-def _dimension(content: _Content, path: str | Path, gdim: int | None) -> int:
+def _dimension(content: Content, path: str | Path, gdim: int | None) -> int:
     """Dimension of the mesh, which is to be ``gdim`` if that is given."""
     dims = [block.dim for block in content.blocks]
     if not dims:
@@ -278,7 +178,7 @@ def _dimension(content: _Content, path: str | Path, gdim: int | None) -> int:
     return max(dims)
 
 
-def _names(content: _Content, path: str | Path, dim: int) -> dict[str, int]:
+def _names(content: Content, path: str | Path, dim: int) -> dict[str, int]:
     """Name to tag of the physical groups of one dimension."""
     names: dict[str, int] = {}
     for tag, name in [(tag, name) for of, tag, name in content.groups if of == dim]:
@@ -294,7 +194,7 @@ def _names(content: _Content, path: str | Path, dim: int) -> dict[str, int]:
 
 
 def _elements(
-    content: _Content, path: str | Path, dim: int
+    content: Content, path: str | Path, dim: int
 ) -> tuple[int, npt.NDArray[np.int64], npt.NDArray[np.int32]]:
     """Degree, nodes (gmsh's tags) and physical tags (0 for none) of the elements of a dimension."""
     blocks = [block for block in content.blocks if block.dim == dim]

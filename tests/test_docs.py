@@ -13,7 +13,7 @@ from mpi4py import MPI
 import pytest
 
 from docs import api_pages, case_reference, command_reference, commands
-from perfplast_fenicsx import case
+from perfplast_fenicsx import case_tables
 from perfplast_fenicsx.builders import BUILDERS
 from perfplast_fenicsx.contact import Contact
 from perfplast_fenicsx.control import LOADINGS
@@ -24,16 +24,16 @@ from perfplast_fenicsx.obstacles import OBSTACLES
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 
 TABLES = {
-    "[mesh]": [case.MeshFile],
-    "[material.NAME]": [*case.MATERIALS.values()],
+    "[mesh]": [case_tables.MeshFile],
+    "[material.NAME]": [*case_tables.MATERIALS.values()],
     "[[support]]": [Support],
-    "[[load]]": [case.LoadTable],
+    "[[load]]": [case_tables.LoadTable],
     "[[contact]]": [Contact],
     "[[obstacle]]": [*OBSTACLES.values()],
-    "[element]": [case.ElementOptions],
-    "[solve]": [entry.options for entry in case.METHODS.values()],
+    "[element]": [case_tables.ElementOptions],
+    "[solve]": [entry.options for entry in case_tables.METHODS.values()],
     "[loading]": [*LOADINGS.values()],
-    "[output]": [case.OutputOptions],
+    "[output]": [case_tables.OutputOptions],
     "[units]": [Units],
 }
 
@@ -51,7 +51,7 @@ def tables(text: str) -> dict[str, str]:
 
 
 def test_every_table_has_a_section() -> None:
-    keys = {field.name for field in dataclasses.fields(case.Document)}
+    keys = {field.name for field in dataclasses.fields(case_tables.Document)}
     assert set(case_reference.SECTIONS) == keys - {"title"}
     assert set(tables(case_reference.reference())) == {"Top level", *TABLES}
 
@@ -73,7 +73,7 @@ def test_every_field_is_documented(heading: str) -> None:
 
 def test_choices_are_documented() -> None:
     text = case_reference.reference()
-    choices: list[Any] = [case.MATERIALS, case.METHODS, OBSTACLES, LOADINGS, BUILDERS]
+    choices: list[Any] = [case_tables.MATERIALS, case_tables.METHODS, OBSTACLES, LOADINGS, BUILDERS]
     for name in [name for mapping in choices for name in mapping]:
         assert f'`"{name}"`' in text
 
