@@ -94,28 +94,41 @@ class Aggregates:
         more = motion.shape[1] - self.motions.shape[1]
         motions = np.pad(self.motions, ((0, 0), (0, more), (0, 0)))
         Q = Aggregates(self.members, self.count, motions).interpolation(comm)
-        known, rest = Q.createVecs()
-        whole = rest.duplicate()
-        whole.array[:] = motion.ravel()
-        Q.multTranspose(whole, known)
-        Q.mult(known, rest)
-        left = motion - rest.array.reshape(motion.shape)
-        sums = Aggregates(self.members, self.count, np.ones((len(left), 1, 1))).interpolation(comm)
-        squares, each = sums.createVecs()
-        each.array[:] = (motion**2).sum(axis=1)
-        sums.multTranspose(each, squares)
-        enough = RIGID**2 * squares.array
-        each.array[:] = (left**2).sum(axis=1)
-        sums.multTranspose(each, squares)
-        size = np.sqrt(np.where(squares.array > enough, squares.array, 0.0))
-        squares.array[:] = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-        sums.mult(squares, each)
-        added = left * each.array[:, None]
-        projected = np.column_stack([known.array.reshape(self.count, motions.shape[2]), size])
-        for thing in (Q, known, rest, whole, sums, squares, each):
-            thing.destroy()
+        known = _restrict(Q, motion)
+        left = motion - _prolong(Q, known).reshape(motion.shape)
+        Q.destroy()
+        ones = Aggregates(self.members, self.count, np.ones((len(motion), 1, 1)))
+        sums = ones.interpolation(comm)
+        whole, size = (np.sqrt(_restrict(sums, (m**2).sum(axis=1))) for m in (motion, left))
+        size[size <= RIGID * whole] = 0.0
+        inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+        added = left * _prolong(sums, inverse)[:, None]
+        sums.destroy()
         richer = np.concatenate([motions, added[..., None]], axis=2)
+        projected = np.column_stack([known.reshape(self.count, motions.shape[2]), size])
         return Aggregates(self.members, self.count, richer), projected
+
+
+def _restrict(Q: PETSc.Mat, fine: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Qᵀ times the owned part of a vector."""
+    coarse, image = Q.createVecs()
+    image.array[:] = fine.ravel()
+    Q.multTranspose(image, coarse)
+    product: npt.NDArray[np.float64] = coarse.array.copy()
+    for thing in (coarse, image):
+        thing.destroy()
+    return product
+
+
+def _prolong(Q: PETSc.Mat, coarse: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Q times the owned part of a vector."""
+    unknowns, image = Q.createVecs()
+    unknowns.array[:] = coarse
+    Q.mult(unknowns, image)
+    product: npt.NDArray[np.float64] = image.array.copy()
+    for thing in (unknowns, image):
+        thing.destroy()
+    return product
 
 
 def aggregate(problem: Problem, stiffness: PETSc.Mat) -> list[Aggregates]:
