@@ -210,16 +210,17 @@ def _energy_beyond(A: PETSc.Mat, P: PETSc.Mat, y: PETSc.Vec) -> float:
 def test_flow_makes_fewer_iterations_where_coarse_spaces_follow_it(
     multigrid: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """About a sixth, more or less with the partition."""
     counts, alphas = [], []
     for worth in (np.inf, 1.0):
         monkeypatch.setattr(linear, "WORTH_A_MOTION", worth)
         solver = Newton(two_blocks_problem(8), TIGHT)
-        levels = list(load_path(solver, (60.0, 80.0, 100.0)))
+        levels = list(load_path(solver, (100.0, 150.0)))
         assert all(level.report.converged for level in levels)
         alphas.append(levels[-1].report.alpha)
         counts.append(solver.linear.iterations)
     assert alphas[1] == pytest.approx(alphas[0], rel=1e-9)
-    assert counts[1] < 0.9 * counts[0]
+    assert counts[1] < 0.95 * counts[0]
 
 
 def _operator(problem: Problem) -> ContactOperator:
