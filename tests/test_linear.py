@@ -274,10 +274,10 @@ def test_a_default_option_gives_way_to_the_users_and_is_gone_afterwards() -> Non
 @pytest.mark.mpi3
 def test_a_large_problem_has_the_same_operator(monkeypatch: pytest.MonkeyPatch) -> None:
     """Products that save memory give what the usual ones give."""
+    problem = two_blocks_problem(4)  # once, since partitions may differ each time
     matrices = []
     for large in (10**9, 0):
         monkeypatch.setattr(contact_operator, "LARGE", large)
-        problem = two_blocks_problem(4)
         operator = _operator(problem)
         for _ in range(2):
             operator.hold(problem.basis.index[::2])
