@@ -20,7 +20,6 @@ AGGREGATION = {
     "ksp_type": "preonly",
     "pc_type": "gamg",
     "pc_gamg_threshold": 0.01,
-    "pc_gamg_agg_nsmooths": 0,
     "pc_gamg_aggressive_coarsening": 10,
     "pc_gamg_coarse_eq_limit": 1000,
     # nothing is solved with it, and bodies that contact alone holds have a singular K
@@ -146,7 +145,7 @@ def aggregate(problem: Problem, stiffness: PETSc.Mat) -> list[Aggregates]:
     modes.destroy()
     ksp = PETSc.KSP().create(problem.comm)
     prefix = own_prefix(COARSE, AGGREGATION)
-    PETSc.Options()[prefix + "pc_gamg_agg_nsmooths"] = 0  # whatever a user says of it
+    PETSc.Options()[prefix + "pc_gamg_agg_nsmooths"] = 0  # Q itself, whatever a user says
     ksp.setOptionsPrefix(prefix)
     ksp.setFromOptions()
     ksp.setOperators(stiffness)

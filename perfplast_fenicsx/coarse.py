@@ -46,7 +46,6 @@ class CoarseSpaces:
         """
         self._problem = problem
         self._rigid = aggregate(problem, stiffness)
-        self._enriched = False
         self.interpolations: list[PETSc.Mat] = []
         self._operators: list[PETSc.Mat] = []
         self._copies: list[PETSc.Mat] = []
@@ -80,9 +79,8 @@ class CoarseSpaces:
             richer, moved = rigid.with_motion(moved, motion.comm)
             levels.append(richer)
         nodal.destroy()
-        if not self._enriched or motion.getSize() >= LARGE:
+        if self._aggregates is self._rigid or motion.getSize() >= LARGE:
             self.destroy()
-        self._enriched = True
         self._set(levels, stiffness)
 
     def _set(self, levels: list[Aggregates], stiffness: PETSc.Mat) -> None:

@@ -52,7 +52,8 @@ def read_content(path: Path) -> Content:
     """Let gmsh read a file in a process of its own.
 
     Raises:
-        InputError: If gmsh is not installed, finds a fault or does not survive the file.
+        InputError: If the file is missing or not gmsh's, or gmsh is not installed, finds a fault or
+            does not survive the file.
     """
     _check_header(path)
     program = Path(__file__).with_name("gmsh_dump.py")
