@@ -181,23 +181,30 @@ class LinearSolver:
             self._spaces.add(self._motion, self._current.stiffness)
         self._spaces.project(self._current.matrix, self._held, pc)
 
-    def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> None:
-        """Solve for x; entries of b at held unknowns must be zero. Collective.
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float, correction: bool = False) -> None:
+        """Solve for x. Collective.
+
+        Args:
+            b: Right-hand side; entries at held unknowns must be zero.
+            x: Takes the solution.
+            rtol: Tolerance relative to b.
+            correction: Whether x is a small part of a solution, which tells nothing of how bodies
+                flow, nor of what a digit costs.
 
         Raises:
             LinearFailure: If the system is singular or the iteration fails.
         """
         self.solves += 1
-        reason = self._try(b, x, rtol)
+        reason = self._try(b, x, rtol, correction)
         if self._slow(reason) and self._old:
             self._renew(True)
-            reason = reason if reason > 0 else self._try(b, x, rtol)
+            reason = reason if reason > 0 else self._try(b, x, rtol, correction)
         elif self._slow(reason) and self._may_fall_back():
             self._fall_back()
-            reason = reason if reason > 0 else self._try(b, x, rtol)
+            reason = reason if reason > 0 else self._try(b, x, rtol, correction)
         if reason <= 0 and self._may_fall_back():
             self._fall_back()
-            reason = self._try(b, x, rtol)
+            reason = self._try(b, x, rtol, correction)
         if reason <= 0:
             raise self._failure(_REASONS.get(reason, str(reason)))
         if self.direct and self._left(b, x) > USELESS:
@@ -224,7 +231,7 @@ class LinearSolver:
         image.destroy()
         return float(left)
 
-    def _try(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> int:
+    def _try(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float, correction: bool) -> int:
         """Solve, and tell PETSc's reason for having ended."""
         if not self.direct:
             self._ksp.setTolerances(rtol=min(rtol, self._least_rtol))
@@ -233,6 +240,8 @@ class LinearSolver:
         iterations = self._ksp.getIterationNumber()
         self.iterations += iterations
         reason = int(self._ksp.getConvergedReason())
+        if correction:
+            return reason
         self._latest_rate = iterations / -np.log10(rtol)
         if reason > 0 and not self.direct:
             self._motion = x.copy(self._motion)

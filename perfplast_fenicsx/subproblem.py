@@ -115,7 +115,7 @@ class ContactProgram:
         """
         self._rtol, self._work, self._system.sets = rtol, work, 0
         r.copy(self._r)
-        self._minimise(guess, room)
+        self._minimise(guess, room, afresh=True)
         if not self._contact:
             return self._step(guess, True)
         if not exact:
@@ -130,10 +130,20 @@ class ContactProgram:
     def _step(self, active: Flags, settled: bool) -> ContactStep:
         return ContactStep(self._delta, active, settled, self._system.sets, self._multiplier)
 
-    def _minimise(self, active: Flags, room: npt.NDArray[np.float64]) -> None:
+    def _minimise(
+        self, active: Flags, room: npt.NDArray[np.float64], afresh: bool = False
+    ) -> None:
         """δ and the multiplier with the active pairs closed, whatever the other pairs do."""
         system, r = self._system, self._r
-        self._multiplier = system.minimise(active, room, r, self._work, self._rtol, self._delta)
+        self._multiplier = system.minimise(
+            active,
+            room,
+            r,
+            self._work,
+            self._rtol,
+            self._delta,
+            multiplier=None if afresh else self._multiplier,
+        )
         # what the linear solver leaves, and rounding of the contact forces in r
         left = self._rtol * system.size
         self._force_tolerance = max(left, ROUNDING * r.norm(PETSc.NormType.NORM_INFINITY))
@@ -192,7 +202,7 @@ class ContactProgram:
                 self._work,
             )
             active = np.where(self._circling, closed, active)
-            self._minimise(active, room)
+            self._minimise(active, room, afresh=True)  # condensing has solved for other things
             wrong = self._wrong(room)
             outside = wrong & ~self._circling
             found = self._comm.allreduce(np.array([wrong.sum(), outside.sum()]))
@@ -269,7 +279,7 @@ class ContactProgram:
         self._rhs.set(0)
         self._rhs.array[inactive] = b.array_r
         try:
-            self._system.solve(~free[self._index], self._rhs, self._rtol, self._image)
+            self._system.correct(~free[self._index], self._rhs, self._image)
             if self._work is not None:
                 self._image.scale(-1)
                 self._image.axpy(1.0, self._snes.getSolution())

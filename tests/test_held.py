@@ -1,0 +1,81 @@
+"""Systems with held pairs: a correction for other pairs is as good as a solution, and cheaper."""
+
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+
+from models import two_blocks_problem
+from perfplast_fenicsx.contact_operator import ContactOperator
+from perfplast_fenicsx.fields import Fields
+from perfplast_fenicsx.held import HeldSystem
+from perfplast_fenicsx.linear import LinearSolver
+from perfplast_fenicsx.petsc_options import default
+
+RTOL = 1e-6
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("work", [None, 0.02])
+@pytest.mark.parametrize(("kind", "most"), [("mg", 0.8), ("cholesky", 1.0)])
+def test_a_correction_is_as_good_as_a_solution(kind: str, most: float, work: float | None) -> None:
+    """Every seventh pair is let go; ``most`` is the share of iterations that this may take."""
+    problem = two_blocks_problem(4)
+    fields = Fields(problem)
+    fields.update()
+    fields.assemble_stiffness(1.0)
+    with (
+        default("perfplast_pc_type", kind),
+        default("perfplast_coarse_pc_gamg_coarse_eq_limit", "60"),
+    ):
+        linear = LinearSolver(problem)
+        system = HeldSystem(problem, linear)
+        operator = ContactOperator(problem, fields.stiffness)
+        system.set_operator(operator)
+    index = problem.basis.index
+    before = np.ones(len(index), dtype=bool)
+    after = index % 7 != 0
+    room = np.zeros(len(index))
+    r, afresh, corrected, gradient = (problem.load.duplicate() for _ in range(4))
+    problem.basis.T.multTranspose(problem.load, r)
+    r.scale(-100.0)
+
+    multiplier = system.minimise(after, room, r, work, RTOL, afresh)
+    dear = linear.iterations
+    system.set_operator(operator)
+    first = system.minimise(before, room, r, work, RTOL, corrected)
+    linear.iterations = 0
+    again = system.minimise(after, room, r, work, RTOL, corrected, first)
+    assert linear.iterations <= most * dear
+    assert again == pytest.approx(multiplier, rel=1e-5)
+    if work is not None:
+        border = problem.load.duplicate()
+        problem.basis.T.multTranspose(problem.load, border)
+        assert border.dot(corrected) == pytest.approx(work, rel=1e-12)
+    system.gradient(corrected, r, again, gradient)
+    gradient.array[index[after]] = 0
+    allowed = RTOL * r.norm() * (1 if work is None else 3)
+    assert gradient.norm() <= 1.1 * allowed
+    assert not corrected.array_r[index[after]].any()
+    corrected.axpy(-1.0, afresh)
+    assert corrected.norm() < 1e-4 * afresh.norm()
+
+
+@pytest.mark.mpi3
+def test_what_is_right_already_is_left_alone() -> None:
+    problem = two_blocks_problem(2)
+    fields = Fields(problem)
+    fields.update()
+    fields.assemble_stiffness(1.0)
+    linear = LinearSolver(problem)
+    system = HeldSystem(problem, linear)
+    system.set_operator(ContactOperator(problem, fields.stiffness))
+    held = np.ones(len(problem.basis.index), dtype=bool)
+    r, delta = problem.load.duplicate(), problem.load.duplicate()
+    problem.basis.T.multTranspose(problem.load, r)
+    multiplier = system.minimise(held, np.zeros(held.size), r, None, RTOL, delta)
+    solution = delta.copy()
+    system.minimise(held, np.zeros(held.size), r, None, RTOL, delta, multiplier)
+    assert linear.solves == 1
+    solution.axpy(-1.0, delta)
+    assert solution.norm(PETSc.NormType.NORM_INFINITY) == 0.0
