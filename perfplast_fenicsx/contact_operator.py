@@ -9,12 +9,9 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.petsc_options import default
+from perfplast_fenicsx.contact_rows import ContactRows
 from perfplast_fenicsx.phases import phase
 from perfplast_fenicsx.problem import Problem
-
-LARGE = 500_000
-"""From so many unknowns on memory counts for more than a tenth of the time."""
 
 
 class ContactOperator:
@@ -29,6 +26,7 @@ class ContactOperator:
         self.stiffness, self.matrix = stiffness, PETSc.Mat()
         self._T = problem.basis.T
         self._contact = problem.num_pairs > 0
+        self._rows = ContactRows(problem)
         self._u, self._image, self._y = (problem.load.duplicate() for _ in range(3))
 
     def mult_add(self, y: PETSc.Vec, r: PETSc.Vec, f: PETSc.Vec) -> None:
@@ -46,23 +44,17 @@ class ContactOperator:
         """Form the matrix with the local (owned) unknowns ``held`` taken out. Collective."""
         if not self._contact:
             self.matrix = self.stiffness
-        elif self.matrix:
-            self.stiffness.PtAP(self._T, self.matrix)
-        else:
-            self.matrix = self._product()
-            self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        self.matrix.setOption(PETSc.Mat.Option.SPD, True)
-        if not self._contact:
+            self.matrix.setOption(PETSc.Mat.Option.SPD, True)
             return
+        if self.matrix:
+            self.stiffness.copy(self.matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        else:
+            self.matrix = self.stiffness.duplicate(copy=True)
+        self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)  # copies forget it
+        self._rows.put(self._rows.product(self.stiffness), self.matrix)
+        self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         diagonal = self.matrix.getDiagonal()
         scale = diagonal.sum() / diagonal.getSize()
         diagonal.destroy()
         first = self.matrix.getOwnershipRange()[0]
         self.matrix.zeroRowsColumns((held + first).astype(PETSc.IntType), diag=scale)
-
-    def _product(self) -> PETSc.Mat:
-        """TᵀKT for the first time."""
-        if self._T.comm.size == 1 or self._T.getSize()[0] < LARGE:
-            return self.stiffness.PtAP(self._T)
-        with default("matptap_via", "allatonce"):  # the usual one keeps K T, and more
-            return self.stiffness.PtAP(self._T)

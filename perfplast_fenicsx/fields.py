@@ -12,6 +12,7 @@ from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.contact_rows import create_stiffness
 from perfplast_fenicsx.materials import strain
 from perfplast_fenicsx.phases import phase
 from perfplast_fenicsx.problem import Problem
@@ -106,7 +107,7 @@ class Fields:
         self._fixed = problem.fixed[: V.dofmap.index_map.size_local].ravel()
         self.force: PETSc.Vec = problem.load.duplicate()
         # blocks are assembled twice as fast as single entries
-        self._blocks: PETSc.Mat = fem_petsc.create_matrix(self._tangent_form, "baij")
+        self._blocks = create_stiffness(self._tangent_form, problem)
         self.stiffness = PETSc.Mat()
 
     @phase("return map")

@@ -130,9 +130,7 @@ class ContactProgram:
     def _step(self, active: Flags, settled: bool) -> ContactStep:
         return ContactStep(self._delta, active, settled, self._system.sets, self._multiplier)
 
-    def _minimise(
-        self, active: Flags, room: npt.NDArray[np.float64], afresh: bool = False
-    ) -> None:
+    def _minimise(self, active: Flags, room: npt.NDArray[np.float64], afresh: bool = False) -> None:
         """δ and the multiplier with the active pairs closed, whatever the other pairs do."""
         system, r = self._system, self._r
         self._multiplier = system.minimise(

@@ -1,0 +1,142 @@
+"""Rows of A = TᵀKT that are not those of K: at contact nodes and their neighbours.
+
+T is the identity elsewhere. So the products are formed of these few rows alone, and A is K with
+other rows, if K has room for their entries.
+"""
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
+from dolfinx.common import IndexMap
+from scipy import sparse
+
+from perfplast_fenicsx.problem import Problem
+
+
+class ContactRows:
+    """The rows of A that are not those of K.
+
+    Attributes:
+        index: Their local (owned) indices, all unknowns of a node or none.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Find the rows. Collective."""
+        self._T = problem.basis.T
+        self._whole = _strided(self._T)
+        nodes = np.flatnonzero(_near(problem.V, _moved(self._T)))
+        bs = problem.V.dofmap.index_map_bs
+        self.index = (nodes[:, None] * bs + np.arange(bs)).ravel()
+        rows = self.index + self._T.getOwnershipRange()[0]
+        self._chosen = PETSc.IS().createGeneral(rows.astype(PETSc.IntType), comm=self._T.comm)
+        self._square = self._T.createSubMatrix(self._chosen, self._chosen)
+        self._part, self._right, self._both = PETSc.Mat(), PETSc.Mat(), PETSc.Mat()
+
+    def product(self, K: PETSc.Mat) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
+        """These rows of TᵀKT as pointers, global columns and values. Collective.
+
+        Args:
+            K: In nodal unknowns, of type "aij"; always with the same pattern.
+        """
+        if self._part:
+            K.createSubMatrix(self._chosen, self._whole, self._part)
+            self._part.matMult(self._T, self._right)
+            self._square.transposeMatMult(self._right, self._both)
+        else:
+            self._part = K.createSubMatrix(self._chosen, self._whole)
+            self._right = self._part.matMult(self._T)
+            self._both = self._square.transposeMatMult(self._right)
+        pointer, columns, values = self._both.getValuesCSR()
+        return pointer, columns, values
+
+    def put(self, rows: tuple[npt.NDArray, npt.NDArray, npt.NDArray], A: PETSc.Mat) -> None:
+        """Replace these rows of a matrix that has room for them. Collective."""
+        A.zeroRows(self._chosen, diag=0.0)
+        A.setValuesIJV(*rows, rowmap=self._chosen.getIndices())
+        A.assemble()
+
+
+def create_stiffness(form: fem.Form, problem: Problem) -> PETSc.Mat:
+    """A matrix of zeros in blocks that has room for K and for A = TᵀKT. Collective.
+
+    Args:
+        form: The bilinear form of K.
+        problem: Whose contact basis is meant.
+    """
+    pattern = fem.create_sparsity_pattern(form)
+    pattern.finalize()
+    V, T = problem.V, problem.basis.T
+    index_map, bs = V.dofmap.index_map, V.dofmap.index_map_bs
+    local, pointer = pattern.graph
+    pointer = pointer[: index_map.size_local + 1]
+    columns = pattern.column_index_map().local_to_global(local[: pointer[-1]])
+    K_nodes = _nodal(columns, pointer, index_map, T.comm)
+    pointer, columns, _ = T.getValuesCSR()
+    T_nodes = _nodal(columns // bs, pointer[::bs], index_map, T.comm)
+    both = K_nodes.PtAP(T_nodes)
+    both.axpy(1.0, K_nodes)
+    pointer, columns, _ = both.getValuesCSR()
+    for matrix in (K_nodes, T_nodes, both):
+        matrix.destroy()
+
+    K = PETSc.Mat().create(T.comm)
+    K.setSizes(T.getSizes())
+    K.setType("baij")
+    K.setBlockSize(bs)
+    K.setPreallocationCSR((pointer, columns))
+    known = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    numbers = index_map.local_to_global(known).astype(PETSc.IntType)
+    K.setLGMap(PETSc.LGMap().create(numbers, bsize=bs, comm=T.comm))
+    return K
+
+
+def _nodal(
+    columns: npt.NDArray, pointer: npt.NDArray, index_map: IndexMap, comm: PETSc.Comm
+) -> PETSc.Mat:
+    """A matrix of ones, a row and a column a node. Collective."""
+    shape = (index_map.size_local, index_map.size_global)
+    ones = sparse.csr_matrix((np.ones(len(columns)), columns, pointer), shape=shape)
+    ones.sum_duplicates()
+    csr = (ones.indptr.astype(PETSc.IntType), ones.indices.astype(PETSc.IntType), ones.data)
+    return PETSc.Mat().createAIJ((shape, shape), csr=csr, comm=comm)
+
+
+def _strided(T: PETSc.Mat) -> PETSc.IS:
+    """All columns, as they are distributed."""
+    return PETSc.IS().createStride(
+        T.getLocalSize()[1], first=T.getOwnershipRangeColumn()[0], step=1, comm=T.comm
+    )
+
+
+def _moved(T: PETSc.Mat) -> npt.NDArray[np.bool_]:
+    """Owned unknowns whose row or column of T is not that of the identity. Collective."""
+    pointer, columns, values = T.getValuesCSR()
+    first, last = T.getOwnershipRange()
+    row = np.repeat(np.arange(first, last), np.diff(pointer))
+    other = np.abs(np.where(columns == row, values - 1, values))
+    N = PETSc.Mat().createAIJ(T.getSizes(), csr=(pointer, columns, other), comm=T.comm)
+    ones, sums = N.createVecs()
+    ones.set(1.0)
+    N.mult(ones, sums)
+    by_row = sums.array.copy()
+    N.multTranspose(ones, sums)
+    moved: npt.NDArray[np.bool_] = by_row + sums.array_r > 0
+    for thing in (N, ones, sums):
+        thing.destroy()
+    return moved
+
+
+def _near(V: fem.FunctionSpace, unknowns: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Owned nodes that share a cell with a node of these owned unknowns, or are one. Collective."""
+    index_map = V.dofmap.index_map
+    nodes = la.vector(index_map, 1, dtype=np.int64)
+    owned = index_map.size_local
+    nodes.array[:owned] = unknowns.reshape(owned, -1).any(axis=1)
+    nodes.scatter_forward()
+    cells = V.dofmap.list
+    near = np.unique(cells[nodes.array[cells].any(axis=1)])
+    nodes.array[near] = 1
+    nodes.scatter_reverse(la.InsertMode.add)
+    return np.asarray(nodes.array[:owned]) > 0
