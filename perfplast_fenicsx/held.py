@@ -136,7 +136,7 @@ class HeldSystem:
         return float(missing / compliance)
 
     def _respond(self, rtol: float) -> None:
-        """Solve A w = ℓ for w, the response, or correct one that was found with other pairs held."""
+        """Solve A w = ℓ for the response w, or correct that with other pairs held."""
         closed, afresh = self._index[self.held], not self._responded
         if afresh:
             self._response.set(0)
