@@ -13,6 +13,8 @@ costs them an energy that the flow does not have. So the way in which it flows, 
 Newton increment tells, can be made one more motion of every aggregate.
 """
 
+from collections.abc import Callable
+
 from petsc4py import PETSc
 
 import numpy as np
@@ -66,12 +68,12 @@ class CoarseSpaces:
                 matrix.destroy()
             matrices.clear()
 
-    def add(self, motion: PETSc.Vec, stiffness: PETSc.Mat) -> None:
+    def add(self, motion: PETSc.Vec, stiffness: Callable[[], PETSc.Mat]) -> None:
         """Make all levels anew, with one motion besides the rigid ones. Collective.
 
         Args:
             motion: In the contact basis.
-            stiffness: K in nodal unknowns.
+            stiffness: Makes K in nodal unknowns, which is destroyed.
         """
         nodal = motion.duplicate()
         self._problem.basis.T.mult(motion, nodal)
@@ -83,7 +85,9 @@ class CoarseSpaces:
         nodal.destroy()
         if self._aggregates is self._rigid or motion.getSize() >= LARGE:
             self.destroy()
-        self._set(levels, stiffness)
+        K = stiffness()  # not before, since it needs memory
+        self._set(levels, K)
+        K.destroy()
 
     def _set(self, levels: list[Aggregates], stiffness: PETSc.Mat) -> None:
         """Take these aggregates; the interpolations of coarser levels follow in a set-up."""

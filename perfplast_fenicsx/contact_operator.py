@@ -18,7 +18,7 @@ class ContactOperator:
     """A = TᵀKT for the present values of K.
 
     Attributes:
-        stiffness: K, in nodal unknowns.
+        stiffness: K, in nodal unknowns and in blocks.
         matrix: A with the unknowns held that :meth:`hold` was last called with.
     """
 
@@ -42,19 +42,19 @@ class ContactOperator:
     @phase("basis change")
     def hold(self, held: npt.NDArray[np.int32]) -> None:
         """Form the matrix with the local (owned) unknowns ``held`` taken out. Collective."""
+        self.stiffness.convert("aij", self.matrix)
         if not self._contact:
-            self.matrix = self.stiffness
             self.matrix.setOption(PETSc.Mat.Option.SPD, True)
             return
-        if self.matrix:
-            self.stiffness.copy(self.matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        else:
-            self.matrix = self.stiffness.duplicate(copy=True)
         self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)  # copies forget it
-        self._rows.put(self._rows.product(self.stiffness), self.matrix)
+        self._rows.put(self._rows.product(self.matrix), self.matrix)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         diagonal = self.matrix.getDiagonal()
         scale = diagonal.sum() / diagonal.getSize()
         diagonal.destroy()
         first = self.matrix.getOwnershipRange()[0]
         self.matrix.zeroRowsColumns((held + first).astype(PETSc.IntType), diag=scale)
+
+    def nodal(self) -> PETSc.Mat:
+        """K of type "aij", for whoever asks to destroy. Collective."""
+        return self.stiffness.convert("aij", PETSc.Mat())

@@ -52,7 +52,7 @@ class Fields:
         beta: Step length in the line-search integrals.
         rho: ρ of Σ^{o,ρ}.
         force: Of :meth:`assemble_force`.
-        stiffness: Of :meth:`assemble_stiffness`; empty before.
+        stiffness: Of :meth:`assemble_stiffness`; zero before.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -106,9 +106,7 @@ class Fields:
         self._owned_cells = mesh.topology.index_map(mesh.topology.dim).size_local
         self._fixed = problem.fixed[: V.dofmap.index_map.size_local].ravel()
         self.force: PETSc.Vec = problem.load.duplicate()
-        # blocks are assembled twice as fast as single entries
-        self._blocks = create_stiffness(self._tangent_form, problem)
-        self.stiffness = PETSc.Mat()
+        self.stiffness = create_stiffness(self._tangent_form, problem)
 
     @phase("return map")
     def update(self) -> None:
@@ -146,14 +144,16 @@ class Fields:
 
     @phase("assembly")
     def assemble_stiffness(self, rho: float) -> PETSc.Mat:
-        """Σ^{o,ρ}(e) as a matrix; supported unknowns keep a diagonal of its mean. Collective."""
+        """Σ^{o,ρ}(e) as a matrix in blocks, which are assembled twice as fast as single entries.
+
+        Supported unknowns keep a diagonal of its mean. Collective.
+        """
         self.rho.value = rho
         for function, expression in self._tangent:
             function.interpolate(expression, self._cells)
-        self._blocks.zeroEntries()
-        fem_petsc.assemble_matrix(self._blocks, self._tangent_form, self._bcs)  # type: ignore[arg-type]
-        self._blocks.assemble()
-        self._blocks.convert("aij", self.stiffness)
+        self.stiffness.zeroEntries()
+        fem_petsc.assemble_matrix(self.stiffness, self._tangent_form, self._bcs)  # type: ignore[arg-type]
+        self.stiffness.assemble()
         self._scale_supports()
         return self.stiffness
 

@@ -29,7 +29,7 @@ USELESS = 0.1
 SET_UP_WORTH = 12
 """A multigrid set-up costs about as much as so many Krylov iterations."""
 
-WORTH_A_MOTION = 6.0
+WORTH_A_MOTION = 4.0
 """Krylov iterations a decimal digit from which on coarse spaces get the last solution as a motion;
 elastic bodies take two."""
 
@@ -163,7 +163,9 @@ class LinearSolver:
 
     @phase("linear set-up")
     def _aggregate(self) -> None:
-        self._spaces = CoarseSpaces(self._problem, self._current.stiffness)
+        nodal = self._current.nodal()
+        self._spaces = CoarseSpaces(self._problem, nodal)
+        nodal.destroy()
         if self._spaces.levels > 1:
             self._ksp.getPC().setMGLevels(self._spaces.levels)
         else:  # a small problem
@@ -178,7 +180,7 @@ class LinearSolver:
             pc.reset()  # its levels will have other sizes
             pc.setMGLevels(self._spaces.levels)
             self._ksp.setOperators(self._blocked, self._current.matrix)
-            self._spaces.add(self._motion, self._current.stiffness)
+            self._spaces.add(self._motion, self._current.nodal)
         self._spaces.project(self._current.matrix, self._held, pc)
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float, correction: bool = False) -> None:

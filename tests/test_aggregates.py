@@ -45,7 +45,7 @@ def levels(problem: Problem) -> list[Aggregates]:
     fields.update()
     PETSc.Options()[FEW] = 60
     try:
-        return aggregate(problem, fields.assemble_stiffness(1.0))
+        return aggregate(problem, fields.assemble_stiffness(1.0).convert("aij", PETSc.Mat()))
     finally:
         PETSc.Options().delValue(FEW)
 

@@ -130,7 +130,7 @@ def test_iterations_hardly_grow_as_the_mesh_is_refined(multigrid: None) -> None:
 def test_coarse_spaces_hold_what_is_held(multigrid: None) -> None:
     problem = two_blocks_problem(4)
     operator = _operator(problem)
-    spaces = CoarseSpaces(problem, operator.stiffness)
+    spaces = CoarseSpaces(problem, operator.nodal())
     finest = spaces.interpolations[0]
     index = problem.basis.index
     before = _row_sizes(finest, index)
@@ -165,7 +165,7 @@ def test_coarse_spaces_have_the_motion_that_they_are_given(
     if flow == "some":
         motion.array[:] = np.sin(4 * nodes).ravel()
     motion.array[held] = 0.0
-    spaces = CoarseSpaces(problem, operator.stiffness)
+    spaces = CoarseSpaces(problem, operator.nodal())
     left = []
     for _ in range(3):  # the third time in the place of the second
         pc = PETSc.PC().create(problem.comm)
@@ -173,7 +173,7 @@ def test_coarse_spaces_have_the_motion_that_they_are_given(
         pc.setMGLevels(spaces.levels)
         spaces.project(operator.matrix, held, pc)
         left.append(_energy_beyond(operator.matrix, spaces.interpolations[0], motion))
-        spaces.add(motion, operator.stiffness)
+        spaces.add(motion, operator.nodal)
     if flow == "some":
         assert left[1] < 0.5 * left[0]
         assert left[2] == pytest.approx(left[1], rel=1e-6)
@@ -283,7 +283,7 @@ def test_the_matrix_is_that_of_the_whole_product(make: Callable[[], Problem]) ->
     index, T = problem.basis.index, problem.basis.T
     for held in (index[::2], index, index[:0]):
         operator.hold(held)
-    whole = operator.stiffness.PtAP(T)
+    whole = operator.nodal().PtAP(T)
     difference = operator.matrix.copy()
     difference.axpy(-1.0, whole)
     assert difference.norm() < 1e-14 * whole.norm()
