@@ -29,7 +29,7 @@ USELESS = 0.1
 SET_UP_WORTH = 12
 """A multigrid set-up costs about as much as so many Krylov iterations."""
 
-WORTH_A_MOTION = 4.0
+WORTH_A_MOTION = 6.0
 """Krylov iterations a decimal digit from which on coarse spaces get the last solution as a motion;
 elastic bodies take two."""
 
