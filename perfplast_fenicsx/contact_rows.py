@@ -31,7 +31,9 @@ class ContactRows:
         self.index = (nodes[:, None] * bs + np.arange(bs)).ravel()
         rows = self.index + self._T.getOwnershipRange()[0]
         self._chosen = PETSc.IS().createGeneral(rows.astype(PETSc.IntType), comm=self._T.comm)
-        self._square = self._T.createSubMatrix(self._chosen, self._chosen)
+        square = self._T.createSubMatrix(self._chosen, self._chosen)
+        self._left = square.transpose(PETSc.Mat())
+        square.destroy()
         self._part, self._right, self._both = PETSc.Mat(), PETSc.Mat(), PETSc.Mat()
 
     def product(self, K: PETSc.Mat) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
@@ -43,11 +45,11 @@ class ContactRows:
         if self._part:
             K.createSubMatrix(self._chosen, self._whole, self._part)
             self._part.matMult(self._T, self._right)
-            self._square.transposeMatMult(self._right, self._both)
+            self._left.matMult(self._right, self._both)
         else:
             self._part = K.createSubMatrix(self._chosen, self._whole)
             self._right = self._part.matMult(self._T)
-            self._both = self._square.transposeMatMult(self._right)
+            self._both = self._left.matMult(self._right)
         pointer, columns, values = self._both.getValuesCSR()
         return pointer, columns, values
 
