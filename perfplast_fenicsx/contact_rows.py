@@ -60,27 +60,23 @@ class ContactRows:
         A.assemble()
 
 
-def create_stiffness(form: fem.Form, problem: Problem) -> PETSc.Mat:
-    """A matrix of zeros in blocks that has room for K and for A = TᵀKT. Collective.
-
-    Args:
-        form: The bilinear form of K.
-        problem: Whose contact basis is meant.
-    """
-    pattern = fem.create_sparsity_pattern(form)
-    pattern.finalize()
+def create_stiffness(problem: Problem) -> PETSc.Mat:
+    """A matrix of zeros in blocks that has room for K and for A = TᵀKT. Collective."""
     V, T = problem.V, problem.basis.T
+    topology = V.mesh.topology
     index_map, bs = V.dofmap.index_map, V.dofmap.index_map_bs
-    local, pointer = pattern.graph
-    pointer = pointer[: index_map.size_local + 1]
-    columns = pattern.column_index_map().local_to_global(local[: pointer[-1]])
-    K_nodes = _nodal(columns, pointer, index_map, T.comm)
+    known = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    numbers = index_map.local_to_global(known)
+    cells = numbers[V.dofmap.list[: topology.index_map(topology.dim).size_local]]
+    pointer = np.arange(len(cells) + 1) * cells.shape[1]
+    C = _nodal(cells.ravel(), pointer, index_map, T.comm)
+    K_nodes = C.transposeMatMult(C)
     pointer, columns, _ = T.getValuesCSR()
     T_nodes = _nodal(columns // bs, pointer[::bs], index_map, T.comm)
     both = K_nodes.PtAP(T_nodes)
     both.axpy(1.0, K_nodes)
     pointer, columns, _ = both.getValuesCSR()
-    for matrix in (K_nodes, T_nodes, both):
+    for matrix in (C, K_nodes, T_nodes, both):
         matrix.destroy()
 
     K = PETSc.Mat().create(T.comm)
@@ -88,21 +84,20 @@ def create_stiffness(form: fem.Form, problem: Problem) -> PETSc.Mat:
     K.setType("baij")
     K.setBlockSize(bs)
     K.setPreallocationCSR((pointer, columns))
-    known = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
-    numbers = index_map.local_to_global(known).astype(PETSc.IntType)
-    K.setLGMap(PETSc.LGMap().create(numbers, bsize=bs, comm=T.comm))
+    K.setLGMap(PETSc.LGMap().create(numbers.astype(PETSc.IntType), bsize=bs, comm=T.comm))
     return K
 
 
 def _nodal(
     columns: npt.NDArray, pointer: npt.NDArray, index_map: IndexMap, comm: PETSc.Comm
 ) -> PETSc.Mat:
-    """A matrix of ones, a row and a column a node. Collective."""
-    shape = (index_map.size_local, index_map.size_global)
+    """A matrix of ones, with a column a node. Collective."""
+    nodes = (index_map.size_local, index_map.size_global)
+    shape = (len(pointer) - 1, nodes[1])
     ones = sparse.csr_matrix((np.ones(len(columns)), columns, pointer), shape=shape)
     ones.sum_duplicates()
     csr = (ones.indptr.astype(PETSc.IntType), ones.indices.astype(PETSc.IntType), ones.data)
-    return PETSc.Mat().createAIJ((shape, shape), csr=csr, comm=comm)
+    return PETSc.Mat().createAIJ(((shape[0], None), nodes), csr=csr, comm=comm)
 
 
 def _strided(T: PETSc.Mat) -> PETSc.IS:

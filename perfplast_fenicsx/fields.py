@@ -106,7 +106,7 @@ class Fields:
         self._owned_cells = mesh.topology.index_map(mesh.topology.dim).size_local
         self._fixed = problem.fixed[: V.dofmap.index_map.size_local].ravel()
         self.force: PETSc.Vec = problem.load.duplicate()
-        self.stiffness = create_stiffness(self._tangent_form, problem)
+        self.stiffness = create_stiffness(problem)
 
     @phase("return map")
     def update(self) -> None:
