@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.aggregates import Aggregates, aggregate
+from perfplast_fenicsx.contact_rows import every_column
 from perfplast_fenicsx.petsc_options import default
 from perfplast_fenicsx.problem import Problem
 
@@ -213,9 +214,7 @@ def _rows(
     """Rows with these local indices, as pointers, global columns and values. Collective."""
     first = A.getOwnershipRange()[0]
     chosen = PETSc.IS().createGeneral((local + first).astype(PETSc.IntType), comm=A.getComm())
-    columns = PETSc.IS().createStride(
-        A.getLocalSize()[1], first=A.getOwnershipRangeColumn()[0], step=1, comm=A.getComm()
-    )
+    columns = every_column(A)
     part = A.createSubMatrix(chosen, columns)
     pointer, column, value = part.getValuesCSR()
     for thing in (chosen, columns, part):

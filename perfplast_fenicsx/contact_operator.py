@@ -25,13 +25,12 @@ class ContactOperator:
     def __init__(self, problem: Problem, stiffness: PETSc.Mat) -> None:
         self.stiffness, self.matrix = stiffness, PETSc.Mat()
         self._T = problem.basis.T
-        self._contact = problem.num_pairs > 0
-        self._rows = ContactRows(problem)
+        self._rows = ContactRows(problem) if problem.num_pairs else None
         self._u, self._image, self._y = (problem.load.duplicate() for _ in range(3))
 
     def mult_add(self, y: PETSc.Vec, r: PETSc.Vec, f: PETSc.Vec) -> None:
         """Set f to A y + r. Collective."""
-        if not self._contact:
+        if self._rows is None:
             self.stiffness.multAdd(y, r, f)
             return
         self._T.mult(y, self._u)
@@ -43,12 +42,15 @@ class ContactOperator:
     def hold(self, held: npt.NDArray[np.int32]) -> None:
         """Form the matrix with the local (owned) unknowns ``held`` taken out. Collective."""
         self.stiffness.convert("aij", self.matrix)
-        if not self._contact:
-            self.matrix.setOption(PETSc.Mat.Option.SPD, True)
-            return
-        self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)  # copies forget it
-        self._rows.put(self._rows.product(self.matrix), self.matrix)
+        if self._rows is not None:
+            self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)  # copies forget it
+            self._rows.transform(self.matrix)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
+        if self._rows is not None:
+            self._take_out(held)
+
+    def _take_out(self, held: npt.NDArray[np.int32]) -> None:
+        """Make rows and columns of held unknowns those of the identity times a scale."""
         diagonal = self.matrix.getDiagonal()
         scale = diagonal.sum() / diagonal.getSize()
         diagonal.destroy()

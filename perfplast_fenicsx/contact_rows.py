@@ -16,28 +16,23 @@ from perfplast_fenicsx.problem import Problem
 
 
 class ContactRows:
-    """The rows of A that are not those of K.
-
-    Attributes:
-        index: Their local (owned) indices, all unknowns of a node or none.
-    """
+    """The rows of A that are not those of K."""
 
     def __init__(self, problem: Problem) -> None:
         """Find the rows. Collective."""
         self._T = problem.basis.T
-        self._whole = _strided(self._T)
+        self._whole = every_column(self._T)
         nodes = np.flatnonzero(_near(problem.V, _moved(self._T)))
         bs = problem.V.dofmap.index_map_bs
-        self.index = (nodes[:, None] * bs + np.arange(bs)).ravel()
-        rows = self.index + self._T.getOwnershipRange()[0]
+        rows = (nodes[:, None] * bs + np.arange(bs)).ravel() + self._T.getOwnershipRange()[0]
         self._chosen = PETSc.IS().createGeneral(rows.astype(PETSc.IntType), comm=self._T.comm)
         square = self._T.createSubMatrix(self._chosen, self._chosen)
         self._left = square.transpose(PETSc.Mat())
         square.destroy()
         self._part, self._right, self._both = PETSc.Mat(), PETSc.Mat(), PETSc.Mat()
 
-    def product(self, K: PETSc.Mat) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
-        """These rows of TᵀKT as pointers, global columns and values. Collective.
+    def transform(self, K: PETSc.Mat) -> None:
+        """Make A of K, which has room for it. Collective.
 
         Args:
             K: In nodal unknowns, of type "aij"; always with the same pattern.
@@ -50,14 +45,9 @@ class ContactRows:
             self._part = K.createSubMatrix(self._chosen, self._whole)
             self._right = self._part.matMult(self._T)
             self._both = self._left.matMult(self._right)
-        pointer, columns, values = self._both.getValuesCSR()
-        return pointer, columns, values
-
-    def put(self, rows: tuple[npt.NDArray, npt.NDArray, npt.NDArray], A: PETSc.Mat) -> None:
-        """Replace these rows of a matrix that has room for them. Collective."""
-        A.zeroRows(self._chosen, diag=0.0)
-        A.setValuesIJV(*rows, rowmap=self._chosen.getIndices())
-        A.assemble()
+        K.zeroRows(self._chosen, diag=0.0)
+        K.setValuesIJV(*self._both.getValuesCSR(), rowmap=self._chosen.getIndices())
+        K.assemble()
 
 
 def create_stiffness(problem: Problem) -> PETSc.Mat:
@@ -100,10 +90,10 @@ def _nodal(
     return PETSc.Mat().createAIJ(((shape[0], None), nodes), csr=csr, comm=comm)
 
 
-def _strided(T: PETSc.Mat) -> PETSc.IS:
-    """All columns, as they are distributed."""
+def every_column(A: PETSc.Mat) -> PETSc.IS:
+    """All columns of a matrix, as they are distributed, to choose rows of it with."""
     return PETSc.IS().createStride(
-        T.getLocalSize()[1], first=T.getOwnershipRangeColumn()[0], step=1, comm=T.comm
+        A.getLocalSize()[1], first=A.getOwnershipRangeColumn()[0], step=1, comm=A.comm
     )
 
 

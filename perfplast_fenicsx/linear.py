@@ -94,7 +94,7 @@ class LinearSolver:
         self._configure(_preset(problem))
         self._operator: ContactOperator | None = None
         self._held: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
-        self._ready = False
+        self._ready, self._due = False, True
         self._rate = self._latest_rate = self._excess = 0.0
         self._motion: PETSc.Vec | None = None
 
@@ -133,7 +133,7 @@ class LinearSolver:
         self._held = held.copy()
         self._current.hold(held)
         self._set_matrices()
-        self._renew(self.direct or not self._rate or self._excess > SET_UP_WORTH)
+        self._renew(self.direct or self._due or self._excess > SET_UP_WORTH)
         self._ready = True
         return True
 
@@ -154,7 +154,7 @@ class LinearSolver:
     def _renew(self, new: bool) -> None:
         """Make a new preconditioner at the next solve, or keep the coarse grids there are."""
         self._ksp.getPC().setReusePreconditioner(not new)
-        self._old = not new
+        self._old, self._due = not new, new
         if new:
             if self._aggregates:
                 self._coarsen()
@@ -238,6 +238,7 @@ class LinearSolver:
         if not self.direct:
             self._ksp.setTolerances(rtol=min(rtol, self._least_rtol))
         self._set_up()
+        self._due = False
         self._iterate(b, x)
         iterations = self._ksp.getIterationNumber()
         self.iterations += iterations

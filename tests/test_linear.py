@@ -222,6 +222,22 @@ def test_flow_makes_fewer_iterations_where_coarse_spaces_follow_it(
     assert counts[1] < counts[0]  # by 5 to 17 %, as the mesh is partitioned
 
 
+@pytest.mark.mpi3
+def test_a_set_up_serves_corrections_too(multigrid: None) -> None:
+    """Its first solve may be one, which says nothing of what a digit costs."""
+    problem = two_blocks_problem(4)
+    index = problem.basis.index
+    solver = LinearSolver(problem)
+    solver.set_operator(_operator(problem))
+    b, x = problem.load.duplicate(), problem.load.duplicate()
+    problem.basis.T.multTranspose(problem.load, b)
+    b.array[index] = 0
+    for held in (index, index[1:], index):
+        solver.hold(held)
+        solver.solve(b, x, 1e-3, correction=True)
+    assert (solver.solves, solver.setups) == (3, 1)
+
+
 def _operator(problem: Problem) -> ContactOperator:
     fields = Fields(problem)
     fields.update()
