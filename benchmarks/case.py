@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.elastic import Elasticity, Unit
 from benchmarks.platform_facts import libraries
-from benchmarks.problems import MODELS, Model
+from benchmarks.problems import MODELS, Scene
 from perfplast_fenicsx import (
     Iteration,
     Level,
@@ -30,9 +30,9 @@ from perfplast_fenicsx import (
     WorkNewton,
     load_path,
 )
-from perfplast_fenicsx.linear import DIRECT, MULTIGRID
-from perfplast_fenicsx.output import peak_memory
-from perfplast_fenicsx.phases import PHASES, seconds
+from perfplast_fenicsx.io.results.result_folder import peak_memory
+from perfplast_fenicsx.profiling import PHASES, seconds
+from perfplast_fenicsx.solvers.linear.linear_solver import DIRECT, MULTIGRID
 
 SOLVERS = {"default": {}, "multigrid": MULTIGRID, "direct": DIRECT}
 
@@ -49,7 +49,7 @@ class Run:
     def __init__(self, comm: MPI.Intracomm, arguments: argparse.Namespace) -> None:
         """Note what to run; nothing is run yet."""
         self.comm, self.arguments = comm, arguments
-        self.model: Model = MODELS[arguments.model]
+        self.model: Scene = MODELS[arguments.model]
         self.first_step: float | None = None
         self._clock = time.perf_counter()
 

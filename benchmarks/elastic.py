@@ -86,7 +86,7 @@ class Elasticity:
         self._bcs = list(problem.bcs)
         zero = default_scalar_type(0)
         for support in extra_supports:
-            facets = problem.assembly.facets(support.on)
+            facets = problem.tagged_mesh.facets(support.on)
             for axis in support.axes(gdim):
                 dofs = fem.locate_dofs_topological(V.sub(axis), gdim - 1, facets)
                 self._bcs.append(fem.dirichletbc(zero, dofs, V.sub(axis)))

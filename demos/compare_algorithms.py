@@ -44,11 +44,16 @@ from perfplast_fenicsx import (
     VonMises,
     two_blocks,
 )
-from perfplast_fenicsx.limit_load import limit_load
-from perfplast_fenicsx.loading import Solver, extrapolate
-from perfplast_fenicsx.output import ResultFolder
-from perfplast_fenicsx.uzawa import AugmentedLagrangian, AugmentedLagrangianOptions
-from perfplast_fenicsx.work_newton import BorderedNewton, WorkNewton
+from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.limit_analysis import limit_load
+from perfplast_fenicsx.solvers import (
+    AugmentedLagrangian,
+    AugmentedLagrangianOptions,
+    BorderedNewton,
+    Solver,
+    WorkNewton,
+    extrapolate,
+)
 
 TITLE = "Four algorithms for two blocks in contact"
 

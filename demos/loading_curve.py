@@ -49,16 +49,16 @@ from perfplast_fenicsx import (
     Support,
     Traction,
     VonMises,
+    interpolation_points,
     l_plate,
     load_path,
     punch,
 )
-from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.limit_load import LimitLoad, limit_load
+from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.limit_analysis import LimitLoad, limit_load
 from perfplast_fenicsx.materials import deviator, strain
-from perfplast_fenicsx.output import ResultFolder
-from perfplast_fenicsx.surface import Surface, gather_surface
-from perfplast_fenicsx.work_newton import WorkNewton
+from perfplast_fenicsx.pictures import Surface, gather_surface
+from perfplast_fenicsx.solvers import WorkNewton
 
 TITLE = "Loading curves and collapse mechanisms"
 
@@ -191,9 +191,9 @@ def skin(problem: Problem, velocity: fem.Function) -> Surface | None:
     d = deviator(strain(velocity))
     points = interpolation_points(problem.Q.element)
     rate.interpolate(fem.Expression(ufl.sqrt(ufl.dot(d, d)), points))
-    covered = [name for name in ("base_top",) if name in problem.assembly.surfaces]
+    covered = [name for name in ("base_top",) if name in problem.tagged_mesh.surfaces]
     marks = {"load": ["top"], "covered": covered}
-    return gather_surface(problem.assembly, {"velocity": velocity}, {"rate": rate}, marks)
+    return gather_surface(problem.tagged_mesh, {"velocity": velocity}, {"rate": rate}, marks)
 
 
 # %% [markdown]

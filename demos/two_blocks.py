@@ -51,12 +51,17 @@ from perfplast_fenicsx import (
     load_path,
     two_blocks,
 )
-from perfplast_fenicsx.model import Model, Units, write_model
-from perfplast_fenicsx.output import ResultFolder, Results
-from perfplast_fenicsx.plotting import draw_fields, draw_path
-from perfplast_fenicsx.recovery import Recovery
-from perfplast_fenicsx.terminal import Terminal
-from perfplast_fenicsx.xdmf import FieldsFile
+from perfplast_fenicsx.cli import Terminal
+from perfplast_fenicsx.io import (
+    FieldsFile,
+    OutputFields,
+    ResultFolder,
+    Results,
+    Scene,
+    Units,
+    write_scene,
+)
+from perfplast_fenicsx.pictures import draw_fields, draw_path
 
 TITLE = "Two blocks in frictionless contact"
 
@@ -136,14 +141,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     folder = ResultFolder(comm, arguments.output, force=True)
     problem = blocks(comm, n)
     newton = Newton(problem, NewtonOptions(stopping="displacement", tolerance=1e-8))
-    recovery = Recovery(problem)
+    recovery = OutputFields(problem)
 
     folder.create()
-    model = Model(TITLE, LOADS, CONTACTS, units=Units("mm", "MPa"))
-    model_file = folder.file("model.json")  # for perfplast plot and animate
-    folder.on_root(lambda: write_model(model, problem.assembly, model_file))
+    model = Scene(TITLE, LOADS, CONTACTS, units=Units("mm", "MPa"))
+    model_file = folder.file("scene.json")  # for perfplast plot and animate
+    folder.on_root(lambda: write_scene(model, problem.tagged_mesh, model_file))
     results = Results(folder, problem, TITLE, __version__, newton.method)
-    fields_file = FieldsFile(folder, problem.assembly)
+    fields_file = FieldsFile(folder, problem.tagged_mesh)
     terminal = Terminal(comm)
     terminal.header(TITLE, newton.method, problem)
     for level in load_path(newton, ZETAS, terminal.iteration):
@@ -160,7 +165,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         picture, path = folder.file("fields.png"), folder.file("path.png")
         fields = recovery.update(level.state)
         about = (level.report, TITLE, LOADS, CONTACTS, picture)
-        draw_fields(problem.assembly, fields, *about, units=model.units)
+        draw_fields(problem.tagged_mesh, fields, *about, units=model.units)
         unit = model.units.of_work(3)
         folder.on_root(lambda: draw_path(results.reports, TITLE, path, unit=unit))
     results.write()

@@ -38,22 +38,20 @@ from dolfinx import fem
 
 from meshes.wedge import LENGTH, SEAM, WIDTH, write_wedge
 from perfplast_fenicsx import (
-    Assembly,
     Contact,
     Newton,
     Pressure,
     Problem,
     Support,
+    TaggedMesh,
     VonMises,
     __version__,
     load_path,
     read_gmsh,
 )
-from perfplast_fenicsx.output import ResultFolder, Results
-from perfplast_fenicsx.plotting import draw_fields, draw_path
-from perfplast_fenicsx.recovery import Recovery
-from perfplast_fenicsx.terminal import Terminal
-from perfplast_fenicsx.xdmf import FieldsFile
+from perfplast_fenicsx.cli import Terminal
+from perfplast_fenicsx.io import FieldsFile, OutputFields, ResultFolder, Results
+from perfplast_fenicsx.pictures import draw_fields, draw_path
 
 TITLE = "A block pressed down an incline"
 
@@ -79,7 +77,7 @@ ZETAS = [100.0, 150.0, 180.0, 200.0]
 
 
 # %%
-def contact_force(assembly: Assembly, pressure: fem.Function) -> np.ndarray:
+def contact_force(assembly: TaggedMesh, pressure: fem.Function) -> np.ndarray:
     """Force of the lower block on the upper one, −∫ p n over the upper one's seam. Collective."""
     mesh = assembly.mesh
     ds = ufl.Measure("ds", domain=mesh, subdomain_data=assembly.facet_tags)
@@ -109,7 +107,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     assembly = read_gmsh(comm, file)
     materials = {"lower": ALUMINIUM, "upper": STEEL}
     problem = Problem(assembly, materials, SUPPORTS, LOADS, CONTACTS)
-    newton, recovery = Newton(problem), Recovery(problem)
+    newton, recovery = Newton(problem), OutputFields(problem)
 
     results = Results(folder, problem, TITLE, __version__, newton.method)
     fields_file = FieldsFile(folder, assembly)

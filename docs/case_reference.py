@@ -12,14 +12,16 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from docs.marks import replace_mark
-from perfplast_fenicsx import case_tables
-from perfplast_fenicsx.builders import BUILDERS
-from perfplast_fenicsx.contact import Contact
-from perfplast_fenicsx.control import LOADINGS
-from perfplast_fenicsx.loads import Support
-from perfplast_fenicsx.model import Units
-from perfplast_fenicsx.obstacles import OBSTACLES
-from perfplast_fenicsx.schema import described, shown
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.obstacles import OBSTACLES
+from perfplast_fenicsx.io.case import tables
+from perfplast_fenicsx.io.case.loading_options import LOADINGS
+from perfplast_fenicsx.io.case.scene import Units
+from perfplast_fenicsx.io.case.schema import described, shown
+from perfplast_fenicsx.materials.laws import MATERIALS
+from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
+from perfplast_fenicsx.problem.supports import Support
+from perfplast_fenicsx.solvers.methods import METHODS
 
 MARK = "<!-- the tables, from the program -->"
 
@@ -128,10 +130,10 @@ def _variants(key: str, choices: Mapping[str, type[Any]]) -> Iterator[str]:
 
 
 def _mesh() -> Iterator[str]:
-    yield f"Either a file or a builder.\n\n**`file`.** {summary(case_tables.MeshFile)}\n"
-    yield HEAD + rows(case_tables.MeshFile)
-    yield f"**`builder`.** {summary(case_tables.MeshBuilder)}\n"
-    meaning = arguments(case_tables.MeshBuilder)
+    yield f"Either a file or a builder.\n\n**`file`.** {summary(tables.MeshFile)}\n"
+    yield HEAD + rows(tables.MeshFile)
+    yield f"**`builder`.** {summary(tables.MeshBuilder)}\n"
+    meaning = arguments(tables.MeshBuilder)
     yield (
         HEAD
         + _choice("builder", BUILDERS, None, meaning["builder"])
@@ -144,13 +146,11 @@ def _mesh() -> Iterator[str]:
 def _solve() -> Iterator[str]:
     yield HEAD + _choice(
         "method",
-        case_tables.METHODS,
+        METHODS,
         None,
         "The algorithm. Without it ALG1 where the load is prescribed, ALG3 where the work is.",
     ).replace("required", "see right")
-    yield from _variants(
-        "method", {name: entry.options for name, entry in case_tables.METHODS.items()}
-    )
+    yield from _variants("method", {name: entry.options for name, entry in METHODS.items()})
 
 
 def _single(schema: type[Any]) -> Callable[[], Iterator[str]]:
@@ -169,16 +169,16 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "mesh": ("[mesh]", _mesh),
     "material": (
         "[material.NAME]",
-        _chosen("law", case_tables.MATERIALS, None, "The law of the body."),
+        _chosen("law", MATERIALS, None, "The law of the body."),
     ),
     "support": ("[[support]]", _single(Support)),
-    "load": ("[[load]]", _single(case_tables.LoadTable)),
+    "load": ("[[load]]", _single(tables.LoadTable)),
     "contact": ("[[contact]]", _single(Contact)),
     "obstacle": ("[[obstacle]]", _chosen("shape", OBSTACLES, None, "What it is.")),
-    "element": ("[element]", _single(case_tables.ElementOptions)),
+    "element": ("[element]", _single(tables.ElementOptions)),
     "solve": ("[solve]", _solve),
     "loading": ("[loading]", _chosen("control", LOADINGS, "load", "What is prescribed.")),
-    "output": ("[output]", _single(case_tables.OutputOptions)),
+    "output": ("[output]", _single(tables.OutputOptions)),
     "units": ("[units]", _single(Units)),
 }
 """Tables of a case file, by their key at its top level: heading and content."""
@@ -187,8 +187,8 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
 def reference() -> str:
     """The whole reference as MyST."""
     scalars = frozenset(SECTIONS)
-    text = f"## Top level\n\n{HEAD}{rows(case_tables.Document, leave_out=scalars)}"
-    meaning = arguments(case_tables.Document)
+    text = f"## Top level\n\n{HEAD}{rows(tables.Document, leave_out=scalars)}"
+    meaning = arguments(tables.Document)
     for key, (heading, content) in SECTIONS.items():
         text += f"\n## `{heading}`\n\n{meaning[key]}\n\n" + "\n".join(content())
     return text

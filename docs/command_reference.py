@@ -10,7 +10,7 @@ from typing import Any
 from mpi4py import MPI
 
 from docs.marks import replace_mark
-from perfplast_fenicsx.arguments import make_parser
+from perfplast_fenicsx.cli.parser import make_parser
 
 MARK = "<!-- the commands, from the program -->"
 

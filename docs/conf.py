@@ -48,8 +48,8 @@ python_use_unqualified_type_names = True
 nitpicky = True
 nitpick_ignore_regex = [
     ("py:.*", r"(?!perfplast_fenicsx\.)\w+(\.\w+)+"),
-    ("py:.*", r"perfplast_fenicsx\.\w+\._\w+"),  # private
-    ("py:class", r"perfplast_fenicsx\.\w+\.(T|Function)"),  # type variables
+    ("py:.*", r"perfplast_fenicsx(\.\w+)+\._\w+"),  # private
+    ("py:class", r"perfplast_fenicsx(\.\w+)+\.(T|Function)"),  # type variables
 ]
 
 html_theme = "furo"
@@ -61,15 +61,16 @@ html_copy_source = False
 html_show_sphinx = False
 
 
-SOURCES = sorted((ROOT / "perfplast_fenicsx").glob("*.py"))
+SOURCES = sorted((ROOT / "perfplast_fenicsx").rglob("[!_]*.py"))
+DOTTED = {path.stem: ".".join(path.relative_to(ROOT).with_suffix("").parts) for path in SOURCES}
 HOMES = {
     statement.name: path.stem
     for path in SOURCES
     for statement in ast.parse(path.read_text(encoding="utf-8")).body
     if isinstance(statement, ast.ClassDef)
 }
-MODULES = "|".join(path.stem for path in SOURCES)
-SHORT = re.compile(rf":(class|mod|func|data):`(({MODULES})(\.\w+)?)`")
+MODULES = "|".join(sorted(DOTTED, key=len, reverse=True))
+SHORT = re.compile(rf":(class|mod|func|data|meth):`({MODULES})((?:\.\w+)*)`")
 CLASS = re.compile(r":class:`([A-Z]\w*)`")
 
 
@@ -87,7 +88,7 @@ def _as_written(
         return f":class:`{HOMES[match[1]]}.{match[1]}`" if known else match[0]
 
     for number, line in enumerate(lines):
-        text = SHORT.sub(r":\1:`~perfplast_fenicsx.\2`", CLASS.sub(home, line))
+        text = SHORT.sub(lambda m: f":{m[1]}:`~{DOTTED[m[2]]}{m[3]}`", CLASS.sub(home, line))
         parts = text.split("``")
         parts[::2] = [part.replace("|", "\\|") for part in parts[::2]]
         lines[number] = "``".join(parts)

@@ -11,7 +11,7 @@ def add_mirror_image(axis: int, names: Mapping[str, str]) -> None:
     """Add the image in the plane x_axis = 0 of all that gmsh's current model has meshed.
 
     The images are bodies of their own, which share no node with the others even where they touch;
-    :func:`~perfplast_fenicsx.splitting.write_split` writes them all.
+    :func:`~perfplast_fenicsx.mesh.split_bodies.write_split` writes them all.
 
     Args:
         axis: 0, 1 or 2.

@@ -11,14 +11,14 @@ from collections.abc import Sequence
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.album import animate, plot
-from perfplast_fenicsx.arguments import read_arguments
-from perfplast_fenicsx.case import read_case
-from perfplast_fenicsx.environment import surroundings, versions
+from perfplast_fenicsx.cli.parser import read_arguments
+from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED, run
+from perfplast_fenicsx.cli.run_log import logged_to_console
+from perfplast_fenicsx.cli.system_info import surroundings, versions
+from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.logs import logged_to_console
-from perfplast_fenicsx.run import BAD_INPUT, FAULT, SOLVED, run
-from perfplast_fenicsx.terminal import Terminal, describe
+from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.pictures.plot_command import animate, plot
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -7,8 +7,8 @@ Three more differences are met by how a call is written, the same for all versio
 0.10), ``dolfinx.graph.adjacencylist(data)`` for ``meshtags_from_entities`` (a C++ object in 0.9, a
 Python one later), and ``assemble_matrix(A, a, bcs, 1.0)`` with the diagonal's value by position
 (called ``diagonal`` in 0.9, ``diag`` later). Gmsh's arrays are distributed by
-:mod:`perfplast_fenicsx.assembly` and not by ``dolfinx.io.gmshio`` (``dolfinx.io.gmsh`` from 0.10,
-with another return value), whose checks stop one rank and leave the others waiting.
+:mod:`tagged_mesh` and not by ``dolfinx.io.gmshio`` (``dolfinx.io.gmsh`` from 0.10, with another
+return value), whose checks stop one rank and leave the others waiting.
 """
 
 from typing import Any

@@ -1,13 +1,15 @@
-"""Formulas in the coordinates, from case files: checked, then evaluated by numexpr.
+"""Formulas in the coordinates, from case files: checked, then evaluated by NumPy.
 
-A formula is first parsed and compared with a list of what may stand in it, so that nothing else
-ever reaches numexpr (whose own check, which stays on, ends in Python's ``eval``).
+A formula is parsed and compared with a list of what may stand in it; its syntax tree is then walked
+with NumPy's functions, and Python never evaluates it.
 """
 
 import ast
 import math
+import operator
+from collections.abc import Callable, Mapping
+from typing import Any
 
-import numexpr
 import numpy as np
 import numpy.typing as npt
 
@@ -20,13 +22,30 @@ FUNCTIONS = (
     *("cos", "cosh", "exp", "expm1", "floor", "fmod", "log", "log10", "log1p", "sin", "sinh"),
     *("sqrt", "tan", "tanh", "where"),
 )
-"""The functions of numexpr that act point by point."""
+"""Of NumPy, by these names; they act point by point."""
 
-OPERATORS: dict[type[ast.AST], str] = {
-    **{ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**", ast.Mod: "%"},
-    **{ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="},
-    **{ast.BitAnd: "&", ast.BitOr: "|", ast.USub: "-", ast.UAdd: "+"},
+ARGUMENTS = {"arctan2": 2, "fmod": 2, "where": 3}
+"""How many a function takes, if not one."""
+
+OPERATORS: dict[type[ast.AST], tuple[str, Callable[..., Any]]] = {
+    ast.Add: ("+", operator.add),
+    ast.Sub: ("-", operator.sub),
+    ast.Mult: ("*", operator.mul),
+    ast.Div: ("/", operator.truediv),
+    ast.Pow: ("**", operator.pow),
+    ast.Mod: ("%", operator.mod),
+    ast.Lt: ("<", operator.lt),
+    ast.LtE: ("<=", operator.le),
+    ast.Gt: (">", operator.gt),
+    ast.GtE: (">=", operator.ge),
+    ast.Eq: ("==", operator.eq),
+    ast.NotEq: ("!=", operator.ne),
+    ast.BitAnd: ("&", operator.and_),
+    ast.BitOr: ("|", operator.or_),
+    ast.USub: ("-", operator.neg),
+    ast.UAdd: ("+", operator.pos),
 }
+"""How an operator is written, and what it does."""
 
 LONGEST = 1000
 """Characters a formula may have; the parser's recursion is bounded by it."""
@@ -40,7 +59,7 @@ _FAILURES = (
     *(ArithmeticError, LookupError, MemoryError, RecursionError),
     *(NotImplementedError, SyntaxError, TypeError, ValueError),
 )
-"""What Python's parser and numexpr raise for text that is no formula."""
+"""What Python's parser and NumPy raise for text that is no formula."""
 
 
 def evaluate(
@@ -61,19 +80,17 @@ def evaluate(
 
     Raises:
         InputError: A formula that cannot be read or has anything but numbers, x, y, z, pi,
-            operators and the functions of numexpr in it, or a value that is not finite.
+            operators and :data:`FUNCTIONS` in it, or a value that is not finite.
     """
     if isinstance(formula, str):
         formula = " ".join(formula.split())
         check(formula, place)
-        names = dict(zip("xyz", np.ascontiguousarray(x.T), strict=True)) | {"pi": math.pi}
+        names = dict(zip("xyz", x.T, strict=True)) | {"pi": np.float64(math.pi)}
         try:
             with np.errstate(all="ignore"):
-                value = numexpr.evaluate(_with_floats(formula), local_dict=names, global_dict={})
+                value = _value(ast.parse(formula, mode="eval").body, names)
         except _FAILURES as error:
             raise _refusal(formula, place, f"cannot be evaluated ({error})") from error
-        if np.iscomplexobj(value):
-            raise _refusal(formula, place, "has complex values")
     else:
         value = np.asarray(formula, dtype=np.float64)
     values = np.array(np.broadcast_to(value, len(x)), dtype=np.float64)
@@ -129,6 +146,9 @@ def _fault(node: ast.AST, called: bool) -> str | None:
     elif isinstance(node, ast.Call):
         if not isinstance(node.func, ast.Name) or node.keywords:
             return f"has '{ast.unparse(node)}'"
+        wanted = ARGUMENTS.get(node.func.id, 1)
+        if len(node.args) != wanted:
+            return f"gives '{node.func.id}' {len(node.args)} arguments and not {wanted}"
     elif isinstance(node, ast.Compare):
         if len(node.ops) > 1:
             return f"has the chained comparison '{ast.unparse(node)}'"
@@ -140,15 +160,25 @@ def _fault(node: ast.AST, called: bool) -> str | None:
     return None
 
 
-class _Floats(ast.NodeTransformer):
-    """Whole numbers as floats: 9**9**9 shall overflow at once, not occupy the machine."""
+def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
+    """Value of a part of a formula that has been checked.
 
-    def visit_Constant(self, node: ast.Constant) -> ast.Constant:
-        return ast.Constant(float(node.value))
-
-
-def _with_floats(formula: str) -> str:
-    return ast.unparse(_Floats().visit(ast.parse(formula, mode="eval")))
+    Whole numbers count as floats: 9**9**9 shall overflow at once, not occupy the machine.
+    """
+    match node:
+        case ast.Constant(value=number):
+            return np.float64(number)
+        case ast.Name(id=name):
+            return names[name]
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            return getattr(np, name)(*(_value(argument, names) for argument in arguments))
+        case ast.UnaryOp(op=sign, operand=operand):
+            return OPERATORS[type(sign)][1](_value(operand, names))
+        case ast.BinOp(left=left, op=sign, right=right):
+            return OPERATORS[type(sign)][1](_value(left, names), _value(right, names))
+        case ast.Compare(left=left, ops=[sign], comparators=[right]):
+            return OPERATORS[type(sign)][1](_value(left, names), _value(right, names))
+    raise ValueError(f"'{ast.unparse(node)}' was not checked")
 
 
 def _quoted(formula: float | str) -> str:
@@ -156,7 +186,7 @@ def _quoted(formula: float | str) -> str:
 
 
 def _refusal(formula: str, place: str, fault: str) -> InputError:
-    operators = " ".join(dict.fromkeys(OPERATORS.values()))
+    operators = " ".join(dict.fromkeys(sign for sign, _ in OPERATORS.values()))
     return InputError(
         f"{place}: the formula '{formula}' {fault}; allowed are numbers, {', '.join(VARIABLES)},"
         f" parentheses, {operators} and the functions {', '.join(FUNCTIONS)}."

@@ -72,11 +72,9 @@ def test_every_function_that_is_named_exists(name: str) -> None:
         ("x // 2", "floordiv"),
         ("0 < x < 1", "chained"),
         ("max(x)", "'max'"),
-        ("sin(x, y)", "cannot be evaluated"),
+        ("sin(x, y)", "2 arguments"),
         ("sqrt(x=1)", "sqrt"),
         ("sin", "'sin'"),
-        ("9**9**9**9", "cannot be evaluated"),
-        ("10**400", "cannot be evaluated"),
         ("-" * 900 + "x", "cannot be evaluated"),
     ],
 )
@@ -96,7 +94,14 @@ def test_too_long_is_refused() -> None:
 
 @pytest.mark.parametrize(
     ("formula", "value"),
-    [("1/x", "inf"), ("log(x - 1)", "nan"), (float("nan"), "nan"), (float("-inf"), "-inf")],
+    [
+        ("1/x", "inf"),
+        ("9**9**9**9", "inf"),
+        ("10**400", "inf"),
+        ("log(x - 1)", "nan"),
+        (float("nan"), "nan"),
+        (float("-inf"), "-inf"),
+    ],
 )
 def test_not_finite_is_refused(formula: float | str, value: str) -> None:
     with pytest.raises(InputError, match=rf"{value} at \(0, 0, 0\)"):

@@ -20,7 +20,7 @@ from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx import l_plate
-from perfplast_fenicsx.output import peak_memory
+from perfplast_fenicsx.io.results.result_folder import peak_memory
 
 YOUNG, POISSON, YIELD = 206900.0, 0.29, 450.0
 TRACTION = 200.0

@@ -38,9 +38,8 @@ from perfplast_fenicsx import (
     VonMises,
     WorkNewton,
 )
-from perfplast_fenicsx.fields import Integral
-from perfplast_fenicsx.output import ResultFolder
-from perfplast_fenicsx.recovery import Recovery
+from perfplast_fenicsx.io import OutputFields, ResultFolder
+from perfplast_fenicsx.problem import Integral
 
 TITLE = "Contact patch test"
 YIELD_STRESS = 250.0
@@ -114,7 +113,7 @@ def stress_error(problem: Problem, level: Level, exact: Exact) -> float:
     stress = level.stress.x.array.reshape(-1, len(exact.stress(0)))
     largest = 0.0
     for name, material in MATERIALS.items():
-        points = problem.S.dofmap.list[problem.assembly.cells(name)].ravel()
+        points = problem.S.dofmap.list[problem.tagged_mesh.cells(name)].ravel()
         deviation = stress[points] - exact.stress(material.poisson)
         largest = max(largest, float(np.abs(deviation).max(initial=0)))
     return problem.comm.allreduce(largest, MPI.MAX)
@@ -122,7 +121,7 @@ def stress_error(problem: Problem, level: Level, exact: Exact) -> float:
 
 def contact_forces(problem: Problem, level: Level) -> tuple[float, float]:
     """Push on the lower block: resultant, and integral of the contact pressure. Collective."""
-    recovery, assembly = Recovery(problem), problem.assembly
+    recovery, assembly = OutputFields(problem), problem.tagged_mesh
     pressure: fem.Function = recovery.update(level.state)["contact_pressure"]
     ds = ufl.Measure("ds", domain=assembly.mesh, subdomain_data=assembly.facet_tags)
     seam = ds(assembly.surfaces[CONTACTS[0].primary])

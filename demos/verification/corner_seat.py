@@ -27,7 +27,6 @@ from dolfinx import fem, la
 from demos.verification.study import Row, mesh, run
 from meshes.corner_seat import write_corner_seat
 from perfplast_fenicsx import (
-    Assembly,
     Contact,
     Level,
     Newton,
@@ -35,11 +34,11 @@ from perfplast_fenicsx import (
     Pressure,
     Problem,
     Support,
+    TaggedMesh,
     VonMises,
 )
-from perfplast_fenicsx.output import ResultFolder
-from perfplast_fenicsx.plotting import draw_fields
-from perfplast_fenicsx.recovery import Recovery
+from perfplast_fenicsx.io import OutputFields, ResultFolder
+from perfplast_fenicsx.pictures import draw_fields
 
 TITLE = "Block in a corner"
 STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
@@ -58,14 +57,14 @@ ALLOWED = 1e-9
 
 
 # %%
-def in_elastic_seat(assembly: Assembly, degree: int) -> Problem:
+def in_elastic_seat(assembly: TaggedMesh, degree: int) -> Problem:
     """The block in the seat of the mesh. Collective."""
     supports = [Support("seat_bottom", "y"), Support("seat_left", "x"), *along_z(assembly)]
     materials = {"block": STEEL, "seat": STEEL}
     return Problem(assembly, materials, supports, LOADS, CONTACTS, degree=degree)
 
 
-def in_rigid_seat(assembly: Assembly, degree: int) -> Problem:
+def in_rigid_seat(assembly: TaggedMesh, degree: int) -> Problem:
     """The block between two rigid planes. Collective."""
     zero = [0.0] * (assembly.mesh.geometry.dim - 2)
     planes = [
@@ -77,7 +76,7 @@ def in_rigid_seat(assembly: Assembly, degree: int) -> Problem:
     return Problem(assembly, materials, supports, LOADS, obstacles=planes, degree=degree)
 
 
-def along_z(assembly: Assembly) -> list[Support]:
+def along_z(assembly: TaggedMesh) -> list[Support]:
     """What holds both bodies along z."""
     return [Support("z0", "z")] if assembly.mesh.geometry.dim == 3 else []
 
@@ -94,8 +93,9 @@ def exact_work(dim: int) -> float:
 # ## What is checked
 #
 # The forces of the faces on the block, the reactions of what holds the seat, and whether anything
-# is left unbalanced. `Recovery.resultants` has the contact forces times the normals, summed over
-# each contact. The faces are parallel to the axes, so its components are the forces of the faces.
+# is left unbalanced. `OutputFields.resultants` has the contact forces times the normals, summed
+# over each contact. The faces are parallel to the axes, so its components are the forces of the
+# faces.
 
 
 # %%
@@ -104,8 +104,8 @@ def reaction(problem: Problem, level: Level, surface: str, axis: int) -> float:
     V = problem.V
     force = fem.assemble_vector(fem.form(problem.internal_form(level.stress)))
     force.scatter_reverse(la.InsertMode.add)
-    facets = problem.assembly.facets(surface)
-    nodes = fem.locate_dofs_topological(V, problem.assembly.mesh.topology.dim - 1, facets)
+    facets = problem.tagged_mesh.facets(surface)
+    nodes = fem.locate_dofs_topological(V, problem.tagged_mesh.mesh.topology.dim - 1, facets)
     nodes = nodes[nodes < V.dofmap.index_map.size_local]
     values = force.array.reshape(-1, V.dofmap.index_map_bs)[nodes, axis]
     return float(problem.comm.allreduce(values.sum()))
@@ -123,7 +123,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
                 level = Newton(problem).solve(1.0)
                 seconds = time.perf_counter() - began
                 report = level.report
-                recovery = Recovery(problem)
+                recovery = OutputFields(problem)
                 fields = recovery.update(level.state)
                 side, below = recovery.resultants.sum(axis=0)[:2]
                 numbers = [("force from below", below, P), ("force from the side", side, Q)]

@@ -38,7 +38,7 @@ from demos.verification.slip import Line, draw_slip, prandtl_lines, subfolder
 from demos.verification.study import Collapse, Row, collapse, draw, mesh, run
 from meshes.cracked_strip import write_cracked_strip
 from perfplast_fenicsx import Problem, Support, Traction, VonMises
-from perfplast_fenicsx.output import ResultFolder
+from perfplast_fenicsx.io import ResultFolder
 
 TITLE = "Cracked strips, plane strain"
 MATERIAL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)

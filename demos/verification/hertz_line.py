@@ -32,8 +32,7 @@ from dolfinx import fem
 from demos.verification.study import Row, mesh, run
 from meshes.hertz_line import RADIUS, write_hertz_line
 from perfplast_fenicsx import Contact, Elastic, Newton, Plane, Pressure, Problem, Support
-from perfplast_fenicsx.output import ResultFolder
-from perfplast_fenicsx.recovery import Recovery
+from perfplast_fenicsx.io import OutputFields, ResultFolder
 
 TITLE = "Hertz line contact"
 STEEL, ALUMINIUM = Elastic(young=210e3, poisson=0.3), Elastic(young=70e3, poisson=0.33)
@@ -75,7 +74,7 @@ class Pressures:
 
 def measure(problem: Problem, pressure: fem.Function, surface: str) -> Pressures:
     """Integrals and vertex values of the pressure on a surface. Collective."""
-    assembly, comm, V = problem.assembly, problem.comm, pressure.function_space
+    assembly, comm, V = problem.tagged_mesh, problem.comm, pressure.function_space
     tag, sides = assembly.surfaces[surface], assembly.mesh.geometry.dim - 1
     ds = ufl.Measure("ds", domain=assembly.mesh, subdomain_data=assembly.facet_tags)(tag)
     x = ufl.SpatialCoordinate(assembly.mesh)
@@ -170,7 +169,7 @@ def press(
     began = time.perf_counter()
     level = Newton(problem).solve(1.0)
     seconds = time.perf_counter() - began
-    pressure = Recovery(problem).update(level.state)["contact_pressure"]
+    pressure = OutputFields(problem).update(level.state)["contact_pressure"]
     found = measure(problem, pressure, "upper_arc")
     rows = [
         Row(

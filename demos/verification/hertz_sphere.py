@@ -47,7 +47,6 @@ from meshes.naming import name, name_planes
 from meshes.shapes import add_box
 from meshes.sizes import finer_at, generate
 from perfplast_fenicsx import (
-    Assembly,
     Contact,
     Elastic,
     Newton,
@@ -56,11 +55,10 @@ from perfplast_fenicsx import (
     Problem,
     Sphere,
     Support,
+    TaggedMesh,
 )
-from perfplast_fenicsx.gmsh_files import gmsh_session
-from perfplast_fenicsx.output import ResultFolder
-from perfplast_fenicsx.recovery import Recovery
-from perfplast_fenicsx.splitting import write_split
+from perfplast_fenicsx.io import OutputFields, ResultFolder
+from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 TITLE = "Hertz point contact"
 CONTACT_RADIUS = 0.12
@@ -142,7 +140,7 @@ def hertz_load(*bodies: Elastic) -> float:
     return 4 / 3 * CONTACT_RADIUS**3 * contact_modulus(*bodies) * len(bodies) / RADIUS
 
 
-def area(assembly: Assembly, surface: str) -> float:
+def area(assembly: TaggedMesh, surface: str) -> float:
     """Of a surface of the mesh, whose chords make it smaller. Collective."""
     ds = ufl.Measure("ds", domain=assembly.mesh, subdomain_data=assembly.facet_tags)
     one = fem.Constant(assembly.mesh, default_scalar_type(1)) * ds(assembly.surfaces[surface])
@@ -202,7 +200,7 @@ def press(
     began = time.perf_counter()
     level = Newton(problem).solve(1.0)
     seconds = time.perf_counter() - began
-    recovery = Recovery(problem)
+    recovery = OutputFields(problem)
     found = measure(problem, recovery.update(level.state)["contact_pressure"], case.surface)
     rows = [
         Row(

@@ -37,7 +37,7 @@ from demos.verification.slip import draw_slip
 from demos.verification.study import Row, collapse, draw, mesh, run
 from meshes.plate_with_hole import HOLE, WIDTH, write_plate_with_hole
 from perfplast_fenicsx import Problem, Support, Traction, VonMises, l_plate
-from perfplast_fenicsx.output import ResultFolder
+from perfplast_fenicsx.io import ResultFolder
 
 TITLE = "Plate with a hole, plane strain"
 MATERIAL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)

@@ -29,9 +29,9 @@ from demos.verification.study import Row, collapse, draw, mesh, run
 from meshes.contact_patch import write_contact_patch
 from meshes.platens import write_platens
 from perfplast_fenicsx import Contact, Elastic, Plane, Pressure, Problem, Support, VonMises
+from perfplast_fenicsx.contact import Obstacle
+from perfplast_fenicsx.io import ResultFolder
 from perfplast_fenicsx.materials import Material
-from perfplast_fenicsx.obstacles import Obstacle
-from perfplast_fenicsx.output import ResultFolder
 
 TITLE = "Block between platens, plane strain"
 BLOCK = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)

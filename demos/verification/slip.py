@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx import LimitLoad, Problem
-from perfplast_fenicsx.output import ResultFolder
-from perfplast_fenicsx.plotting import dissipation
-from perfplast_fenicsx.surface import Surface, gather_surface
+from perfplast_fenicsx.io import ResultFolder, dissipation
+from perfplast_fenicsx.pictures import Surface, gather_surface
 
 Line = Sequence[tuple[float, float]]
 """Points (x, y) of a slip line."""
@@ -59,7 +58,7 @@ def draw_slip(
         exact: Slip lines of the exact solution; the picture shows their neighbourhood.
     """
     rates = {"rate": dissipation(problem, limit.mechanism)}
-    surface = gather_surface(problem.assembly, {}, rates, {})
+    surface = gather_surface(problem.tagged_mesh, {}, rates, {})
     if surface is not None:
         _draw(surface, title, exact, folder.file("slip.png"))
 

@@ -35,7 +35,7 @@ from demos.verification.slip import draw_slip, prandtl_lines, subfolder
 from demos.verification.study import Row, collapse, draw, mesh, run
 from meshes.strip_footing import write_strip_footing
 from perfplast_fenicsx import Contact, Elastic, Pressure, Problem, Support, VonMises
-from perfplast_fenicsx.output import ResultFolder
+from perfplast_fenicsx.io import ResultFolder
 
 TITLE = "Strip footing, plane strain"
 SOIL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)

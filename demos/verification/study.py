@@ -12,15 +12,20 @@ from mpi4py import MPI
 
 from dolfinx import fem
 
-from perfplast_fenicsx import Assembly, LimitLoad, Problem, limit_load, read_gmsh
-from perfplast_fenicsx.contact import Contact
-from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.loads import Load
-from perfplast_fenicsx.obstacles import Obstacle
-from perfplast_fenicsx.output import ResultFolder
-from perfplast_fenicsx.plotting import dissipation, draw_fields, draw_path
-from perfplast_fenicsx.recovery import Recovery
-from perfplast_fenicsx.terminal import Terminal
+from perfplast_fenicsx import (
+    InputError,
+    LimitLoad,
+    Problem,
+    TaggedMesh,
+    limit_load,
+    raise_together,
+    read_gmsh,
+)
+from perfplast_fenicsx.cli import Terminal
+from perfplast_fenicsx.contact import Contact, Obstacle
+from perfplast_fenicsx.io import OutputFields, ResultFolder, dissipation
+from perfplast_fenicsx.pictures import draw_fields, draw_path
+from perfplast_fenicsx.problem import Load
 
 
 @dataclass(frozen=True)
@@ -71,7 +76,7 @@ Study = Callable[[MPI.Intracomm, ResultFolder, bool], list[Row]]
 """Solves a case on its meshes and draws it: ranks, folder, whether coarse meshes will do."""
 
 
-def mesh(folder: ResultFolder, write: Callable[..., None], **arguments: object) -> Assembly:
+def mesh(folder: ResultFolder, write: Callable[..., None], **arguments: object) -> TaggedMesh:
     """Write a mesh by a generator of ``meshes/`` and read it on all ranks. Collective."""
     path, fault = folder.file(f"{write.__name__.removeprefix('write_')}.msh"), None
     if folder.comm.rank == 0:
@@ -141,12 +146,12 @@ def draw(
 ) -> None:
     """Draw plastic zone, mechanism and loading curve of a limit load. Collective."""
     last = limit.levels[-1]
-    fields = Recovery(problem).update(last.state)
+    fields = OutputFields(problem).update(last.state)
     about = (last.report, title, loads, contacts)
 
     def fields_png(shown: dict[str, fem.Function], name: str, caption: str | None = None) -> None:
         path = folder.file(name)
-        draw_fields(problem.assembly, shown, *about, path, caption, obstacles)
+        draw_fields(problem.tagged_mesh, shown, *about, path, caption, obstacles)
 
     fields_png(fields, "fields.png")
     work = dissipation(problem, limit.mechanism)

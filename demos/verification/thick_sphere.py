@@ -44,13 +44,12 @@ from perfplast_fenicsx import (
     Support,
     VonMises,
     WorkNewton,
+    interpolation_points,
     load_path,
 )
-from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.fields import Integral
+from perfplast_fenicsx.io import OutputFields, ResultFolder
 from perfplast_fenicsx.materials import deviator
-from perfplast_fenicsx.output import ResultFolder
-from perfplast_fenicsx.recovery import Recovery
+from perfplast_fenicsx.problem import Integral
 
 TITLE = "Thick sphere"
 MATERIAL = VonMises(young=210e3, poisson=0.3, yield_stress=240.0)
@@ -160,8 +159,8 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 
 def seam_pressure(problem: Problem, level: Level) -> float:
     """Mean contact pressure. Collective."""
-    assembly = problem.assembly
-    pressure = Recovery(problem).update(level.state)["contact_pressure"]
+    assembly = problem.tagged_mesh
+    pressure = OutputFields(problem).update(level.state)["contact_pressure"]
     ds = ufl.Measure("ds", domain=assembly.mesh, subdomain_data=assembly.facet_tags)
     seam = ds(assembly.surfaces[CONTACTS[0].primary])
     one = fem.Constant(assembly.mesh, default_scalar_type(1))
@@ -206,7 +205,7 @@ HALF = 3
 
 def equivalent_stress(problem: Problem, level: Level) -> Floats:
     """Radius and equivalent stress of each point, shape (n, 2), on rank 0. Collective."""
-    mesh = problem.assembly.mesh
+    mesh = problem.tagged_mesh.mesh
     points = interpolation_points(problem.Q.element)
     radius = fem.Expression(ufl.sqrt(ufl.dot(*[ufl.SpatialCoordinate(mesh)] * 2)), points)
     d = deviator(level.stress)

@@ -27,7 +27,7 @@ from mpi4py import MPI
 from demos.verification.study import Row, collapse, draw, mesh, run
 from meshes.thick_tube import OUTER, write_thick_tube
 from perfplast_fenicsx import Contact, Pressure, Problem, Support, VonMises
-from perfplast_fenicsx.output import ResultFolder
+from perfplast_fenicsx.io import ResultFolder
 
 TITLE = "Thick tube, plane strain"
 MATERIAL = VonMises(young=70e3, poisson=0.3, yield_stress=250.0)

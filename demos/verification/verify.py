@@ -12,7 +12,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from demos.verification.study import HEADING, Row, rates, solve
-from perfplast_fenicsx.terminal import Terminal
+from perfplast_fenicsx.cli import Terminal
 
 CASES = (
     "contact_patch",

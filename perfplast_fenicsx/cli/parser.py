@@ -1,0 +1,163 @@
+"""The arguments of the command line, and the PETSc options behind them."""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from typing import NoReturn
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from perfplast_fenicsx._version import __version__
+from perfplast_fenicsx.cli.run_log import LEVELS
+from perfplast_fenicsx.cli.shell_completion import complete
+from perfplast_fenicsx.errors import InputError, nearest
+
+
+def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Namespace:
+    """What the arguments say; PETSc's own go to its database. Not collective.
+
+    Args:
+        comm: Help and version are shown on its rank 0 alone.
+        arguments: Without the name of the program.
+
+    Raises:
+        InputError: If they say nothing that can be done.
+        SystemExit: After help or version.
+    """
+    ours, petsc = list(arguments), []
+    if "--" in ours:
+        split = ours.index("--")
+        ours, petsc = ours[:split], ours[split + 1 :]
+    parser = make_parser(comm)
+    complete(parser)
+    chosen, unknown = parser.parse_known_args(ours)
+    if unknown:
+        known = [name for name in parser.options(chosen.command) if name.startswith("--")]
+        first, remedy = unknown[0], nearest(unknown[0], known)
+        raise InputError(f"perfplast {chosen.command} has no argument '{first}'; {remedy}")
+    if petsc and chosen.command not in SOLVING:
+        raise InputError(f"perfplast {chosen.command} takes no PETSc options; leave out '--'.")
+    if chosen.command == "run" and chosen.restart and chosen.force:
+        raise InputError("--restart goes on from results and --force replaces them; give one.")
+    set_petsc_options(petsc)
+    return chosen
+
+
+SOLVING = ("run", "check")
+"""Commands that take PETSc options."""
+
+
+def set_petsc_options(arguments: Sequence[str]) -> None:
+    """Put options such as ``-perfplast_ksp_rtol 1e-10`` into PETSc's database.
+
+    Raises:
+        InputError: If an argument is neither an option nor the value of one.
+    """
+    options = PETSc.Options()
+    name = None
+    names = []
+    for argument in arguments:
+        is_name = argument.startswith("-") and argument[1:2].isalpha()
+        if is_name:
+            name = argument[1:]
+            options[name] = None
+            names.append(name)
+        elif name is not None:
+            options[name] = argument
+            name = None
+        else:
+            raise InputError(
+                f"after '--' stands '{argument}', which is neither a PETSc option nor its value;"
+                " write for instance -- -perfplast_ksp_rtol 1e-10."
+            )
+    for name in names:  # the solvers copy what has their prefix; PETSc warns of unused copies
+        if name.startswith("perfplast_"):
+            options.hasName(name)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Speaks on rank 0 only, and raises InputError instead of printing its usage."""
+
+    comm: MPI.Intracomm = MPI.COMM_WORLD
+    commands: Mapping[str, argparse.ArgumentParser]
+
+    def options(self, command: str) -> list[str]:
+        """The names of the options of a command."""
+        return list(self.commands[command]._option_string_actions)
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {self.prog} --help.")
+
+    def _print_message(self, message: str, file: object = None) -> None:
+        if self.comm.rank == 0:
+            super()._print_message(message, file)  # type: ignore[arg-type]
+
+
+def make_parser(comm: MPI.Intracomm) -> _Parser:
+    """The parser of all commands."""
+    parser = _Parser(
+        prog="perfplast",
+        description="Elastic-perfectly plastic bodies in frictionless contact.",
+        epilog="Exit status: 0 all load levels solved, 1 a fault of the program, 2 bad input,"
+        " 3 a load level without a solution (the levels before it are valid), 130 or 143"
+        " interrupted (--restart goes on).",
+    )
+    parser.comm = comm
+    parser.add_argument("--version", action="version", version=f"perfplast {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    parser.commands = commands.choices
+
+    run = commands.add_parser(
+        "run",
+        help="solve a case",
+        description="Solve a case on any number of ranks, e.g. mpirun -n 2 perfplast run ...",
+        epilog="PETSc options follow two dashes: -- -perfplast_ksp_rtol 1e-10 for the linear"
+        " solver, -perfplast_vi_... for the contact set.",
+    )
+    run.add_argument("case", metavar="CASE.toml", help="what to solve")
+    where = run.add_mutually_exclusive_group(required=True)
+    where.add_argument("-o", "--output", metavar="DIR", help="folder for results")
+    where.add_argument(
+        "--restart", metavar="DIR", help="go on from the last level that is solved in this folder"
+    )
+    run.add_argument("--force", action="store_true", help="replace results in DIR")
+    run.add_argument(
+        "--log-level",
+        choices=LEVELS,
+        default="warning",
+        help="show what is at least as serious on standard error; info shows every Newton step"
+        " (DIR/run.log always has them; default: warning)",
+    )
+    run.add_argument(
+        "--quiet", action="store_true", help="nothing on standard output; warnings are still shown"
+    )
+
+    check = commands.add_parser(
+        "check", help="check a case, its mesh and names included, without solving it"
+    )
+    check.add_argument("case", metavar="CASE.toml", help="what to check")
+
+    plot = commands.add_parser(
+        "plot",
+        help="draw loading curve, plastic zone, mechanism and contact pressure",
+        description="Draw path.png, fields.png and mechanism.png of a run, which may still be"
+        " going on. One process draws, whatever the number of ranks.",
+    )
+    plot.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
+    plot.add_argument("-o", "--output", metavar="FOLDER", help="for the pictures (default: DIR)")
+
+    animate = commands.add_parser(
+        "animate",
+        help="show the loading as an animation",
+        description="Show plastic zone, contact pressure and loading curve of a run level by level."
+        " One process draws, whatever the number of ranks.",
+    )
+    animate.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
+    animate.add_argument(
+        "-o", "--output", metavar="FILE", help=".gif or .webp (default: DIR/loading.gif)"
+    )
+
+    commands.add_parser(
+        "info", help="show versions, PETSc's packages, BLAS, ranks and threads, for bug reports"
+    )
+    return parser

@@ -1,0 +1,176 @@
+"""What is logged: on standard error while a command runs, and in ``run.log`` of its results.
+
+The library logs under its own name and configures nothing; here, and in the command line alone, are
+the handlers. Rank 0 alone speaks.
+"""
+
+import dataclasses
+import logging
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import TracebackType
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from perfplast_fenicsx.cli.system_info import surroundings, versions
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.io.case.case import Case
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.limit_search import LimitLoad
+from perfplast_fenicsx.problem.state import Iteration, LevelReport
+
+LEVELS = ("debug", "info", "warning", "error")
+"""Choices of ``--log-level``."""
+
+PACKAGE = logging.getLogger("perfplast_fenicsx")
+
+log = logging.getLogger(__name__)
+
+
+@contextmanager
+def logged_to_console(
+    comm: MPI.Intracomm, level: str = "warning", before: Callable[[], None] | None = None
+) -> Iterator[None]:
+    """Show the library's records on standard error, from rank 0.
+
+    Args:
+        comm: The ranks.
+        level: The least serious that is shown, one of :data:`LEVELS`.
+        before: Called before a record is written, to clear the live line.
+    """
+
+    class Handler(logging.StreamHandler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if before is not None:
+                before()
+            super().emit(record)
+
+    handler = Handler()
+    handler.setFormatter(logging.Formatter("perfplast: %(levelname)s: %(message)s"))
+    with _handled(comm, handler, level):
+        yield
+
+
+class RunLog:
+    """``run.log``: time stamps, versions, options, each Newton step, warnings, how it ended.
+
+    A context manager; what ends the block by an exception is logged with its traceback. The log of
+    a run that goes on in a folder is appended to what there is.
+    """
+
+    def __init__(self, folder: ResultFolder, level: str = "info", first: int = 1) -> None:
+        """Open the file. Collective.
+
+        Args:
+            folder: Where it is.
+            level: Also log what is as serious as this, if less than "info".
+            first: Number of the first load level, where the run goes on from others.
+
+        Raises:
+            InputError: If it cannot be written.
+        """
+        self._comm = folder.comm
+        self._number = first
+        self._began = time.perf_counter()
+        fault = None
+        handler: logging.Handler = logging.NullHandler()
+        if self._comm.rank == 0:
+            path = folder.file("run.log")
+            try:
+                handler = _LogFile(path, encoding="utf-8", delay=False)
+            except OSError as error:
+                fault = f"'{path}' cannot be written ({error.strerror}); give another folder."
+        raise_together(self._comm, fault)
+        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
+        least = min(level, "info", key=LEVELS.index)
+        self._handled = _handled(self._comm, handler, least)
+
+    def __enter__(self) -> "RunLog":
+        self._handled.__enter__()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if isinstance(error, InputError):  # the command line says it
+            log.info("ended: %s", error)
+        elif error is not None:
+            text = "".join(traceback.format_exception(error)).rstrip()
+            log.error("ended by %s\n%s", type(error).__name__, text)
+        log.info("ended after %.1f s", time.perf_counter() - self._began)
+        self._handled.__exit__(None, None, None)
+
+    def header(self, case: Case, description: str) -> None:
+        """Say what runs on what. Collective.
+
+        Args:
+            case: What is solved.
+            description: The discrete problem in a line.
+        """
+        log.info("%s", ", ".join(f"{name} {version}" for name, version in versions().items()))
+        for name, text in surroundings(self._comm).items():
+            log.info("%s: %s", name, text)
+        for field in filter(lambda field: field.repr, dataclasses.fields(case)):
+            log.info("case.%s: %s", field.name, getattr(case, field.name))
+        options = PETSc.Options().getAll()
+        log.info("PETSc options: %s", " ".join(f"-{key} {options[key]}" for key in options))
+        log.info("%s", description)
+
+    def iteration(self, record: Iteration) -> None:
+        """Log a Newton step; a monitor of the algorithms."""
+        log.info(
+            "level %d, step %d: zeta %.10g, alpha %.10g, increment %.2e, beta %.3g, rho %.1e,"
+            " %.2f%% plastic, %d contacts, %d solves for them, %d linear iterations, %.2f s",
+            *(self._number, record.number, record.zeta, record.alpha, record.increment),
+            *(record.beta, record.rho, 100 * record.plastic_fraction, record.active_contacts),
+            *(record.active_set_iterations, record.linear_iterations, record.seconds),
+        )
+
+    def level(self, report: LevelReport) -> None:
+        """Log the end of a level."""
+        told = "solved" if report.converged else "NO SOLUTION"
+        log.info(
+            "level %d: %s (%s): zeta %.10g, alpha %.10g, duality gap %.1e, equilibrium %.1e,"
+            " %d linear solves, %d set-ups, %.2f s",
+            *(self._number, told, report.reason, report.zeta, report.alpha, report.duality_gap),
+            *(report.equilibrium, report.linear_solves, report.setups, report.seconds),
+        )
+        self._number += 1
+
+    def limit(self, limit: LimitLoad) -> None:
+        """Log what is known of the limit load."""
+        log.info("%s", limit)
+
+
+class _LogFile(logging.FileHandler):
+    """Goes on without what the system refuses, as with a full disk: the results say so."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Leave the record out."""
+
+    def close(self) -> None:
+        """Close the file, whatever is lost of it."""
+        with suppress(OSError):
+            super().close()
+
+
+@contextmanager
+def _handled(comm: MPI.Intracomm, handler: logging.Handler, level: str) -> Iterator[None]:
+    """The package's records to a handler, from rank 0, and no less serious than a level."""
+    handler.setLevel(level.upper())
+    handler.addFilter(lambda record: comm.rank == 0)
+    before = PACKAGE.level
+    PACKAGE.setLevel(min(before or logging.WARNING, handler.level))
+    PACKAGE.addHandler(handler)
+    try:
+        yield
+    finally:
+        PACKAGE.removeHandler(handler)
+        PACKAGE.setLevel(before)
+        handler.close()

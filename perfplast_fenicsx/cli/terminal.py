@@ -1,0 +1,160 @@
+"""What a run says on the terminal: a header, a line for each level, a live line within long ones.
+
+Rank 0 speaks. Plain ASCII, so that it can be read anywhere. The live line is for terminals alone.
+"""
+
+import os
+import shutil
+import sys
+import time
+from typing import TextIO
+
+from mpi4py import MPI
+
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.limit_search import LimitLoad
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.state import Iteration, LevelReport
+from perfplast_fenicsx.solvers.linear.linear_solver import chosen_solver
+
+COLUMNS = (
+    *(("step", 4), ("zeta", 11), ("alpha", 12), ("Newton", 6), ("active set", 10)),
+    *(("linear", 7), ("plastic", 8), ("contacts", 11), ("duality gap", 11), ("seconds", 8)),
+)
+
+LIVE_PERIOD = 0.2
+"""Shortest time between two live lines (s)."""
+
+
+class Terminal:
+    """Writes to a stream on rank 0, and nothing on the others."""
+
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        stream: TextIO | None = None,
+        live: bool | None = None,
+        quiet: bool = False,
+    ) -> None:
+        """Choose where to write.
+
+        Args:
+            comm: The ranks of the run.
+            stream: Where to; standard output by default.
+            live: Show a live line; by default if the output goes to a terminal.
+            quiet: Write nothing at all.
+        """
+        self._comm = comm
+        self._stream = stream or sys.stdout
+        self._speaks = comm.rank == 0 and not quiet
+        self._live = self._speaks and (shows(self._stream) if live is None else live)
+        self._shown = 0
+        self._last = 0.0
+        self._began = time.monotonic()
+        self._steps = 0
+
+    def say(self, text: str = "") -> None:
+        """Write a line."""
+        if self._speaks:
+            self.clear()
+            print(text, file=self._stream, flush=True)
+
+    def status(self, text: str) -> None:
+        """Say on the live line what is being done."""
+        if self._live:
+            text = f"{clock(time.monotonic() - self._began)}  {text}"
+            text = text[: shutil.get_terminal_size().columns - 1]
+            self.clear()
+            self._shown = len(text)
+            print(f"\r{text}", end="", file=self._stream, flush=True)
+
+    def clear(self) -> None:
+        """Remove the live line, so that something else can be written."""
+        if self._shown:
+            print("\r" + " " * self._shown + "\r", end="", file=self._stream, flush=True)
+            self._shown = 0
+
+    def header(self, title: str, method: str, problem: Problem) -> None:
+        """Say what is solved, and head the table. Collective."""
+        self.say(describe(title, method, problem))
+        self.say("  ".join(f"{name:>{width}}" for name, width in COLUMNS))
+
+    def iteration(self, record: Iteration) -> None:
+        """Show a Newton step on the live line; a monitor of the algorithms."""
+        now = time.monotonic()
+        if now - self._last >= LIVE_PERIOD:
+            self._last = now
+            self.status(
+                f"level {self._steps + 1}: zeta {record.zeta:.6g}, alpha {record.alpha:.6g},"
+                f" Newton {record.number}, CG {record.linear_iterations},"
+                f" {record.plastic_fraction:.1%} plastic, increment {record.increment:.1e}"
+            )
+
+    def level(self, report: LevelReport) -> None:
+        """Write the line of a level."""
+        self._steps += 1
+        cells = (
+            *(self._steps, f"{report.zeta:.6g}", f"{report.alpha:.6g}"),
+            *(report.newton_iterations, report.active_set_iterations, report.linear_iterations),
+            *(f"{report.plastic_fraction:.1%}", f"{report.active_contacts}/{report.contact_pairs}"),
+            *(f"{report.duality_gap:.1e}", f"{report.seconds:.2f}"),
+        )
+        pairs = zip(cells, COLUMNS, strict=True)
+        self.say("  ".join(f"{cell:>{width}}" for cell, (_, width) in pairs))
+        if not report.converged:
+            self.say(f"No solution at zeta = {report.zeta:.6g}: {report.reason}.")
+
+    def limit(self, limit: LimitLoad) -> None:
+        """Say what is known of the limit load."""
+        upper = "none found" if limit.upper is None else f"{limit.upper:.6g}"
+        estimate = "none" if limit.estimate is None else f"{limit.estimate:.6g}"
+        self.say(
+            f"Limit load: lower bound {limit.lower:.6g}, estimate {estimate}, upper bound {upper}"
+            f" ({limit.linear_solves} linear solves): {limit.reason}."
+        )
+
+    def results(self, folder: ResultFolder) -> None:
+        """Say where the results are and which there are."""
+        if self._comm.rank == 0:
+            self.say(f"Results in {folder.path}: {', '.join(folder.found())}")
+
+
+def describe(title: str, method: str, problem: Problem) -> str:
+    """The problem in a line. Collective."""
+    mesh, comm = problem.tagged_mesh.mesh, problem.comm
+    bodies = ", ".join(sorted(problem.tagged_mesh.volumes))
+    cells = mesh.topology.index_map(mesh.topology.dim).size_global
+    pairs = problem.num_pairs
+    ranks = f"{comm.size} rank{'s' if comm.size > 1 else ''}"
+    return (
+        f"{title}: {bodies}; {cells} cells, P{problem.degree}, {problem.num_dofs} dofs,"
+        f" {pairs} contact pairs;"
+        f" method {method} on {ranks}, {chosen_solver(problem)}"
+    )
+
+
+def clock(seconds: float) -> str:
+    """A time as minutes and seconds, or hours too."""
+    minutes, rest = divmod(int(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
+
+
+def shows(stream: TextIO) -> bool:
+    """Whether someone watches a stream.
+
+    Some launchers give each rank a terminal of its own, whatever their own output is; there the
+    launcher's output counts.
+    """
+    if not stream.isatty():
+        return False
+    if "OMPI_COMM_WORLD_RANK" not in os.environ:
+        return True
+    try:
+        launcher = os.open(f"/proc/{os.getppid()}/fd/1", os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+    except OSError:
+        return False
+    try:
+        return os.isatty(launcher)
+    finally:
+        os.close(launcher)

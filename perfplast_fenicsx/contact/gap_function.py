@@ -1,0 +1,111 @@
+"""Can matched nodes be in contact, along which normal, and how far are they apart?"""
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.contact.node_matching import Matching
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.formulas import evaluate
+
+MATCHING_TOLERANCE = 1e-6
+"""Largest distance of touching nodes, relative to the size of the contact surfaces."""
+
+TILT = 0.5
+"""Nodes that are apart may be shifted sideways by this share of their distance (and of the mesh
+size): matching surfaces that are not parallel are seen so along their mean normal."""
+
+OVERLAP = 1e-9
+"""Overlap, relative to the size of the surfaces, that is rounding."""
+
+
+def normals_and_gaps(
+    comm: MPI.Intracomm,
+    place: str,
+    given: float | str | None,
+    matching: Matching,
+    size: float,
+    gdim: int,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Normal and gap of matched nodes, after a look whether they can be in contact. Collective.
+
+    Args:
+        comm: The ranks.
+        place: Where the contact stands, for messages.
+        given: Its gap, a number or a formula; None to measure it.
+        matching: Rows (x y z | rank, local, global, body, size | normal | ...) of both surfaces.
+        size: Of the surfaces (length).
+        gdim: Geometric dimension.
+
+    Raises:
+        InputError: Nodes without a partner opposite them, surfaces that do not face each other,
+            overlap, or a negative gap.
+    """
+    if matching.alone:
+        raise InputError(
+            f"{place}: {matching.alone} nodes have no partner on the other surface (the nearest is"
+            f" up to {matching.farthest:.3g} away); mesh the two surfaces with the same nodes, for"
+            " instance by fragmenting and splitting in gmsh."
+        )
+    a, b = matching.first, matching.second
+    outward = [rows[:, 8 : 8 + gdim] for rows in (a, b)]
+    same_side = comm.allreduce(int((np.einsum("ni,ni->n", *outward) > 0).sum()))
+    if same_side:
+        raise InputError(
+            f"{place}: at {same_side} nodes the outward normals of the two surfaces point to the"
+            " same side, so they do not face each other; name one surface of each body."
+        )
+    normal = outward[0] - outward[1]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    between = (b - a)[:, :gdim]
+    apart = np.einsum("ni,ni->n", between, normal)
+    sideways = np.linalg.norm(between - apart[:, None] * normal, axis=1)
+    least = MATCHING_TOLERANCE * size
+    allowed = least + TILT * np.minimum(np.abs(apart), np.minimum(a[:, 7], b[:, 7]))
+    shifted = comm.allreduce(int((sideways > allowed).sum()))
+    if shifted:
+        farthest = comm.allreduce(float(sideways.max(initial=0)), MPI.MAX)
+        raise InputError(
+            f"{place}: {shifted} nodes have no partner opposite them (the nearest is up to"
+            f" {farthest:.3g} aside); mesh the two surfaces with the same nodes, for instance by"
+            " fragmenting and splitting in gmsh."
+        )
+    if given is None:
+        return normal, without_overlap(comm, place, apart, size)
+    return normal, _given_gap(comm, place, given, a[:, :3])
+
+
+def without_overlap(
+    comm: MPI.Intracomm, place: str, gap: npt.NDArray[np.float64], size: float
+) -> npt.NDArray[np.float64]:
+    """Measured gaps, rounding removed. Collective.
+
+    Raises:
+        InputError: If the bodies overlap.
+    """
+    overlap = -comm.allreduce(float(gap.min(initial=0)), MPI.MIN)
+    if overlap > OVERLAP * size:
+        raise InputError(
+            f"{place}: the bodies overlap at first, by up to {overlap:.6g}; move one of them."
+        )
+    return np.where(gap > OVERLAP * size, gap, 0.0)
+
+
+def _given_gap(
+    comm: MPI.Intracomm, place: str, gap: float | str, x: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Gaps of a number or formula at points. Collective."""
+    message: str | None = None
+    gaps: npt.NDArray[np.float64] = np.zeros(len(x))
+    try:
+        gaps = evaluate(gap, x, f"{place}: gap")
+        if (gaps < 0).any():
+            message = (
+                f"{place}: gap = {gap} is negative ({gaps.min():.6g}) at some nodes, but bodies"
+                " cannot overlap at first; give a gap of zero or more."
+            )
+    except InputError as error:
+        message = str(error)
+    raise_together(comm, message)
+    return gaps

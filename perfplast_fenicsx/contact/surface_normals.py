@@ -1,0 +1,141 @@
+"""Nodes of a named surface and their normals, one for each smooth face that a node lies on."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import basix
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from dolfinx.mesh import exterior_facet_indices
+
+from perfplast_fenicsx.compat import coordinate_map, geometry_dofmap
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import send_rows
+
+Floats = npt.NDArray[np.float64]
+
+SHARP = np.cos(np.radians(40.0))
+"""Facets at a node whose normals have a smaller cosine belong to different faces."""
+
+
+@dataclass(frozen=True)
+class FaceNodes:
+    """Owned nodes of a surface; a node on an edge of it stands there once for each face.
+
+    Attributes:
+        node: Local block dofs, shape (n,).
+        normal: Outward unit normals of the face at the node, shape (n, gdim).
+        size: Size of the facets around it (length), shape (n,).
+    """
+
+    node: npt.NDArray[np.int32]
+    normal: Floats
+    size: Floats
+
+
+def face_nodes(V: fem.FunctionSpace, assembly: TaggedMesh, surface: str) -> FaceNodes:
+    """Find the nodes of a surface, vertices and midsides, with their normals. Collective.
+
+    The normal of a face at a node is the mean over its facets there, weighted by area. Facets that
+    differ by more than 40° are different faces: a smooth surface, flat or curved, gives one normal
+    to each node, and an edge between flat faces gives one for each of them.
+    """
+    index_map, gdim = V.dofmap.index_map, V.mesh.geometry.dim
+    nodes, normals, areas = _incidences(V, assembly, surface)
+    owners = np.full(index_map.size_local + index_map.num_ghosts, V.mesh.comm.rank)
+    owners[index_map.size_local :] = index_map.owners
+    rows = np.column_stack([index_map.local_to_global(nodes), normals, areas])
+    rows = send_rows(V.mesh.comm, rows, owners[nodes])
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    node, normals, areas = rows[:, 0].astype(np.int64), rows[:, 1 : 1 + gdim], rows[:, -1]
+
+    corner, face = np.unique(
+        np.stack([node, _faces(node, normals)], axis=1), axis=0, return_inverse=True
+    )
+    total = np.zeros((len(corner), gdim))
+    np.add.at(total, face, normals * areas[:, None])
+    area = np.bincount(face, weights=areas, minlength=len(corner))
+    count = np.maximum(np.bincount(face, minlength=len(corner)), 1)
+    return FaceNodes(
+        (corner[:, 0] - index_map.local_range[0]).astype(np.int32),
+        total / np.linalg.norm(total, axis=1, keepdims=True),
+        (area / count) ** (1 / (gdim - 1)),
+    )
+
+
+def _faces(node: npt.NDArray[np.int64], normals: Floats) -> npt.NDArray[np.int64]:
+    """Number of the face of each row among those of its node; rows are sorted by node."""
+    face = np.full(len(node), -1)
+    number = 0
+    while (left := np.flatnonzero(face < 0)).size:
+        _, first, inverse = np.unique(node[left], return_index=True, return_inverse=True)
+        seed = normals[left[first]][inverse]
+        alike = np.einsum("ni,ni->n", seed, normals[left]) >= SHARP
+        alike[first] = True
+        face[left[alike]] = number
+        number += 1
+    return face
+
+
+def _incidences(
+    V: fem.FunctionSpace, assembly: TaggedMesh, surface: str
+) -> tuple[npt.NDArray[np.int32], Floats, Floats]:
+    """Each node of each exterior facet of a surface on this rank.
+
+    Returns:
+        Local block dofs, shape (n,); the facet's unit normal there, shape (n, gdim); its area.
+    """
+    mesh = V.mesh
+    tdim, gdim = mesh.topology.dim, mesh.geometry.dim
+    mesh.topology.create_connectivity(tdim - 1, tdim)
+    mesh.topology.create_connectivity(tdim, tdim - 1)
+    facets = np.intersect1d(assembly.facets(surface), exterior_facet_indices(mesh.topology))
+    to_cell = mesh.topology.connectivity(tdim - 1, tdim)
+    to_facet = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
+    cells = to_cell.array[to_cell.offsets[facets]]
+    local = np.argmax(to_facet[cells] == facets[:, None], axis=1)
+
+    def of_facets(dofmap: npt.NDArray[np.int32], layout: Any) -> npt.NDArray[np.int32]:
+        closure = [layout.entity_closure_dofs(tdim - 1, i) for i in range(tdim + 1)]
+        return dofmap[cells[:, None], np.array(closure)[local]]
+
+    cmap = coordinate_map(mesh)
+    nodes = of_facets(V.dofmap.list, V.dofmap.dof_layout)
+    corners = of_facets(geometry_dofmap(mesh), cmap.create_dof_layout())
+    x = mesh.geometry.x[corners][:, :, :gdim]
+    slopes = _slopes(tdim - 1, V.element.basix_element.degree, cmap.degree)
+    tangents = np.einsum("dpb,fbi->fpdi", slopes, x)
+    if tdim == 3:
+        normals = np.cross(tangents[:, :, 0], tangents[:, :, 1])
+    else:
+        normals = np.stack([tangents[:, :, 0, 1], -tangents[:, :, 0, 0]], axis=2)
+    centre = mesh.geometry.x[geometry_dofmap(mesh)[cells, : tdim + 1]].mean(axis=1)[:, :gdim]
+    outward = np.einsum("fi,fi->f", normals.mean(axis=1), x[:, :tdim].mean(axis=1) - centre) > 0
+    normals[~outward] *= -1
+    lengths = np.linalg.norm(normals, axis=2)
+    areas = lengths.mean(axis=1) / (2 if tdim == 3 else 1)
+    normals /= lengths[:, :, None]
+    return nodes.ravel(), normals.reshape(-1, gdim), np.repeat(areas, nodes.shape[1])
+
+
+def _slopes(dim: int, degree: int, geometry: int) -> Floats:
+    """Derivatives of a facet's coordinate functions at the nodes of displacements on it.
+
+    Args:
+        dim: Dimension of the facet.
+        degree: Of the displacements.
+        geometry: Degree of the coordinates.
+
+    Returns:
+        Shape (dim, num_points, num_functions).
+    """
+    kind = basix.CellType.triangle if dim == 2 else basix.CellType.interval
+
+    def lagrange(p: int) -> basix.finite_element.FiniteElement:
+        variant = basix.LagrangeVariant.equispaced
+        return basix.create_element(basix.ElementFamily.P, kind, p, variant)
+
+    points = np.asarray(lagrange(degree).points)
+    slopes: Floats = np.asarray(lagrange(geometry).tabulate(1, points))[1:, :, :, 0]
+    return slopes

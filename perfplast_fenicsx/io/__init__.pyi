@@ -1,0 +1,14 @@
+from .case.case import Case as Case
+from .case.case import read_case as read_case
+from .case.loading_options import LOADINGS as LOADINGS
+from .case.scene import Scene as Scene
+from .case.scene import Units as Units
+from .case.scene import write_scene as write_scene
+from .case.schema import described as described
+from .case.schema import shown as shown
+from .results.output_fields import OutputFields as OutputFields
+from .results.output_fields import dissipation as dissipation
+from .results.result_folder import ResultFolder as ResultFolder
+from .results.result_folder import Results as Results
+from .results.result_folder import peak_memory as peak_memory
+from .results.xdmf import FieldsFile as FieldsFile

@@ -1,0 +1,212 @@
+"""Case files: what is solved and how, as TOML.
+
+A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
+``[[contact]]``, ``[[obstacle]]``, ``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and
+``[units]``; see
+``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.io.case.loading_options import LOADINGS, LoadControl, WorkControl
+from perfplast_fenicsx.io.case.scene import Scene, Units
+from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
+from perfplast_fenicsx.io.case.tables import (
+    Document,
+    ElementOptions,
+    LoadTable,
+    MeshBuilder,
+    MeshFile,
+    OutputOptions,
+)
+from perfplast_fenicsx.io.case.toml_reader import parse, read_text
+from perfplast_fenicsx.limit_analysis.limit_search import limit_options
+from perfplast_fenicsx.materials.laws import MATERIALS, Material
+from perfplast_fenicsx.mesh.sample_meshes import build
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
+from perfplast_fenicsx.problem.loads import Load
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.supports import Support
+from perfplast_fenicsx.solvers.methods import METHODS
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case file, read and checked as far as it can be without its mesh.
+
+    ``table`` is what it says, as TOML.
+    """
+
+    path: Path
+    table: Table = field(repr=False)
+    title: str
+    mesh: MeshFile | MeshBuilder
+    materials: dict[str, Material]
+    supports: list[Support]
+    loads: list[Load]
+    contacts: list[Contact]
+    obstacles: list[Obstacle]
+    element: ElementOptions
+    method: str
+    options: Any
+    loading: LoadControl | WorkControl
+    output: OutputOptions
+    units: Units
+
+    @property
+    def model(self) -> Scene:
+        """What pictures need to know."""
+        return Scene(self.title, self.loads, self.contacts, self.obstacles, self.units)
+
+    def __repr__(self) -> str:
+        values = self.loading.values
+        levels = "until the limit load" if values is None else f"{len(values)} levels"
+        bodies = ", ".join(self.materials)
+        return (
+            f"Case({str(self.path)!r}: {self.title}; {bodies}; P{self.element.degree};"
+            f" {self.method}, {levels})"
+        )
+
+    def assembly(self, comm: MPI.Intracomm) -> TaggedMesh:
+        """Build or read the mesh. Collective.
+
+        Raises:
+            InputError: If there is no such builder or file, or its arguments or content are wrong.
+        """
+        with at(f"{self.path.name}, [mesh]"):
+            if isinstance(self.mesh, MeshBuilder):
+                return build(comm, self.mesh.builder, **self.mesh.arguments)
+            return read_gmsh(comm, self.path.parent / self.mesh.file)
+
+    def problem(self, comm: MPI.Intracomm) -> Problem:
+        """Build the mesh and declare the problem on it. Collective.
+
+        Raises:
+            InputError: If the names, materials, supports, loads and contacts do not fit the mesh.
+        """
+        assembly = self.assembly(comm)
+        with at(self.path.name):
+            return Problem(
+                assembly,
+                self.materials,
+                self.supports,
+                self.loads,
+                self.contacts,
+                self.obstacles,
+                self.element.degree,
+            )
+
+    def solver(self, problem: Problem) -> Any:
+        """The algorithm of ``[solve]`` for a problem. Collective."""
+        return METHODS[self.method].solver(problem, self.options)
+
+
+def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
+    """Read a case file on rank 0 and check it on every rank alike. Collective.
+
+    Args:
+        path: The TOML file.
+        comm: The ranks that need the case.
+
+    Raises:
+        InputError: A file that cannot be read or is not TOML, unknown or missing keys, or values of
+            a wrong type or outside their range.
+    """
+    path = Path(path)
+    text, fault = "", None
+    if comm.rank == 0:
+        try:
+            text = read_text(path)
+        except InputError as error:
+            fault = str(error)
+    raise_together(comm, fault)
+    table = parse(comm.bcast(text), path.name)
+    return _case(path, table)
+
+
+def _case(path: Path, table: Table) -> Case:
+    name = path.name
+    top = convert(table, Document, name)
+    if not top.load:
+        raise InputError(f"{name}: no load is given; add a [[load]] table.")
+    materials: dict[str, Material] = {}
+    for body, properties in top.material.items():
+        place = f"{name}, [material.{body}]"
+        _, law, rest = choose(properties, "law", MATERIALS, place)
+        materials[body] = convert(rest, law, place)
+    loads = []
+    for place, load in _numbered(top.load, f"{name}, [[load]]"):
+        loads.append(convert(load, LoadTable, place).load(place))
+    supports = _numbered(top.support, f"{name}, [[support]]")
+    contacts = _numbered(top.contact, f"{name}, [[contact]]")
+    obstacles: list[Obstacle] = []
+    for place, obstacle in _numbered(top.obstacle, f"{name}, [[obstacle]]"):
+        _, shape, rest = choose(obstacle, "shape", OBSTACLES, place)
+        obstacles.append(convert(rest, shape, place))
+    place = f"{name}, [loading]"
+    control, schema, rest = choose(top.loading, "control", LOADINGS, place, default="load")
+    loading: LoadControl | WorkControl = convert(rest, schema, place)
+    method, options = _algorithm(top.solve, control, loading, f"{name}, [solve]")
+    return Case(
+        path=path,
+        table=table,
+        title=top.title or path.stem,
+        mesh=_mesh(top.mesh, f"{name}, [mesh]"),
+        materials=materials,
+        supports=[convert(support, Support, place) for place, support in supports],
+        loads=loads,
+        contacts=[convert(contact, Contact, place) for place, contact in contacts],
+        obstacles=obstacles,
+        element=convert(top.element, ElementOptions, f"{name}, [element]"),
+        method=method,
+        options=options,
+        loading=loading,
+        output=convert(top.output, OutputOptions, f"{name}, [output]"),
+        units=convert(top.units, Units, f"{name}, [units]"),
+    )
+
+
+def _algorithm(
+    table: Table, control: str, loading: LoadControl | WorkControl, place: str
+) -> tuple[str, Any]:
+    """Method and options; ALG1 for loads and ALG3 for works where none is named."""
+    default = "newton" if control == "load" else "work-newton"
+    method, algorithm, rest = choose(table, "method", METHODS, place, default=default)
+    if algorithm.solver.control != control:
+        fitting = [name for name, entry in METHODS.items() if entry.solver.control == control]
+        raise InputError(
+            f"{place}: method = '{method}' prescribes the {algorithm.solver.control}, but [loading]"
+            f" has control = '{control}'; use method = {' or '.join(map(repr, fitting))}, or"
+            f" control = '{algorithm.solver.control}'."
+        )
+    if isinstance(loading, WorkControl) and loading.limit_tolerance is not None:
+        rest = limit_options(loading.limit_tolerance) | rest
+    return method, convert(rest, algorithm.options, place)
+
+
+def _mesh(table: Table, place: str) -> MeshFile | MeshBuilder:
+    if ("builder" in table) == ("file" in table):
+        what = "both a builder and a file" if "builder" in table else "neither a builder nor a file"
+        raise InputError(
+            f"{place}: there is {what}; give either builder = 'two_blocks' or another builder"
+            " with its arguments, or file = 'assembly.msh'."
+        )
+    if "file" in table:
+        return convert(table, MeshFile, place)
+    builder = convert({"builder": table["builder"], "arguments": {}}, MeshBuilder, place).builder
+    arguments = {key: value for key, value in table.items() if key != "builder"}
+    return MeshBuilder(builder, arguments)
+
+
+def _numbered(tables: list[Table], place: str) -> list[tuple[str, Table]]:
+    """Tables of an array with their places; the number is left out where there is one."""
+    if len(tables) == 1:
+        return [(place, tables[0])]
+    return [(f"{place} number {i}", table) for i, table in enumerate(tables, start=1)]

@@ -1,0 +1,146 @@
+"""What is drawn besides the fields: names, loads, contacts, obstacles, units; ``scene.json``.
+
+A run writes it with its results, so that pictures can be made of them without the case.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
+from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.loads import LOADS, Load, Pressure, Traction
+
+
+@dataclass(frozen=True)
+class Units:
+    """Names of the units, for legends alone; nothing is converted.
+
+    Args:
+        length: Of the mesh, such as "mm".
+        stress: Of the materials and loads, such as "MPa".
+    """
+
+    length: str = ""
+    stress: str = ""
+
+    def of_length(self) -> str:
+        """What stands in brackets behind a length."""
+        return self.length or "the mesh's unit of length"
+
+    def of_stress(self) -> str:
+        """What stands in brackets behind a stress."""
+        return self.stress or "the materials' unit of stress"
+
+    def of_work(self, gdim: int) -> str:
+        """What stands in brackets behind a work, in the plane for each unit of depth; or none."""
+        if not (self.length and self.stress):
+            return ""
+        return f"{self.stress} {self.length}{'²' if gdim == 2 else '³'}"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Names and surroundings of the bodies.
+
+    Attributes:
+        title: Heading of pictures.
+        loads: What acts, times ζ.
+        contacts: Pairs of surfaces.
+        obstacles: Rigid ones.
+        units: For legends.
+    """
+
+    title: str
+    loads: Sequence[Load] = ()
+    contacts: Sequence[Contact] = ()
+    obstacles: Sequence[Obstacle] = ()
+    units: Units = Units()
+
+    @property
+    def on_surfaces(self) -> list[Traction | Pressure]:
+        """The loads that act on surfaces, and are shown as arrows."""
+        return [load for load in self.loads if isinstance(load, Traction | Pressure)]
+
+    @property
+    def marks(self) -> dict[str, list[str]]:
+        """Surfaces of each mark of a skin.
+
+        ``load i`` for each load on surfaces, ``contact`` where its pressure is shown, ``opposite``
+        for the other surface of each pair.
+        """
+        marks = {f"load {i}": [load.on] for i, load in enumerate(self.on_surfaces)}
+        contact = [contact.secondary for contact in self.contacts]
+        marks["contact"] = contact + [obstacle.on for obstacle in self.obstacles]
+        return marks | {"opposite": [contact.primary for contact in self.contacts]}
+
+
+def write_scene(model: Scene, assembly: TaggedMesh, path: Path) -> None:
+    """Write ``scene.json``. Not collective."""
+    loads = {load: kind for kind, load in LOADS.items()}
+    shapes = {shape: name for name, shape in OBSTACLES.items()}
+    table = asdict(model)
+    for entry, load in zip(table["loads"], model.loads, strict=True):
+        entry["kind"] = loads[type(load)]
+    for entry, obstacle in zip(table["obstacles"], model.obstacles, strict=True):
+        entry["shape"] = shapes[type(obstacle)]
+    names = {"volumes": assembly.volumes, "surfaces": assembly.surfaces}
+    text = json.dumps(names | table, indent=2, ensure_ascii=False, default=list)
+    replace(path, f"{text}\n".encode())
+
+
+@dataclass(frozen=True)
+class NamedScene:
+    """What is in ``scene.json``: a model, and the tag of each name in ``fields.h5``."""
+
+    model: Scene
+    volumes: dict[str, int]
+    surfaces: dict[str, int]
+
+
+@dataclass(frozen=True)
+class _Document:
+    """The top level of ``scene.json``."""
+
+    title: str
+    volumes: dict[str, int]
+    surfaces: dict[str, int]
+    loads: list[Table]
+    contacts: list[Table]
+    obstacles: list[Table]
+    units: Table
+
+
+def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
+    """The content of ``scene.json``.
+
+    Args:
+        table: As JSON has it.
+        place: Of the file, for messages.
+
+    Raises:
+        InputError: If it is not what :func:`write_scene` writes.
+    """
+    top = convert(dict(table), _Document, place)
+
+    def chosen(tables: list[Table], key: str, kinds: Mapping[str, type[Any]]) -> list[Any]:
+        found = []
+        for entry in tables:
+            _, kind, rest = choose(entry, key, kinds, place)
+            found.append(convert(rest, kind, place))
+        return found
+
+    with at(place):
+        model = Scene(
+            top.title,
+            chosen(top.loads, "kind", LOADS),
+            [convert(contact, Contact, place) for contact in top.contacts],
+            chosen(top.obstacles, "shape", OBSTACLES),
+            convert(top.units, Units, place),
+        )
+    return NamedScene(model, top.volumes, top.surfaces)

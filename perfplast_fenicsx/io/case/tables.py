@@ -1,0 +1,135 @@
+"""What may stand in the tables of a case file: one dataclass a table, or several to choose from.
+
+Those of materials, supports, contacts, obstacles, loadings and algorithms are of the modules that
+use them.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.schema import Table, shown
+from perfplast_fenicsx.problem.loads import LOADS, Load
+
+
+@dataclass(frozen=True)
+class Document:
+    """The top level of a case file.
+
+    Args:
+        mesh: The bodies.
+        material: The law of each body; NAME is that of its physical volume.
+        load: What pushes and pulls, at least once. All loads are multiplied by the load factor ζ.
+        loading: How far the bodies are loaded, and by what it is controlled.
+        title: For people; the name of the file where it is missing.
+        support: What holds the bodies.
+        contact: Which bodies touch, or may touch, each other.
+        obstacle: Rigid obstacles that do not move.
+        element: The finite elements.
+        solve: The algorithm and its options.
+        output: What is written.
+        units: What legends call the units.
+    """
+
+    mesh: Table
+    material: dict[str, Table]
+    load: list[Table]
+    loading: Table
+    title: str = ""
+    support: list[Table] = field(default_factory=list)
+    contact: list[Table] = field(default_factory=list)
+    obstacle: list[Table] = field(default_factory=list)
+    element: Table = field(default_factory=dict)
+    solve: Table = field(default_factory=dict)
+    output: Table = field(default_factory=dict)
+    units: Table = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """What is written beside ``summary.json`` and ``path.csv``.
+
+    Args:
+        fields: Write ``fields.xdmf`` and ``fields.h5``.
+        pictures: Draw ``fields.png`` and ``path.png``.
+    """
+
+    fields: bool = True
+    pictures: bool = True
+
+
+@dataclass(frozen=True)
+class ElementOptions:
+    """The finite element.
+
+    Args:
+        degree: Of the displacements, 1 or 2.
+    """
+
+    degree: Literal[1, 2] = 1
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A gmsh file of tetrahedra, or of triangles in a plane z = const for plane strain.
+
+    Args:
+        file: Its path, relative to the folder of the case file. Bodies and surfaces have physical
+            names.
+    """
+
+    file: str
+
+
+@dataclass(frozen=True)
+class MeshBuilder:
+    """A structured builder of :mod:`perfplast_fenicsx.mesh.sample_meshes` and its arguments.
+
+    Args:
+        builder: Its name.
+        arguments: What the builder takes, each a key of its own.
+    """
+
+    builder: str
+    arguments: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class LoadTable:
+    """A load on a surface or in a volume: give exactly one of its three kinds.
+
+    Args:
+        on: Physical surface, or volume for a ``body_force``.
+        traction: Force per area (stress), one number a direction.
+        pressure: Pressure (stress); a positive one pushes on the body.
+        body_force: Force per volume, one number a direction.
+    """
+
+    on: str
+    traction: list[float] | None = None
+    pressure: float | None = None
+    body_force: list[float] | None = None
+
+    def load(self, place: str) -> Load:
+        """The load that it describes.
+
+        Raises:
+            InputError: If it has none or several of the three kinds, or one that is not finite.
+        """
+        given = {kind: getattr(self, kind) for kind in LOADS}
+        given = {kind: value for kind, value in given.items() if value is not None}
+        if len(given) != 1:
+            what = " and ".join(given) or "no load"
+            raise InputError(
+                f"{place}: '{self.on}' has {what}; give exactly one of traction, pressure and"
+                " body_force (several loads are several [[load]] tables)."
+            )
+        ((kind, value),) = given.items()
+        numbers = value if isinstance(value, list) else [value]
+        if not all(map(math.isfinite, numbers)):
+            raise InputError(
+                f"{place}: {kind} = {shown(value)} is not finite; give finite numbers."
+            )
+        load: Load = LOADS[kind](self.on, value)
+        return load

@@ -1,0 +1,145 @@
+"""What a checkpoint says besides its fields, and which checkpoints a folder has.
+
+A checkpoint is of one case and one mesh, whose hashes are in it. Its header has a hash of its own,
+so that a damaged one is known as such.
+"""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.io.case.schema import Table
+from perfplast_fenicsx.io.results.fingerprint import first_difference
+from perfplast_fenicsx.io.results.parallel_hdf5 import Block
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
+
+SCHEMA = 1
+"""Version of what stands in a checkpoint."""
+
+NEWEST, BEFORE = "checkpoint.h5", "checkpoint_before.h5"
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a checkpoint says besides its fields; its attributes are the keys of its JSON.
+
+    Attributes:
+        schema: :data:`SCHEMA`.
+        version: Of the program.
+        case: The case file's content.
+        case_hash: Its hash.
+        mesh_hash: That of the mesh.
+        reports: Of the levels so far.
+        search: What is known of the limit load.
+        timings: Wall time by activity (s).
+        checksums: Of the arrays.
+    """
+
+    schema: int
+    version: str
+    case: Table
+    case_hash: str
+    mesh_hash: str
+    reports: list[dict[str, Any]]
+    search: dict[str, Any] | None
+    timings: dict[str, float]
+    checksums: dict[str, int]
+
+
+def read_header(folder: ResultFolder) -> Header:
+    """The header of the last checkpoint that has one. Collective.
+
+    Raises:
+        InputError: If none has, or it is of another version of this format.
+    """
+    faults = []
+    for path in generations(folder):
+        try:
+            header = header_of(folder.comm, path)
+        except InputError as error:
+            faults.append(str(error))
+            continue
+        if header.schema != SCHEMA:
+            raise InputError(
+                f"the checkpoint '{path}' has schema {header.schema}, but this version of perfplast"
+                f" reads {SCHEMA}; go on with perfplast {header.version}, or start anew with -o."
+            )
+        return header
+    raise nothing_left(folder, faults)
+
+
+def check_case(folder: ResultFolder, table: Table, name: str) -> None:
+    """Make sure that the checkpoint is one of this case. Collective.
+
+    Args:
+        folder: Where it is.
+        table: The case file's content.
+        name: Its name, for the message.
+
+    Raises:
+        InputError: With the first difference.
+    """
+    difference = first_difference(table, read_header(folder).case)
+    if difference is not None:
+        raise InputError(
+            f"{name}: {difference} in the run whose checkpoint is in '{folder.path}'; give it back"
+            " its value to go on, or start anew with -o."
+        )
+
+
+def packed(header: Header, rank: int) -> Block:
+    """The header as bytes, with a hash of them in front; whole on rank 0, nothing elsewhere."""
+    text = json.dumps(dataclasses.asdict(header)).encode()
+    data = np.frombuffer(hashlib.sha256(text).digest() + text, dtype=np.uint8)
+    return Block(data if rank == 0 else data[:0], 0 if rank == 0 else len(data), len(data))
+
+
+def header_of(comm: MPI.Intracomm, path: Path) -> Header:
+    """The header of a checkpoint. Collective.
+
+    Raises:
+        InputError: If it cannot be read.
+    """
+    text, fault = b"", None
+    if comm.rank == 0:
+        try:
+            with h5py.File(path, "r", locking=False) as file:
+                data = bytes(np.asarray(file["header"]))
+            digest, text = data[:32], data[32:]
+            if hashlib.sha256(text).digest() != digest:
+                fault = damaged(path, "its header is not what was written")
+        except FileNotFoundError:
+            fault = f"'{path}' is missing"
+        except (OSError, KeyError, RuntimeError, TypeError, ValueError) as error:
+            fault = damaged(path, error)
+    raise_together(comm, fault)
+    table = json.loads(comm.bcast(text))
+    if table["schema"] != SCHEMA:
+        known = {field.name: table.get(field.name) for field in dataclasses.fields(Header)}
+        return Header(**known)
+    return Header(**table)
+
+
+def generations(folder: ResultFolder) -> list[Path]:
+    """The checkpoints that a folder may have, the newest first."""
+    return [folder.file(NEWEST), folder.file(BEFORE)]
+
+
+def damaged(path: Path, reason: object) -> str:
+    """A sentence on a checkpoint that is damaged."""
+    return f"the checkpoint '{path}' is damaged ({' '.join(str(reason).split())})"
+
+
+def nothing_left(folder: ResultFolder, faults: Sequence[str]) -> InputError:
+    """The error where no checkpoint of a folder can be used."""
+    return InputError(f"{', and '.join(faults)}; start anew with -o {folder.path} --force.")

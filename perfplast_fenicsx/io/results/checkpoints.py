@@ -1,0 +1,235 @@
+"""Checkpoints: all that a run needs to go on from its last level, on any number of ranks.
+
+``checkpoint.h5`` is written after each level, and the one before stays as ``checkpoint_before.h5``.
+Both have the order of the input. What loading by chosen steps depends on, the state of the level
+before and what the search for the limit load has found, is part of it. The algorithms keep nothing
+else from level to level: the law has no history, and ALG2 begins each level with σ = Σ(ε(u)) and a
+new penalty.
+"""
+
+import dataclasses
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.io.case.schema import Table
+from perfplast_fenicsx.io.results.checkpoint_header import (
+    BEFORE,
+    NEWEST,
+    SCHEMA,
+    Header,
+    damaged,
+    generations,
+    header_of,
+    nothing_left,
+    packed,
+    read_header,
+)
+from perfplast_fenicsx.io.results.fingerprint import case_hash, mesh_hash
+from perfplast_fenicsx.io.results.global_ordering import cell_ordering, node_ordering
+from perfplast_fenicsx.io.results.parallel_hdf5 import (
+    Block,
+    block,
+    checksum,
+    read_rows,
+    write_arrays,
+)
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.limit_search import Search
+from perfplast_fenicsx.materials.mandel import strain
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.state import Level, LevelReport, State
+from perfplast_fenicsx.solvers.load_stepping import Reached
+
+GENERIC = np.array([0.5377, 0.8319, 0.1379])
+"""Along this direction the normals of the faces that meet at a node are all different."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Saved:
+    """What a checkpoint holds.
+
+    Attributes:
+        reports: Of the levels so far.
+        level: The last one, without its iterations; None before the first.
+        before: State of the level before it, where the steps are chosen.
+        search: What is known of the limit load, where one is looked for.
+        timings: Wall time by activity (s).
+    """
+
+    reports: Sequence[LevelReport] = ()
+    level: Level | None = None
+    before: State | None = None
+    search: Search | None = None
+    timings: dict[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def reached(self) -> Reached | None:
+        """How far a loading by chosen steps has come."""
+        if self.level is None:
+            return None
+        return Reached(self.level.state, self.before, self.level.report.newton_iterations)
+
+
+class Checkpoints:
+    """Writes and reads the checkpoints of one problem."""
+
+    def __init__(self, folder: ResultFolder, problem: Problem, case: Table, version: str) -> None:
+        """Number cells and nodes, and look at the mesh. Collective.
+
+        Args:
+            folder: Where they are.
+            problem: Whose states they hold.
+            case: The case file's content.
+            version: Of the program.
+        """
+        self._folder, self._problem, self._case, self._version = folder, problem, case, version
+        mesh, V = problem.tagged_mesh.mesh, problem.V
+        self._cells = cell_ordering(mesh)
+        self._nodes = node_ordering(mesh, V.dofmap.list, V.dofmap.index_map)
+        self._mesh_hash = mesh_hash(problem.tagged_mesh, self._cells)
+        self._owned_cells = mesh.topology.index_map(mesh.topology.dim).size_local
+        self._owned_nodes = V.dofmap.index_map.size_local
+        self._bit = _bits(problem)
+        self._u, self._strain = fem.Function(V), fem.Function(problem.S)
+        points = interpolation_points(problem.S.element)
+        self._expression = fem.Expression(strain(self._u), points)
+
+    def write(self, saved: Saved) -> None:
+        """Replace the checkpoint, and keep the one there is as the one before. Collective.
+
+        Raises:
+            InputError: If the system refuses; the checkpoints are then as they were.
+        """
+        arrays: dict[str, Block] = {}
+        if saved.level is not None:
+            self._u.x.array[:] = saved.level.state.u.x.array
+            self._strain.interpolate(self._expression)
+            arrays = self._of_state(saved.level.state)
+            arrays["strain"] = self._of_points(self._strain)
+            arrays["stress"] = self._of_points(saved.level.stress)
+            if saved.before is not None:
+                of_before = self._of_state(saved.before)
+                arrays |= {f"{name}_before": rows for name, rows in of_before.items()}
+        header = Header(
+            schema=SCHEMA,
+            version=self._version,
+            case=self._case,
+            case_hash=case_hash(self._case),
+            mesh_hash=self._mesh_hash,
+            reports=[dataclasses.asdict(report) for report in saved.reports],
+            search=dataclasses.asdict(saved.search) if saved.search else None,
+            timings=saved.timings,
+            checksums={name: checksum(self._problem.comm, rows) for name, rows in arrays.items()},
+        )
+        arrays["header"] = packed(header, self._problem.comm.rank)
+        folder = self._folder
+        write_arrays(folder, folder.file(NEWEST), arrays, folder.file(BEFORE))
+
+    def read(self) -> Saved:
+        """The last checkpoint that is whole. Collective.
+
+        Raises:
+            InputError: If none is, or the mesh is another one.
+        """
+        header, faults = read_header(self._folder), []
+        if header.mesh_hash != self._mesh_hash:
+            raise InputError(
+                f"the mesh is not the one of the checkpoint in '{self._folder.path}' (its points,"
+                " cells or names have changed); give the mesh as it was, or start anew with -o."
+            )
+        for path in generations(self._folder):
+            try:
+                found = header_of(self._problem.comm, path)
+                saved = self._read(found, path)
+            except InputError as error:
+                faults.append(str(error))
+                continue
+            if faults:
+                log.warning("%s; going on from '%s', level %d", faults[0], path, len(saved.reports))
+            return saved
+        raise nothing_left(self._folder, faults)
+
+    def _read(self, header: Header, path: Path) -> Saved:
+        """Collective.
+
+        Raises:
+            InputError: If the file is damaged.
+        """
+        comm, problem = self._problem.comm, self._problem
+        arrays: dict[str, npt.NDArray] = {}
+        fault = None
+        try:
+            for name in header.checksums:
+                ordering = self._cells if name in ("strain", "stress") else self._nodes
+                arrays[name] = read_rows(path, name, ordering)
+        except OSError as error:
+            fault = damaged(path, error)
+        raise_together(comm, fault)
+        for name, values in arrays.items():
+            ordering = self._cells if name in ("strain", "stress") else self._nodes
+            if (
+                checksum(comm, Block(values, ordering.first, ordering.total))
+                != (header.checksums[name])
+            ):
+                raise InputError(damaged(path, f"{name} is not what was written"))
+        reports = [LevelReport(**report) for report in header.reports]
+        search = Search(**header.search) if header.search else None
+        if search:
+            search.points = [(alpha, zeta) for alpha, zeta in search.points]
+        level, before = None, None
+        if reports:
+            stress = fem.Function(problem.S, name="stress")
+            self._to_points(arrays["stress"], stress)
+            level = Level(self._to_state(arrays, "", reports[-1]), stress, reports[-1])
+            if "displacement_before" in arrays:
+                before = self._to_state(arrays, "_before", reports[-2])
+        return Saved(reports, level, before, search, header.timings)
+
+    def _of_state(self, state: State) -> dict[str, Block]:
+        """Displacement; a byte for each node whose bits tell which of its pairs are closed."""
+        width = self._problem.V.dofmap.index_map_bs
+        u = state.u.x.array.reshape(-1, width)[: self._owned_nodes]
+        bits = np.where(state.active, self._bit, 0)
+        closed = np.bincount(self._problem.pairs.host, bits, self._owned_nodes).astype(np.uint8)
+        return {"displacement": block(self._nodes, u), "active": block(self._nodes, closed)}
+
+    def _to_state(self, arrays: dict[str, npt.NDArray], end: str, report: LevelReport) -> State:
+        u = fem.Function(self._problem.V, name="displacement")
+        nodal = self._nodes.from_blocks(arrays["displacement" + end])
+        u.x.array[: nodal.size] = nodal.ravel()
+        u.x.scatter_forward()
+        closed = self._nodes.from_blocks(arrays["active" + end])[self._problem.pairs.host]
+        return State(u, report.zeta, report.alpha, (closed & self._bit).astype(bool))
+
+    def _of_points(self, function: fem.Function) -> Block:
+        """Mandel vectors of each cell, shape (num_cells, points, size)."""
+        points = self._problem.S.dofmap.list[: self._owned_cells]
+        width = self._problem.S.dofmap.index_map_bs
+        return block(self._cells, function.x.array.reshape(-1, width)[points])
+
+    def _to_points(self, values: npt.NDArray, function: fem.Function) -> None:
+        points = self._problem.S.dofmap.list[: self._owned_cells]
+        width = self._problem.S.dofmap.index_map_bs
+        function.x.array.reshape(-1, width)[points] = self._cells.from_blocks(values)
+        function.x.scatter_forward()
+
+
+def _bits(problem: Problem) -> npt.NDArray[np.uint8]:
+    """A bit for each pair hosted here, another one for each pair of the same host."""
+    pairs = problem.pairs
+    along = pairs.normal @ GENERIC[: pairs.normal.shape[1]]
+    order = np.lexsort([along, pairs.contact, pairs.host])
+    _, first, counts = np.unique(pairs.host[order], return_index=True, return_counts=True)
+    slot = np.empty(len(order), dtype=np.uint8)
+    slot[order] = np.arange(len(order)) - np.repeat(first, counts)
+    return np.left_shift(np.uint8(1), slot)

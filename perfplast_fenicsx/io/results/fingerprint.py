@@ -1,0 +1,74 @@
+"""Is it the same case and the same mesh? What a restart asks before it goes on."""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from perfplast_fenicsx.compat import entity_nodes, geometry_dofmap
+from perfplast_fenicsx.io.case.schema import Table, shown
+from perfplast_fenicsx.io.results.global_ordering import Ordering, node_ordering, with_ghosts
+from perfplast_fenicsx.io.results.parallel_hdf5 import block, checksum, set_checksum
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
+NOTHING = object()
+
+
+def case_hash(table: Table) -> str:
+    """SHA-256 of what a case file says, whatever its layout and comments."""
+    text = json.dumps(table, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def first_difference(now: Table, then: Table) -> str | None:
+    """Where a case differs from an earlier one, in words; None where it does not."""
+    entries, earlier = dict(_entries(now)), dict(_entries(then))
+    for key in (*entries, *earlier):
+        new, old = entries.get(key, NOTHING), earlier.get(key, NOTHING)
+        if new is NOTHING:
+            return f"{key} is not given, but was {shown(old)}"
+        if old is NOTHING:
+            return f"{key} = {shown(new)}, but was not given"
+        if new != old:
+            return f"{key} = {shown(new)}, but was {shown(old)}"
+    return None
+
+
+def mesh_hash(assembly: TaggedMesh, cells: Ordering) -> str:
+    """A hash of points, cells and tags, the same on any number of ranks. Collective."""
+    mesh = assembly.mesh
+    comm, tdim, dofs = mesh.comm, mesh.topology.dim, geometry_dofmap(mesh)
+    index_map = mesh.geometry.index_map()
+    owned = mesh.topology.index_map(tdim).size_local
+    nodes = node_ordering(mesh, dofs, index_map)
+    number = with_ghosts(index_map, nodes.numbers())
+    body = np.zeros(len(dofs), dtype=np.int64)
+    body[assembly.cell_tags.indices] = assembly.cell_tags.values
+    x = mesh.geometry.x[: index_map.size_local]
+
+    tags = assembly.facet_tags
+    ours = tags.indices < mesh.topology.index_map(tdim - 1).size_local
+    corners = number[entity_nodes(mesh, tdim - 1, tags.indices[ours])[:, :tdim]]
+    facets = np.column_stack([np.sort(corners, axis=1), tags.values[ours]]).astype(np.int64)
+    names = sorted(assembly.volumes.items()), sorted(assembly.surfaces.items())
+    sums = [
+        checksum(comm, block(nodes, x)),
+        checksum(comm, block(cells, number[dofs[:owned]])),
+        checksum(comm, block(cells, body[:owned])),
+        set_checksum(comm, facets),
+    ]
+    return hashlib.sha256(json.dumps([sums, names]).encode()).hexdigest()
+
+
+def _entries(table: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """The values of nested tables under names such as ``material.upper.young``, ``load[2].on``."""
+    if isinstance(table, dict):
+        for key, value in table.items():
+            yield from _entries(value, f"{place}.{key}" if place else key)
+    elif isinstance(table, list) and table and all(isinstance(item, dict) for item in table):
+        for number, item in enumerate(table, start=1):
+            yield from _entries(item, f"{place}[{number}]" if len(table) > 1 else place)
+    else:
+        yield place, table

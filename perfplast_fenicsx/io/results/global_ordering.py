@@ -1,0 +1,114 @@
+"""Orders of cells and nodes that do not depend on how the mesh is distributed.
+
+Cells are numbered as in the input, nodes by the first cell they belong to and their place in it. In
+files everything has this order: a run on any number of ranks writes the same files, and reads those
+of any other. Each rank keeps a block of consecutive numbers; values travel between it and the ranks
+that own the cells and nodes by all-to-all.
+"""
+
+import math
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import la
+from dolfinx.common import IndexMap
+from dolfinx.mesh import Mesh
+
+from perfplast_fenicsx.parallel import send_rows
+
+Longs = npt.NDArray[np.int64]
+
+UNSEEN = np.iinfo(np.int64).max
+
+
+class Ordering:
+    """The order of things by a key.
+
+    Attributes:
+        first: Number of the first thing in this rank's block.
+        count: How many there are in it.
+        total: How many there are on all ranks.
+    """
+
+    def __init__(self, comm: MPI.Intracomm, keys: Longs) -> None:
+        """Agree on the order. Collective.
+
+        Args:
+            comm: The ranks.
+            keys: Of the things owned by this rank, at least 0; no two on any ranks are the same.
+        """
+        self._comm = comm
+        width = comm.allreduce(int(keys.max(initial=0)), MPI.MAX) // comm.size + 1
+        keeper = keys // width
+        self._by_keeper = np.argsort(keeper, kind="stable")
+        self._owned = np.bincount(keeper, minlength=comm.size)
+        self._kept = np.empty_like(self._owned)
+        comm.Alltoall(self._owned, self._kept)
+        self._sorting = np.argsort(self._send(keys[self._by_keeper], self._owned, self._kept))
+        self.count = len(self._sorting)
+        self.first: int = comm.exscan(self.count) or 0
+        self.total: int = comm.allreduce(self.count)
+
+    def to_blocks(self, values: npt.NDArray) -> npt.NDArray:
+        """Values of owned things, shape (n, ...), as those of this rank's block. Collective."""
+        return self._send(values[self._by_keeper], self._owned, self._kept)[self._sorting]
+
+    def from_blocks(self, values: npt.NDArray) -> npt.NDArray:
+        """Values of this rank's block, shape (count, ...), as those of owned things. Collective."""
+        kept = np.empty_like(values)
+        kept[self._sorting] = values
+        owned = np.empty((len(self._by_keeper), *values.shape[1:]), dtype=values.dtype)
+        owned[self._by_keeper] = self._send(kept, self._kept, self._owned)
+        return owned
+
+    def numbers(self) -> Longs:
+        """Numbers of the owned things. Collective."""
+        return self.from_blocks(np.arange(self.first, self.first + self.count))
+
+    def _send(self, values: npt.NDArray, sent: Longs, received: Longs) -> npt.NDArray:
+        """Rows, sorted by the rank they go to, as those that arrive. Collective."""
+        values = np.ascontiguousarray(values)
+        arrived = np.empty((int(received.sum()), *values.shape[1:]), dtype=values.dtype)
+        row = MPI.BYTE.Create_contiguous(values.itemsize * math.prod(values.shape[1:])).Commit()
+        self._comm.Alltoallv([values, sent, row], [arrived, received, row])
+        row.Free()
+        return arrived
+
+
+def cell_ordering(mesh: Mesh) -> Ordering:
+    """The order of a mesh's owned cells in the input. Collective."""
+    return Ordering(mesh.comm, _input_cells(mesh))
+
+
+def node_ordering(mesh: Mesh, cells: npt.NDArray[np.int32], index_map: IndexMap) -> Ordering:
+    """The order of owned nodes by their first cell. Collective.
+
+    Args:
+        mesh: The mesh.
+        cells: Local nodes of each local cell, shape (num_cells, nodes_per_cell).
+        index_map: Of the nodes, which may be those of the geometry or of displacements.
+    """
+    owned, per_cell = index_map.size_local, cells.shape[1]
+    cells = cells[: len(_input_cells(mesh))]
+    keys = _input_cells(mesh)[:, None] * per_cell + np.arange(per_cell)
+    least = np.full(owned + index_map.num_ghosts, UNSEEN)
+    np.minimum.at(least, cells.ravel(), keys.ravel())
+    rows = np.stack([index_map.ghosts, least[owned:]], axis=1)
+    rows = send_rows(mesh.comm, rows, index_map.owners)
+    np.minimum.at(least, rows[:, 0] - index_map.local_range[0], rows[:, 1])
+    return Ordering(mesh.comm, least[:owned])
+
+
+def with_ghosts(index_map: IndexMap, owned: Longs) -> Longs:
+    """Whole numbers of owned nodes, completed by those of the ghosts. Collective."""
+    vector = la.vector(index_map, 1, dtype=np.int64)
+    vector.array[: index_map.size_local] = owned
+    vector.scatter_forward()
+    return np.asarray(vector.array)
+
+
+def _input_cells(mesh: Mesh) -> Longs:
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    return np.asarray(mesh.topology.original_cell_index[:owned], dtype=np.int64)

@@ -1,0 +1,135 @@
+"""Fields people look at: stress tensor, plastic zone, contact pressure of a state."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem, la
+from dolfinx.fem import petsc as fem_petsc
+
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.contact.node_pairs import RIGID
+from perfplast_fenicsx.materials.mandel import strain, tensor
+from perfplast_fenicsx.problem.certificate import certify
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.quadrature_fields import Fields
+from perfplast_fenicsx.problem.spaces import by_cell
+from perfplast_fenicsx.problem.state import State
+
+
+class OutputFields:
+    """Makes the output fields of a problem's states; compiled once.
+
+    Attributes:
+        fields: name → function, brought up to date by :meth:`update`: ``displacement`` (length),
+            ``stress`` (3×3, mean of each cell), ``plastic`` (share of each cell's points that are
+            plastic), ``yield_ratio`` (‖dev σ‖/γ, the largest of each cell's points, 0 in elastic
+            bodies), ``contact_pressure`` (linear on the contact surfaces, 0 elsewhere, positive
+            where bodies push each other; at an edge of two contact faces the mean of both).
+        resultants: Force of each contact on its primary surface, and of each obstacle on its
+            surface behind them, shape (num_contacts, gdim), the same on every rank.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Compile the expressions. Collective."""
+        self._problem, self._state = problem, Fields(problem)
+        mesh, law, e = problem.tagged_mesh.mesh, problem.moduli, self._state.e
+        cell, size = mesh.basix_cell(), problem.S.dofmap.index_map_bs
+
+        def piecewise_constant(*shape: int) -> fem.FunctionSpace:
+            return fem.functionspace(mesh, basix.ufl.element("DG", cell, 0, shape=shape or None))
+
+        scalars, tensors = piecewise_constant(), piecewise_constant(3, 3)
+        self._nodes = fem.functionspace(mesh, basix.ufl.element("P", cell, problem.degree))
+        vertices = fem.functionspace(mesh, basix.ufl.element("P", cell, 1))
+        spaces = {
+            "displacement": problem.V,
+            "stress": tensors,
+            "plastic": scalars,
+            "yield_ratio": scalars,
+            "contact_pressure": vertices,
+        }
+        self.fields = {name: fem.Function(space, name=name) for name, space in spaces.items()}
+        self.resultants: npt.NDArray[np.float64] = np.zeros((0, mesh.geometry.dim))
+
+        self._mean = fem.Function(piecewise_constant(size))
+        self._tensor = fem.Expression(tensor(self._mean), interpolation_points(tensors.element))
+        self._at_points = fem.Function(problem.Q)
+        points = interpolation_points(problem.Q.element)
+        self._plastic = fem.Expression(law.plastic(e), points)
+        self._ratio = fem.Expression(law.secant(e) * law.overstress(e), points)
+        self._to_nodes = fem_petsc.interpolation_matrix(vertices, self._nodes)
+        self._to_nodes.assemble()
+        self._areas = self._contact_areas(vertices)
+
+    def update(self, state: State) -> dict[str, fem.Function]:
+        """Bring all fields to a state. Collective."""
+        for u in (self._state.u, self.fields["displacement"]):
+            u.x.array[:] = state.u.x.array
+        self._state.update()
+        stress, size = self._state.stress, self._mean.function_space.dofmap.index_map_bs
+        points = self._problem.S.dofmap.list
+        self._mean.x.array[:] = stress.x.array.reshape(-1, size)[points].mean(axis=1).ravel()
+        self.fields["stress"].interpolate(self._tensor)
+        self._at_points.interpolate(self._plastic)
+        self.fields["plastic"].x.array[:] = by_cell(self._at_points).mean(axis=1)
+        self._at_points.interpolate(self._ratio)
+        self.fields["yield_ratio"].x.array[:] = by_cell(self._at_points).max(axis=1)
+        self._contact(certify(self._problem, self._state, state.zeta).forces)
+        return self.fields
+
+    def _contact(self, forces: npt.NDArray[np.float64]) -> None:
+        """Pressure p and resultants of the nodal forces λ.
+
+        Each vertex j gets Σ_i λ_i ψ_j(x_i) / ∫ψ_j, with ψ_j the linear shape functions: forces of
+        midsides go to the ends of their edges in equal parts. So p is nowhere negative where no
+        force is, it is exact for a constant pressure, and ∫p is Σλ.
+        """
+        pairs, comm = self._problem.pairs, self._problem.comm
+        first = self._problem.V.dofmap.index_map.local_range[0]
+        on_nodes = fem.Function(self._nodes)
+        vector = on_nodes.x.petsc_vec
+        moves = pairs.guest_body != RIGID
+        nodes = np.concatenate([pairs.host + first, pairs.guest[moves]]).astype(PETSc.IntType)
+        values = np.concatenate([forces, forces[moves]])
+        vector.setValues(nodes, values, addv=PETSc.InsertMode.ADD_VALUES)
+        vector.assemble()
+        pressure = self.fields["contact_pressure"].x
+        self._to_nodes.multTranspose(vector, pressure.petsc_vec)
+        pressure.petsc_vec.array[:] /= self._areas
+        pressure.scatter_forward()
+
+        count = comm.allreduce(int(pairs.contact.max(initial=-1)) + 1, MPI.MAX)
+        resultants = np.zeros((count, pairs.normal.shape[1]))
+        np.add.at(resultants, pairs.contact, -forces[:, None] * pairs.normal)
+        self.resultants = comm.allreduce(resultants)
+
+    def _contact_areas(self, vertices: fem.FunctionSpace) -> npt.NDArray[np.float64]:
+        """∫ψ_j over the contact surfaces for each owned vertex, 1 where it is none of theirs."""
+        assembly, tags = self._problem.tagged_mesh, self._problem.contact_tags
+        if not tags:
+            return np.ones(vertices.dofmap.index_map.size_local)
+        ds = ufl.Measure("ds", domain=assembly.mesh, subdomain_data=assembly.facet_tags)
+        vector = fem.assemble_vector(fem.form(ufl.TestFunction(vertices) * ds(tags)))
+        vector.scatter_reverse(la.InsertMode.add)
+        areas = vector.array[: vertices.dofmap.index_map.size_local].copy()
+        return np.where(areas > 0, areas, 1.0)
+
+
+def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
+    """γ‖dev ε(v)‖, the mean of each cell: the plastic work of a velocity; 0 in elastic bodies.
+
+    Args:
+        problem: The bodies.
+        v: The velocity, its ghosts up to date.
+    """
+    rate = problem.moduli.dissipation(strain(v))
+    at_points = fem.Function(problem.Q)
+    at_points.interpolate(fem.Expression(rate, interpolation_points(problem.Q.element)))
+    cells = fem.functionspace(problem.tagged_mesh.mesh, ("DG", 0))
+    mean = fem.Function(cells, name="dissipation")
+    mean.x.array[:] = by_cell(at_points).mean(axis=1)
+    return mean

@@ -1,0 +1,269 @@
+"""The result folder: ``summary.json`` and ``path.csv``, kept up to date level by level.
+
+What goes wrong on a rank is raised on every rank. Files are replaced as a whole, so that whoever
+reads them, at any time, after any crash and with a full disk, finds them whole.
+"""
+
+import csv
+import dataclasses
+import errno
+import io
+import json
+import math
+import os
+import resource
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.errors import raise_together
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.state import LevelReport
+
+RESULT_FILES = (
+    *("summary.json", "path.csv", "run.log", "scene.json", "fields.xdmf", "fields.h5"),
+    *("path.png", "fields.png", "loading.gif"),
+    *("mechanism.xdmf", "mechanism.h5", "mechanism.png"),
+    *("checkpoint.h5", "checkpoint_before.h5"),
+)
+
+FIELDS = "fields"
+"""Folder of the arrays that ``fields.h5`` refers to, a file for each level."""
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says where there is no room."""
+
+STEP_KEYS = (
+    *("zeta", "alpha", "converged", "reason"),
+    *("newton_iterations", "active_set_iterations", "linear_iterations", "damping_min"),
+    *("plastic_fraction", "plastic_cells", "active_contacts", "contact_pairs"),
+    *("max_penetration", "duality_gap", "max_displacement", "seconds"),
+)
+"""Keys of a step of ``summary.json``, on which other tools rely; ``path.csv`` has all there is."""
+
+
+class ResultFolder:
+    """A folder for the results of one run, which never silently replaces those of another."""
+
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        path: str | Path,
+        force: bool = False,
+        restart: bool = False,
+    ) -> None:
+        """Look whether the folder can be used; nothing is written or removed yet. Collective.
+
+        Args:
+            comm: The ranks of the run.
+            path: The folder; made with its parents if it does not exist.
+            force: Replace results that are there.
+            restart: Go on from results that are there.
+
+        Raises:
+            InputError: If ``path`` is no folder, cannot be written, has results and neither
+                ``force`` nor ``restart`` is set, or has none to go on from.
+        """
+        self.comm, self.path = comm, Path(path)
+        raise_together(comm, self._obstacle(force, restart) if comm.rank == 0 else None)
+
+    def file(self, name: str) -> Path:
+        """Path of a result file."""
+        return self.path / name
+
+    def found(self) -> list[str]:
+        """Names of the result files there are."""
+        return [name for name in RESULT_FILES if self.file(name).exists()]
+
+    def create(self) -> None:
+        """Make the folder, and remove older results from it. Collective.
+
+        Raises:
+            InputError: If this is not possible.
+        """
+
+        def create() -> None:
+            self.path.mkdir(parents=True, exist_ok=True)
+            for name in RESULT_FILES:
+                self.file(name).unlink(missing_ok=True)
+            for rest in (*self.path.glob("*.part"), *self.file(FIELDS).glob("*.h5*")):
+                rest.unlink()
+            if self.file(FIELDS).is_dir() and not any(self.file(FIELDS).iterdir()):
+                self.file(FIELDS).rmdir()
+            self.file("path.csv").touch()
+
+        self.on_root(create)
+
+    def on_root(self, action: Callable[[], None]) -> None:
+        """Write something on rank 0. Collective.
+
+        Raises:
+            InputError: On every rank, if the system refuses.
+        """
+        self.on_each(action if self.comm.rank == 0 else lambda: None)
+
+    def on_each(self, action: Callable[[], None]) -> None:
+        """Write something on every rank. Collective; the action is not.
+
+        Raises:
+            InputError: On every rank, if the system refuses on any.
+        """
+        fault = None
+        try:
+            action()
+        except OSError as error:
+            fault = self._unwritable(error.strerror or str(error))
+            if error.errno in FULL:
+                fault = (
+                    f"the output folder '{self.path}' cannot be written ({error.strerror}); make"
+                    " room, then go on with --restart: what was written before is whole."
+                )
+        raise_together(self.comm, fault)
+
+    def _obstacle(self, force: bool, restart: bool) -> str | None:
+        there = self.path
+        try:
+            while not there.exists() and there != there.parent:
+                there = there.parent
+            if not there.is_dir():
+                return self._unwritable(f"'{there}' is not a folder")
+            if not os.access(there, os.W_OK | os.X_OK):
+                return self._unwritable(f"no right to write in '{there}'")
+            found = self.found()
+        except OSError as error:
+            return self._unwritable(error.strerror or str(error))
+        if restart and not {"checkpoint.h5", "checkpoint_before.h5"} & set(found):
+            return (
+                f"the folder '{self.path}' has no checkpoint.h5 to go on from; start anew with"
+                f" -o {self.path}."
+            )
+        if found and not (force or restart):
+            return (
+                f"the output folder '{self.path}' already has results ({', '.join(found)}); give"
+                " another folder, --force to replace them, or --restart to go on from them."
+            )
+        return None
+
+    def _unwritable(self, reason: str) -> str:
+        return f"the output folder '{self.path}' cannot be written ({reason}); give another one."
+
+
+@dataclass
+class Summary:
+    """What ``summary.json`` says; its fields are the keys.
+
+    Attributes:
+        mesh: Numbers of cells, vertices and displacement unknowns (dofs).
+        steps: A :data:`STEP_KEYS` table for each level.
+        limit: Limit load, where one was asked for.
+        timings: Wall time by activity (s).
+        peak_memory_mb: Sum over the ranks of their largest resident sizes (MiB).
+    """
+
+    title: str
+    version: str
+    method: str
+    ranks: int
+    mesh: dict[str, int]
+    steps: list[dict[str, Any]] = field(default_factory=list)
+    limit: dict[str, Any] | None = None
+    timings: dict[str, float] = field(default_factory=dict)
+    peak_memory_mb: float = 0.0
+
+
+class Results:
+    """Summary and path of a run, on file from the first level on."""
+
+    def __init__(
+        self,
+        folder: ResultFolder,
+        problem: Problem,
+        title: str,
+        version: str,
+        method: str,
+        reports: Sequence[LevelReport] = (),
+    ) -> None:
+        """Write a summary without levels, or with those of an earlier run. Collective."""
+        mesh = problem.tagged_mesh.mesh
+        self.folder = folder
+        self.summary = Summary(
+            title=title,
+            version=version,
+            method=method,
+            ranks=folder.comm.size,
+            mesh={
+                "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
+                "vertices": mesh.topology.index_map(0).size_global,
+                "dofs": problem.num_dofs,
+            },
+        )
+        self.reports: list[LevelReport] = []
+        for report in reports:
+            self._append(report)
+        self.write()
+
+    def add(self, report: LevelReport) -> None:
+        """Append a level to ``path.csv`` and ``summary.json``. Collective."""
+        self._append(report)
+        self.write()
+
+    def _append(self, report: LevelReport) -> None:
+        self.reports.append(report)
+        table = dataclasses.asdict(report)
+        self.summary.steps.append({key: table[key] for key in STEP_KEYS})
+
+    def _path(self) -> str:
+        """What ``path.csv`` says."""
+        text = io.StringIO()
+        columns = [field.name for field in dataclasses.fields(LevelReport)]
+        writer = csv.DictWriter(text, ["step", *columns], lineterminator="\n")
+        if self.reports:
+            writer.writeheader()
+        for step, report in enumerate(self.reports, start=1):
+            writer.writerow({"step": step} | dataclasses.asdict(report))
+        return text.getvalue()
+
+    @contextmanager
+    def timed(self, activity: str) -> Iterator[None]:
+        """Add the wall time of a block to ``timings``."""
+        began = time.perf_counter()
+        yield
+        timings = self.summary.timings
+        timings[activity] = timings.get(activity, 0.0) + time.perf_counter() - began
+
+    def write(self) -> None:
+        """Replace ``path.csv`` and ``summary.json``. Collective."""
+        self.summary.peak_memory_mb = self.folder.comm.allreduce(peak_memory())
+
+        def write() -> None:
+            replace(self.folder.file("path.csv"), self._path().encode())
+            text = to_json(dataclasses.asdict(self.summary))
+            replace(self.folder.file("summary.json"), text.encode())
+
+        self.folder.on_root(write)
+
+
+def peak_memory() -> float:
+    """Largest resident size of this process so far (MiB)."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def to_json(value: Any) -> str:
+    """JSON with numbers that are not finite as null, which JSON has no word for."""
+
+    def finite(item: Any) -> Any:
+        if isinstance(item, dict):
+            return {key: finite(entry) for key, entry in item.items()}
+        if isinstance(item, list | tuple):
+            return [finite(entry) for entry in item]
+        if isinstance(item, float):
+            return item + 0.0 if math.isfinite(item) else None  # -0.0 becomes 0.0
+        return item
+
+    return json.dumps(finite(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"

@@ -1,0 +1,4 @@
+from .kinematic_bound import dissipation_bound as dissipation_bound
+from .limit_search import LimitLoad as LimitLoad
+from .limit_search import collapse_mechanism as collapse_mechanism
+from .limit_search import limit_load as limit_load

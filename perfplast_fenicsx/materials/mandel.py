@@ -1,0 +1,56 @@
+"""Mandel vectors: symmetric tensors as vectors whose dot product is that of the tensors. UFL only.
+
+    (e_xx, e_yy, e_zz, √2 e_yz, √2 e_xz, √2 e_xy)      in 3D,
+    (e_xx, e_yy, e_zz, √2 e_xy)                        in plane strain,
+
+so that ``dot(s, e)`` is σ:e and ``sqrt(dot(e, e))`` is the Frobenius norm. Plane strain is 3D with
+vanishing out-of-plane strain: its out-of-plane stress is kept.
+"""
+
+import math
+from typing import Any, TypeAlias
+
+import ufl
+
+Expr: TypeAlias = Any
+"""A UFL expression; UFL brings no types."""
+
+
+def mandel_size(gdim: int) -> int:
+    """Number of Mandel components: 6 in 3D, 4 in plane strain."""
+    return {2: 4, 3: 6}[gdim]
+
+
+def strain(u: Expr) -> Expr:
+    """Small strain ε(u) = sym ∇u as a Mandel vector, shape (6,) or (4,) in plane strain."""
+    grad = ufl.grad(u)
+    if grad.ufl_shape == (2, 2):
+        shear = (grad[0, 1] + grad[1, 0]) / math.sqrt(2)
+        return ufl.as_vector([grad[0, 0], grad[1, 1], 0, shear])
+    pairs = ((1, 2), (0, 2), (0, 1))
+    shears = [(grad[i, j] + grad[j, i]) / math.sqrt(2) for i, j in pairs]
+    return ufl.as_vector([*(grad[i, i] for i in range(3)), *shears])
+
+
+def trace(e: Expr) -> Expr:
+    """Trace of a Mandel vector."""
+    return e[0] + e[1] + e[2]
+
+
+def deviator(e: Expr) -> Expr:
+    """Deviator of a Mandel vector."""
+    mean = trace(e) / 3
+    return ufl.as_vector([e[i] - mean if i < 3 else e[i] for i in range(len(e))])
+
+
+def spherical(pressure: Expr, size: int) -> Expr:
+    """Mandel vector of ``pressure`` times the unit tensor."""
+    return ufl.as_vector([pressure if i < 3 else 0 for i in range(size)])
+
+
+def tensor(s: Expr) -> Expr:
+    """The 3×3 symmetric tensor of a Mandel vector."""
+    zero = ufl.as_ufl(0.0)
+    shears = [s[i] / math.sqrt(2) for i in range(3, len(s))]
+    yz, xz, xy = (zero, zero, *shears) if len(shears) == 1 else shears
+    return ufl.as_tensor([[s[0], xy, xz], [xy, s[1], yz], [xz, yz, s[2]]])

@@ -1,0 +1,11 @@
+from .gmsh_reader import gmsh_session as gmsh_session
+from .sample_meshes import BUILDERS as BUILDERS
+from .sample_meshes import build as build
+from .sample_meshes import l_plate as l_plate
+from .sample_meshes import punch as punch
+from .sample_meshes import stacked_blocks as stacked_blocks
+from .sample_meshes import two_blocks as two_blocks
+from .split_bodies import on_plane as on_plane
+from .split_bodies import write_split as write_split
+from .tagged_mesh import TaggedMesh as TaggedMesh
+from .tagged_mesh import read_gmsh as read_gmsh

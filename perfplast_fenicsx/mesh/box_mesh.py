@@ -1,0 +1,183 @@
+"""Assemblies of boxes cut into cubes and tetrahedra, each rank making its own part of the input.
+
+Every cube, with corners 1…8 = (000)(100)(110)(010)(001)(101)(111)(011), is cut into the tetrahedra
+1246 1456 4568 2346 3674 4678. The ends of each edge have exactly the coordinates given, and points
+between them are rounded once, so surfaces are found by exact comparison and the vertices of two
+touching surfaces coincide exactly.
+"""
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx.mesh import create_mesh, locate_entities_boundary, meshtags
+
+from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
+Marker = Callable[[npt.NDArray[Any]], npt.NDArray[np.bool_]]
+
+CORNERS = np.array(
+    [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
+)
+TETRAHEDRA = np.array(
+    [[1, 2, 4, 6], [1, 4, 5, 6], [4, 5, 6, 8], [2, 3, 4, 6], [3, 6, 7, 4], [4, 6, 7, 8]]
+)
+
+
+@dataclass(frozen=True)
+class Box:
+    """One body: a box of cubes.
+
+    Attributes:
+        name: Name of the volume.
+        lower: Its corner with the smallest coordinates, shape (3,).
+        upper: The opposite corner, shape (3,).
+        counts: Number of cubes along each axis.
+        keep: Which cubes to keep, by their numbers along the axes, shape (3, num_cubes); None
+            for all.
+    """
+
+    name: str
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+    counts: tuple[int, int, int]
+    keep: Marker | None = None
+
+    @property
+    def num_cubes(self) -> int:
+        """Number of cubes, kept or not."""
+        return math.prod(self.counts)
+
+    @property
+    def num_vertices(self) -> int:
+        """Number of vertices of all cubes, kept or not."""
+        return math.prod(count + 1 for count in self.counts)
+
+    def points(self, vertices: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        """Coordinates of vertices by number, the x axis fastest, shape (num_vertices, 3)."""
+        shape = [count + 1 for count in self.counts]
+        steps = np.stack(np.unravel_index(vertices, shape, order="F"), axis=1)
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        inner = lower + (upper - lower) * steps / self.counts
+        return np.where(steps == self.counts, upper, inner)
+
+    def tetrahedra(self, cubes: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Vertex numbers of the tetrahedra of those of ``cubes`` that are kept, shape (·, 4)."""
+        steps = np.stack(np.unravel_index(cubes, self.counts, order="F"))
+        if self.keep is not None:
+            steps = steps[:, self.keep(steps)]
+        i, j, k = steps[:, :, None] + CORNERS.T[:, None, :]
+        corners = i + (self.counts[0] + 1) * (j + (self.counts[1] + 1) * k)
+        return corners[:, TETRAHEDRA - 1].reshape(-1, 4)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The exterior facets of some bodies whose vertices all lie where ``where`` says.
+
+    Attributes:
+        name: Name of the surface.
+        bodies: Names of the volumes.
+        where: Marks points, shape (3, num_points).
+    """
+
+    name: str
+    bodies: tuple[str, ...]
+    where: Marker
+
+
+def structured_assembly(
+    comm: MPI.Intracomm, boxes: Sequence[Box], surfaces: Sequence[Surface]
+) -> TaggedMesh:
+    """Mesh boxes that share no vertices, and name their surfaces. Collective.
+
+    Each rank makes an equal share of the cubes and of the vertices, whichever they are; DOLFINx
+    then distributes the cells. Vertices of cubes that are not kept do not get into the mesh.
+
+    Args:
+        comm: Communicator of the mesh, which gets no ghost cells.
+        boxes: The bodies.
+        surfaces: Their named surfaces, which must not overlap.
+
+    Raises:
+        InputError: If the mesh would not fit into the memory of the machines.
+    """
+    _check_size(comm, boxes)
+    first_vertices = np.cumsum([0] + [box.num_vertices for box in boxes])
+    cells = [
+        first + box.tetrahedra(cubes)
+        for box, cubes, first in zip(
+            boxes, _shares(comm, [box.num_cubes for box in boxes]), first_vertices[:-1], strict=True
+        )
+    ]
+    points = [
+        box.points(vertices)
+        for box, vertices in zip(
+            boxes, _shares(comm, [box.num_vertices for box in boxes]), strict=True
+        )
+    ]
+    domain = ufl.Mesh(basix.ufl.element("Lagrange", "tetrahedron", 1, shape=(3,)))
+    mesh = create_mesh(comm, np.concatenate(cells), x=np.concatenate(points), e=domain)
+
+    nodes = mesh.geometry.input_global_indices[geometry_dofmap(mesh)[:, 0]]
+    bodies = np.searchsorted(first_vertices, nodes, side="right").astype(np.int32)
+    all_cells = np.arange(bodies.size, dtype=np.int32)
+    volumes = {box.name: tag for tag, box in enumerate(boxes, start=1)}
+
+    mesh.topology.create_connectivity(2, 3)
+    cell_of = mesh.topology.connectivity(2, 3)
+    facets, values = [], []
+    for tag, surface in enumerate(surfaces, start=1):
+        found = locate_entities_boundary(mesh, 2, surface.where)
+        body = bodies[cell_of.array[cell_of.offsets[found]]]
+        found = found[np.isin(body, [volumes[name] for name in surface.bodies])]
+        facets.append(found)
+        values.append(np.full(found.size, tag, dtype=np.int32))
+    order = np.argsort(np.concatenate(facets))
+    return TaggedMesh(
+        mesh=mesh,
+        cell_tags=meshtags(mesh, 3, all_cells, bodies),
+        facet_tags=meshtags(mesh, 2, np.concatenate(facets)[order], np.concatenate(values)[order]),
+        volumes=volumes,
+        surfaces={surface.name: tag for tag, surface in enumerate(surfaces, start=1)},
+    )
+
+
+LEAST_MEMORY = 200
+"""Bytes that a tetrahedron needs at the very least, while the mesh is made."""
+
+
+def _check_size(comm: MPI.Intracomm, boxes: Sequence[Box]) -> None:
+    """Refuse what no memory can hold, before it is asked for. Collective."""
+    cubes = sum(box.num_cubes for box in boxes)
+    needed = cubes * len(TETRAHEDRA) * LEAST_MEMORY
+    machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    here = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if machine.rank == 0 else 0
+    machine.Free()
+    available = comm.allreduce(here)
+    if needed > available:
+        raise InputError(
+            f"{float(cubes * len(TETRAHEDRA)):.3g} tetrahedra need more than the"
+            f" {available / 2**30:.3g} GiB of memory there are; choose a smaller n"
+        )
+
+
+def _shares(comm: MPI.Intracomm, sizes: Sequence[int]) -> list[npt.NDArray[np.int64]]:
+    """This rank's part of consecutive ranges of these sizes, as local numbers in each range."""
+    total = sum(sizes)
+    start, stop = total * comm.rank // comm.size, total * (comm.rank + 1) // comm.size
+    firsts = np.cumsum([0, *sizes[:-1]])
+    return [
+        np.arange(*np.clip((start - first, stop - first), 0, size), dtype=np.int64)
+        for first, size in zip(firsts, sizes, strict=True)
+    ]

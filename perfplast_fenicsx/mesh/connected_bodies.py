@@ -1,0 +1,113 @@
+"""Bodies as connected sets of cells, and their rigid motions."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from perfplast_fenicsx.parallel import bounding_box
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """The connected components of a mesh.
+
+    Attributes:
+        count: Number of bodies on all ranks together.
+        of_node: Body index of each local (owned and ghost) block dof, shape (num_nodes,).
+        centre: Centre of the assembly, shape (3,).
+        size: Diagonal of the box around the assembly (length).
+        gdim: Geometric dimension.
+    """
+
+    count: int
+    of_node: npt.NDArray[np.int32]
+    centre: npt.NDArray[np.float64]
+    size: float
+    gdim: int
+
+    @property
+    def num_modes(self) -> int:
+        """Rigid motions a body has: 6 in 3D, 3 in 2D."""
+        return 6 if self.gdim == 3 else 3
+
+    def rigid_modes(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Rigid motions at points: translations, then rotations about the centre, of unit size.
+
+        Args:
+            x: Points, shape (n, 3).
+
+        Returns:
+            Displacements, shape (n, gdim, num_modes).
+        """
+        r = (x - self.centre) / self.size
+        planes = ((0, 1),) if self.gdim == 2 else ((1, 2), (2, 0), (0, 1))
+        modes = np.zeros((len(x), self.gdim, self.num_modes))
+        modes[:, range(self.gdim), range(self.gdim)] = 1
+        for k, (i, j) in enumerate(planes, start=self.gdim):
+            modes[:, i, k], modes[:, j, k] = -r[:, j], r[:, i]
+        return modes
+
+    def functionals(
+        self,
+        body: npt.NDArray[np.int32],
+        x: npt.NDArray[np.float64],
+        rows: npt.NDArray[np.float64],
+    ) -> npt.NDArray[np.float64]:
+        """Functionals ``rows``·u(x) as functionals of all bodies' rigid motions.
+
+        Args:
+            body: The body whose displacement is meant, shape (n,).
+            x: Points, shape (n, 3).
+            rows: Coefficients of the displacement, shape (n, gdim).
+
+        Returns:
+            Shape (n, count * num_modes).
+        """
+        values = np.einsum("ni,nim->nm", rows, self.rigid_modes(x))
+        columns = body[:, None] * self.num_modes + np.arange(self.num_modes)
+        out = np.zeros((len(x), self.count * self.num_modes))
+        np.put_along_axis(out, columns, values, axis=1)
+        return out
+
+
+def find_bodies(V: fem.FunctionSpace) -> Bodies:
+    """Label the bodies of V's mesh and measure the assembly. Collective."""
+    comm = V.mesh.comm
+    count, of_node = _components(V)
+    x = V.tabulate_dof_coordinates()
+    low, high = bounding_box(comm, x)
+    size = float(np.linalg.norm(high - low))
+    return Bodies(count, of_node, (low + high) / 2, size, V.mesh.geometry.dim)
+
+
+def _components(V: fem.FunctionSpace) -> tuple[int, npt.NDArray[np.int32]]:
+    """Number of bodies, and the body of each local node.
+
+    Each rank finds its own pieces. A ghost node ties the piece it lies in here to the piece it lies
+    in on its owner: only these few ties are shared by all ranks.
+    """
+    comm, index_map = V.mesh.comm, V.dofmap.index_map
+    num_nodes = index_map.size_local + index_map.num_ghosts
+    cells = V.dofmap.list
+    rows = np.repeat(cells[:, 0], cells.shape[1])
+    ones = np.ones(cells.size, dtype=np.int8)
+    graph = coo_array((ones, (rows, cells.reshape(-1))), shape=(num_nodes, num_nodes))
+    pieces, piece = connected_components(graph, directed=False)
+
+    first = comm.exscan(pieces) or 0
+    mine = first + piece.astype(np.int64)
+    owners = la.vector(index_map, 1, dtype=np.int64)
+    owners.array[:] = mine
+    owners.scatter_forward()
+    ties = np.unique(np.stack([mine, owners.array], axis=1), axis=0)
+    ends = np.concatenate(comm.allgather(ties))
+    total = comm.allreduce(pieces)
+    joined = coo_array(
+        (np.ones(len(ends), dtype=np.int8), (ends[:, 0], ends[:, 1])), (total, total)
+    )
+    count, body = connected_components(joined, directed=False)
+    return int(count), body[mine].astype(np.int32)

@@ -1,0 +1,221 @@
+"""Gmsh on one process: a quiet session, and a .msh file as checked arrays. No MPI."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.errors import LARGEST, InputError
+from perfplast_fenicsx.mesh.gmsh_subprocess import NO_GMSH, Content, read_content
+
+# Gmsh element type -> polynomial degree, by dimension.
+SIMPLICES = {1: {1: 1, 8: 2}, 2: {2: 1, 9: 2}, 3: {4: 1, 11: 2}}
+_ENTITY = ("point", "curve", "surface", "volume")
+_SIMPLEX = ("points", "lines", "triangles", "tetrahedra")
+
+
+@dataclass(frozen=True)
+class GmshMesh:
+    """Named simplices of one .msh file, nodes numbered 0, 1, … without gaps.
+
+    Attributes:
+        gdim: 3 for tetrahedra, 2 for triangles.
+        degree: Degree of the geometry, 1 or 2.
+        points: Node coordinates, shape (num_nodes, 3).
+        cells: Nodes of each cell in gmsh's order, shape (num_cells, nodes_per_cell).
+        cell_values: Tag of each cell's name, shape (num_cells,); 0 where it has none.
+        facets: Nodes of each named facet, shape (num_facets, nodes_per_facet).
+        facet_values: Tag of each named facet's name, shape (num_facets,).
+        facet_count: Number of named facets in the file, whether they belong to cells or not.
+        volumes: Name to tag of the cells.
+        surfaces: Name to tag of the facets.
+    """
+
+    gdim: int
+    degree: int
+    points: npt.NDArray[np.float64]
+    cells: npt.NDArray[np.int64]
+    cell_values: npt.NDArray[np.int32]
+    facets: npt.NDArray[np.int64]
+    facet_values: npt.NDArray[np.int32]
+    facet_count: int
+    volumes: dict[str, int]
+    surfaces: dict[str, int]
+
+    def without_arrays(self) -> "GmshMesh":
+        """The same with arrays of no rows: what the ranks that read nothing contribute."""
+        arrays = ("points", "cells", "cell_values", "facets", "facet_values")
+        return replace(self, **{name: getattr(self, name)[:0] for name in arrays})
+
+
+@contextmanager
+def gmsh_session() -> Iterator[ModuleType]:
+    """Gmsh, quiet, in an empty model of its own; a gmsh already in use is left as it was.
+
+    Raises:
+        InputError: If gmsh's Python module is not installed.
+    """
+    try:
+        import gmsh
+    except (ImportError, OSError) as error:
+        raise InputError(NO_GMSH) from error
+    in_use = bool(gmsh.isInitialized())
+    if in_use:
+        model = gmsh.model.getCurrent()
+        terminal = gmsh.option.getNumber("General.Terminal")
+    else:
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("perfplast")
+    try:
+        yield gmsh
+    finally:
+        if in_use:
+            gmsh.model.remove()
+            gmsh.model.setCurrent(model)
+            gmsh.option.setNumber("General.Terminal", terminal)
+        else:
+            gmsh.finalize()
+
+
+def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
+    """Read the simplices of the largest dimension and their named facets.
+
+    Args:
+        path: A .msh file with physical names: tetrahedra, or triangles in a plane z = const.
+        gdim: 3 or 2, if only such a mesh will do.
+
+    Raises:
+        InputError: If the file is missing, is not gmsh's, has no simplices of that dimension or
+            others beside them, or names that are missing, double or on the same entity.
+    """
+    content = read_content(Path(path))
+    gdim = _dimension(content, path, gdim)
+    volumes = _names(content, path, gdim)
+    if not volumes:
+        entity = _ENTITY[gdim]
+        raise InputError(f"'{path}' has no physical {entity}; name each body by one in gmsh")
+    surfaces = _names(content, path, gdim - 1)
+    degree, cells, cell_values = _elements(content, path, gdim)
+    _, facets, facet_values = _elements(content, path, gdim - 1)
+    tags, coordinates = content.tags, content.coordinates
+    named = facet_values > 0
+    facets, facet_values = facets[named], facet_values[named]
+    # Nodes of geometry points, unnamed surfaces, … are left out.
+    used = np.unique(cells)
+    order = np.argsort(tags)
+    if not np.isin(used, tags).all():
+        raise InputError(f"elements of '{path}' have nodes that it has not; save the whole mesh")
+    points = coordinates[order[np.searchsorted(tags[order], used)]]
+    if gdim == 2 and np.ptp(points[:, 2]) > 1e-12 * np.ptp(points):
+        raise InputError(f"'{path}' is read as a plane mesh but its nodes have different z")
+    cells = np.searchsorted(used, cells)
+    _check_cells(path, points, cells, gdim)
+    corners = np.sort(facets[:, :gdim], axis=1)
+    doubled = len(corners) - len(np.unique(corners, axis=0))
+    if doubled:
+        raise InputError(
+            f"{doubled} of the {len(facets)} named surface elements of '{path}' are there twice;"
+            " give each surface one name"
+        )
+    on_cells = np.isin(facets, used).all(axis=1)
+    return GmshMesh(
+        gdim=gdim,
+        degree=degree,
+        points=points,
+        cells=cells,
+        cell_values=cell_values,
+        facets=np.searchsorted(used, facets[on_cells]),
+        facet_values=facet_values[on_cells],
+        facet_count=facet_values.size,
+        volumes={name: tag for name, tag in volumes.items() if tag in cell_values},
+        surfaces={name: tag for name, tag in surfaces.items() if tag in facet_values},
+    )
+
+
+FLAT = 1e-12
+"""Cells are flat whose volume is less than this share of that of a cube of their longest edge."""
+
+
+def _check_cells(
+    path: str | Path, points: npt.NDArray[np.float64], cells: npt.NDArray[np.int64], gdim: int
+) -> None:
+    """Refuse nodes that are nowhere and cells without volume."""
+    wrong = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))  # NaN is not either
+    if wrong.size:
+        place = ", ".join(f"{coordinate:.6g}" for coordinate in points[wrong[0]])
+        raise InputError(
+            f"'{path}' has {wrong.size} nodes with coordinates such as ({place}); save the mesh"
+            " again"
+        )
+    first = points[cells[:, 0], :gdim]
+    edges = points[cells[:, 1 : gdim + 1], :gdim] - first[:, None]
+    longest = np.abs(edges).max(axis=(1, 2), initial=0)
+    if (longest > 0).all():
+        flat = np.abs(np.linalg.det(edges / longest[:, None, None])) < FLAT
+    else:
+        flat = longest == 0
+    if flat.any():
+        at = ", ".join(f"{coordinate:.6g}" for coordinate in first[np.argmax(flat)])
+        raise InputError(
+            f"{np.count_nonzero(flat)} cells of '{path}' have no volume, the first at ({at}); mesh"
+            " the bodies again"
+        )
+
+
+def _dimension(content: Content, path: str | Path, gdim: int | None) -> int:
+    """Dimension of the mesh, which is to be ``gdim`` if that is given."""
+    dims = [block.dim for block in content.blocks]
+    if not dims:
+        raise InputError(f"'{path}' has no elements; mesh the model in gmsh before saving")
+    if max(dims) < 2 or gdim not in (None, max(dims)):
+        needed = _SIMPLEX[gdim] if gdim else "triangles or tetrahedra"
+        raise InputError(f"'{path}' is a mesh of {_SIMPLEX[max(dims)]} where {needed} are needed")
+    return max(dims)
+
+
+def _names(content: Content, path: str | Path, dim: int) -> dict[str, int]:
+    """Name to tag of the physical groups of one dimension."""
+    names: dict[str, int] = {}
+    for tag, name in [(tag, name) for of, tag, name in content.groups if of == dim]:
+        if not name:
+            raise InputError(f"physical {_ENTITY[dim]} {tag} of '{path}' has no name; give it one")
+        if name in names:
+            raise InputError(
+                f"physical {_ENTITY[dim]}s {names[name]} and {tag} of '{path}' are both named "
+                f"'{name}'; make them one group"
+            )
+        names[name] = tag
+    return names
+
+
+def _elements(
+    content: Content, path: str | Path, dim: int
+) -> tuple[int, npt.NDArray[np.int64], npt.NDArray[np.int32]]:
+    """Degree, nodes (gmsh's tags) and physical tags (0 for none) of the elements of a dimension."""
+    blocks = [block for block in content.blocks if block.dim == dim]
+    for block in blocks:
+        if len(block.groups) > 1:
+            known = {tag: name for of, tag, name in content.groups if of == dim}
+            names = " and ".join(f"'{known[tag]}'" for tag in block.groups)
+            raise InputError(
+                f"{_ENTITY[dim]} {block.entity} of '{path}' is in the physical groups {names}; "
+                "an entity can have one name only"
+            )
+    types = {block.kind for block in blocks}
+    if len(types) > 1 or not types <= SIMPLICES[dim].keys():
+        names = ", ".join(content.types[kind][0] for kind in sorted(types))
+        raise InputError(
+            f"'{path}' has the elements {names}; all must be {_SIMPLEX[dim]} of one degree, 1 or 2"
+        )
+    kind = types.pop() if types else min(SIMPLICES[dim])
+    size = content.types[kind][1] if blocks else dim + 1
+    nodes = [np.empty((0, size), dtype=np.int64), *(block.nodes for block in blocks)]
+    counts = [len(block.nodes) for block in blocks]
+    tags = [block.groups[0] if block.groups else 0 for block in blocks]
+    values = np.repeat(np.array(tags, dtype=np.int64), np.array(counts, dtype=np.int64))
+    return SIMPLICES[dim][kind], np.concatenate(nodes), values.astype(np.int32)

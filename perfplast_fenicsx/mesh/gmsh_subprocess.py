@@ -1,0 +1,112 @@
+"""What a .msh file says, as arrays. Gmsh reads it in a process of its own: it may break down."""
+
+import json
+import signal
+import stat
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.child_process import environment_apart
+from perfplast_fenicsx.errors import InputError
+
+NO_GMSH = "gmsh's Python module cannot be loaded; install it (Debian package python3-gmsh)"
+
+
+@dataclass(frozen=True)
+class Block:
+    """Elements of one entity and type: nodes (gmsh's tags), shape (num_elements, ·)."""
+
+    dim: int
+    entity: int
+    groups: list[int]
+    kind: int
+    nodes: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Content:
+    """What :mod:`perfplast_fenicsx.mesh.gmsh_dump` has found in a file.
+
+    Attributes:
+        blocks: Its elements.
+        groups: Dimension, tag and name of the physical groups.
+        types: Name and number of nodes of each element type.
+        tags: Of the nodes, shape (num_nodes,).
+        coordinates: Of the nodes, shape (num_nodes, 3).
+    """
+
+    blocks: list[Block]
+    groups: list[tuple[int, int, str]]
+    types: dict[int, tuple[str, int]]
+    tags: npt.NDArray[np.int64]
+    coordinates: npt.NDArray[np.float64]
+
+
+def read_content(path: Path) -> Content:
+    """Let gmsh read a file in a process of its own.
+
+    Raises:
+        InputError: If the file is missing or not gmsh's, or gmsh is not installed, finds a fault or
+            does not survive the file.
+    """
+    _check_header(path)
+    program = Path(__file__).with_name("gmsh_dump.py")
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "mesh.npz"
+        command = [sys.executable, "-P", str(program), str(path.absolute()), str(target)]
+        try:
+            done = subprocess.run(
+                command,
+                env=environment_apart(),
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                check=False,
+            )
+        except OSError as error:
+            raise InputError(f"gmsh cannot be started to read '{path}': {error}") from error
+        if b"    import gmsh" in done.stderr:  # the line at which it ended
+            raise InputError(NO_GMSH)
+        if not target.exists() or done.returncode:
+            end = f"exit status {done.returncode}"
+            if done.returncode < 0:
+                end = signal.strsignal(-done.returncode) or end
+            raise InputError(
+                f"gmsh cannot read '{path}': it broke down ({end.lower()}), so the file is damaged;"
+                " save the mesh again"
+            )
+        with np.load(target) as arrays:
+            about = json.loads(str(arrays["about"]))
+            if about["fault"] is not None:
+                raise InputError(f"gmsh cannot read '{path}': {about['fault']}")
+            blocks = [
+                Block(dim, entity, groups, kind, arrays[f"block_{number}"].astype(np.int64))
+                for number, (dim, entity, groups, kind) in enumerate(about["blocks"])
+            ]
+            types = {int(kind): tuple(properties) for kind, properties in about["types"].items()}
+            nodes = (arrays["tags"].astype(np.int64), arrays["coordinates"])
+            return Content(blocks, about["groups"], types, *nodes)
+
+
+def _check_header(path: Path) -> None:
+    # Gmsh itself would run any other text file as a script, and wait at a FIFO.
+    try:
+        mode = path.stat().st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            raise InputError(f"mesh file '{path}' is no regular file; save the mesh from gmsh")
+        with path.open("rb") as file:
+            head = file.read(11)
+    except FileNotFoundError as error:
+        raise InputError(f"mesh file '{path}' does not exist; check the path") from error
+    except (OSError, ValueError) as error:  # the latter for a name that no file can have
+        if isinstance(error, InputError):
+            raise
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"mesh file '{path}' cannot be read: {reason}") from error
+    if not head.startswith((b"$MeshFormat", b"$Comments")):
+        raise InputError(f"'{path}' is not a gmsh .msh file; save the mesh from gmsh as .msh")

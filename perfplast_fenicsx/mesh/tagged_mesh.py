@@ -1,0 +1,161 @@
+"""Bodies in one mesh, with names, and how to read them from a gmsh file on any number of ranks."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from mpi4py import MPI
+
+import basix
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx.graph import adjacencylist
+from dolfinx.io.utils import cell_perm_gmsh, distribute_entity_data
+from dolfinx.mesh import CellType, Mesh, MeshTags, create_mesh, meshtags_from_entities
+
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.mesh.gmsh_reader import GmshMesh, read_msh
+
+_CELLS = {1: CellType.interval, 2: CellType.triangle, 3: CellType.tetrahedron}
+
+
+@dataclass(frozen=True, eq=False)
+class TaggedMesh:
+    """Bodies in one mesh, with names.
+
+    The bodies share no vertex. In a plane mesh the "volumes" are areas and the "surfaces" curves.
+
+    Attributes:
+        mesh: Mesh of triangles or tetrahedra.
+        cell_tags: Tag of the volume of each local cell, owned and ghost.
+        facet_tags: Tags of the named facets; a facet has one name at most.
+        volumes: Name to tag, the same on all ranks.
+        surfaces: Name to tag, the same on all ranks.
+    """
+
+    mesh: Mesh
+    cell_tags: MeshTags
+    facet_tags: MeshTags
+    volumes: dict[str, int]
+    surfaces: dict[str, int]
+
+    def __repr__(self) -> str:
+        topology = self.mesh.topology
+        kind = "triangles" if topology.dim == 2 else "tetrahedra"
+        return (
+            f"TaggedMesh({topology.index_map(topology.dim).size_global} {kind};"
+            f" volumes {', '.join(sorted(self.volumes)) or 'none'};"
+            f" surfaces {', '.join(sorted(self.surfaces)) or 'none'})"
+        )
+
+    def cells(self, name: str) -> npt.NDArray[np.int32]:
+        """Local indices of the cells of a volume, sorted; empty on ranks without any.
+
+        Raises:
+            InputError: If there is no such volume, on every rank alike.
+        """
+        return self.cell_tags.find(_tag("volume", name, self.volumes))
+
+    def facets(self, name: str) -> npt.NDArray[np.int32]:
+        """Local indices of the facets of a surface, sorted; empty on ranks without any.
+
+        Raises:
+            InputError: If there is no such surface, on every rank alike.
+        """
+        return self.facet_tags.find(_tag("surface", name, self.surfaces))
+
+    def check_tagged(self) -> None:
+        """Make sure that every cell belongs to a named volume. Collective.
+
+        Raises:
+            InputError: With the number of cells that do not.
+        """
+        tags = list(self.volumes.values())
+        named = self.cell_tags.indices[np.isin(self.cell_tags.values, tags)]
+        owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
+        missing = self.mesh.comm.allreduce(owned - np.count_nonzero(named < owned))
+        if missing:
+            raise InputError(f"{missing} cells belong to no named volume; name every body")
+
+
+def _tag(kind: str, name: str, tags: dict[str, int]) -> int:
+    if name not in tags:
+        known = ", ".join(sorted(tags)) or "none"
+        raise InputError(f"'{name}' is not a {kind} of this mesh; it has {known}")
+    return tags[name]
+
+
+def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) -> TaggedMesh:
+    """Read a .msh file whose physical groups name the bodies and surfaces. Collective.
+
+    Rank 0 reads; the mesh is then distributed over ``comm`` without ghost cells. Second-order
+    geometry stays second-order. Surfaces inside a body may be named too.
+
+    Args:
+        comm: Communicator of the mesh.
+        path: The file.
+        gdim: 3 if only tetrahedra will do, 2 if only triangles in a plane z = const; None for what
+            the file has.
+
+    Raises:
+        InputError: On every rank, for what :func:`gmsh_reader.read_msh` refuses,
+            cells without a name, and named facets that are not facets of cells.
+    """
+    data: GmshMesh | None = None
+    fault: str | None = None
+    if comm.rank == 0:
+        try:
+            data = read_msh(path, gdim)
+        except InputError as error:
+            fault = str(error)
+    raise_together(comm, fault)
+    without_arrays = comm.bcast(data.without_arrays() if data else None)
+    data = data or without_arrays
+    gdim = data.gdim
+
+    element = basix.ufl.element(
+        "Lagrange",
+        _CELLS[gdim].name,
+        data.degree,
+        lagrange_variant=basix.LagrangeVariant.equispaced,
+        shape=(gdim,),
+    )
+    cells = _reordered(data.cells, gdim)
+    points = np.ascontiguousarray(data.points[:, :gdim])
+    mesh = create_mesh(comm, cells, x=points, e=ufl.Mesh(element))
+    facets = _reordered(data.facets, gdim - 1)
+    assembly = TaggedMesh(
+        mesh=mesh,
+        cell_tags=_distributed_tags(mesh, gdim, cells, data.cell_values),
+        facet_tags=_distributed_tags(mesh, gdim - 1, facets, data.facet_values),
+        volumes=data.volumes,
+        surfaces=data.surfaces,
+    )
+    assembly.check_tagged()
+    owned = mesh.topology.index_map(gdim - 1).size_local
+    found = comm.allreduce(np.count_nonzero(assembly.facet_tags.indices < owned))
+    if found != data.facet_count:
+        raise InputError(
+            f"{data.facet_count - found} of the {data.facet_count} named surface elements of "
+            f"'{path}' are no facets of cells, or named twice; save the whole of one mesh"
+        )
+    return assembly
+
+
+def _reordered(nodes: npt.NDArray[np.int64], dim: int) -> npt.NDArray[np.int64]:
+    """The nodes of simplices from gmsh's order to DOLFINx's."""
+    order = np.asarray(cell_perm_gmsh(_CELLS[dim], nodes.shape[1]))
+    return np.ascontiguousarray(nodes[:, order])
+
+
+def _distributed_tags(
+    mesh: Mesh, dim: int, nodes: npt.NDArray[np.int64], values: npt.NDArray[np.int32]
+) -> MeshTags:
+    """Tags of entities given by their input nodes on any rank. Collective."""
+    entities, local_values = distribute_entity_data(mesh, dim, nodes, values)
+    mesh.topology.create_connectivity(dim, 0)
+    mesh.topology.create_connectivity(dim, mesh.topology.dim)
+    return meshtags_from_entities(
+        mesh, dim, adjacencylist(entities), local_values.astype(np.int32, copy=False)
+    )

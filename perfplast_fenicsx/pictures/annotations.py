@@ -1,0 +1,138 @@
+"""What a picture shows around the bodies: arrows of the loads, rigid obstacles, and from where."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.contact.obstacles import Obstacle
+from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.problem.loads import Pressure, Traction
+
+Floats = npt.NDArray[np.float64]
+
+VIEWS = np.array([(1.1, -1.9, 1.0), (-1.1, -1.9, 1.0), (1.1, 1.9, 1.0), (-1.1, 1.9, 1.0)])
+
+ARROWS = 24
+"""At most about so many arrows show a load."""
+
+ARROW, APART = 0.1, 0.06
+"""Their length, and how near each other they may be, relative to the size of the assembly."""
+
+MARGIN = 0.08
+"""Obstacles are drawn so far around the assembly, relative to its size."""
+
+SAMPLES = {2: 400, 3: 80}
+"""Points in each direction where the distance to an obstacle is taken."""
+
+
+@dataclass(frozen=True)
+class Arrows:
+    """Where arrows start and where they lead from there, both of shape (num_arrows, 3)."""
+
+    starts: Floats
+    vectors: Floats
+
+
+def load_arrows(surface: Surface, points: Floats, loads: Sequence[Traction | Pressure]) -> Arrows:
+    """Arrows of all loads, spread over their surfaces: they end there, or pull at it.
+
+    Args:
+        surface: With a mark ``load i`` for each load.
+        points: Where the surface's points are drawn.
+        loads: What acts.
+    """
+    starts, vectors = [np.zeros((0, 3))], [np.zeros((0, 3))]
+    for i, load in enumerate(loads):
+        chosen = np.flatnonzero(surface.marks[f"load {i}"])
+        normals, facets = surface.normals[chosen], surface.facets[chosen]
+        if isinstance(load, Pressure):
+            directions = -math.copysign(1.0, load.value) * normals
+        else:
+            directions = np.tile([*load.value, 0.0][:3], (len(chosen), 1))
+        if not np.any(directions):
+            continue
+        total = np.linalg.norm(normals, axis=1).sum()
+        spacing = max((total / ARROWS) ** (1 / (facets.shape[1] - 1)), APART * surface.size)
+        weights, facet = _spread(surface.points[facets], spacing)
+        ends = np.einsum("nc,nci->ni", weights, points[facets[facet]])
+        d = directions[facet] / np.linalg.norm(directions[facet], axis=1, keepdims=True)
+        d *= ARROW * surface.size
+        pushes = np.einsum("ni,ni->", d, normals[facet]) < 0
+        starts.append(ends - d * pushes)
+        vectors.append(d)
+    return Arrows(np.concatenate(starts), np.concatenate(vectors))
+
+
+def _spread(corners: Floats, spacing: float) -> tuple[Floats, npt.NDArray[np.int64]]:
+    """Points on facets about so far apart, those nearest the middles of boxes.
+
+    Returns:
+        Their weights for the facet's corners, shape (num_points, 2 or 3), and their facets.
+    """
+    if corners.shape[1] == 2:
+        s = (np.arange(48) + 0.5) / 48
+        weights = np.column_stack([s, 1 - s])
+    else:
+        s, t = (np.indices((8, 8)).reshape(2, -1) + 0.5) / 8
+        weights = np.column_stack([s, t, 1 - s - t])[s + t < 1]
+    points = np.einsum("pc,fci->fpi", weights, corners).reshape(-1, 3)
+    low, extent = corners.min(axis=(0, 1)), np.ptp(corners, axis=(0, 1))
+    count = np.maximum(np.round(extent / spacing), 1)
+    scaled = (points - low) / np.where(extent > 1e-6 * spacing, extent, np.inf) * count
+    boxes = np.minimum(np.floor(scaled), count - 1)
+    near = np.argsort(np.linalg.norm(scaled - boxes - 0.5, axis=1), kind="stable")
+    chosen = near[np.unique(boxes[near], axis=0, return_index=True)[1]]
+    return weights[chosen % len(weights)], chosen // len(weights)
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    """Distances to obstacles at the points of a grid around the bodies.
+
+    Attributes:
+        corner: First point of the grid.
+        spacing: Of its points in each direction.
+        distances: For each obstacle, negative inside, shape (n, n, n), or (n, n, 1) in the plane.
+    """
+
+    corner: Floats
+    spacing: Floats
+    distances: list[Floats]
+
+
+def sample_obstacles(surface: Surface, points: Floats, obstacles: Sequence[Obstacle]) -> Obstacles:
+    """Find out where obstacles are in the neighbourhood of the bodies.
+
+    Args:
+        surface: The bodies.
+        points: Where the surface's points are drawn.
+        obstacles: Those that fit the mesh.
+    """
+    gdim = 2 if surface.plane else 3
+    both = np.concatenate([points, surface.points])[:, :gdim]
+    # not symmetric, so that no point is the middle of an obstacle, where no direction leads out
+    margins = MARGIN * surface.size * np.array([1.0, 1.01, 1.02])[:gdim]
+    low, high = both.min(axis=0) - margins, both.max(axis=0) + 1.003 * margins
+    axes = [np.linspace(low[i], high[i], SAMPLES[gdim]) for i in range(gdim)]
+    x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    shape = (*x.shape[:-1], 1)[:3]
+    distances = [obstacle.towards(x.reshape(-1, gdim))[0] for obstacle in obstacles]
+    return Obstacles(
+        corner=np.array([*low, surface.points[0, 2]][:3]),
+        spacing=np.array([*((high - low) / (SAMPLES[gdim] - 1)), 1.0][:3]),
+        distances=[distance.reshape(shape) for distance in distances],
+    )
+
+
+def best_view(surface: Surface) -> tuple[float, float, float]:
+    """Of a few directions the first that sees nearly the most of the stressed skin."""
+    if surface.plane:
+        return (0.0, 0.0, 1.0)
+    weighed = surface.normals * (surface.at_cells["yield_ratio"] ** 4 + 1e-6)[:, None]
+    weighed = weighed[~surface.marks["contact"]]
+    seen = np.maximum(weighed @ VIEWS.T, 0).sum(axis=0)
+    x, y, z = VIEWS[int(np.argmax(seen > 0.95 * seen.max()))]
+    return (x, y, z)

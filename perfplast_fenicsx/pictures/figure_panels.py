@@ -1,0 +1,198 @@
+"""What the panels of a picture of fields show, and the words and colour bars around them.
+
+Imported only to draw, since it needs matplotlib.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colorbar import Colorbar
+from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from perfplast_fenicsx.io.case.scene import Units
+from perfplast_fenicsx.pictures.boundary_surface import Surface
+
+Floats = npt.NDArray[np.float64]
+
+HUES = ("#6c9bcd", "#b5945c", "#74b386", "#a587c4")
+"""Colour of the highest elastic stress, for each body in turn."""
+
+PLASTIC = "#b81414"
+"""Darker than the hues, so that it can be told from them in grey."""
+
+PLASTIC_FROM = 0.9999
+"""A yield ratio above this is plastic; the law gives 1 up to rounding."""
+
+DISSIPATES, SINGULAR, DECADES = 1e-3, 0.01, 2.0
+"""The colours of dissipation end where they leave out this share of the area that dissipates more
+than so much of the largest: at corners it is infinite. They go so many powers of ten down."""
+
+
+@dataclass
+class Panel:
+    """The bodies with one quantity as colour.
+
+    Attributes:
+        title: Says what is seen.
+        colours: RGB of each point, or of each triangle, in each frame, shape (num_frames, n, 3).
+        bars: Colour map, range and label of each colour bar.
+        facets: Facets that are coloured, over bodies of glass; None for all triangles.
+        loads: Draw the loads.
+    """
+
+    title: str
+    colours: Floats
+    bars: list[tuple[Colormap, Normalize, str]]
+    facets: npt.NDArray[np.bool_] | None = None
+    loads: bool = False
+
+
+def panels(
+    frames: Sequence[Surface],
+    units: Units,
+    largest_dissipation: float | None = None,
+    middle: bool = True,
+) -> list[Panel]:
+    """Plastic zone, displacement or dissipation, and contact pressure if any.
+
+    Args:
+        frames: One skin with one or more states: with ``displacement``, ``contact_pressure``,
+            ``yield_ratio``, the mark ``contact``, and ``dissipation`` where it is to be shown. All
+            frames have the same scales.
+        units: For the legends.
+        largest_dissipation: Of all cells, inner ones too; for mechanisms alone.
+        middle: Show displacement or dissipation, and not only the other two.
+    """
+    found = [_stress(frames)]
+    if not middle:
+        pass
+    elif largest_dissipation is not None:
+        found.append(_mechanism(frames, largest_dissipation))
+    else:
+        size = np.linalg.norm([a.at_points["displacement"] for a in frames], axis=2)
+        label = f"magnitude of u ({units.of_length()})"
+        colours = mpl.colormaps["viridis"]
+        found.append(_graded("Displacement", size, _from_zero(size), colours, label))
+    contact = frames[0].marks["contact"]
+    if contact.any():
+        pressure = np.array([a.at_points["contact_pressure"] for a in frames])
+        label = f"pressure ({units.of_stress()})"
+        colours = mpl.colormaps["magma_r"]
+        panel = _graded("Contact pressure", pressure, _from_zero(pressure), colours, label)
+        panel.facets = contact
+        panel.title += "" if frames[0].plane else ", seen through the bodies"
+        found.append(panel)
+    return found
+
+
+def _mechanism(frames: Sequence[Surface], largest_dissipation: float) -> Panel:
+    """The dissipation of a mechanism, or the speed where that is not known."""
+    if "dissipation" in frames[0].at_cells:
+        work = np.array([a.at_cells["dissipation"] for a in frames])
+        share = np.divide(work, largest_dissipation or 1.0, dtype=np.float64)
+        label = "plastic work of the mechanism, share of its largest"
+        norm, colours = _logarithmic(share, frames[0].areas), _without_black("CMRmap_r")
+        return _graded("Dissipation", share, norm, colours, label)
+    speed = np.linalg.norm([a.at_points["displacement"] for a in frames], axis=2)
+    share = speed / (speed.max(initial=0.0) or 1.0)
+    label = "speed, share of its largest"
+    return _graded("Velocity", share, Normalize(0, 1), mpl.colormaps["viridis"], label)
+
+
+def hue(body: int) -> str:
+    """Colour of a body."""
+    return HUES[body % len(HUES)]
+
+
+def _stress(frames: Sequence[Surface]) -> Panel:
+    surface = frames[0]
+    ratio = np.array([a.at_cells["yield_ratio"] for a in frames])
+    colours = np.zeros((*ratio.shape, 3))
+    bars: list[tuple[Colormap, Normalize, str]] = []
+    for body, name in enumerate(surface.names):
+        # pale to the body's colour for elastic stress, then red at once
+        elastic = [(0.0, "#f6f6f2"), (PLASTIC_FROM, hue(body))]
+        stops = [*elastic, (PLASTIC_FROM, PLASTIC), (1.0, PLASTIC)]
+        colormap = LinearSegmentedColormap.from_list("stress", stops, N=20_000)
+        own = surface.body == body
+        colours[:, own] = colormap(ratio[:, own])[..., :3]
+        bars.append((colormap, Normalize(0, 100), name))
+    return Panel("Stress in % of the yield stress (red: plastic)", colours, bars, loads=True)
+
+
+def _graded(title: str, values: Floats, norm: Normalize, colours: Colormap, label: str) -> Panel:
+    return Panel(title, colours(norm(values))[..., :3], [(colours, norm, label)])
+
+
+def _without_black(name: str) -> Colormap:
+    """A colour map that ends in black, up to where the mesh is still seen on it."""
+    return LinearSegmentedColormap.from_list(name, mpl.colormaps[name](np.linspace(0, 0.85, 256)))
+
+
+def _logarithmic(shares: Floats, areas: Floats) -> LogNorm:
+    last = shares[-1]
+    order = np.argsort(last)[np.count_nonzero(last < DISSIPATES) :]
+    below = np.cumsum(areas[order])
+    place = np.searchsorted(below, (1 - SINGULAR) * below[-1]) if len(order) else 0
+    top = float(last[order[place]]) if len(order) else 1.0
+    return LogNorm(top / 10**DECADES, top, clip=True)
+
+
+def _from_zero(values: Floats) -> Normalize:
+    largest = float(values.max(initial=0.0))
+    return Normalize(min(0.0, float(values.min(initial=0.0))), largest if largest > 0 else 1.0)
+
+
+def compose(
+    shown: Sequence[Panel],
+    images: npt.NDArray[np.uint8],
+    words: tuple[str, str],
+    dpi: float = 140,
+    curve: Callable[[Axes], None] | None = None,
+) -> Figure:
+    """Put words and colour bars around the images of panels.
+
+    Args:
+        shown: What the images are of.
+        images: Shape (num_panels, height, width, 3).
+        words: Title and subtitle.
+        dpi: Pixels in 1/5.9 of the figure's height.
+        curve: Draws something in a last panel.
+    """
+    columns = len(shown) + (curve is not None)
+    figure = Figure(figsize=(5.4 * columns, 5.9), dpi=dpi)
+    FigureCanvasAgg(figure)
+    figure.suptitle(words[0], fontsize=16, fontweight="bold", y=0.98, parse_math=False)
+    figure.text(0.5, 0.89, words[1], ha="center", fontsize=11.5, parse_math=False)
+    width = 1 / columns
+    for i, panel in enumerate(shown):
+        axes = figure.add_axes((i * width, 0.14, width, 0.68))
+        axes.imshow(images[i])
+        axes.set_axis_off()
+        axes.set_title(panel.title, fontsize=12)
+        share = 0.8 / len(panel.bars)
+        for k, (colours, norm, label) in enumerate(panel.bars):
+            left = (i + 0.1 + k * share + 0.03) * width
+            ticks = MaxNLocator(4 if len(panel.bars) > 1 else 6)
+            bar = Colorbar(
+                figure.add_axes((left, 0.12, (share - 0.06) * width, 0.022)),
+                cmap=colours,
+                norm=norm,
+                orientation="horizontal",
+                ticks=None if isinstance(norm, LogNorm) else ticks,
+                extend="both" if isinstance(norm, LogNorm) else "neither",
+            )
+            bar.set_label(label, fontsize=10, parse_math=False)
+            bar.ax.tick_params(labelsize=9)
+    if curve is not None:
+        axes = figure.add_axes((1 - 0.84 * width, 0.14, 0.78 * width, 0.68))
+        axes.set_title("Loading", fontsize=12)
+        curve(axes)
+    return figure

@@ -1,0 +1,108 @@
+"""The loading curve: load factor ζ over the work of the loads α. Single-process."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from perfplast_fenicsx.pictures.picture_file import replace_picture
+from perfplast_fenicsx.pictures.render_process import not_installed
+from perfplast_fenicsx.problem.state import LevelReport
+
+LINE, ELASTIC, LIMIT = "#3b6ea5", "#707070", "#d62020"
+
+FAR = 30.0
+"""Where α ends so many times above its first value, its axis is logarithmic."""
+
+
+class Bounds(Protocol):
+    """What is drawn of a limit load (:class:`limit_search.LimitLoad`)."""
+
+    @property
+    def lower(self) -> float:
+        """A lower bound."""
+
+    @property
+    def estimate(self) -> float | None:
+        """The estimate; None where the curve does not level off."""
+
+    @property
+    def upper(self) -> float | None:
+        """An upper bound; None where none is known."""
+
+
+def save_curve(
+    reports: Sequence[LevelReport], title: str, path: Path, limit: Bounds | None, unit: str = ""
+) -> None:
+    """Draw ζ over α, and save the picture.
+
+    Args:
+        reports: Of all levels.
+        title: Heading.
+        path: The png file.
+        limit: Limit load, to be marked with its bounds.
+        unit: Of α.
+
+    Raises:
+        DrawingError: If matplotlib is not installed.
+        OSError: If the file cannot be written.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise not_installed("matplotlib") from error
+    figure = Figure(figsize=(7, 5), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    draw_curve(axes, reports, limit, unit)
+    axes.set_title(title, parse_math=False)
+    replace_picture(path, figure)
+
+
+def draw_curve(
+    axes: Any,
+    reports: Sequence[LevelReport],
+    limit: Bounds | None = None,
+    unit: str = "",
+    now: tuple[float, float] | None = None,
+) -> None:
+    """Draw ζ over α of the converged levels; the last one that failed as a line.
+
+    Args:
+        axes: Of matplotlib.
+        reports: Of all levels.
+        limit: Limit load, to be marked with its bounds.
+        unit: Of α.
+        now: (α, ζ) to be marked.
+    """
+    solved = [report for report in reports if report.converged]
+    alphas = [0.0, *(report.alpha for report in solved)]
+    zetas = [0.0, *(report.zeta for report in solved)]
+    axes.plot(alphas, zetas, "o-", color=LINE, markersize=5, label="solved load levels")
+    if solved and solved[0].plastic_cells == 0 and solved[0].zeta > 0:
+        slope = solved[0].alpha / solved[0].zeta
+        top = max(zetas) * 1.05
+        straight = np.linspace(0, top, 200)  # curved where the axis is logarithmic
+        axes.plot(slope * straight, straight, ":", color=ELASTIC, label="elastic")
+    for report in reports:
+        if not report.converged:
+            label = f"no solution found at ζ = {report.zeta:.6g}"
+            axes.axhline(report.zeta, color=LIMIT, linestyle="--", label=label)
+    if limit is not None and limit.estimate is not None:
+        label = f"limit load, estimated {limit.estimate:.6g}"
+        axes.axhline(limit.estimate, color=LIMIT, linewidth=1, label=label)
+        if limit.upper is not None:
+            label = f"bounds {limit.lower:.6g} to {limit.upper:.6g}"
+            axes.axhspan(limit.lower, limit.upper, color=LIMIT, alpha=0.15, label=label)
+    if len(solved) > 1 and solved[-1].alpha > FAR * solved[0].alpha > 0:
+        axes.set_xscale("symlog", linthresh=solved[0].alpha)
+    if now is not None:
+        axes.plot(*now, "o", color="black", markersize=9, zorder=5)
+    bracket = f" ({unit})" if unit else ""
+    axes.set(xlabel=f"work of the loads α{bracket}", ylabel="load factor ζ")
+    axes.set_xlim(left=0)
+    axes.set_ylim(bottom=0)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right")

@@ -1,0 +1,14 @@
+from .certificate import Certificate as Certificate
+from .certificate import certify as certify
+from .loads import LOADS as LOADS
+from .loads import BodyForce as BodyForce
+from .loads import Load as Load
+from .loads import Pressure as Pressure
+from .loads import Traction as Traction
+from .problem import Problem as Problem
+from .quadrature_fields import Integral as Integral
+from .state import Iteration as Iteration
+from .state import Level as Level
+from .state import LevelReport as LevelReport
+from .state import State as State
+from .supports import Support as Support

@@ -1,0 +1,70 @@
+"""How good is a state? Duality gap, equilibrium, penetration, contact forces, complementarity."""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.quadrature_fields import Fields
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """The optimality conditions of (P)_ζ at a state; see :class:`state.LevelReport` for meanings.
+
+    ``forces`` are the contact forces of the pairs hosted by this rank, shape (num_pairs,), positive
+    where the bodies push each other.
+    """
+
+    forces: npt.NDArray[np.float64]
+    max_penetration: float
+    smallest_contact_force: float
+    complementarity: float
+    equilibrium: float
+    duality_gap: float
+
+
+def certify(problem: Problem, fields: Fields, zeta: float) -> Certificate:
+    """Judge the state that ``fields`` is at. Collective.
+
+    The dual functional of a problem with gaps is S(σ) + Σ force × gap, and inf J_ζ = −S(σ) − Σ ...
+    at the solution, so the sum of both is the duality gap. It vanishes for the solution alone.
+    """
+    comm, basis = problem.comm, problem.basis
+    residual = fields.assemble_force().copy()
+    residual.axpy(-zeta, problem.load)
+    r = residual.duplicate()
+    basis.T.multTranspose(residual, r)
+    y = r.duplicate()
+    basis.M.mult(fields.u.x.petsc_vec, y)
+
+    forces = -r.array_r[basis.index]
+    room = basis.gap - y.array_r[basis.index]
+    slack = comm.allreduce(float(np.dot(forces, room)))
+    resisted = comm.allreduce(float(np.dot(forces, basis.gap)))
+    energy = fields.potential() - zeta * problem.load.dot(fields.u.x.petsc_vec)
+    dual = fields.stress_norm2() / 2 + resisted
+    scale = max(abs(energy), 1e-300)
+    free = r.copy()
+    free.array[basis.index] = 0
+    norm = max(abs(zeta) * problem.load.norm(), 1e-300)
+    certificate = Certificate(
+        forces,
+        max_penetration=comm.allreduce(max(0.0, float((-room).max(initial=0))), MPI.MAX),
+        smallest_contact_force=_smallest(comm, forces),
+        complementarity=slack / scale,
+        equilibrium=free.norm(PETSc.NormType.NORM_2) / norm,
+        duality_gap=(energy + dual) / scale,
+    )
+    for vector in (residual, r, y, free):
+        vector.destroy()
+    return certificate
+
+
+def _smallest(comm: MPI.Intracomm, forces: npt.NDArray[np.float64]) -> float:
+    smallest = comm.allreduce(float(forces.min(initial=np.inf)), MPI.MIN)
+    return smallest if np.isfinite(smallest) else 0.0

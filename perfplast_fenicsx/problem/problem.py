@@ -1,0 +1,186 @@
+"""The discrete problem: spaces, supports, loads, contact and forms. It declares, never solves.
+
+(P)_ζ   minimise J_ζ(v) = Ψ(ε(v)) − ζ L(v) over K_h = {v : (v_a − v_b)·n ≤ g at contact nodes}
+"""
+
+from collections.abc import Mapping, Sequence
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx.fem import petsc as fem_petsc
+
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
+from perfplast_fenicsx.contact.node_pairs import ContactPairs, find_pairs
+from perfplast_fenicsx.contact.obstacles import Obstacle
+from perfplast_fenicsx.contact.rigid_motions import check_rigidity, first_closed
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.materials.laws import Material
+from perfplast_fenicsx.materials.mandel import strain
+from perfplast_fenicsx.materials.von_mises import Moduli, tangent
+from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.loads import Load
+from perfplast_fenicsx.problem.spaces import make_spaces
+from perfplast_fenicsx.problem.supports import Support
+from perfplast_fenicsx.problem.work_form import work_form
+from perfplast_fenicsx.profiling import phase
+
+
+class Problem:
+    """Elastic–perfectly plastic bodies with supports, loads and frictionless contact.
+
+    Attributes:
+        assembly: The mesh and its names.
+        degree: 1 or 2, that of the displacements.
+        V: Continuous displacements, one vector a node.
+        S: Mandel vectors (strain, stress) at the quadrature points (:class:`spaces.Spaces`).
+        Q: Scalars at the quadrature points.
+        dx: Integrates over these points.
+        cells: All cells of this rank, ghosts too; what is interpolated often names them, since
+            DOLFINx makes such an array each time and leaves it to Python's cyclic collector.
+        bodies: Connected components and their rigid motions.
+        moduli: κ, μ as functions of Q, and γ in terms of one.
+        bcs: Homogeneous supports.
+        contact_tags: Tags of the surfaces of contacts and obstacles.
+        num_pairs: Contact pairs on all ranks together.
+        has_gaps: Whether any pair is open at first.
+        pairs: The contact inequalities hosted by this rank.
+        first_closed: Pairs hosted by this rank that are closed at first, shape (num_pairs,).
+        basis: Basis in which contact is a bound.
+        load: L as a vector in V's dual, zero at supported unknowns (ghosts summed).
+    """
+
+    def __init__(
+        self,
+        assembly: TaggedMesh,
+        materials: Mapping[str, Material],
+        supports: Sequence[Support] = (),
+        loads: Sequence[Load] = (),
+        contacts: Sequence[Contact] = (),
+        obstacles: Sequence[Obstacle] = (),
+        degree: int = 1,
+    ) -> None:
+        """Declare the problem. Collective.
+
+        Args:
+            assembly: Mesh with named volumes and surfaces.
+            materials: Law of each volume.
+            supports: Where the displacement is zero.
+            loads: What L(v) is the work of.
+            contacts: Pairs of surfaces that cannot penetrate each other.
+            obstacles: Rigid bodies that surfaces cannot penetrate.
+            degree: 1 for linear displacements, as in the paper, or 2 for quadratic ones, which do
+                not lock in plastic flow.
+
+        Raises:
+            InputError: If names, materials, loads, contact surfaces or supports do not fit.
+        """
+        self.tagged_mesh = assembly
+        spaces = make_spaces(assembly.mesh, degree)
+        self.degree, self.dx = degree, spaces.dx
+        self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
+        topology = assembly.mesh.topology
+        index_map = topology.index_map(topology.dim)
+        self.cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        self.bodies: Bodies = find_bodies(self.V)
+        self.moduli = self._moduli(materials)
+        self.bcs, self.fixed = self._supports(supports)
+        self._contact(contacts, obstacles)
+        self.load: PETSc.Vec = self._load(loads)
+
+    def __repr__(self) -> str:
+        topology = self.tagged_mesh.mesh.topology
+        return (
+            f"Problem({', '.join(sorted(self.tagged_mesh.volumes))};"
+            f" {topology.index_map(topology.dim).size_global} cells, P{self.degree},"
+            f" {self.num_dofs} dofs, {self.num_pairs} contact pairs)"
+        )
+
+    @property
+    def comm(self) -> MPI.Intracomm:
+        """The ranks that share the mesh."""
+        return self.tagged_mesh.mesh.comm
+
+    @property
+    def num_dofs(self) -> int:
+        """Displacement unknowns on all ranks together, supported ones included."""
+        return self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
+
+    def tangent_form(self, a: fem.Function, normal: fem.Function) -> ufl.Form:
+        """⟨Σ^{o,ρ} ε(u), ε(v)⟩ from the tangent data a, N of :class:`von_mises.Moduli`."""
+        e, d = strain(ufl.TrialFunction(self.V)), strain(ufl.TestFunction(self.V))
+        return ufl.dot(tangent(self.moduli.bulk, a, normal, e), d) * self.dx
+
+    def internal_form(self, stress: fem.Function) -> ufl.Form:
+        """⟨σ, ε(v)⟩."""
+        return ufl.dot(stress, strain(ufl.TestFunction(self.V))) * self.dx
+
+    def _moduli(self, materials: Mapping[str, Material]) -> Moduli:
+        assembly = self.tagged_mesh
+        for name in materials:
+            assembly.cells(name)
+        missing = sorted(set(assembly.volumes) - set(materials))
+        if missing:
+            raise InputError(
+                f"volume '{missing[0]}' has no material; add one for it (this mesh has the volumes"
+                f" {', '.join(sorted(assembly.volumes))})."
+            )
+        # 1/γ and not γ, since ∞ of elastic bodies times a shape function's 0 would not be 0
+        bulk, shear, weakness = (fem.Function(self.Q) for _ in range(3))
+        for name, material in materials.items():
+            points = self.Q.dofmap.list[assembly.cells(name)].ravel()
+            bulk.x.array[points] = material.bulk
+            shear.x.array[points] = material.shear
+            weakness.x.array[points] = 1 / material.yield_radius
+        return Moduli(bulk, shear, 1 / weakness)
+
+    def _supports(
+        self, supports: Sequence[Support]
+    ) -> tuple[list[fem.DirichletBC], npt.NDArray[np.bool_]]:
+        mesh, V = self.tagged_mesh.mesh, self.V
+        fdim, gdim = mesh.topology.dim - 1, mesh.geometry.dim
+        index_map = V.dofmap.index_map
+        fixed = np.zeros((index_map.size_local + index_map.num_ghosts, gdim), dtype=bool)
+        for support in supports:
+            nodes = fem.locate_dofs_topological(V, fdim, self.tagged_mesh.facets(support.on))
+            for axis in support.axes(gdim):
+                fixed[nodes, axis] = True
+        zero = default_scalar_type(0)
+        bcs = [
+            fem.dirichletbc(zero, np.flatnonzero(fixed[:, i]).astype(np.int32) * gdim + i, V.sub(i))
+            for i in range(gdim)
+        ]
+        return bcs, fixed
+
+    @phase("contact set-up")
+    def _contact(self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
+        V, bodies, fixed = self.V, self.bodies, self.fixed
+        self.pairs: ContactPairs = find_pairs(
+            V, self.tagged_mesh, bodies, contacts, obstacles, fixed
+        )
+        touching = {a.primary for a in contacts} | {a.secondary for a in contacts}
+        touching |= {obstacle.on for obstacle in obstacles}
+        self.contact_tags = tuple(sorted(self.tagged_mesh.surfaces[name] for name in touching))
+        self.num_pairs: int = self.comm.allreduce(len(self.pairs.host))
+        self.has_gaps: bool = self.comm.allreduce(bool((self.pairs.gap > 0).any()), MPI.LOR)
+        check_rigidity(V, bodies, fixed, self.pairs)
+        self.first_closed = first_closed(V, bodies, fixed, self.pairs)
+        self.basis: JumpBasis = make_basis(V, self.pairs)
+
+    def _load(self, loads: Sequence[Load]) -> PETSc.Vec:
+        form = fem.form(work_form(self.tagged_mesh, loads, ufl.TestFunction(self.V)))
+        load = fem_petsc.assemble_vector(form)
+        load.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        fem_petsc.set_bc(load, self.bcs)
+        if load.norm() == 0:
+            raise InputError(
+                "the loads do no work on any admissible displacement, so nothing can be increased;"
+                " give a load that is not zero on a surface that is free to move."
+            )
+        return load

@@ -1,0 +1,70 @@
+"""Finite element spaces of one degree: displacements, and points where the law is evaluated."""
+
+from dataclasses import dataclass
+
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from dolfinx.mesh import Mesh
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.materials.mandel import mandel_size
+
+DEGREES = (1, 2)
+
+
+@dataclass(frozen=True)
+class Spaces:
+    """V_h, S_h and the quadrature they share.
+
+    Strains of linear elements are constant in a cell, so S_h is DG0 there. Those of quadratic
+    elements are known at the points of a rule of degree 2 (3 in a triangle, 4 in a tetrahedron),
+    which integrates ε(u):ε(v) exactly in straight-sided cells.
+
+    Attributes:
+        degree: 1 or 2.
+        V: Continuous displacements, one vector a node.
+        S: Mandel vectors (strain, stress) at the points.
+        Q: Scalars at the points.
+        dx: Integrates over these points.
+    """
+
+    degree: int
+    V: fem.FunctionSpace
+    S: fem.FunctionSpace
+    Q: fem.FunctionSpace
+    dx: ufl.Measure
+
+
+def make_spaces(mesh: Mesh, degree: int) -> Spaces:
+    """Make the spaces of a degree. Collective.
+
+    Raises:
+        InputError: If the degree is not 1 or 2.
+    """
+    if degree not in DEGREES or isinstance(degree, bool):
+        raise InputError(f"degree = {degree!r} is not an element here; give 1 (linear) or 2.")
+    gdim, cell = mesh.geometry.dim, mesh.basix_cell()
+    accuracy = 2 * (degree - 1)
+    if degree == 1:
+        vectors = basix.ufl.element("DG", cell, 0, shape=(mandel_size(gdim),))
+        scalars = basix.ufl.element("DG", cell, 0)
+    else:
+        shape = (mandel_size(gdim),)
+        vectors = basix.ufl.quadrature_element(cell.name, value_shape=shape, degree=accuracy)
+        scalars = basix.ufl.quadrature_element(cell.name, degree=accuracy)
+    metadata = {"quadrature_degree": accuracy, "quadrature_scheme": "default"}
+    return Spaces(
+        degree,
+        fem.functionspace(mesh, basix.ufl.element("P", cell, degree, shape=(gdim,))),
+        fem.functionspace(mesh, vectors),
+        fem.functionspace(mesh, scalars),
+        ufl.Measure("dx", domain=mesh, metadata=metadata),
+    )
+
+
+def by_cell(function: fem.Function) -> npt.NDArray[np.float64]:
+    """Values of a function of Q by local cell and point, shape (num_cells, points_per_cell)."""
+    return function.x.array[function.function_space.dofmap.list]

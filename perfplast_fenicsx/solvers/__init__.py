@@ -1,0 +1,5 @@
+"""The four algorithms of a load level, and loading level by level."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,225 @@
+"""ALG2: the augmented-Lagrangian method of Uzawa type, with contact in its first step.
+
+Section 3.2 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013), with the misprint in (7) corrected:
+
+1.  r⟨Cε(u), ε(v−u)⟩ ≥ ζL(v−u) − ⟨σ^k, ε(v−u)⟩ + r⟨Ce^k, ε(v−u)⟩ for all v in K_h,
+2.  ω = (C⁻¹σ^k + rê)/(1+r),  e = ((1+r)ω − C⁻¹Σ(ω))/r,
+3.  σ^{k+1} = Σ(e) = Σ(ω),
+
+with ê = ε(u), or θε(u) + (1−θ)e^k when over-relaxed by θ. The operator is the elastic one for the
+whole run: its multigrid hierarchy or factorisation is kept until the active set changes. r enters
+the right-hand sides alone. Since σ^k = Σ(e^k), an iteration is a map of e^k alone.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from petsc4py import PETSc
+
+import numpy as np
+import ufl
+from dolfinx import default_scalar_type, fem
+
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.quadrature_fields import Integral, assemble_force
+from perfplast_fenicsx.problem.state import Level, State
+from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
+from perfplast_fenicsx.solvers.anderson import Anderson
+from perfplast_fenicsx.solvers.iterate import Iterate
+from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
+from perfplast_fenicsx.solvers.newton import BEYOND, above_limit
+from perfplast_fenicsx.solvers.newton_options import Monitor, check_choice, check_end, check_finite
+from perfplast_fenicsx.solvers.progress import Progress
+
+LINEAR_TOLERANCE = 1e-3
+"""Relative tolerance of each linear solve, whose right-hand side is the remaining residual."""
+
+FIRST_PENALTY = 0.3
+"""An adaptive penalty starts here. Tangents relative to the elastic one lie in [0, 1], so that the
+best r, about the root of the product of their bounds, is below 1: the smaller the more flows."""
+
+UNBALANCED = 3.0
+"""An adaptive penalty changes where one residual is so many times the other."""
+
+CHECK_EVERY = 10
+"""Iterations between two looks for a collapse mechanism or an unbalanced penalty."""
+
+
+@dataclass(frozen=True)
+class AugmentedLagrangianOptions:
+    """Choices of ALG2.
+
+    Args:
+        penalty: r > 0, relative to the elastic moduli, or "adaptive": doubled or halved so that the
+            primal and the dual residual stay comparable.
+        relaxation: Over-relaxation θ in (0, 2); 1 is the paper's method.
+        acceleration: "anderson" extrapolates e^k from the last iterations, going back to the plain
+            iteration whenever that does not reduce the residual; or "none".
+        tolerance: Bound of both relative residuals, ‖ε(u) − e‖_C/‖ε(u)‖_C (primal) and
+            r‖e^{k+1} − e^k‖_C/‖σ‖_E (dual); between 0 and 1.
+        max_iterations: Most iterations of a level, at least 1.
+
+    Raises:
+        InputError: If a value is out of its range.
+    """
+
+    penalty: float | Literal["adaptive"] = "adaptive"
+    relaxation: float = 1.0
+    acceleration: Literal["none", "anderson"] = "anderson"
+    tolerance: float = 1e-8
+    max_iterations: int = 3000
+
+    def __post_init__(self) -> None:
+        r = self.penalty
+        if r != "adaptive" and not (type(r) in (int, float) and 0 < r < np.inf):
+            raise InputError(
+                f'penalty = {r!r} is neither a positive number nor "adaptive"; 1 is a good value.'
+            )
+        if not 0 < self.relaxation < 2:
+            raise InputError(
+                f"relaxation = {self.relaxation} is not between 0 and 2; 1 means none."
+            )
+        check_choice("acceleration", self.acceleration, ("none", "anderson"))
+        check_end(self.tolerance, self.max_iterations)
+
+
+class AugmentedLagrangian:
+    """ALG2 for one problem.
+
+    Attributes:
+        problem: What is solved.
+        options: How.
+        linear: The linear solver and its counts.
+    """
+
+    method = "augmented-lagrangian"
+    control = "load"
+
+    def __init__(self, problem: Problem, options: AugmentedLagrangianOptions | None = None) -> None:
+        """Compile the forms and create the solvers. Collective."""
+        self.problem = problem
+        self.options = options or AugmentedLagrangianOptions()
+        self._iterate = Iterate(problem)
+        self.linear = LinearSolver(problem)
+        self._program = ContactProgram(problem, self.linear)
+        self._program.set_operator(self._iterate.operator(rho=1.0))
+
+        law, mesh, S = problem.moduli, problem.tagged_mesh.mesh, problem.S
+        dx, comm = problem.dx, problem.comm
+        self._q, self._next_q = fem.Function(S), fem.Function(S)
+        self._sigma, self._trial = fem.Function(S), fem.Function(S)
+        self._r = fem.Constant(mesh, default_scalar_type(1))
+        self._theta = fem.Constant(mesh, default_scalar_type(self.options.relaxation))
+        e, q, sigma, r = self._iterate.fields.e, self._q, self._sigma, self._r
+
+        def on_cells(expression: ufl.core.expr.Expr) -> fem.Expression:
+            return fem.Expression(expression, interpolation_points(S.element))
+
+        relaxed = self._theta * e + (1 - self._theta) * q
+        omega = (law.compliance(sigma) + r * relaxed) / (1 + r)
+        self._step_2 = on_cells(((1 + r) * omega - law.compliance(law.stress(omega))) / r)
+        self._step_3 = on_cells(law.stress(q))
+        self._augmented = on_cells(sigma + r * law.hooke(e - q))
+        self._force_form = fem.form(problem.internal_form(self._trial))
+        self._force = problem.load.duplicate()
+        self._gradient = problem.load.duplicate()
+
+        def norm2(strain: ufl.core.expr.Expr) -> Integral:
+            return Integral(comm, ufl.dot(law.hooke(strain), strain) * dx)
+
+        self._primal2, self._strain2 = norm2(e - self._next_q), norm2(e)
+        self._dual2 = norm2(self._next_q - q)
+        self._stress2 = Integral(comm, ufl.dot(law.compliance(sigma), sigma) * dx)
+        self._anderson = Anderson(problem)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.problem!r})"
+
+    def solve(
+        self, zeta: float, start: State | None = None, monitor: Monitor | None = None
+    ) -> Level:
+        """Solve (P)_ζ. Collective.
+
+        Args:
+            zeta: Load parameter, at least 0.
+            start: State to begin with, with e = ε(u); None for zero.
+            monitor: Called on every rank after each iteration.
+
+        Returns:
+            The level. Where it has not converged its report says why, and its state is the last
+            iterate, which is not a solution.
+
+        Raises:
+            InputError: If ζ is not finite.
+        """
+        check_finite("zeta", zeta)
+        options, iterate = self.options, self._iterate
+        active = iterate.begin(start)
+        self._r.value = FIRST_PENALTY if options.penalty == "adaptive" else options.penalty
+        self._q.x.array[:] = iterate.fields.e.x.array
+        self._sigma.interpolate(self._step_3, self.problem.cells)
+        self._anderson.restart()
+        progress = Progress(iterate, self.linear, monitor)
+        history = progress.history
+        while len(history) < options.max_iterations:
+            try:
+                step = self._program.solve(
+                    self._step_1_gradient(zeta), iterate.room(), active, LINEAR_TOLERANCE
+                )
+            except LinearFailure as failure:
+                return progress.level(zeta, active, False, str(failure))
+            active = step.active
+            iterate.aim(step.delta)
+            iterate.advance(1.0)
+            self._next_q.interpolate(self._step_2, self.problem.cells)
+            primal2, dual2 = self._primal2(), self._dual2()
+            if options.acceleration == "anderson":
+                self._anderson.extrapolate(self._q, self._next_q)
+            self._q.x.array[:] = self._next_q.x.array
+            self._sigma.interpolate(self._step_3, self.problem.cells)
+            primal = _ratio(primal2, self._strain2())
+            dual = float(self._r.value) * _ratio(dual2, self._stress2())
+            progress.add(
+                zeta,
+                max(primal, dual),
+                active,
+                step.iterations,
+                primal=primal,
+                dual=dual,
+                penalty=float(self._r.value),
+            )
+            if max(primal, dual) < options.tolerance and step.settled:
+                return progress.level(zeta, active, True, "primal and dual residual met")
+            if len(history) % CHECK_EVERY == 0:
+                if iterate.descends_until(BEYOND * history[0].alpha, zeta):
+                    return progress.level(zeta, active, False, above_limit(zeta, history))
+                self._balance(primal, dual)
+        reason = f"no convergence in {options.max_iterations} iterations"
+        return progress.level(zeta, active, False, reason)
+
+    def _step_1_gradient(self, zeta: float) -> PETSc.Vec:
+        """⟨σ^k + rC(ε(u) − e^k), ε(·)⟩ − ζL over r, in the contact basis."""
+        self._trial.interpolate(self._augmented, self.problem.cells)
+        assemble_force(self._force, self._force_form, self.problem.bcs)
+        self._force.axpy(-zeta, self.problem.load)
+        self._force.scale(1 / float(self._r.value))
+        self.problem.basis.T.multTranspose(self._force, self._gradient)
+        return self._gradient
+
+    def _balance(self, primal: float, dual: float) -> None:
+        if self.options.penalty != "adaptive":
+            return
+        if primal > UNBALANCED * dual:
+            self._r.value = self._r.value * 2
+        elif dual > UNBALANCED * primal:
+            self._r.value = self._r.value / 2
+        else:
+            return
+        self._anderson.restart()
+
+
+def _ratio(change2: float, size2: float) -> float:
+    """Quotient of two norms given by their squares; 0 where the second vanishes."""
+    return float(np.sqrt(max(change2, 0) / size2)) if size2 > 0 else 0.0

@@ -1,0 +1,171 @@
+"""Aggregates of nodes on each level of multigrid, and the motions that each of them is capable of.
+
+The columns of a tentative interpolation Q are motions of one aggregate each, orthonormal, and at
+rest elsewhere. PETSc's GAMG makes the aggregates for the stiffness in nodal unknowns, where bodies
+do not see each other, with the rigid motions; one more motion may be given to all of them.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.linear.petsc_options import COARSE, own_prefix
+
+AGGREGATION = {
+    "ksp_type": "preonly",
+    "pc_type": "gamg",
+    "pc_gamg_threshold": 0.01,
+    "pc_gamg_aggressive_coarsening": 10,
+    "pc_gamg_coarse_eq_limit": 1000,
+    # nothing is solved with it, and bodies that contact alone holds have a singular K
+    "mg_levels_ksp_type": "richardson",
+    "mg_levels_pc_type": "none",
+    "mg_coarse_ksp_type": "preonly",
+    "mg_coarse_pc_type": "none",
+}
+
+RIGID = 1e-8
+"""A motion that differs less from rigid ones, relative to itself, adds nothing to an aggregate."""
+
+
+@dataclass(frozen=True)
+class Aggregates:
+    """Aggregates of the nodes of one level; they are the nodes of the next one.
+
+    Attributes:
+        members: For each owned node its aggregate's number among those of all ranks, or -1.
+        count: Owned aggregates.
+        motions: Shape (nodes, unknowns a node, motions an aggregate): what each motion of a node's
+            aggregate does to its unknowns.
+    """
+
+    members: npt.NDArray[np.int64]
+    count: int
+    motions: npt.NDArray[np.float64]
+
+    @classmethod
+    def of(cls, tentative: PETSc.Mat) -> Self:
+        """Read what a tentative interpolation of GAMG says. Collective."""
+        rows, columns = tentative.getBlockSizes()
+        pointer, column, value = tentative.getValuesCSR()
+        begin = pointer[:-1:rows]
+        belongs = pointer[1 : len(pointer) : rows] > begin
+        members = np.full(len(begin), -1)
+        members[belongs] = column[begin[belongs]] // columns
+        motions = np.zeros((len(begin), rows, columns))
+        motions[belongs] = value.reshape(-1, rows, columns)
+        return cls(members, tentative.getLocalSize()[1] // columns, motions)
+
+    def interpolation(self, comm: PETSc.Comm) -> PETSc.Mat:
+        """Q as a matrix. Collective."""
+        nodes, rows, columns = self.motions.shape
+        belongs = self.members >= 0
+        pointer = np.zeros(nodes * rows + 1, dtype=PETSc.IntType)
+        np.cumsum(np.repeat(belongs * columns, rows), out=pointer[1:])
+        column = self.members[belongs, None, None] * columns + np.arange(columns)
+        column = np.broadcast_to(column, (belongs.sum(), rows, columns))
+        return PETSc.Mat().createAIJ(
+            ((nodes * rows, None), (self.count * columns, None)),
+            bsize=(rows, columns),
+            csr=(pointer, column.astype(PETSc.IntType).ravel(), self.motions[belongs].ravel()),
+            comm=comm,
+        )
+
+    def with_motion(
+        self, motion: npt.NDArray[np.float64], comm: PETSc.Comm
+    ) -> tuple["Aggregates", npt.NDArray[np.float64]]:
+        """Let each aggregate move as a whole body does, besides what it is capable of. Collective.
+
+        Args:
+            motion: Shape (nodes, unknowns a node). A node may have one unknown more than
+                ``motions`` say: that of the motion made possible on the finer level.
+            comm: The problem's communicator.
+
+        Returns:
+            Aggregates with one more motion each, and the motion itself in the unknowns of the next
+            level, shape (aggregates, motions an aggregate).
+        """
+        more = motion.shape[1] - self.motions.shape[1]
+        motions = np.pad(self.motions, ((0, 0), (0, more), (0, 0)))
+        Q = Aggregates(self.members, self.count, motions).interpolation(comm)
+        known = _restrict(Q, motion)
+        left = motion - _prolong(Q, known).reshape(motion.shape)
+        Q.destroy()
+        ones = Aggregates(self.members, self.count, np.ones((len(motion), 1, 1)))
+        sums = ones.interpolation(comm)
+        whole, size = (np.sqrt(_restrict(sums, (m**2).sum(axis=1))) for m in (motion, left))
+        size[size <= RIGID * whole] = 0.0
+        inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+        added = left * _prolong(sums, inverse)[:, None]
+        sums.destroy()
+        richer = np.concatenate([motions, added[..., None]], axis=2)
+        projected = np.column_stack([known.reshape(self.count, motions.shape[2]), size])
+        return Aggregates(self.members, self.count, richer), projected
+
+
+def _restrict(Q: PETSc.Mat, fine: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Qᵀ times the owned part of a vector."""
+    coarse, image = Q.createVecs()
+    image.array[:] = fine.ravel()
+    Q.multTranspose(image, coarse)
+    product: npt.NDArray[np.float64] = coarse.array.copy()
+    for thing in (coarse, image):
+        thing.destroy()
+    return product
+
+
+def _prolong(Q: PETSc.Mat, coarse: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Q times the owned part of a vector."""
+    unknowns, image = Q.createVecs()
+    unknowns.array[:] = coarse
+    Q.mult(unknowns, image)
+    product: npt.NDArray[np.float64] = image.array.copy()
+    for thing in (unknowns, image):
+        thing.destroy()
+    return product
+
+
+def aggregate(problem: Problem, stiffness: PETSc.Mat) -> list[Aggregates]:
+    """Aggregate the nodes of a problem, with rigid motions. Collective.
+
+    Args:
+        problem: Whose nodes are meant.
+        stiffness: K in nodal unknowns; only its pattern and strengths matter.
+
+    Returns:
+        The aggregates of each level, finest first; none for a small problem.
+    """
+    modes = _rigid_motions(problem)
+    stiffness.setNearNullSpace(modes)
+    modes.destroy()
+    ksp = PETSc.KSP().create(problem.comm)
+    prefix = own_prefix(COARSE, AGGREGATION)
+    PETSc.Options()[prefix + "pc_gamg_agg_nsmooths"] = 0  # Q itself, whatever a user says
+    ksp.setOptionsPrefix(prefix)
+    ksp.setFromOptions()
+    ksp.setOperators(stiffness)
+    ksp.setUp()
+    pc = ksp.getPC()
+    levels = [
+        Aggregates.of(pc.getMGInterpolation(level))
+        for level in reversed(range(1, pc.getMGLevels()))
+    ]
+    stiffness.setNearNullSpace(PETSc.NullSpace())
+    for thing in (pc, ksp):  # at once: what Python only lets go waits for a collective clean-up
+        thing.destroy()
+    return levels
+
+
+def _rigid_motions(problem: Problem) -> PETSc.NullSpace:
+    """Rigid motions of all bodies together."""
+    x = problem.load.duplicate()
+    owned = problem.V.dofmap.index_map.size_local
+    x.array[:] = problem.V.tabulate_dof_coordinates()[:owned, : problem.bodies.gdim].ravel()
+    modes = PETSc.NullSpace().createRigidBody(x)
+    x.destroy()
+    return modes

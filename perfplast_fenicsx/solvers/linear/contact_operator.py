@@ -1,0 +1,62 @@
+"""The operator of a step in the contact basis, A = TᵀKT, with unknowns held where it is a matrix.
+
+Its products with vectors are made of those with K and T, so that one matrix is enough: the one that
+is solved with, in which rows and columns of held unknowns are those of the identity times a scale.
+"""
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.linear.contact_rows import ContactRows
+
+
+class ContactOperator:
+    """A = TᵀKT for the present values of K.
+
+    Attributes:
+        stiffness: K, in nodal unknowns and in blocks.
+        matrix: A with the unknowns held that :meth:`hold` was last called with.
+    """
+
+    def __init__(self, problem: Problem, stiffness: PETSc.Mat) -> None:
+        self.stiffness, self.matrix = stiffness, PETSc.Mat()
+        self._T = problem.basis.T
+        self._rows = ContactRows(problem) if problem.num_pairs else None
+        self._u, self._image, self._y = (problem.load.duplicate() for _ in range(3))
+
+    def mult_add(self, y: PETSc.Vec, r: PETSc.Vec, f: PETSc.Vec) -> None:
+        """Set f to A y + r. Collective."""
+        if self._rows is None:
+            self.stiffness.multAdd(y, r, f)
+            return
+        self._T.mult(y, self._u)
+        self.stiffness.mult(self._u, self._image)
+        self._T.multTranspose(self._image, self._y)
+        f.waxpy(1.0, self._y, r)
+
+    @phase("basis change")
+    def hold(self, held: npt.NDArray[np.int32]) -> None:
+        """Form the matrix with the local (owned) unknowns ``held`` taken out. Collective."""
+        self.stiffness.convert("aij", self.matrix)
+        if self._rows is not None:
+            self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)  # copies forget it
+            self._rows.transform(self.matrix)
+        self.matrix.setOption(PETSc.Mat.Option.SPD, True)
+        if self._rows is not None:
+            self._take_out(held)
+
+    def _take_out(self, held: npt.NDArray[np.int32]) -> None:
+        """Make rows and columns of held unknowns those of the identity times a scale."""
+        diagonal = self.matrix.getDiagonal()
+        scale = diagonal.sum() / diagonal.getSize()
+        diagonal.destroy()
+        first = self.matrix.getOwnershipRange()[0]
+        self.matrix.zeroRowsColumns((held + first).astype(PETSc.IntType), diag=scale)
+
+    def nodal(self) -> PETSc.Mat:
+        """K of type "aij", for whoever asks to destroy. Collective."""
+        return self.stiffness.convert("aij", PETSc.Mat())

@@ -1,0 +1,222 @@
+"""Coarse spaces of multigrid: smoothed aggregation, body by body, seen through closed contact.
+
+In the contact basis an operator couples the bodies, and aggregates that mix them need more than
+the rigid motions of one body (the in-plane slip of frictionless contact). So the aggregates are
+those of the stiffness K in nodal unknowns, where bodies do not see each other and 6 (3 in 2D)
+motions do. Their tentative interpolation Q is smoothed by one Jacobi step, P = Q - w D^-1 K Q. In
+the contact basis y = M u the finest one is M P, without its rows of held unknowns: at a closed pair
+the host takes the normal displacement of its guest, and slides along it. Coarser levels do the same
+with the operators that they have. A set-up forms the coarse operators PᵀAP.
+
+A body that flows hardly changes its volume, and motions put together of rigid pieces do, which
+costs them an energy that the flow does not have. So the way in which it flows, of which the last
+Newton increment tells, can be made one more motion of every aggregate.
+"""
+
+from collections.abc import Callable
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.linear.aggregates import Aggregates, aggregate
+from perfplast_fenicsx.solvers.linear.contact_rows import every_column
+from perfplast_fenicsx.solvers.linear.petsc_options import default
+
+DAMPING = 1.4
+"""Of the Jacobi step that smooths, over the spectral radius."""
+
+LARGE = 500_000
+"""From so many unknowns on memory counts for more than a tenth of the time."""
+
+ITERATIONS = 10
+"""Iterations that estimate the spectral radius."""
+
+
+class CoarseSpaces:
+    """Coarse spaces in the contact basis.
+
+    Attributes:
+        interpolations: Those made so far, finest first.
+    """
+
+    def __init__(self, problem: Problem, stiffness: PETSc.Mat) -> None:
+        """Aggregate. Collective.
+
+        Args:
+            problem: Whose contact basis is meant.
+            stiffness: K in nodal unknowns; only its pattern and strengths matter.
+        """
+        self._problem = problem
+        self._rigid = aggregate(problem, stiffness)
+        self.interpolations: list[PETSc.Mat] = []
+        self._operators: list[PETSc.Mat] = []
+        self._copies: list[PETSc.Mat] = []
+        if self._rigid:
+            self._set(self._rigid, stiffness)
+
+    @property
+    def levels(self) -> int:
+        """Levels of multigrid, with the finest one; 1 for a small problem."""
+        return len(self._rigid) + 1
+
+    def destroy(self) -> None:
+        """Give back memory at once. Collective."""
+        for matrices in (self.interpolations, self._operators, self._copies):
+            for matrix in matrices:
+                matrix.destroy()
+            matrices.clear()
+
+    def add(self, motion: PETSc.Vec, stiffness: Callable[[], PETSc.Mat]) -> None:
+        """Make all levels anew, with one motion besides the rigid ones. Collective.
+
+        Args:
+            motion: In the contact basis.
+            stiffness: Makes K in nodal unknowns, which is destroyed.
+        """
+        nodal = motion.duplicate()
+        self._problem.basis.T.mult(motion, nodal)
+        moved = nodal.array.reshape(-1, self._problem.bodies.gdim)
+        levels = []
+        for rigid in self._rigid:
+            richer, moved = rigid.with_motion(moved, motion.comm)
+            levels.append(richer)
+        nodal.destroy()
+        if self._aggregates is self._rigid or motion.getSize() >= LARGE:
+            self.destroy()
+        K = stiffness()  # not before, since it needs memory
+        self._set(levels, K)
+        K.destroy()
+
+    def _set(self, levels: list[Aggregates], stiffness: PETSc.Mat) -> None:
+        """Take these aggregates; the interpolations of coarser levels follow in a set-up."""
+        self._aggregates = levels
+        nodal = _smoothed(stiffness, levels[0])
+        self._put(0, self._problem.basis.M.matMult(nodal))
+        nodal.destroy()
+        self._rows = _rows(self.interpolations[0], self._problem.basis.index)
+
+    def _put(self, depth: int, P: PETSc.Mat) -> None:
+        """Take an interpolation, in the place of one with the same pattern if there is one."""
+        if depth == len(self.interpolations):
+            self.interpolations.append(P)
+        else:
+            P.copy(self.interpolations[depth], PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+            P.destroy()
+        self._made = depth + 1
+
+    def project(self, A: PETSc.Mat, held: npt.NDArray[np.int32], pc: PETSc.PC) -> None:
+        """Form the operators PᵀAP of all levels. Collective.
+
+        Args:
+            A: Operator of the finest level, with rows and columns of the identity at ``held``.
+            held: Local (owned) indices of unknowns that are zero.
+            pc: Of type "mg", with as many levels. Gets interpolations and operators; its finest
+                operator is set by whoever solves with it.
+        """
+        self._hold(held)
+        for depth, aggregates in enumerate(self._aggregates):
+            level = len(self._aggregates) - depth
+            if depth == self._made:
+                self._put(depth, _smoothed(A, aggregates))
+            P = self.interpolations[depth]
+            pc.setMGInterpolation(level, P)
+            if depth == len(self._operators):
+                A = _coarse(A, P)
+                self._operators.append(A)
+                self._copies.append(blocked(_regular(A), None))
+            else:
+                A = A.PtAP(P, self._operators[depth])
+                blocked(_regular(A), self._copies[depth])
+            pc.getMGSmoother(level - 1).setOperators(self._copies[depth], A)
+
+    def _hold(self, held: npt.NDArray[np.int32]) -> None:
+        """Take the held unknowns out of the finest coarse space, and put back the others."""
+        pointer, columns, values = self._rows
+        index = self._problem.basis.index
+        free = ~np.isin(index, held)
+        kept = np.where(np.repeat(free, np.diff(pointer)), values, 0.0)
+        finest = self.interpolations[0]
+        rows = (index + finest.getOwnershipRange()[0]).astype(PETSc.IntType)
+        finest.setValuesIJV(pointer, columns, kept, rowmap=rows)
+        finest.assemble()
+
+
+def blocked(A: PETSc.Mat, copy: PETSc.Mat | None) -> PETSc.Mat:
+    """A symmetric matrix as one that keeps the blocks of its upper triangle. Collective.
+
+    Args:
+        A: The matrix.
+        copy: Of an earlier A with the same pattern, to be filled anew.
+    """
+    A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    return A.convert("sbaij", copy or PETSc.Mat())
+
+
+def _smoothed(A: PETSc.Mat, aggregates: Aggregates) -> PETSc.Mat:
+    """Q - w D^-1 A Q, for the tentative interpolation Q, with D the diagonal of A."""
+    Q = aggregates.interpolation(A.comm)
+    P = A.matMult(Q)
+    diagonal = A.getDiagonal()
+    diagonal.reciprocal()
+    diagonal.scale(-DAMPING / _spectral_radius(A))
+    P.diagonalScale(diagonal)
+    P.axpy(1.0, Q, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+    P.setBlockSizes(*Q.getBlockSizes())
+    for thing in (Q, diagonal):
+        thing.destroy()
+    return P
+
+
+def _spectral_radius(A: PETSc.Mat) -> float:
+    """Of D^-1 A, from a few iterations of CG."""
+    ksp = PETSc.KSP().create(A.comm)
+    ksp.setType("cg")
+    ksp.getPC().setType("jacobi")
+    ksp.setNormType(PETSc.KSP.NormType.NONE)
+    ksp.setTolerances(max_it=ITERATIONS)
+    ksp.setComputeSingularValues(True)
+    ksp.setOperators(A)
+    x, b = A.createVecs()
+    b.setRandom()
+    ksp.solve(b, x)
+    largest, _ = ksp.computeExtremeSingularValues()
+    for thing in (ksp, x, b):
+        thing.destroy()
+    return float(largest)
+
+
+def _coarse(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
+    """PᵀAP for the first time."""
+    if A.comm.size > 1:
+        return A.PtAP(P)
+    with default("matptap_via", "rap"):  # twice as fast, with more memory
+        return A.PtAP(P)
+
+
+def _regular(A: PETSc.Mat) -> PETSc.Mat:
+    """A coarse operator, with the identity where an aggregate has no such motion. Collective."""
+    diagonal = A.getDiagonal()
+    empty = diagonal.array == 0
+    if A.comm.tompi4py().allreduce(bool(empty.any())):
+        scale = diagonal.sum() / diagonal.getSize()
+        diagonal.array[:] = np.where(empty, scale, 0.0)
+        A.setDiagonal(diagonal, PETSc.InsertMode.ADD_VALUES)
+    diagonal.destroy()
+    return A
+
+
+def _rows(
+    A: PETSc.Mat, local: npt.NDArray[np.int32]
+) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
+    """Rows with these local indices, as pointers, global columns and values. Collective."""
+    first = A.getOwnershipRange()[0]
+    chosen = PETSc.IS().createGeneral((local + first).astype(PETSc.IntType), comm=A.getComm())
+    columns = every_column(A)
+    part = A.createSubMatrix(chosen, columns)
+    pointer, column, value = part.getValuesCSR()
+    for thing in (chosen, columns, part):
+        thing.destroy()
+    return pointer, column, value

@@ -1,0 +1,164 @@
+"""Loading: a sequence of levels, each started from those before.
+
+:func:`load_path` follows given values of ζ or α; :func:`work_path` chooses the steps in α itself,
+from the elastic slope to the plateau of ζ(α).
+"""
+
+import logging
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from dolfinx import fem
+
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.state import Level, State
+from perfplast_fenicsx.solvers.newton_options import Monitor
+from perfplast_fenicsx.solvers.work_newton import WorkNewton
+
+LARGEST_FACTOR = 4.0
+"""α grows at most so much from one level to the next."""
+
+FIRST_FACTOR = 3.0
+"""Growth of α behind first yield, and the most where ζ(α) bends."""
+
+SMALLEST_FACTOR = 1.2
+"""Growth of α behind levels that were hard to solve."""
+
+MANY_ITERATIONS = 20
+"""Levels that need more Newton steps make the next growth smaller."""
+
+BENT, STRAIGHT = 0.08, 0.02
+"""Growth of ζ in a level above which steps in α shrink, and below which they grow."""
+
+MOST_HALVINGS = 6
+"""A level is tried again with half the step so many times."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Reached:
+    """How far a loading by chosen steps has come: all that its next step depends on.
+
+    Attributes:
+        last: State of the last level.
+        before: State of the level before it; None behind the first one.
+        newton_iterations: Steps that the last level took.
+    """
+
+    last: State
+    before: State | None
+    newton_iterations: int
+
+
+class Solver(Protocol):
+    """What the four algorithms have in common.
+
+    ``control`` tells what is prescribed: "load" (ζ: ALG1, ALG2) or "work" (α: ALG3, ALG4).
+    """
+
+    problem: Problem
+    method: str
+    control: str
+
+    def solve(
+        self, value: float, start: State | None = None, monitor: Monitor | None = None, /
+    ) -> Level:
+        """Find the state at a prescribed ζ or α."""
+        ...
+
+
+def load_path(
+    solver: Solver,
+    values: Sequence[float],
+    monitor: Monitor | None = None,
+    start: State | None = None,
+) -> Iterator[Level]:
+    """Solve for each prescribed value in turn, each from the one before.
+
+    Args:
+        solver: One of the four algorithms.
+        values: Load parameters ζ or works α, rising, as the solver's ``control`` says.
+        monitor: Called on every rank after each iteration.
+        start: State to begin with; None for the unloaded one.
+
+    Yields:
+        The levels. One that has not converged is the last: the state of the level before is the
+        last valid one.
+    """
+    for value in values:
+        level = solver.solve(value, start, monitor)
+        yield level
+        if not level.report.converged:
+            return
+        start = level.state
+
+
+def work_path(
+    solver: WorkNewton, monitor: Monitor | None = None, reached: Reached | None = None
+) -> Iterator[Level]:
+    """Load by work without end, from first yield on; the caller stops it.
+
+    α grows by a factor that shrinks where ζ(α) bends or a level has needed many steps, and grows
+    on the plateau. Each level starts from the extrapolation of the two before. A level that fails
+    is tried again with half the step.
+
+    Args:
+        solver: ALG3 or ALG4.
+        monitor: Called on every rank after each iteration.
+        reached: Where to go on; None from first yield on.
+
+    Yields:
+        The levels; one that has not converged is the last, after the step was halved
+        ``MOST_HALVINGS`` times.
+    """
+    before: State | None = None
+    last: State | None = None
+    if reached is None:
+        elastic = solver.first_yield()
+        target, start = elastic.alpha, None if solver.problem.has_gaps else elastic
+    while True:
+        if reached is not None:
+            before, last = reached.before, reached.last
+            target = last.alpha * _next_factor(reached)
+            start = extrapolate(solver.problem, before, last, target)
+        for halving in range(MOST_HALVINGS + 1):
+            level = solver.solve(target, start, monitor)
+            if level.report.converged or halving == MOST_HALVINGS:
+                break
+            log.info("alpha = %.6g failed (%s): half the step", target, level.report.reason)
+            target = (target + (last.alpha if last else 0.0)) / 2
+            start = extrapolate(solver.problem, before, last, target)
+        yield level
+        if not level.report.converged:
+            return
+        reached = Reached(level.state, last, level.report.newton_iterations)
+
+
+def _next_factor(reached: Reached) -> float:
+    last, before = reached.last, reached.before
+    if before is None:
+        return FIRST_FACTOR
+    factor = last.alpha / before.alpha
+    bend = 1 - before.zeta / last.zeta if last.zeta > 0 else 1.0
+    if reached.newton_iterations > MANY_ITERATIONS:
+        return max(math.sqrt(factor), SMALLEST_FACTOR)
+    if bend > BENT:
+        return max(min(factor, FIRST_FACTOR), SMALLEST_FACTOR)
+    return min(factor * (2.0 if bend < STRAIGHT else 1.2), LARGEST_FACTOR)
+
+
+def extrapolate(
+    problem: Problem, before: State | None, last: State | None, alpha: float
+) -> State | None:
+    """The state at a work α on the line through two states (the first may be the unloaded one)."""
+    if last is None or last.alpha <= 0:
+        return last
+    earlier = (before.u.x.array, before.alpha) if before else (0.0, 0.0)
+    stretch = (alpha - last.alpha) / (last.alpha - earlier[1])
+    u = fem.Function(problem.V, name="displacement")
+    u.x.array[:] = last.u.x.array + stretch * (last.u.x.array - np.asarray(earlier[0]))
+    return State(u, last.zeta, alpha, last.active)

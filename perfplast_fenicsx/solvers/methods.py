@@ -1,0 +1,28 @@
+"""The algorithms that a case file may name."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from perfplast_fenicsx.solvers.augmented_lagrangian import (
+    AugmentedLagrangian,
+    AugmentedLagrangianOptions,
+)
+from perfplast_fenicsx.solvers.newton import Newton
+from perfplast_fenicsx.solvers.newton_options import NewtonOptions
+from perfplast_fenicsx.solvers.work_newton import BorderedNewton, WorkNewton
+
+
+@dataclass(frozen=True)
+class Method:
+    """An algorithm of ``[solve]``: the dataclass of its options and what makes the solver."""
+
+    options: type[Any]
+    solver: type[Any]
+
+
+METHODS = {
+    "newton": Method(NewtonOptions, Newton),
+    "augmented-lagrangian": Method(AugmentedLagrangianOptions, AugmentedLagrangian),
+    "work-newton": Method(NewtonOptions, WorkNewton),
+    "bordered-newton": Method(NewtonOptions, BorderedNewton),
+}

@@ -1,0 +1,131 @@
+"""Choices of the Newton methods ALG1, ALG3 and ALG4, and what follows from them in each step."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.problem.state import Iteration
+
+Monitor = Callable[[Iteration], None]
+"""Called on every rank after each iteration."""
+
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """Choices of the Newton methods.
+
+    Args:
+        regularisation: ρ in [0, 1], or "adaptive": raised where steps are damped, lowered where
+            they are not.
+        damping: Exact line search on the energy; without it β = 1.
+        stopping: Which of the paper's relative criteria ends the iteration (Remark 1):
+            "displacement" ‖δu‖ / (‖u + δu‖ + ‖u‖), "stress" ‖δσ‖_E / (‖σ + δσ‖_E + ‖σ‖_E),
+            or "energy" |δJ| / (|J + δJ| + |J|).
+        tolerance: Bound of this criterion, between 0 and 1; a damped step does not end the
+            iteration.
+        active_set: "exact" solves each contact quadratic program to its end; "once" updates the
+            active set once in a Newton step; "adaptive" does so too, but goes on to the end after
+            a damped step and after :data:`PATIENCE` steps.
+        max_iterations: Most Newton steps of a level, at least 1.
+
+    Raises:
+        InputError: If a value is out of its range.
+    """
+
+    regularisation: float | Literal["adaptive"] = "adaptive"
+    damping: bool = True
+    stopping: Literal["displacement", "stress", "energy"] = "displacement"
+    tolerance: float = 1e-8
+    active_set: Literal["adaptive", "exact", "once"] = "adaptive"
+    max_iterations: int = 60
+
+    def __post_init__(self) -> None:
+        rho = self.regularisation
+        if rho != "adaptive" and not (isinstance(rho, int | float) and 0 <= rho <= 1):
+            raise InputError(
+                f'regularisation = {rho!r} is neither a number in [0, 1] nor "adaptive"; 1e-3 is'
+                " a good value."
+            )
+        check_choice("stopping", self.stopping, ("displacement", "stress", "energy"))
+        check_choice("active_set", self.active_set, ("adaptive", "exact", "once"))
+        check_end(self.tolerance, self.max_iterations)
+
+
+def check_choice(field: str, value: str, choices: Sequence[str]) -> None:
+    """Refuse a value that is not one of the choices.
+
+    Raises:
+        InputError: Naming the field, the value and the choices.
+    """
+    if value not in choices:
+        raise InputError(f"{field} = {value!r} is unknown; choose one of {', '.join(choices)}.")
+
+
+def check_finite(what: str, value: float) -> None:
+    """Refuse a prescribed load or work that is no number.
+
+    Raises:
+        InputError: Naming it and the value.
+    """
+    if not math.isfinite(value):
+        raise InputError(f"{what} = {value} is not finite; give a number.")
+
+
+def check_end(tolerance: float, max_iterations: int) -> None:
+    """Refuse bounds with which no iteration could end.
+
+    Raises:
+        InputError: Naming the field and the value.
+    """
+    if not 0 < tolerance < 1:
+        raise InputError(f"tolerance = {tolerance} is not between 0 and 1; try 1e-8.")
+    if max_iterations < 1:
+        raise InputError(f"max_iterations = {max_iterations} is less than 1; give at least one.")
+
+
+LARGEST_RHO, SMALLEST_RHO = 1e-3, 1e-8
+"""Range of the adaptive regularisation."""
+
+
+def regularisation(options: NewtonOptions, history: list[Iteration]) -> float:
+    """ρ of the next step: fixed, or raised after damped steps and lowered after full ones.
+
+    It starts at its largest value and vanishes near the solution, where steps are not damped, so
+    that convergence is quadratic. Larger values than 1e-3 only make near-collapse states slower.
+    """
+    if options.regularisation != "adaptive":
+        return float(options.regularisation)
+    if not history:
+        return LARGEST_RHO
+    last = history[-1]
+    if last.beta < 0.5:
+        return min(10 * last.rho, LARGEST_RHO)
+    return max(last.rho / 10, SMALLEST_RHO)
+
+
+PATIENCE = 10
+"""After so many steps of a level an adaptive active set is determined exactly in each."""
+
+
+def exact_active_set(options: NewtonOptions, history: list[Iteration]) -> bool:
+    """Whether the next step solves its contact quadratic program to the end.
+
+    One update a step costs one linear system, and near the solution it is the right one. A damped
+    step tells that the model behind it was poor, many steps that the sets may go in circles.
+    """
+    if options.active_set != "adaptive":
+        return options.active_set == "exact"
+    return len(history) >= PATIENCE or any(record.beta < 1 for record in history[-1:])
+
+
+def forcing(increment: float, tolerance: float) -> float:
+    """Relative tolerance of the linear solves of the next step: loose far from the solution.
+
+    Near it the tolerance follows the last increment, so that steps stay quadratic. What a solve
+    leaves is its tolerance times the increment, and need not be less than a hundredth of the wanted
+    accuracy.
+    """
+    enough = 1e-2 * tolerance / max(increment, tolerance)
+    return min(1e-3, max(1e-2 * increment, enough, 1e-11))

@@ -1,0 +1,118 @@
+"""The record of a load level as it is being solved, the same for every algorithm."""
+
+import time
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.problem.certificate import certify
+from perfplast_fenicsx.problem.state import Iteration, Level, LevelReport
+from perfplast_fenicsx.solvers.iterate import Iterate
+from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
+from perfplast_fenicsx.solvers.newton_options import Monitor
+
+CREDIBLE = 1e-2
+"""A state with a larger duality gap is no solution, whatever the steps to it were."""
+
+
+class Progress:
+    """Collects the iterations of a level and judges its end.
+
+    Attributes:
+        history: The iterations so far.
+    """
+
+    def __init__(self, iterate: Iterate, linear: LinearSolver, monitor: Monitor | None) -> None:
+        """Start the clock and note the solver's counts."""
+        self.history: list[Iteration] = []
+        self._iterate, self._linear, self._monitor = iterate, linear, monitor
+        self._began = time.perf_counter()
+        self._before = linear.counts()
+        self._krylov = linear.iterations
+
+    def add(
+        self,
+        zeta: float,
+        increment: float,
+        active: npt.NDArray[np.bool_],
+        active_set_iterations: int,
+        beta: float = 1.0,
+        rho: float = 0.0,
+        **residuals: float,
+    ) -> Iteration:
+        """Record the iterate as it is after a step, and tell the monitor. Collective.
+
+        ``residuals`` are those of ALG2 (:class:`state.Iteration`).
+        """
+        iterate, linear = self._iterate, self._linear
+        record = Iteration(
+            number=len(self.history) + 1,
+            zeta=zeta,
+            alpha=iterate.work(),
+            energy=iterate.energy(zeta),
+            increment=increment,
+            beta=beta,
+            rho=rho,
+            plastic_fraction=iterate.fields.plastic_fraction(),
+            active_contacts=iterate.problem.comm.allreduce(int(active.sum())),
+            active_set_iterations=active_set_iterations,
+            linear_iterations=linear.iterations - self._krylov,
+            seconds=time.perf_counter() - self._began,
+            **residuals,
+        )
+        self._krylov = linear.iterations
+        self.history.append(record)
+        if self._monitor is not None:
+            self._monitor(record)
+        return record
+
+    def level(
+        self, zeta: float, active: npt.NDArray[np.bool_], converged: bool, reason: str
+    ) -> Level:
+        """Judge the iterate and report it. Collective."""
+        iterate, history = self._iterate, self.history
+        problem, fields, comm = iterate.problem, iterate.fields, iterate.problem.comm
+        certificate = certify(problem, fields, zeta)
+        if converged and not abs(certificate.duality_gap) <= CREDIBLE:
+            converged, reason = (
+                False,
+                (
+                    f"the steps have become small at a state that is no solution (duality gap"
+                    f" {certificate.duality_gap:.2g}), as where bodies lose all contact"
+                ),
+            )
+        nodal = fields.u.x.array.reshape(-1, problem.V.dofmap.index_map_bs)
+        largest = float(np.linalg.norm(nodal, axis=1).max(initial=0))
+        solves, setups, krylov = (
+            now - then for now, then in zip(self._linear.counts(), self._before, strict=True)
+        )
+        state = iterate.state(zeta, active)
+        report = LevelReport(
+            zeta=zeta,
+            alpha=state.alpha,
+            converged=converged,
+            reason=reason,
+            newton_iterations=len(history),
+            active_set_iterations=sum(record.active_set_iterations for record in history),
+            linear_iterations=krylov,
+            linear_solves=solves,
+            setups=setups,
+            damping_min=min((record.beta for record in history), default=1.0),
+            plastic_fraction=fields.plastic_fraction(),
+            plastic_cells=fields.plastic_cells(),
+            active_contacts=comm.allreduce(int(active.sum())),
+            contact_pairs=problem.num_pairs,
+            max_penetration=certificate.max_penetration,
+            smallest_contact_force=certificate.smallest_contact_force,
+            complementarity=certificate.complementarity,
+            equilibrium=certificate.equilibrium,
+            duality_gap=certificate.duality_gap,
+            max_displacement=comm.allreduce(largest, MPI.MAX),
+            seconds=time.perf_counter() - self._began,
+        )
+        stress = fem.Function(problem.S, name="stress")
+        stress.x.array[:] = fields.stress.x.array
+        return Level(state, stress, report, history)

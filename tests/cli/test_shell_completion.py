@@ -1,0 +1,76 @@
+"""What the shell is told on Tab."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx.cli.parser import make_parser
+from perfplast_fenicsx.cli.shell_completion import complete
+
+LINES = {
+    "perfplast ": {"run", "check", "plot", "animate", "info"},
+    "perfplast r": {"run"},
+    "perfplast run --l": {"--log-level"},
+    "perfplast run x --log-level ": {"debug", "info", "warning", "error"},
+    "perfplast run ": {"case.toml", "results/"},
+    "perfplast plot ": {"results/"},
+    "perfplast animate results -o ": {"old.gif", "results/"},
+}
+"""What has been typed, and all words without dashes, or all words, that fit."""
+
+# a process of its own, since argcomplete takes the file number 9 for itself
+ASK = """
+import io, json, os, sys
+from mpi4py import MPI
+from perfplast_fenicsx.cli.parser import make_parser
+from perfplast_fenicsx.cli.shell_completion import complete
+
+class Ended(Exception):
+    pass
+
+def end(_):
+    raise Ended
+
+found = {}
+for line in json.load(sys.stdin):
+    os.environ |= {"COMP_LINE": line, "COMP_POINT": str(len(line)), "COMP_TYPE": "9"}
+    os.environ |= {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "|"}
+    stream = io.StringIO()
+    try:
+        complete(make_parser(MPI.COMM_WORLD), exit_method=end, output_stream=stream)
+    except Ended:
+        found[line] = [word.strip() for word in stream.getvalue().split("|")]
+print(json.dumps(found))
+"""
+
+
+def test_completion(comm: MPI.Intracomm, tmp_path: Path) -> None:
+    pytest.importorskip("argcomplete")
+    if comm.size > 1:
+        pytest.skip("a program that uses MPI cannot start another")
+    for name in ("case.toml", "notes.txt", "old.gif"):
+        (tmp_path / name).touch()
+    (tmp_path / "results").mkdir()
+    done = subprocess.run(
+        [sys.executable, "-c", ASK],
+        input=json.dumps(list(LINES)),
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=60,
+    )
+    found = {line: set(words) for line, words in json.loads(done.stdout).items()}
+    for line, expected in LINES.items():
+        typed = line.split(" ")[-1]
+        words = {word for word in found[line] if typed or not word.startswith("-")}
+        assert words == expected
+
+
+def test_nobody_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("_ARGCOMPLETE", raising=False)
+    complete(make_parser(MPI.COMM_WORLD), exit_method=None)  # does nothing

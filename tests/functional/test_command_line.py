@@ -1,0 +1,399 @@
+"""``perfplast run`` and ``perfplast check``: exit statuses, messages, what a run leaves behind."""
+
+import csv
+import io
+import json
+import logging
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import pytest
+
+import perfplast_fenicsx
+from perfplast_fenicsx import __main__ as command_line
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, NO_SOLUTION, SOLVED
+from perfplast_fenicsx.cli.run_log import RunLog
+from perfplast_fenicsx.cli.terminal import Terminal, shows
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from tests.io.results.test_result_folder import report
+
+CASE = """
+title = "A punch on a block"
+[mesh]
+builder = "punch"
+n = 2
+[material.base]
+law = "elastic"
+young = 2e5
+poisson = 0.3
+[material.punch]
+law = "von-mises"
+young = 2e5
+poisson = 0.3
+yield_stress = 100.0
+[[support]]
+on = "x0"
+components = "x"
+[[support]]
+on = "y0"
+components = "y"
+[[support]]
+on = "bottom"
+[[load]]
+on = "top"
+pressure = 1.0
+[[contact]]
+primary = "punch_bottom"
+secondary = "base_top"
+[loading]
+values = [50.0, 80.0]
+[output]
+pictures = false
+"""
+
+
+@pytest.fixture
+def case(shared_tmp_path: Path, comm: MPI.Intracomm) -> Path:
+    """The case above on file."""
+    return write(comm, shared_tmp_path, CASE)
+
+
+def write(comm: MPI.Intracomm, folder: Path, text: str) -> Path:
+    path = folder / "case.toml"
+    if comm.rank == 0:
+        path.write_text(text, encoding="utf-8")
+    comm.barrier()
+    return path
+
+
+def one_line(comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]) -> str:
+    """The only line on standard error, which rank 0 alone has written."""
+    err = capsys.readouterr().err
+    assert comm.rank == 0 or err == ""
+    err = comm.bcast(err)
+    assert err.startswith("perfplast: ")
+    assert err.count("\n") == 1
+    assert err.endswith("\n")
+    return err
+
+
+def test_run(
+    case: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
+) -> None:
+    results = shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results)]) == SOLVED
+    out, err = capsys.readouterr()
+    assert err == ""
+    if comm.rank == 0:
+        header, columns, *levels, files = out.splitlines()
+        assert header.startswith("A punch on a block: base, punch; ")
+        assert "9 contact pairs" not in header
+        assert "4 contact pairs; method newton on" in header
+        assert len(levels) == 2
+        assert {len(line) for line in levels} == {len(columns)}
+        assert levels[0].split()[:2] == ["1", "50"]
+        assert "\r" not in out
+        assert str(results) in files
+    else:
+        assert out == ""
+    assert {entry.name for entry in results.iterdir()} == {
+        *("summary.json", "path.csv", "run.log", "scene.json", "fields.xdmf", "fields.h5"),
+        *("fields", "checkpoint.h5", "checkpoint_before.h5"),
+    }
+    summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    assert [step["zeta"] for step in summary["steps"]] == [50.0, 80.0]
+    assert all(step["converged"] for step in summary["steps"])
+    assert set(summary["timings"]) == {"setup", "solve", "output", "total"}
+    assert summary["version"] == perfplast_fenicsx.__version__
+
+    comm.barrier()
+    before = (results / "summary.json").stat().st_mtime_ns
+    assert main(["run", str(case), "-o", str(results)]) == BAD_INPUT
+    assert "already has results" in one_line(comm, capsys)
+    assert (results / "summary.json").stat().st_mtime_ns == before
+
+
+def test_a_load_above_the_limit(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
+) -> None:
+    text = CASE.replace("[50.0, 80.0]", "[50.0, 99.9, 101.0, 110.0]")
+    case, results = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results)]) == NO_SOLUTION
+    out, _ = capsys.readouterr()
+    if comm.rank == 0:
+        assert "No solution at zeta = 101: " in out
+    with (results / "path.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["converged"] for row in rows] == ["True", "True", "False"]
+    assert (results / "fields.xdmf").read_text(encoding="utf-8").count("<Time ") == 2
+
+
+def test_limit_load(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
+) -> None:
+    control = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-4'
+    text = CASE.replace("values = [50.0, 80.0]", control)
+    case, results = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results)]) == SOLVED
+    out, _ = capsys.readouterr()
+    summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    limit = summary["limit"]
+    assert summary["method"] == "work-newton"
+    assert limit["levelled_off"]
+    assert limit["lower"] == pytest.approx(100.0, rel=1e-4)
+    assert limit["lower"] <= limit["estimate"] <= 100.0 * (1 + 1e-4)
+    assert limit["upper"] is None or limit["upper"] >= limit["lower"]
+    assert limit["alpha"] == summary["steps"][-1]["alpha"]
+    assert limit["linear_solves"] > len(summary["steps"])
+    assert (results / "mechanism.xdmf").exists()
+    if comm.rank == 0:
+        assert "Limit load: lower bound 99.99" in out
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ("young", "yung", "did you mean 'young'?"),
+        ('on = "top"', 'on = "tip"', "'tip'"),
+        ("[50.0, 80.0]", "[]", "[loading]: values is empty"),
+    ],
+)
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_bad_case(
+    command: str,
+    old: str,
+    new: str,
+    part: str,
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+    shared_tmp_path: Path,
+) -> None:
+    case, results = write(comm, shared_tmp_path, CASE.replace(old, new)), shared_tmp_path / "out"
+    more = ["-o", str(results)] if command == "run" else []
+    assert main([command, str(case), *more]) == BAD_INPUT
+    assert part in one_line(comm, capsys)
+    assert not results.exists()
+
+
+def test_bad_input_leaves_older_results(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
+) -> None:
+    case = write(comm, shared_tmp_path, CASE.replace("base_top", "base_bottom"))
+    old = shared_tmp_path / "summary.json"
+    if comm.rank == 0:
+        old.write_text("old")
+    comm.barrier()
+    assert main(["run", str(case), "-o", str(shared_tmp_path), "--force"]) == BAD_INPUT
+    assert "base_bottom" in one_line(comm, capsys)
+    assert old.read_text() == "old"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        ([], "COMMAND"),
+        (["ran"], "ran"),
+        (["run", "case.toml"], "-o/--output"),
+        (["check", "no-such-case.toml"], "'no-such-case.toml' cannot be read"),
+        (["check", "case.toml", "--", "ksp_type", "cg"], "'ksp_type'"),
+        (["run", "case.toml", "-o", "r", "--log-level", "loud"], "'loud' (choose from"),
+        (["run", "case.toml", "-o", "r", "--frce"], "did you mean '--force'?"),
+        (["plot", "a", "b"], "perfplast plot has no argument 'b'; known: --help, --output."),
+        (["info", "--", "-ksp_type", "cg"], "takes no PETSc options"),
+    ],
+)
+def test_bad_arguments(
+    arguments: list[str],
+    part: str,
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(arguments) == BAD_INPUT
+    assert part in one_line(comm, capsys)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (["--version"], f"perfplast {perfplast_fenicsx.__version__}"),
+        (["--help"], "3 a load level without a solution"),
+        (["run", "--help"], "-perfplast_ksp_rtol"),
+    ],
+)
+def test_information(
+    arguments: list[str],
+    part: str,
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(arguments) == SOLVED
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert (part in " ".join(out.split())) == (comm.rank == 0)
+
+
+def test_check(case: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(case)]) == SOLVED
+    assert ("can be run" in capsys.readouterr().out) == (comm.rank == 0)
+    assert [entry.name for entry in case.parent.iterdir()] == ["case.toml"]
+
+
+def test_petsc_options_reach_the_solver(
+    case: Path, shared_tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    options = PETSc.Options()
+    given = {"perfplast_ksp_type": "cg", "perfplast_pc_type": "jacobi", "test_flag": None}
+    arguments = [part for key, value in given.items() for part in (f"-{key}", value) if part]
+    results = shared_tmp_path / "results"
+    try:
+        command = ["run", str(case), "-o", str(results), "--", "-perfplast_ksp_rtol", "1e-11"]
+        assert main([*command, *arguments]) == SOLVED
+        assert options.hasName("test_flag")
+        (step, _) = json.loads((results / "summary.json").read_text(encoding="utf-8"))["steps"]
+        assert step["linear_iterations"] > 3 * step["active_set_iterations"]  # no Cholesky
+    finally:
+        for key in (*given, "perfplast_ksp_rtol"):
+            options.delValue(key)
+
+
+def test_a_fault_of_the_program(
+    case: Path,
+    comm: MPI.Intracomm,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    if comm.size > 1:
+        pytest.skip("ends all ranks")
+
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("a fault")
+
+    monkeypatch.setattr(command_line, "read_case", fail)
+    assert main(["check", str(case)]) == FAULT
+    assert "ZeroDivisionError: a fault" in capsys.readouterr().err
+
+
+def test_as_a_program(case: Path, comm: MPI.Intracomm) -> None:
+    if comm.size > 1:
+        pytest.skip("a program that uses MPI cannot start another")
+    program = [sys.executable, "-m", "perfplast_fenicsx"]
+    done = subprocess.run([*program, "check", str(case)], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (SOLVED, "")
+    done = subprocess.run([*program, "check", "no.toml"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (BAD_INPUT, "")
+    assert done.stderr.count("\n") == 1
+
+
+def test_live_line(
+    case: Path, comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stream = io.StringIO()
+    live = lambda comm, **_: Terminal(comm, stream, live=True)  # noqa: E731
+    monkeypatch.setattr(command_line, "Terminal", live)
+    monkeypatch.setattr("perfplast_fenicsx.cli.terminal.LIVE_PERIOD", 0.0)
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "results")]) == SOLVED
+    text = stream.getvalue()
+    if comm.rank > 0:
+        assert text == ""
+        return
+    assert text.startswith("\r0:00  setting up the problem\r")
+    for zeta, level in ((50, 1), (80, 2)):
+        pattern = rf"\r0:0\d  level {level}: zeta {zeta}, alpha (\S+), Newton 1, (.*?) *\r"
+        found = re.search(pattern, text)
+        assert found is not None
+        assert float(found[1]) > 0
+        assert re.match(r"CG 1, \d+\.\d% plastic, ", found[2])
+    for line in text.split("\n"):  # what stays is what was written last over a blanked line
+        *_, blank, last = line.split("\r") if "\r" in line else ("", line)
+        assert blank.strip() == ""
+        assert "increment" not in last
+
+
+def test_run_log(case: Path, comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    results = shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results), "--quiet"]) == SOLVED
+    lines = (results / "run.log").read_text(encoding="utf-8").splitlines()
+    stamp = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d,\d{3} INFO    ")
+    assert all(stamp.match(line) for line in lines)
+    text = "\n".join(stamp.sub("", line) for line in lines)
+    assert text.startswith(f"perfplast {perfplast_fenicsx.__version__}, DOLFINx ")
+    assert f"\nranks: {comm.size} on " in text
+    assert "\ncase.options: NewtonOptions(" in text
+    assert "\ncase.loading: LoadControl(values=[50.0, 80.0])\n" in text
+    summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    for number, step in enumerate(summary["steps"], start=1):
+        steps = re.findall(rf"^level {number}, step \d+: zeta ", text, re.MULTILINE)
+        assert len(steps) == step["newton_iterations"]
+        assert f"\nlevel {number}: solved (" in text
+    assert text.splitlines()[-1].startswith("ended after ")
+
+
+def test_warnings_and_faults_are_in_the_log(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    folder = ResultFolder(comm, shared_tmp_path / "results")
+    folder.create()
+    log = logging.getLogger("perfplast_fenicsx.test")
+    before = log.getEffectiveLevel()
+    with pytest.raises(ZeroDivisionError), RunLog(folder):
+        log.debug("too small")
+        log.warning("watch out")
+        raise ZeroDivisionError("a fault")
+    log.warning("not in the file any more")
+    assert log.getEffectiveLevel() == before
+    comm.barrier()
+    text = folder.file("run.log").read_text(encoding="utf-8")
+    assert text.count(" WARNING watch out\n") == 1
+    assert text.count(" ERROR   ended by ZeroDivisionError\n") == 1
+    assert "\nZeroDivisionError: a fault\n" in text
+    assert "too small" not in text
+    assert "any more" not in text
+    with RunLog(folder, "debug", first=3) as journal:
+        log.debug("seen now")
+        journal.level(report(7.5, reason="criterion met"))
+    comm.barrier()
+    text = folder.file("run.log").read_text(encoding="utf-8")
+    assert "watch out" in text
+    assert " DEBUG   seen now\n" in text
+    assert " INFO    level 3: solved (criterion met): zeta 7.5, alpha " in text
+
+
+@pytest.mark.parametrize("more", [["--quiet"], ["--quiet", "--log-level", "info"], []])
+def test_what_is_shown(
+    more: list[str],
+    case: Path,
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "results"), *more]) == SOLVED
+    out, err = capsys.readouterr()
+    assert (out == "") == ("--quiet" in more or comm.rank > 0)
+    steps = re.findall(r"^perfplast: INFO: level 1, step \d+: zeta 50, ", err, re.MULTILINE)
+    assert bool(steps) == ("info" in more and comm.rank == 0)
+    assert (err == "") == ("info" not in more or comm.rank > 0)
+
+
+def test_info(comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info"]) == SOLVED
+    out, err = capsys.readouterr()
+    assert err == ""
+    facts = dict(re.split(r"  +", line, maxsplit=1) for line in out.splitlines())
+    if comm.rank > 0:
+        assert facts == {}
+        return
+    assert facts["perfplast"] == perfplast_fenicsx.__version__
+    assert facts["PETSc"] == ".".join(map(str, PETSc.Sys.getVersion()))
+    assert facts["ranks"].split()[0] == str(comm.size)
+    assert "mumps" in facts["PETSc packages"]
+    assert "blas" in facts["BLAS"].lower()
+    assert "core" in facts["threads"]
+
+
+def test_nobody_watches_a_file(tmp_path: Path) -> None:
+    with (tmp_path / "log").open("w") as file:
+        assert not shows(file)

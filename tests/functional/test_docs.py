@@ -1,0 +1,148 @@
+"""The documentation: the reference is whole, the site builds, the tutorial does what it shows."""
+
+import dataclasses
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import pytest
+
+from docs import api_pages, case_reference, command_reference, commands
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.obstacles import OBSTACLES
+from perfplast_fenicsx.io.case import tables
+from perfplast_fenicsx.io.case.loading_options import LOADINGS
+from perfplast_fenicsx.io.case.scene import Units
+from perfplast_fenicsx.materials.laws import MATERIALS
+from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
+from perfplast_fenicsx.problem.supports import Support
+from perfplast_fenicsx.solvers.methods import METHODS
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+
+TABLES = {
+    "[mesh]": [tables.MeshFile],
+    "[material.NAME]": [*MATERIALS.values()],
+    "[[support]]": [Support],
+    "[[load]]": [tables.LoadTable],
+    "[[contact]]": [Contact],
+    "[[obstacle]]": [*OBSTACLES.values()],
+    "[element]": [tables.ElementOptions],
+    "[solve]": [entry.options for entry in METHODS.values()],
+    "[loading]": [*LOADINGS.values()],
+    "[output]": [tables.OutputOptions],
+    "[units]": [Units],
+}
+
+
+def alone(comm: MPI.Intracomm) -> None:
+    """Skip what starts programs that use MPI, and what one rank can do."""
+    if comm.size > 1:
+        pytest.skip("on one rank alone")
+
+
+def tables(text: str) -> dict[str, str]:
+    """The reference by its headings."""
+    _, *parts = re.split(r"^## `?([^`\n]+)`?\n", text, flags=re.MULTILINE)
+    return dict(zip(parts[::2], parts[1::2], strict=True))
+
+
+def test_every_table_has_a_section() -> None:
+    keys = {field.name for field in dataclasses.fields(tables.Document)}
+    assert set(case_reference.SECTIONS) == keys - {"title"}
+    assert set(tables(case_reference.reference())) == {"Top level", *TABLES}
+
+
+@pytest.mark.parametrize("heading", TABLES)
+def test_every_field_is_documented(heading: str) -> None:
+    text = tables(case_reference.reference())[heading]
+    for schema in TABLES[heading]:
+        rows = case_reference.rows(schema)
+        assert rows in text
+        for field in dataclasses.fields(schema):
+            ((default, meaning),) = re.findall(
+                rf"^\| `{field.name}` \| [^|]+ \| ([^|]+) \| (.+) \|$", rows, re.MULTILINE
+            )
+            assert len(meaning) > 10
+            required = field.default is field.default_factory is dataclasses.MISSING
+            assert (default == "required") == required, field
+
+
+def test_choices_are_documented() -> None:
+    text = case_reference.reference()
+    choices: list[Any] = [MATERIALS, METHODS, OBSTACLES, LOADINGS, BUILDERS]
+    for name in [name for mapping in choices for name in mapping]:
+        assert f'`"{name}"`' in text
+
+
+def test_every_command_is_documented() -> None:
+    text = command_reference.reference()
+    for command in ("run", "check"):
+        assert f"\n## `perfplast {command}`\n" in text
+    assert "--force" in text
+
+
+def test_every_module_has_a_place() -> None:
+    named = api_pages.named()
+    assert len(set(named)) == len(named)
+    modules = {path.stem for path in api_pages.PACKAGE.glob("*.py")} - {"__init__"}
+    assert set(named) - {"*"} | set(api_pages.remaining()) == modules
+
+
+def test_pictures_are_small() -> None:
+    pictures = [*DOCS.glob("pictures/*")]
+    assert pictures
+    assert [picture for picture in pictures if picture.stat().st_size > 150_000] == []
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed", "equal"),
+    [
+        ("a 1.5\nb\n", "a  2e-3\nb\n", True),
+        ("a\n...\nc\n", "a\nb\nb\nc\n", True),
+        ("a\nc\n", "a\nb\nc\n", False),
+        ("Results in r: x.csv, x.png\n", "Results in r: x.csv\n", True),
+        ("2 ranks\n", "1 rank\n", False),
+    ],
+)
+def test_outputs_are_compared(shown: str, printed: str, equal: bool) -> None:
+    assert commands.same(shown, printed) == equal
+
+
+def test_tutorial(comm: MPI.Intracomm, tmp_path: Path) -> None:
+    alone(comm)
+    page = DOCS / "tutorial.md"
+    parts = list(commands.parts(page.read_text(encoding="utf-8")))
+    assert sum(isinstance(part, commands.Command) for part in parts) == 5
+    # without pictures: they take most of the time, and have tests of their own
+    faults = commands.check(page, tmp_path / "clone", pictures=False)
+    assert not faults, "\n".join([*faults, f"docs/commands.py {page.name} --write refreshes it"])
+
+
+def test_site(comm: MPI.Intracomm, tmp_path: Path) -> None:
+    alone(comm)
+    for module in ("sphinx", "myst_parser", "furo"):
+        if not importlib.util.find_spec(module):
+            pytest.skip(f"{module} is not installed")
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html"]
+    done = subprocess.run(
+        [*command, "-d", str(tmp_path / "trees"), str(DOCS), str(tmp_path / "site")],
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    site = tmp_path / "site"
+    assert "<math" in (site / "theory.html").read_text(encoding="utf-8")
+    assert "limit_tolerance" in (site / "case_file.html").read_text(encoding="utf-8")
+    # nothing is fetched from elsewhere when a page is opened
+    for page in site.rglob("*.html"):
+        fetched = re.findall(
+            r'<(?:script|link|img)[^>]+(?:src|href)="(https?://[^"]+)"', page.read_text()
+        )
+        assert fetched == [], page

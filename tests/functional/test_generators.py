@@ -1,0 +1,428 @@
+"""The generators under meshes/: names, sizes, matching surfaces, curves."""
+
+import runpy
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import asin, pi, sqrt
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from meshes.contact_patch import write_contact_patch
+from meshes.corner_seat import LEG, write_corner_seat
+from meshes.cracked_strip import write_cracked_strip
+from meshes.hertz_line import ARC, write_hertz_line
+from meshes.hertz_sphere import CAP, write_hertz_sphere
+from meshes.plate_with_hole import write_plate_with_hole
+from meshes.platens import PLATEN, write_platens
+from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
+from meshes.thick_sphere import write_thick_sphere
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
+from tests.mesh.test_meshes import area_vector, check_interface, surface_nodes, volume
+
+
+@dataclass
+class Case:
+    """What a generator should write.
+
+    Attributes:
+        write: The generator.
+        arguments: Its arguments.
+        volumes: Volume by name, of the true bodies.
+        areas: Area vector ∫ n ds by name.
+        pairs: Matching surfaces.
+        rel: Relative error that the geometry may have.
+        gdim: Dimension of the mesh.
+    """
+
+    write: Callable[..., None]
+    arguments: dict[str, object]
+    volumes: dict[str, float]
+    areas: dict[str, tuple[float, ...]]
+    pairs: list[tuple[str, str]] = field(default_factory=list)
+    rel: float = 1e-12
+    gdim: int = 2
+
+    def __str__(self) -> str:
+        options = [f"{key}={value}" for key, value in self.arguments.items() if key != "size"]
+        return "-".join([self.write.__name__.removeprefix("write_"), *options])
+
+    def read(self, comm: MPI.Intracomm, folder: Path, **changes: object) -> TaggedMesh:
+        """Write the mesh on rank 0, read it on all."""
+        path = folder / "mesh.msh"
+        if comm.rank == 0:
+            self.write(path, **self.arguments | changes)
+        comm.barrier()
+        return read_gmsh(comm, path, self.gdim)
+
+
+quarter = pi / 4
+arc_height = 1 - sqrt(1 - ARC**2)
+cap_side = (asin(CAP) - CAP * sqrt(1 - CAP**2)) / 2  # the cap seen along x or y
+CASES = [
+    Case(
+        write_thick_tube,
+        {"size": 0.1},
+        {"tube": quarter * (1.3**2 - 1)},
+        {"inner": (-1, -1), "outer": (1.3, 1.3), "x0": (-0.3, 0), "y0": (0, -0.3)},
+        rel=4e-3,
+    ),
+    Case(
+        write_thick_tube,
+        {"outer": 2.0, "interface": 1.5, "size": 0.2, "order": 2},
+        {"inner_tube": quarter * (1.5**2 - 1), "outer_tube": quarter * (4 - 1.5**2)},
+        {
+            "inner": (-1, -1),
+            "outer": (2, 2),
+            "x0": (-1, 0),
+            "y0": (0, -1),
+            "inner_tube_seam": (1.5, 1.5),
+            "outer_tube_seam": (-1.5, -1.5),
+        },
+        [("inner_tube_seam", "outer_tube_seam")],
+        rel=1e-4,
+    ),
+    Case(
+        write_thick_sphere,
+        {"size": 0.4},
+        {"shell": pi / 6 * 7},
+        {
+            "inner": (-quarter,) * 3,
+            "outer": (4 * quarter,) * 3,
+            "x0": (-3 * quarter, 0, 0),
+            "y0": (0, -3 * quarter, 0),
+            "z0": (0, 0, -3 * quarter),
+        },
+        rel=5e-2,
+        gdim=3,
+    ),
+    Case(
+        write_thick_sphere,
+        {"interface": 1.5, "size": 0.4, "order": 2},
+        {"inner_shell": pi / 6 * (1.5**3 - 1), "outer_shell": pi / 6 * (8 - 1.5**3)},
+        {
+            "inner": (-quarter,) * 3,
+            "outer": (4 * quarter,) * 3,
+            "x0": (-3 * quarter, 0, 0),
+            "y0": (0, -3 * quarter, 0),
+            "z0": (0, 0, -3 * quarter),
+            "inner_shell_seam": (1.5**2 * quarter,) * 3,
+            "outer_shell_seam": (-(1.5**2) * quarter,) * 3,
+        },
+        [("inner_shell_seam", "outer_shell_seam")],
+        rel=2e-3,
+        gdim=3,
+    ),
+    Case(
+        write_strip_footing,
+        {"size": 0.5},
+        {"ground": WIDTH * DEPTH},
+        {
+            "x0": (-DEPTH, 0),
+            "bottom": (0, -WIDTH),
+            "side": (DEPTH, 0),
+            "footing": (0, 1),
+            "free": (0, WIDTH - 1),
+        },
+    ),
+    Case(
+        write_strip_footing,
+        {"punch": True, "size": 0.5, "order": 2},
+        {"ground": WIDTH * DEPTH, "punch": 1},
+        {
+            "x0": (-DEPTH - 1, 0),
+            "bottom": (0, -WIDTH),
+            "side": (DEPTH, 0),
+            "free": (0, WIDTH - 1),
+            "top": (0, 1),
+            "ground_footing": (0, 1),
+            "punch_footing": (0, -1),
+        },
+        [("ground_footing", "punch_footing")],
+    ),
+    Case(
+        write_contact_patch,
+        {"dim": 2, "size": 0.4, "order": 2},
+        {"lower": 1, "upper": 1},
+        {
+            "x0": (-2, 0),
+            "bottom": (0, -1),
+            "top": (0, 1),
+            "lower_seam": (0, 1),
+            "upper_seam": (0, -1),
+        },
+        [("lower_seam", "upper_seam")],
+    ),
+    Case(
+        write_contact_patch,
+        {"dim": 3, "size": 0.5},
+        {"lower": 1, "upper": 1},
+        {
+            "x0": (-2, 0, 0),
+            "y0": (0, -2, 0),
+            "bottom": (0, 0, -1),
+            "top": (0, 0, 1),
+            "lower_seam": (0, 0, 1),
+            "upper_seam": (0, 0, -1),
+        },
+        [("lower_seam", "upper_seam")],
+        gdim=3,
+    ),
+    Case(
+        write_corner_seat,
+        {"dim": 2, "size": 0.4},
+        {"block": 1, "seat": LEG * (2 + LEG)},
+        {
+            "top": (0, 1),
+            "right": (1, 0),
+            "seat_bottom": (0, -1 - LEG),
+            "seat_left": (-1 - LEG, 0),
+            "block_corner": (-1, -1),
+            "seat_corner": (1, 1),
+        },
+        [("block_corner", "seat_corner")],
+    ),
+    Case(
+        write_corner_seat,
+        {"dim": 3, "size": 0.5, "order": 2},
+        {"block": 1, "seat": LEG * (2 + LEG)},
+        {
+            "top": (0, 1, 0),
+            "right": (1, 0, 0),
+            "seat_bottom": (0, -1 - LEG, 0),
+            "seat_left": (-1 - LEG, 0, 0),
+            "z0": (0, 0, -((1 + LEG) ** 2)),
+            "z1": (0, 0, (1 + LEG) ** 2),
+            "block_corner": (-1, -1, 0),
+            "seat_corner": (1, 1, 0),
+        },
+        [("block_corner", "seat_corner")],
+        gdim=3,
+    ),
+    Case(
+        write_platens,
+        {"size": 0.2, "order": 2},
+        {"block": 0.5},
+        {"x0": (-0.5, 0), "y0": (0, -1), "side": (0.5, 0), "top": (0, 1)},
+    ),
+    Case(
+        write_platens,
+        {"platen": True, "size": 0.2},
+        {"block": 0.5, "platen": PLATEN},
+        {"x0": (-0.5 - PLATEN, 0), "y0": (0, -1), "side": (0.5, 0), "top": (0, 1)},
+    ),
+    Case(
+        write_cracked_strip,
+        {"width": 3.0, "length": 4.0, "tip": 1.0, "size": 0.4, "order": 2},
+        {"strip": 12},
+        {"inner": (0, -1), "outer": (0, -2), "x0": (-4, 0), "side": (4, 0), "top": (0, 3)},
+    ),
+    Case(
+        write_plate_with_hole,
+        {"size": 1.0, "order": 2},
+        {"plate": 18.75},
+        {"x0": (-2.5, 0), "y0": (0, -2.5), "side": (5, 0), "top": (0, 5), "hole": (-2.5, -2.5)},
+    ),
+    Case(
+        write_hertz_line,
+        {"contact_size": 0.05},
+        {"upper": quarter},
+        {
+            "x0": (-1, 0),
+            "top": (0, 1),
+            "upper_arc": (arc_height, -ARC),
+            "upper_free": (1 - arc_height, ARC - 1),
+        },
+        rel=5e-3,
+    ),
+    Case(
+        write_hertz_line,
+        {"contact_size": 0.05, "bodies": 2, "order": 2},
+        {"lower": quarter, "upper": quarter},
+        {
+            "x0": (-2, 0),
+            "top": (0, 1),
+            "bottom": (0, -1),
+            "upper_arc": (arc_height, -ARC),
+            "upper_free": (1 - arc_height, ARC - 1),
+            "lower_arc": (arc_height, ARC),
+            "lower_free": (1 - arc_height, 1 - ARC),
+        },
+        rel=1e-5,
+    ),
+    Case(
+        write_hertz_sphere,
+        {"contact_size": 0.1},
+        {"upper": pi / 6},
+        {
+            "x0": (-quarter, 0, 0),
+            "y0": (0, -quarter, 0),
+            "top": (0, 0, quarter),
+            "upper_cap": (cap_side, cap_side, -quarter * CAP**2),
+            "upper_free": (quarter - cap_side, quarter - cap_side, quarter * (CAP**2 - 1)),
+        },
+        rel=3e-2,
+        gdim=3,
+    ),
+    Case(
+        write_hertz_sphere,
+        {"contact_size": 0.1, "bodies": 2, "order": 2},
+        {"lower": pi / 6, "upper": pi / 6},
+        {
+            "x0": (-2 * quarter, 0, 0),
+            "y0": (0, -2 * quarter, 0),
+            "top": (0, 0, quarter),
+            "bottom": (0, 0, -quarter),
+            "upper_cap": (cap_side, cap_side, -quarter * CAP**2),
+            "upper_free": (quarter - cap_side, quarter - cap_side, quarter * (CAP**2 - 1)),
+            "lower_cap": (cap_side, cap_side, quarter * CAP**2),
+            "lower_free": (quarter - cap_side, quarter - cap_side, quarter * (1 - CAP**2)),
+        },
+        rel=5e-4,
+        gdim=3,
+    ),
+]
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_volumes_and_surfaces(comm: MPI.Intracomm, shared_tmp_path: Path, case: Case) -> None:
+    assembly = case.read(comm, shared_tmp_path)
+    assert assembly.volumes.keys() == case.volumes.keys()
+    assert assembly.surfaces.keys() == case.areas.keys()
+    for name, value in case.volumes.items():
+        assert volume(assembly, name) == pytest.approx(value, rel=case.rel)
+    for name, vector in case.areas.items():
+        error = case.rel * np.linalg.norm(vector)
+        np.testing.assert_allclose(area_vector(assembly, name), vector, rtol=0, atol=error)
+    for one, other in case.pairs:
+        check_interface(assembly, one, other)
+    nodes = {(2, 1): 3, (2, 2): 6, (3, 1): 4, (3, 2): 10}[case.gdim, case.arguments.get("order", 1)]
+    assert geometry_dofmap(assembly.mesh).shape[1] == nodes
+
+
+def points(assembly: TaggedMesh, name: str) -> npt.NDArray[np.float64]:
+    """The nodes of a surface, sorted, shape (num_nodes, 3)."""
+    nodes = surface_nodes(assembly, name).values()
+    return np.array(sorted(tuple(np.frombuffer(node)) for node in nodes))
+
+
+@pytest.mark.parametrize(
+    ("write", "gdim", "radius"), [(write_thick_tube, 2, 1.15), (write_thick_sphere, 3, 1.5)]
+)
+def test_curved_facets(
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    write: Callable[..., None],
+    gdim: int,
+    radius: float,
+) -> None:
+    case = Case(write, {"interface": radius, "size": 0.4}, {}, {}, gdim=gdim)
+    exact = np.pi * (radius**gdim - 1) / {2: 4, 3: 6}[gdim]
+    errors = []
+    for order in (1, 2):
+        assembly = case.read(comm, shared_tmp_path, order=order)
+        for side in [name for name in assembly.surfaces if name.endswith("_seam")]:
+            distances = np.linalg.norm(points(assembly, side), axis=1)
+            np.testing.assert_allclose(distances, radius, rtol=1e-12)
+        errors.append(abs(volume(assembly, min(assembly.volumes)) - exact))
+    assert errors[1] < errors[0] / 50
+
+
+@pytest.mark.parametrize(
+    ("write", "gdim", "contact"), [(write_hertz_line, 2, "arc"), (write_hertz_sphere, 3, "cap")]
+)
+def test_mirror_image(
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    write: Callable[..., None],
+    gdim: int,
+    contact: str,
+) -> None:
+    case = Case(write, {"contact_size": 0.1, "bodies": 2, "order": 2}, {}, {}, gdim=gdim)
+    assembly = case.read(comm, shared_tmp_path)
+    axis = gdim - 1
+    up = np.eye(3)[axis]
+    for surface in (contact, "free"):
+        upper, lower = (points(assembly, f"{body}_{surface}") for body in ("upper", "lower"))
+        lower[:, axis] = 0.0 - lower[:, axis]
+        np.testing.assert_array_equal(upper, np.array(sorted(map(tuple, lower))))
+        np.testing.assert_allclose(np.linalg.norm(upper - up, axis=1), 1, rtol=1e-12)
+    upper, lower = (surface_nodes(assembly, f"{body}_{contact}") for body in ("upper", "lower"))
+    assert upper.keys().isdisjoint(lower)
+    assert np.zeros(3).tobytes() in upper.values()
+    assert np.zeros(3).tobytes() in lower.values()
+    touching = points(assembly, f"upper_{contact}")
+    assert np.linalg.norm(touching - touching * up, axis=1).max() == pytest.approx(ARC)
+    assert ARC == CAP
+
+
+def test_platen_is_glued(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    case = Case(write_platens, {"platen": True, "size": 0.2}, {}, {})
+    assembly = case.read(comm, shared_tmp_path)
+    mesh = assembly.mesh
+    nodes = geometry_dofmap(mesh)
+    used = [
+        set(mesh.geometry.input_global_indices[nodes[assembly.cells(name)]].ravel())
+        for name in ("block", "platen")
+    ]
+    block, platen = (set().union(*comm.allgather(part)) for part in used)
+    assert len(block & platen) > 5
+
+
+def edge_lengths(assembly: TaggedMesh, point: tuple[float, ...]) -> tuple[float, float]:
+    """Length of the longest edge of the largest cell at a place, and in the whole mesh."""
+    mesh = assembly.mesh
+    cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
+    sizes = mesh.h(mesh.topology.dim, cells)
+    vertices = mesh.geometry.x[geometry_dofmap(mesh)[cells, : mesh.topology.dim + 1]]
+    there = np.linalg.norm(vertices - (*point, 0, 0)[:3], axis=2).min(axis=1) < 1e-9
+    local = (sizes[there].max(initial=0), sizes.max(initial=0))
+    return tuple(mesh.comm.allreduce(value, MPI.MAX) for value in local)
+
+
+@pytest.mark.parametrize(
+    ("case", "point", "near"),
+    [
+        (Case(write_strip_footing, {"size": 0.5, "punch": True}, {}, {}), (1, 0), 0.05),
+        (Case(write_platens, {"size": 0.2, "platen": True}, {}, {}), (1, 0.5), 0.02),
+        (Case(write_cracked_strip, {"size": 0.2}, {}, {}), (0.5, 0), 0.0125),
+        (Case(write_plate_with_hole, {"size": 1.0}, {}, {}), (2.5, 2.5), 0.1),
+        (Case(write_hertz_line, {"contact_size": 0.02}, {}, {}), (0, 0), 0.02),
+        (Case(write_hertz_sphere, {"contact_size": 0.03}, {}, {}, gdim=3), (0, 0, 0), 0.03),
+    ],
+    ids=str,
+)
+def test_finer_where_it_matters(
+    comm: MPI.Intracomm, shared_tmp_path: Path, case: Case, point: tuple[float, ...], near: float
+) -> None:
+    finest, largest = edge_lengths(case.read(comm, shared_tmp_path), point)
+    assert near / 2 < finest < 2 * near
+    assert largest > 6 * near
+
+
+def test_folded_elements_are_refused(tmp_path: Path) -> None:
+    write_thick_sphere(tmp_path / "mesh.msh", interface=1.3, size=0.4, order=2)  # some are repaired
+    with pytest.raises(InputError, match="fold over; give a smaller size"):
+        write_thick_sphere(tmp_path / "mesh.msh", interface=1.3, size=0.8, order=2)
+
+
+def test_command_line(
+    comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = shared_tmp_path / "script.msh"
+    if comm.rank == 0:
+        options = ["-o", str(path), "--size", "1", "--order", "2", "--punch"]
+        monkeypatch.setattr("sys.argv", ["strip_footing.py", *options])
+        script = Path(__file__).parents[2] / "meshes" / "strip_footing.py"
+        runpy.run_path(str(script), run_name="__main__")
+    comm.barrier()
+    assembly = read_gmsh(comm, path, gdim=2)
+    assert assembly.volumes.keys() == {"ground", "punch"}
+    assert geometry_dofmap(assembly.mesh).shape[1] == 6

@@ -1,0 +1,463 @@
+"""Checkpoints, restarts, interrupts: a run that is ended goes on as if it had not been."""
+
+import csv
+import json
+import os
+import shutil
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli import recorder
+from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.io.results.checkpoint_header import BEFORE, NEWEST
+from perfplast_fenicsx.problem.state import Level
+
+CASE = """
+[mesh]
+builder = "punch"
+n = 2
+[material.base]
+law = "von-mises"
+young = 2e5
+poisson = 0.3
+yield_stress = 489.897948556636
+[material.punch]
+law = "von-mises"
+young = 2e5
+poisson = 0.3
+yield_stress = 489.897948556636
+[[support]]
+on = "x0"
+components = "x"
+[[support]]
+on = "y0"
+components = "y"
+[[support]]
+on = "bottom"
+[[load]]
+on = "top"
+pressure = 1.0
+[[contact]]
+primary = "punch_bottom"
+secondary = "base_top"
+gap = "0.0004 * x**2"
+[output]
+pictures = false
+"""
+
+LOADINGS = {
+    "newton": "values = [200.0, 350.0, 450.0]",
+    "augmented-lagrangian": "values = [200.0, 350.0, 450.0]",
+    "work-newton": 'control = "work"\nvalues = [3e-4, 6e-4, 1.2e-3]',
+    "bordered-newton": 'control = "work"\nvalues = [3e-4, 6e-4, 1.2e-3]',
+}
+OTHERS = list(LOADINGS)[1:]
+LIMIT = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-3'
+
+TIMES = ("seconds", "linear_iterations", "linear_solves", "setups")
+"""What a restart may change in a level."""
+
+
+def case_text(method: str, loading: str, more: str = "") -> str:
+    return f'{CASE}{more}\n[solve]\nmethod = "{method}"\n[loading]\n{loading}\n'
+
+
+def write(comm: MPI.Intracomm, path: Path, text: str) -> Path:
+    if comm.rank == 0:
+        path.write_text(text, encoding="utf-8")
+    comm.barrier()
+    return path
+
+
+def path_of(folder: Path) -> list[dict[str, str]]:
+    with (folder / "path.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def same_path(one: Path, other: Path) -> None:
+    """The same levels, ζ and α to 1e-10, and the same fields."""
+    rows, others = path_of(one), path_of(other)
+    assert [row["step"] for row in rows] == [str(i + 1) for i in range(len(rows))]
+    assert len(rows) == len(others)
+    for row, expected in zip(rows, others, strict=True):
+        assert row["converged"] == expected["converged"]
+        assert row["newton_iterations"] == expected["newton_iterations"]
+        assert row["active_contacts"] == expected["active_contacts"]
+        for key in ("zeta", "alpha", "max_displacement"):
+            assert float(row[key]) == pytest.approx(float(expected[key]), rel=1e-10, abs=1e-14)
+    steps = [json.loads((f / "summary.json").read_text())["steps"] for f in (one, other)]
+    assert len(steps[0]) == len(steps[1]) == len(rows)
+    fields, expected_fields = fields_of(one), fields_of(other)
+    assert [level["time"] for level in fields] == pytest.approx(
+        [level["time"] for level in expected_fields], rel=1e-10
+    )
+    solved = sum(row["converged"] == "True" for row in rows)
+    assert len(fields) == len(expected_fields) == solved
+    for level, expected_level in zip(fields, expected_fields, strict=True):
+        assert level.keys() == expected_level.keys()
+        for name in ("displacement", "stress", "topology", "geometry"):
+            size = np.abs(expected_level[name]).max()
+            np.testing.assert_allclose(level[name], expected_level[name], atol=1e-8 * size)
+
+
+def fields_of(folder: Path) -> list[dict[str, np.ndarray]]:
+    """The arrays of each level, found by ``fields.xdmf`` as ParaView does."""
+    levels = []
+    for grid in ElementTree.parse(folder / "fields.xdmf").getroot().findall("Domain/Grid/Grid"):
+        items = {item.get("Name", ""): item.find("DataItem") for item in grid.findall("Attribute")}
+        items["topology"] = grid.find("Topology/DataItem")
+        items["geometry"] = grid.find("Geometry/DataItem")
+        time_ = grid.find("Time")
+        assert time_ is not None
+        level = {"time": np.float64(time_.get("Value"))}
+        for name, item in items.items():
+            assert item is not None
+            file_, _, place = (item.text or "").partition(":")
+            with h5py.File(folder / file_, "r") as file:
+                level[name] = np.asarray(file[place])
+        levels.append(level)
+    return levels
+
+
+@pytest.fixture
+def ended_after(monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm) -> Callable[[int], None]:
+    """Has the last rank get a SIGTERM when a run has solved so many levels."""
+
+    def end(levels: int) -> None:
+        plain = recorder.Recorder.level
+
+        def level(self: recorder.Recorder, level: Level, *more: object) -> None:
+            if len(self.results.reports) == levels - 1 and comm.rank == comm.size - 1:
+                signal.raise_signal(signal.SIGTERM)
+            plain(self, level, *more)  # type: ignore[arg-type]
+
+        monkeypatch.setattr(recorder.Recorder, "level", level)
+
+    return end
+
+
+@pytest.mark.parametrize("method", [pytest.param("newton", marks=pytest.mark.mpi3), *OTHERS])
+def test_a_run_goes_on(
+    method: str,
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    ended_after: Callable[[int], None],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    if comm.size > 1 and method != "newton":
+        pytest.skip("nothing else is parallel in it")
+    case = write(comm, shared_tmp_path / "case.toml", case_text(method, LOADINGS[method]))
+    whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
+    assert main(["run", str(case), "-o", str(whole)]) == SOLVED
+    ended_after(2)
+    assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM
+    assert f"perfplast run {case} --restart {parts}" in caplog.text
+    assert len(path_of(parts)) == 2
+    comm.barrier()
+    monkeypatch.undo()
+    assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
+    same_path(parts, whole)
+    comm.barrier()
+    assert main(["run", str(case), "--restart", str(parts)]) == SOLVED  # nothing is left to do
+    same_path(parts, whole)
+
+
+def test_a_search_for_the_limit_load_goes_on(
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    ended_after: Callable[[int], None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    case = write(comm, shared_tmp_path / "case.toml", case_text("work-newton", LIMIT))
+    whole = shared_tmp_path / "whole"
+    assert main(["run", str(case), "-o", str(whole)]) == SOLVED
+    levels = len(path_of(whole))
+    assert levels >= 4
+    expected = json.loads((whole / "summary.json").read_text())["limit"]
+    for ended in (2, levels):
+        parts = shared_tmp_path / f"parts{ended}"
+        ended_after(ended)
+        assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM
+        assert len(path_of(parts)) == ended
+        comm.barrier()
+        monkeypatch.undo()
+        assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
+        same_path(parts, whole)
+        limit = json.loads((parts / "summary.json").read_text())["limit"]
+        assert limit["reason"] == expected["reason"]
+        assert limit["linear_solves"] == expected["linear_solves"]
+        for key in ("lower", "estimate", "upper", "alpha"):
+            assert limit[key] == pytest.approx(expected[key], rel=1e-8)
+        comm.barrier()
+
+
+# --- what is refused, and what is damaged ----------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def ended(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A case file, and the results of a run that was ended after two of three levels."""
+    comm = MPI.COMM_WORLD
+    folder = comm.bcast(tmp_path_factory.mktemp("ended"))
+    text = case_text("newton", LOADINGS["newton"])
+    case, results = write(comm, folder / "case.toml", text), folder / "results"
+    with pytest.MonkeyPatch.context() as patch:
+        plain = recorder.Recorder.level
+
+        def level(self: recorder.Recorder, level: Level, *more: object) -> None:
+            if len(self.results.reports) == 1:
+                signal.raise_signal(signal.SIGINT)
+            plain(self, level, *more)  # type: ignore[arg-type]
+
+        patch.setattr(recorder.Recorder, "level", level)
+        assert main(["run", str(case), "-o", str(results)]) == 128 + signal.SIGINT
+    comm.barrier()
+    return case, results
+
+
+@pytest.fixture
+def copied(
+    ended: tuple[Path, Path], shared_tmp_path: Path, comm: MPI.Intracomm
+) -> tuple[Path, Path]:
+    """The same once more, for a test to change."""
+    case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
+    if comm.rank == 0:
+        shutil.copy(ended[0], case)
+        shutil.copytree(ended[1], results)
+    comm.barrier()
+    return case, results
+
+
+def refused(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], case: Path, folder: Path
+) -> str:
+    """The one line of a refusal, which leaves all files as they are."""
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    comm.barrier()
+    capsys.readouterr()
+    assert main(["run", str(case), "--restart", str(folder)]) == BAD_INPUT
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert comm.rank == 0 or err == ""
+    err = comm.bcast(err)
+    assert err.startswith("perfplast: ")
+    assert err.count("\n") == 1
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+    comm.barrier()
+    return err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        (
+            "yield_stress = 489.897948556636",
+            "yield_stress = 400.0",
+            "yield_stress = 400.0, but was",
+        ),
+        ("n = 2", "n = 4", "mesh.n = 4, but was 2"),
+        ("[200.0, 350.0, 450.0]", "[200.0, 350.0]", "loading.values = [200.0, 350.0], but was"),
+        ("[output]", "[element]\ndegree = 2\n[output]", "element.degree = 2, but was not given"),
+        ('on = "bottom"', 'on = "bottom"\ncomponents = "z"', 'support[3].components = "z"'),
+        ('gap = "0.0004 * x**2"\n', "", "contact.gap is not given, but was"),
+    ],
+)
+def test_another_case_is_refused(
+    copied: tuple[Path, Path],
+    old: str,
+    new: str,
+    part: str,
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    case, folder = copied
+    text = case.read_text()
+    assert old in text
+    comm.barrier()
+    write(comm, case, text.replace(old, new))
+    message = refused(comm, capsys, case, folder).replace("'", '"')
+    assert part in message
+    assert str(folder) in message
+
+
+def test_a_case_that_only_looks_different(copied: tuple[Path, Path], comm: MPI.Intracomm) -> None:
+    case, folder = copied
+    text = case.read_text()
+    comm.barrier()
+    write(comm, case, "# a comment\n" + text.replace("[200.0, 350.0", "[2e2, 350"))
+    assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
+
+
+TUBE = """
+[mesh]
+file = "tube.msh"
+[material.tube]
+law = "von-mises"
+young = 70e3
+poisson = 0.3
+yield_stress = 250.0
+[[support]]
+on = "x0"
+components = "x"
+[[support]]
+on = "y0"
+components = "y"
+[[load]]
+on = "inner"
+pressure = 1.0
+[element]
+degree = 2
+[loading]
+values = [50.0, 60.0]
+[output]
+pictures = false
+"""
+
+
+def test_another_mesh_is_refused(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
+) -> None:
+    case, mesh = write(comm, shared_tmp_path / "case.toml", TUBE), shared_tmp_path / "tube.msh"
+    folder = shared_tmp_path / "results"
+    if comm.rank == 0:
+        write_thick_tube(mesh, size=0.3, order=2)
+    comm.barrier()
+    assert main(["run", str(case), "-o", str(folder)]) == SOLVED
+    assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
+    comm.barrier()
+    if comm.rank == 0:
+        write_thick_tube(mesh, outer=2.001, size=0.3, order=2)
+    comm.barrier()
+    message = refused(comm, capsys, case, folder)
+    assert "the mesh is not the one of the checkpoint" in message
+    assert str(folder) in message
+
+
+def test_nothing_to_go_on_from(
+    ended: tuple[Path, Path],
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+    shared_tmp_path: Path,
+) -> None:
+    assert "has no checkpoint.h5" in refused(comm, capsys, ended[0], shared_tmp_path)
+    assert "--restart" in refused_arguments(comm, capsys, str(ended[0]), "--force")
+    assert "-o/--output" in refused_arguments(comm, capsys, str(ended[0]), "-o", "there")
+
+
+def refused_arguments(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], *arguments: str
+) -> str:
+    assert main(["run", *arguments, "--restart", "here"]) == BAD_INPUT
+    return comm.bcast(capsys.readouterr().err)
+
+
+def truncate(path: Path) -> None:
+    os.truncate(path, path.stat().st_size * 2 // 3)
+
+
+def empty(path: Path) -> None:
+    os.truncate(path, 0)
+
+
+def remove(path: Path) -> None:
+    path.unlink()
+
+
+def flip_bit_of(name: str) -> Callable[[Path], None]:
+    def flip(path: Path) -> None:
+        with h5py.File(path, "r") as file:
+            place = file[name].id.get_offset() + 41
+        with path.open("r+b") as file:
+            file.seek(place)
+            byte = file.read(1)[0]
+            file.seek(place)
+            file.write(bytes([byte ^ 4]))
+
+    return flip
+
+
+DAMAGES = {
+    "truncated": truncate,
+    "empty": empty,
+    "missing": remove,
+    "displacement": flip_bit_of("displacement"),
+    "header": flip_bit_of("header"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_checkpoint(
+    damage: str,
+    copied: tuple[Path, Path],
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    case, folder = copied
+    if comm.rank == 0:
+        DAMAGES[damage](folder / NEWEST)
+    comm.barrier()
+    assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
+    err = comm.bcast(capsys.readouterr().err)
+    assert str(folder / NEWEST) in err
+    assert "missing" in err if damage == "missing" else "is damaged" in err
+    assert f"going on from '{folder / BEFORE}', level 1" in err
+    assert [float(row["zeta"]) for row in path_of(folder)] == [200.0, 350.0, 450.0]
+    assert [level["time"] for level in fields_of(folder)] == [200.0, 350.0, 450.0]
+
+
+def test_both_checkpoints_damaged(
+    copied: tuple[Path, Path], comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case, folder = copied
+    if comm.rank == 0:
+        truncate(folder / NEWEST)
+        flip_bit_of("active")(folder / BEFORE)
+    comm.barrier()
+    message = refused(comm, capsys, case, folder)
+    assert str(folder / NEWEST) in message
+    assert str(folder / BEFORE) in message
+
+
+class Crash(BaseException):
+    """The end of the program, which nothing catches."""
+
+
+@pytest.mark.parametrize("renames", [1, 3, 5, 7, 9, 11, 12, 13, 15])
+def test_a_crash_while_writing(
+    renames: int,
+    ended: tuple[Path, Path],
+    copied: tuple[Path, Path],
+    comm: MPI.Intracomm,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The program ends where a file is about to get its name: one of each kind is hit."""
+    if comm.size > 1:
+        pytest.skip("the other ranks would wait")
+    case, folder = copied
+    plain, done = Path.replace, []
+
+    def crash(path: Path, target: Path) -> Path:
+        if len(done) == renames - 1:
+            raise Crash
+        done.append(path)
+        return plain(path, target)
+
+    monkeypatch.setattr(Path, "replace", crash)
+    with pytest.raises(Crash):
+        main(["run", str(case), "--restart", str(folder)])
+    monkeypatch.undo()
+    assert [level["time"] for level in fields_of(folder)][:2] == [200.0, 350.0]
+    assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
+    assert [float(row["zeta"]) for row in path_of(folder)] == [200.0, 350.0, 450.0]
+    assert [level["time"] for level in fields_of(folder)] == [200.0, 350.0, 450.0]

@@ -1,0 +1,377 @@
+"""Case files: what they become, and one sentence on every rank for each thing wrong in them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.obstacles import Plane
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.case import Case, read_case
+from perfplast_fenicsx.io.case.loading_options import LoadControl, WorkControl
+from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile, OutputOptions
+from perfplast_fenicsx.materials.elastic import Elastic
+from perfplast_fenicsx.materials.von_mises import VonMises
+from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction
+from perfplast_fenicsx.problem.supports import Support
+from perfplast_fenicsx.solvers.augmented_lagrangian import AugmentedLagrangian
+from perfplast_fenicsx.solvers.newton import Newton
+from perfplast_fenicsx.solvers.newton_options import NewtonOptions
+from perfplast_fenicsx.solvers.work_newton import BorderedNewton, WorkNewton
+
+Read = Callable[[str], Case]
+
+BASE = """
+title = "Two blocks"
+[mesh]
+builder = "two_blocks"
+n = 2
+[material.upper]
+law = "von-mises"
+young = 206900.0
+poisson = 0.29
+yield_stress = 450.0
+[material.lower]
+law = "elastic"
+young = 206900
+poisson = 0.3
+[[support]]
+on = "left"
+components = "xyz"
+[[load]]
+on = "top"
+traction = [0.0, 0, -1.0]
+[[contact]]
+primary = "upper_bottom"
+secondary = "lower_top"
+gap = 0.0
+[solve]
+method = "newton"
+stopping = "displacement"
+tolerance = 1e-8
+damping = true
+regularisation = 1e-3
+[loading]
+control = "load"
+values = [20.0, 40.0]
+[output]
+pictures = false
+"""
+
+SOLVE = BASE[BASE.index("[solve]") : BASE.index("[loading]")]
+UZAWA = '[solve]\nmethod = "augmented-lagrangian"\n'
+WORK = (BASE[BASE.index("[solve]") : BASE.index("[output]")], '[loading]\ncontrol = "work"\n')
+
+OBSTACLE = """[[obstacle]]
+on = "lower_top"
+shape = "plane"
+point = [0, 0, 3]
+normal = [0, 0, -1.0]
+[solve]
+"""
+
+LOWER = """[material.lower]
+law = "elastic"
+young = 206900
+poisson = 0.3
+"""
+
+
+@pytest.fixture
+def read(shared_tmp_path: Path, comm: MPI.Intracomm) -> Read:
+    """Reads a text as the case file ``bad.toml``."""
+
+    def read_text(text: str) -> Case:
+        path = shared_tmp_path / "bad.toml"
+        if comm.rank == 0:
+            path.write_text(text, encoding="utf-8")
+        comm.barrier()
+        return read_case(path, comm)
+
+    return read_text
+
+
+def assert_one_sentence(comm: MPI.Intracomm, error: BaseException, *parts: str) -> None:
+    """The message has these parts, is one line, and is the same on every rank."""
+    message = str(error)
+    assert "\n" not in message
+    assert len(set(comm.allgather(message))) == 1
+    for part in parts:
+        assert part in message
+
+
+def replaced(old: str, new: str) -> str:
+    assert old in BASE
+    return BASE.replace(old, new, 1)
+
+
+def test_everything_arrives(read: Read, shared_tmp_path: Path) -> None:
+    case = read(BASE)
+    assert case.title == "Two blocks"
+    assert case.mesh == MeshBuilder("two_blocks", {"n": 2})
+    assert case.materials == {
+        "upper": VonMises(206900.0, 0.29, 450.0),
+        "lower": Elastic(206900.0, 0.3),
+    }
+    assert case.supports == [Support("left", "xyz")]
+    assert case.loads == [Traction("top", [0.0, 0.0, -1.0])]
+    assert case.contacts == [Contact("upper_bottom", "lower_top", 0.0)]
+    assert case.method == "newton"
+    assert case.options.regularisation == 1e-3
+    assert case.loading == LoadControl([20.0, 40.0])
+    assert case.output == OutputOptions(fields=True, pictures=False)
+    assert case.path == shared_tmp_path / "bad.toml"
+
+
+def test_defaults(read: Read) -> None:
+    short = BASE[: BASE.index("[solve]")].replace('title = "Two blocks"', "")
+    case = read(short.replace('components = "xyz"', "") + "[loading]\nvalues = [1]")
+    assert case.title == "bad"
+    assert case.supports == [Support("left")]
+    assert case.options == type(case.options)()
+    assert case.output == OutputOptions()
+
+
+@pytest.mark.parametrize(
+    ("line", "load"),
+    [
+        ("pressure = 2", Pressure("top", 2.0)),
+        ("body_force = [1, 2, 3]", BodyForce("top", [1, 2, 3])),
+    ],
+)
+def test_kinds_of_load(read: Read, line: str, load: object) -> None:
+    assert read(replaced("traction = [0.0, 0, -1.0]", line)).loads == [load]
+
+
+def test_other_choices(read: Read) -> None:
+    case = read(replaced("regularisation = 1e-3", 'regularisation = "adaptive"'))
+    assert case.options.regularisation == "adaptive"
+    case = read(replaced("gap = 0.0", 'gap = "0.1*x"'))
+    assert case.contacts[0].gap == "0.1*x"
+    case = read(replaced('builder = "two_blocks"\nn = 2', 'file = "a.msh"'))
+    assert case.mesh == MeshFile("a.msh")
+
+
+@pytest.mark.parametrize(
+    ("solve", "solver"),
+    [
+        ('method = "newton"', Newton),
+        ('method = "augmented-lagrangian"\npenalty = "adaptive"', AugmentedLagrangian),
+        ('method = "work-newton"', WorkNewton),
+        ('method = "bordered-newton"', BorderedNewton),
+    ],
+)
+def test_each_method_has_its_solver(
+    read: Read, comm: MPI.Intracomm, solve: str, solver: type
+) -> None:
+    text = replaced(SOLVE, f"[solve]\n{solve}\n")
+    if solver.control == "work":  # type: ignore[attr-defined]
+        text = text.replace('control = "load"', 'control = "work"')
+    case = read(text)
+    assert type(case.solver(case.problem(comm))) is solver
+
+
+def test_limit_runs_have_options_that_suit_them(read: Read) -> None:
+    loading = WORK[1] + 'until = "limit"\nlimit_tolerance = 1e-5\n'
+    case = read(replaced(WORK[0], loading))
+    assert case.method == "work-newton"
+    assert case.options == NewtonOptions(stopping="stress", tolerance=1e-5)
+    assert case.loading == WorkControl(until="limit", limit_tolerance=1e-5)
+    own = read(replaced(WORK[0], '[solve]\nstopping = "energy"\n' + loading))
+    assert own.options == NewtonOptions(stopping="energy", tolerance=1e-5)
+
+
+def test_the_problem_is_built(read: Read, comm: MPI.Intracomm) -> None:
+    problem = read(BASE).problem(comm)
+    assert problem.num_dofs == 2 * 7 * 3 * 3 * 3
+
+
+FORMAT_FAULTS = [
+    # the file
+    ("[solve]", "[solve", ["bad.toml is not valid TOML", "line"]),
+    ("n = 2", "n = 2\nn = 3", ["bad.toml is not valid TOML", "line 6"]),
+    # keys
+    ("[solve]", "[slove]", ["'slove'", "did you mean 'solve'?"]),
+    ("young =", "yuong =", ["[material.upper]", "'yuong'", "did you mean 'young'?"]),
+    ("pictures", "colours", ["[output]", "'colours'", "known: fields, pictures"]),
+    ("poisson = 0.29", "", ["[material.upper]", "'poisson' is missing", "a number"]),
+    ("yield_stress = 450.0", "", ["[material.upper]", "'yield_stress' is missing"]),
+    ('law = "elastic"', "", ["[material.lower]", "'law' is missing", "'von-mises' or 'elastic'"]),
+    ('on = "left"', "", ["[[support]]", "'on' is missing"]),
+    ('secondary = "lower_top"', "", ["[[contact]]", "'secondary' is missing"]),
+    ("values = [20.0, 40.0]", "", ["[loading]", "'values' is missing"]),
+    (
+        'law = "elastic"',
+        'law = "elastic"\nyield_stress = 1',
+        ["[material.lower]", "'yield_stress'"],
+    ),
+    # types
+    ('title = "Two blocks"', "title = 3", ["title = 3", "a string"]),
+    ("poisson = 0.29", 'poisson = "0.29"', ["[material.upper]", "poisson = '0.29'", "a number"]),
+    ("[[load]]", "[load]", ["load = {", "[[load]]"]),
+    ("[[support]]", "[support]", ["support = {", "[[support]]"]),
+    ("[solve]", "[[solve]]", ["solve = [", "[solve]"]),
+    ("[material.upper]", "[material]", ["material = {", "[material.NAME]"]),
+    ("traction = [0.0, 0, -1.0]", "traction = 1", ["[[load]]", "traction = 1", "a list"]),
+    ("traction = [0.0, 0, -1.0]", 'traction = ["a"]', ["[[load]]", "traction = ['a']"]),
+    ("gap = 0.0", "gap = [0.0]", ["[[contact]]", "gap = [0.0]", "a number or a string"]),
+    ("damping = true", "damping = 1", ["[solve]", "damping = 1", "true or false"]),
+    ("regularisation = 1e-3", "regularisation = true", ["[solve]", "regularisation = true"]),
+    ('builder = "two_blocks"', "builder = 3", ["[mesh]", "builder = 3", "a string"]),
+    # choices
+    ('law = "von-mises"', 'law = "vonmises"', ["[material.upper]", "did you mean 'von-mises'?"]),
+    ('"newton"', '"secant"', ["[solve]", "method = 'secant'", "newton"]),
+    ('"load"', '"displacement"', ["[loading]", "control = 'displacement'", "load"]),
+    ('"displacement"', '"strain"', ["[solve]", "'strain'", "'stress'", "'energy'"]),
+    # ranges
+    ("young = 206900.0", "young = 0.0", ["[material.upper]", "young = 0.0"]),
+    ("young = 206900.0", "young = nan", ["[material.upper]", "young = nan"]),
+    ("poisson = 0.29", "poisson = 0.5", ["[material.upper]", "poisson = 0.5", "1/2"]),
+    ("poisson = 0.3", "poisson = -1", ["[material.lower]", "poisson = -1"]),
+    ("yield_stress = 450.0", "yield_stress = -1", ["[material.upper]", "yield_stress = -1"]),
+    ("tolerance = 1e-8", "tolerance = 0", ["[solve]", "tolerance = 0"]),
+    ("tolerance = 1e-8", "tolerance = nan", ["[solve]", "tolerance = nan"]),
+    ("regularisation = 1e-3", "regularisation = 1.5", ["[solve]", "regularisation = 1.5"]),
+    # loads
+    ("traction = [0.0, 0, -1.0]", "", ["[[load]]", "'top' has no load", "exactly one"]),
+    ("traction = [", "pressure = 1\ntraction = [", ["[[load]]", "traction and pressure"]),
+    ("traction = [0.0, 0", "traction = [nan, 0", ["[[load]]", "[nan, 0", "finite"]),
+    ("traction = [0.0, 0, -1.0]", "pressure = inf", ["[[load]]", "pressure = inf", "finite"]),
+    # loading
+    ("[20.0, 40.0]", "[]", ["[loading]", "empty"]),
+    ("[20.0, 40.0]", "[40.0, 40]", ["[loading]", "40.0 after 40.0"]),
+    ("[20.0, 40.0]", "[40.0, 20]", ["[loading]", "20.0 after 40.0"]),
+    ("[20.0, 40.0]", "[-1, 20]", ["[loading]", "-1.0"]),
+    ("[20.0, 40.0]", "[nan]", ["[loading]", "nan"]),
+    ("[20.0, 40.0]", "[1, inf]", ["[loading]", "inf"]),
+    # controls and the methods that go with them
+    ('control = "load"', 'control = "work"', ["method = 'newton'", "'work-newton'"]),
+    ('"newton"', '"bordered-newton"', ["'bordered-newton'", "control = 'load'", "'newton'"]),
+    (WORK[0], WORK[1] + "values = []", ["[loading]", "values is empty"]),
+    (WORK[0], WORK[1] + "values = [-1.0]", ["[loading]", "-1.0", "works"]),
+    (WORK[0], WORK[1] + 'until = "limit"', ["[loading]", "limit_tolerance", "1e-4"]),
+    (WORK[0], WORK[1] + 'until = "collapse"\nlimit_tolerance = 1e-4', ["until", "limit"]),
+    (WORK[0], WORK[1] + 'until = "limit"\nlimit_tolerance = 2.0', ["limit_tolerance = 2.0"]),
+    (WORK[0], WORK[1] + "values = [1.0]\nlimit_tolerance = 1e-4", ["limit_tolerance", "until"]),
+    (WORK[0], WORK[1] + 'until = "limit"\nvalues = [1.0]', ["both values and until"]),
+    (WORK[0], WORK[1], ["neither values nor until"]),
+    (SOLVE, UZAWA + "penalty = 0.0", ["[solve]", "penalty = 0.0", "adaptive"]),
+    (SOLVE, UZAWA + "relaxation = 2.5", ["[solve]", "relaxation = 2.5"]),
+    (SOLVE, UZAWA + 'acceleration = "fast"', ["[solve]", "acceleration", "anderson"]),
+    (SOLVE, UZAWA + "max_iterations = 0", ["[solve]", "max_iterations = 0"]),
+    (SOLVE, UZAWA + "damping = true", ["[solve]", "'damping'"]),
+    # elements and obstacles
+    ("[solve]", "[element]\ndegree = 3\n[solve]", ["[element]", "degree = 3", "1 or 2"]),
+    ("[solve]", '[element]\ndegree = "2"\n[solve]', ["[element]", "degree = '2'"]),
+    ("[solve]", '[element]\nkind = "P2"\n[solve]', ["[element]", "'kind'", "degree"]),
+    ("[solve]", OBSTACLE.replace("plane", "cube"), ["[[obstacle]]", "shape = 'cube'", "sphere"]),
+    ("[solve]", OBSTACLE.replace("normal", "nrmal"), ["[[obstacle]]", "'nrmal'", "normal"]),
+    ("[solve]", OBSTACLE.replace("point", "#"), ["[[obstacle]]", "'point' is missing"]),
+    ("[solve]", OBSTACLE.replace('shape = "plane"', ""), ["[[obstacle]]", "'shape' is missing"]),
+    # mesh
+    ('builder = "two_blocks"', "", ["[mesh]", "neither a builder nor a file"]),
+    ('builder = "two_blocks"', 'builder = "a"\nfile = "b"', ["[mesh]", "both"]),
+    ('builder = "two_blocks"', 'file = "a.msh"', ["[mesh]", "'n'"]),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "parts"), FORMAT_FAULTS)
+def test_format_fault(
+    read: Read, comm: MPI.Intracomm, old: str, new: str, parts: list[str]
+) -> None:
+    with pytest.raises(InputError) as caught:
+        read(replaced(old, new + "\n" * old.endswith("\n")))
+    assert_one_sentence(comm, caught.value, "bad.toml", *parts)
+
+
+MESH_FAULTS = [
+    ('"two_blocks"', '"two_bloks"', ["[mesh]", "two_bloks", "two_blocks"]),
+    ("n = 2", "n = 0", ["[mesh]", "n = 0"]),
+    ("n = 2", "m = 2", ["[mesh]", "'m'"]),
+    ("n = 2", "", ["[mesh]", "'n'"]),
+    ('builder = "two_blocks"\nn = 2', 'file = "no.msh"', ["[mesh]", "no.msh"]),
+    ('builder = "two_blocks"\nn = 2', 'file = "bad.toml"', ["[mesh]", "bad.toml"]),
+    ("[material.upper]", "[material.uper]", ["'uper'", "upper"]),
+    (
+        '[material.lower]\nlaw = "elastic"\nyoung = 206900\npoisson = 0.3',
+        "",
+        ["'lower'", "material"],
+    ),
+    ('on = "left"', 'on = "lft"', ["'lft'", "left", "lower_top"]),
+    ('on = "top"', 'on = "bottom"', ["'bottom'", "top"]),
+    ("traction =", "body_force =", ["'top'", "upper"]),
+    ('secondary = "lower_top"', 'secondary = "lower"', ["'lower'", "lower_top"]),
+    ('components = "xyz"', 'components = "xw"', ["'xw'", "'xyz'"]),
+    ('components = "xyz"', 'components = ""', ["components = ''", "'xyz'"]),
+    ("traction = [0.0, 0, -1.0]", "traction = [0.0, -1.0]", ["'top'", "[0.0, -1.0]", "3"]),
+    ("traction = [0.0, 0, -1.0]", "pressure = 0", ["load"]),
+    ("gap = 0.0", "gap = -0.5", ["contact 1", "-0.5", "negative"]),
+    ("gap = 0.0", "gap = nan", ["contact 1", "nan"]),
+    ("gap = 0.0", 'gap = "x - 1"', ["contact 1", "x - 1", "negative"]),
+    ("gap = 0.0", 'gap = "log(x - 5)"', ["contact 1", "log(x - 5)", "nan"]),
+    ("gap = 0.0", "gap = \"__import__('os')\"", ["contact 1", "__import__", "allowed"]),
+    ('secondary = "lower_top"', 'secondary = "top"', ["contact 1", "partner"]),
+    ('secondary = "lower_top"', 'secondary = "upper_bottom"', ["contact 1", "itself"]),
+    ('on = "left"\ncomponents = "xyz"', 'on = "left"\ncomponents = "x"', ["y"]),
+    ("[solve]\n", OBSTACLE.replace("lower_top", "lwr"), ["'lwr'", "lower_top"]),
+    ("[solve]\n", OBSTACLE.replace("3]", "0.5]"), ["obstacle 1", "overlap", "0.5"]),
+    ("[solve]\n", OBSTACLE.replace("[0, 0, 3]", "[0, 3]"), ["obstacle 1", "point", "3D"]),
+    ("[solve]\n", OBSTACLE.replace("-1.0", "0"), ["obstacle 1", "normal", "zero"]),
+    ('[[support]]\non = "left"\ncomponents = "xyz"', "", []),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "parts"), MESH_FAULTS)
+def test_fault_seen_with_the_mesh(
+    read: Read, comm: MPI.Intracomm, old: str, new: str, parts: list[str]
+) -> None:
+    case = read(replaced(old, new))
+    with pytest.raises(InputError) as caught:
+        case.problem(comm)
+    assert_one_sentence(comm, caught.value, "bad.toml", *parts)
+
+
+def test_a_body_held_by_nothing(read: Read, comm: MPI.Intracomm) -> None:
+    case = read(BASE[: BASE.index("[[contact]]")] + BASE[BASE.index("[solve]") :])
+    assert case.problem(comm).num_pairs == 0  # both blocks are clamped: no contact is needed
+    stacked = replaced('"two_blocks"', '"stacked_blocks"').replace('"left"', '"bottom"')
+    case = read(stacked[: stacked.index("[[contact]]")] + stacked[stacked.index("[solve]") :])
+    with pytest.raises(InputError) as caught:
+        case.problem(comm)
+    assert_one_sentence(comm, caught.value, "bad.toml")
+
+
+def test_files_that_cannot_be_read(shared_tmp_path: Path, comm: MPI.Intracomm) -> None:
+    binary = shared_tmp_path / "binary.toml"
+    if comm.rank == 0:
+        binary.write_bytes(b"\x80\xff\x00")
+    comm.barrier()
+    for path, part in (
+        (shared_tmp_path / "no.toml", "no such file"),
+        (shared_tmp_path, "is a directory"),
+        (binary, "UTF-8"),
+    ):
+        with pytest.raises(InputError) as caught:
+            read_case(path, comm)
+        assert_one_sentence(comm, caught.value, str(path), part)
+
+
+def test_elements_and_obstacles(read: Read, comm: MPI.Intracomm) -> None:
+    case = read(replaced("[solve]\n", "[element]\ndegree = 2\n" + OBSTACLE))
+    assert case.obstacles == [Plane("lower_top", [0.0, 0.0, 3.0], [0.0, 0.0, -1.0])]
+    problem = case.problem(comm)
+    assert problem.degree == 2
+    assert problem.num_dofs == 2 * 3 * (13 * 5 * 5)
+    obstacle = problem.pairs.contact == 1
+    assert comm.allreduce(int(obstacle.sum())) == 12 * 5  # the nodes of the clamped end are held
+    assert (problem.pairs.gap[obstacle] == 2).all()
+    assert read(BASE).problem(comm).degree == 1
+
+
+@pytest.mark.parametrize("name", ["two_blocks", "punch"])
+def test_the_examples_are_valid(name: str, comm: MPI.Intracomm) -> None:
+    case = read_case(Path(__file__).parents[2] / "demos" / f"{name}.toml", comm)
+    assert case.mesh == MeshBuilder(name, {"n": 8})

@@ -1,0 +1,74 @@
+"""``scene.json``: what it says is what was given."""
+
+import json
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.obstacles import Cylinder, Plane, Sphere
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.scene import Scene, Units, read_scene, write_scene
+from perfplast_fenicsx.mesh.sample_meshes import build
+from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction
+
+MODEL = Scene(
+    "A „title“",
+    [Traction("top", [0.0, 0.0, -1.0]), BodyForce("upper", [0.0, 0.0, 1.0]), Pressure("left", 2.0)],
+    [Contact("upper_bottom", "lower_top", gap="0.1*x")],
+    [
+        Plane("top", [0.0, 0.0, 3.0], [0.0, 0.0, -1.0]),
+        Sphere("left", [0.0, 1.0, 2.0], 0.5, hollow=True),
+        Cylinder("top", [0.0, 1.0, 2.0], [1.0, 0.0, 0.0], 0.5),
+    ],
+    Units("mm", "MPa"),
+)
+
+
+def test_written_and_read(tmp_path: Path) -> None:
+    assembly = build(MPI.COMM_SELF, "two_blocks", n=1)
+    path = tmp_path / "scene.json"
+    write_scene(MODEL, assembly, path)
+    found = read_scene(json.loads(path.read_text(encoding="utf-8")), "scene.json")
+    assert found.model == MODEL
+    assert found.volumes == {"lower": 1, "upper": 2}
+    assert found.surfaces == assembly.surfaces
+    assert found.model.marks == {
+        "load 0": ["top"],
+        "load 1": ["left"],
+        "contact": ["lower_top", "top", "left", "top"],
+        "opposite": ["upper_bottom"],
+    }
+
+
+def test_arrays_are_written_as_lists(tmp_path: Path) -> None:
+    assembly = build(MPI.COMM_SELF, "two_blocks", n=1)
+    path = tmp_path / "scene.json"
+    write_scene(Scene("", [Traction("top", np.array([0.0, 0.0, -1.0]))]), assembly, path)
+    (load,) = json.loads(path.read_text(encoding="utf-8"))["loads"]
+    assert load == {"kind": "traction", "on": "top", "value": [0.0, 0.0, -1.0]}
+
+
+@pytest.mark.parametrize(
+    ("table", "part"),
+    [
+        ({}, "'title' is missing"),
+        ({"loads": [{"kind": "push", "on": "top", "value": 1}]}, "kind = 'push' is unknown"),
+        ({"units": {"mass": "kg"}}, "no key 'mass'"),
+    ],
+)
+def test_what_is_no_model(table: dict, part: str) -> None:
+    names = ("loads", "contacts", "obstacles")
+    whole = {"title": "", "volumes": {}, "surfaces": {}, "units": {}} | {name: [] for name in names}
+    with pytest.raises(InputError, match=part):
+        read_scene(whole | table if table else {}, "scene.json")
+
+
+def test_units_in_legends() -> None:
+    assert Units("mm", "MPa").of_work(3) == "MPa mm³"
+    assert Units("mm", "MPa").of_work(2) == "MPa mm²"
+    assert Units("mm").of_work(3) == ""
+    assert Units().of_stress() == "the materials' unit of stress"

@@ -1,0 +1,142 @@
+"""What is read from a checkpoint is what was written, at the same places, on other ranks."""
+
+import dataclasses
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from dolfinx import fem
+
+from demos.verification.corner_seat import in_elastic_seat, in_rigid_seat
+from meshes.corner_seat import write_corner_seat
+from perfplast_fenicsx import Level, Problem, State, read_gmsh
+from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
+from perfplast_fenicsx.io.results.global_ordering import Ordering
+from perfplast_fenicsx.io.results.parallel_hdf5 import Block, checksum, set_checksum
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.limit_search import Search
+from perfplast_fenicsx.problem.quadrature_fields import Fields
+from tests.io.results.test_result_folder import report
+
+SEATS = {"elastic": in_elastic_seat, "rigid": in_rigid_seat}
+
+
+def displacement(x: np.ndarray, gdim: int, size: float) -> np.ndarray:
+    return size * np.array([np.sin(2 * x[0]) * x[1], np.cos(x[0]), x[0] * x[1] + x[2]])[:gdim]
+
+
+def closed(problem: Problem, shift: float) -> np.ndarray:
+    """Flags of the pairs, the same on any rank: at each node some of its faces."""
+    x, pairs = problem.V.tabulate_dof_coordinates()[problem.pairs.host], problem.pairs
+    along = pairs.normal @ np.array([4.0, 7.0, 5.0])[: pairs.normal.shape[1]]
+    flags: np.ndarray = np.sin(31 * x @ [1.0, 0.7, 0.3] + along + 2 * pairs.contact + shift) > 0
+    return flags
+
+
+def state(problem: Problem, size: float) -> State:
+    u = fem.Function(problem.V)
+    gdim = problem.tagged_mesh.mesh.geometry.dim
+    u.interpolate(lambda x: displacement(x, gdim, size))
+    return State(u, size, 2 * size, closed(problem, size))
+
+
+def stress(problem: Problem, state: State) -> fem.Function:
+    fields = Fields(problem)
+    fields.u.x.array[:] = state.u.x.array
+    fields.update()
+    return fields.stress
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("seat", SEATS)
+@pytest.mark.parametrize(("dim", "degree"), [(2, 1), (3, 2)])
+@pytest.mark.parametrize("gather", [True, False])
+def test_other_ranks_read_what_was_written(
+    seat: str, dim: int, degree: int, gather: bool, comm: MPI.Intracomm, shared_tmp_path: Path
+) -> None:
+    """All ranks write and each reads alone, or one writes alone and all read."""
+    file = shared_tmp_path / "corner.msh"
+    if comm.rank == 0:
+        write_corner_seat(file, dim=dim, size=0.5)
+    comm.barrier()
+    together = SEATS[seat](read_gmsh(comm, file), degree)
+    alone = SEATS[seat](read_gmsh(MPI.COMM_SELF, file), degree)
+    assert 0 < together.num_pairs == alone.num_pairs
+    assert len(np.unique(alone.pairs.host)) < alone.num_pairs  # nodes with two normals
+    source, target = (together, alone) if gather else (alone, together)
+
+    case = {"mesh": {"file": "corner.msh"}}
+    path = shared_tmp_path / "results"
+    now, before = state(source, 2e-3), state(source, 1e-3)
+    reports = [report(s.zeta, alpha=s.alpha) for s in (before, now)]
+    level = Level(now, stress(source, now), reports[-1])
+    search = Search([(0.1, 0.2), (0.3, 0.4)], [0.5], 0.6, True, False, "so", 7)
+    if gather or comm.rank == 0:
+        folder = ResultFolder(source.comm, path)
+        folder.create()
+        writer = Checkpoints(folder, source, case, "1.2.3")
+        writer.write(Saved(reports, level, before, search, {"solve": 1.5}))
+    comm.barrier()
+
+    folder = ResultFolder(target.comm, path, restart=True)
+    saved = Checkpoints(folder, target, case, "1.2.3").read()
+    assert [dataclasses.asdict(r) for r in saved.reports] == [
+        dataclasses.asdict(r) for r in reports
+    ]
+    assert (saved.search, saved.timings) == (search, {"solve": 1.5})
+    assert saved.level is not None
+    assert saved.before is not None
+    for read, size in ((saved.level.state, 2e-3), (saved.before, 1e-3)):
+        expected = state(target, size)
+        assert (read.zeta, read.alpha) == (size, 2 * size)
+        np.testing.assert_allclose(read.u.x.array, expected.u.x.array, rtol=0, atol=1e-15)
+        assert np.array_equal(read.active, expected.active)
+    of_state = stress(target, saved.level.state)
+    largest = target.comm.allreduce(np.abs(of_state.x.array).max(initial=0), MPI.MAX)
+    difference = np.abs(saved.level.stress.x.array - of_state.x.array).max(initial=0)
+    assert difference < 1e-12 * largest
+    flags = target.comm.allreduce(int(saved.level.state.active.sum()))
+    assert 0 < flags < target.num_pairs
+
+
+@pytest.mark.mpi3
+def test_an_order_of_any_keys(comm: MPI.Intracomm) -> None:
+    keys = np.random.default_rng(3).permutation(1000)[:57]
+    ours = np.array_split(keys, comm.size)[comm.rank] if comm.size > 1 else keys
+    ours = ours[:0] if comm.size > 2 and comm.rank == 1 else ours
+    everyone = np.sort(np.concatenate(comm.allgather(ours)))
+    ordering = Ordering(comm, ours)
+    assert ordering.total == len(everyone)
+    assert np.array_equal(everyone[ordering.numbers()], ours)
+    values = np.stack([ours, 2 * ours], axis=1)
+    block = ordering.to_blocks(values)
+    mine = everyone[ordering.first : ordering.first + ordering.count]
+    assert np.array_equal(block, np.stack([mine, 2 * mine], axis=1))
+    assert np.array_equal(ordering.from_blocks(block), values)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.int64, np.uint8])
+def test_checksums_see_values_and_places(comm: MPI.Intracomm, dtype: type) -> None:
+    values = np.arange(60, dtype=dtype).reshape(20, 3)
+    bounds = np.linspace(0, 20, comm.size + 1).astype(int)
+
+    def of(array: np.ndarray) -> int:
+        mine = array[bounds[comm.rank] : bounds[comm.rank + 1]]
+        return checksum(comm, Block(np.ascontiguousarray(mine), int(bounds[comm.rank]), 20))
+
+    assert of(values) == checksum(MPI.COMM_SELF, Block(values, 0, 20))
+    exchanged, changed = values.copy(), values.copy()
+    exchanged[[3, 15]] = values[[15, 3]]
+    changed[7, 1] += 1
+    assert len({of(values), of(exchanged), of(changed)}) == 3
+
+
+def test_a_checksum_of_a_set(comm: MPI.Intracomm) -> None:
+    rows = np.random.default_rng(1).integers(0, 99, size=(30, 3))
+    shuffled = rows[np.random.default_rng(2).permutation(30)]
+    expected = set_checksum(MPI.COMM_SELF, rows)
+    assert set_checksum(comm, np.array_split(shuffled, comm.size)[comm.rank]) == expected
+    rows[4] = rows[4, ::-1] + 1
+    assert set_checksum(MPI.COMM_SELF, rows) != expected

@@ -1,0 +1,441 @@
+"""Assemblies: structured builders, gmsh files, and bodies split from one gmsh mesh."""
+
+import runpy
+from collections.abc import Callable
+from pathlib import Path
+
+from mpi4py import MPI
+
+import dolfinx
+import numpy as np
+import numpy.typing as npt
+import pytest
+import ufl
+from dolfinx.mesh import meshtags
+
+from meshes.pin_in_lug import write_pin_in_lug
+from meshes.wedge import write_wedge
+from perfplast_fenicsx.compat import entity_nodes, geometry_dofmap, interpolation_points
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
+from perfplast_fenicsx.mesh.sample_meshes import build
+from perfplast_fenicsx.mesh.split_bodies import write_split
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
+
+# Area vectors ∫ n ds of the named surfaces, and volumes, of the builders with their arguments.
+BUILT = [
+    (
+        ("two_blocks", {"n": 2}),
+        {"lower": 3.0, "upper": 3.0},
+        {
+            "left": (-2, 0, 0),
+            "top": (0, 0, 1.5),
+            "upper_bottom": (0, 0, -3),
+            "lower_top": (0, 0, 3),
+        },
+        (288, 126),
+    ),
+    (
+        ("punch", {"n": 4}),
+        {"base": 1.0, "punch": 0.125},
+        {
+            "x0": (-1.25, 0, 0),
+            "y0": (0, -1.25, 0),
+            "bottom": (0, 0, -1),
+            "top": (0, 0, 0.25),
+            "punch_bottom": (0, 0, -0.25),
+            "base_top": (0, 0, 0.25),
+        },
+        (6 * (64 + 8), 125 + 27),
+    ),
+    (
+        ("l_plate", {"n": 1}),
+        {"plate": 75.0},
+        {
+            "x0": (-5, 0, 0),
+            "y0": (0, -5, 0),
+            "z0": (0, 0, -75),
+            "z1": (0, 0, 75),
+            "top": (0, 10, 0),
+        },
+        (75 * 6, 2 * (121 - 25)),
+    ),
+    (
+        ("stacked_blocks", {"n": 3, "heights": (0.7, 1.1)}),
+        {"lower": 0.7, "upper": 1.1},
+        {
+            "x0": (-1.8, 0, 0),
+            "y0": (0, -1.8, 0),
+            "bottom": (0, 0, -1),
+            "top": (0, 0, 1),
+            "upper_bottom": (0, 0, -1),
+            "lower_top": (0, 0, 1),
+        },
+        (2 * 27 * 6, 2 * 64),
+    ),
+]
+
+
+def volume(assembly: TaggedMesh, name: str) -> float:
+    """Volume of a body, or area of a plane one."""
+    mesh = assembly.mesh
+    dx = ufl.Measure("dx", mesh, subdomain_data=[(1, assembly.cells(name))])
+    form = dolfinx.fem.form(dolfinx.fem.Constant(mesh, np.float64(1)) * dx(1))
+    return mesh.comm.allreduce(dolfinx.fem.assemble_scalar(form))
+
+
+def area_vector(assembly: TaggedMesh, name: str) -> npt.NDArray[np.float64]:
+    """∫ n ds over a surface, shape (gdim,)."""
+    mesh = assembly.mesh
+    tags = meshtags(mesh, mesh.topology.dim - 1, assembly.facets(name), 1)
+    ds = ufl.Measure("ds", mesh, subdomain_data=tags)
+    direction = dolfinx.fem.Constant(mesh, np.zeros(mesh.geometry.dim))
+    form = dolfinx.fem.form(ufl.dot(ufl.FacetNormal(mesh), direction) * ds(1))
+
+    def component(axis: npt.NDArray[np.float64]) -> float:
+        direction.value[:] = axis
+        return mesh.comm.allreduce(dolfinx.fem.assemble_scalar(form))
+
+    return np.array([component(axis) for axis in np.eye(mesh.geometry.dim)])
+
+
+def surface_nodes(assembly: TaggedMesh, name: str) -> dict[int, bytes]:
+    """Coordinates of the nodes of a surface by their input number, gathered on every rank."""
+    mesh = assembly.mesh
+    nodes = np.unique(entity_nodes(mesh, mesh.topology.dim - 1, assembly.facets(name)))
+    numbers = mesh.geometry.input_global_indices[nodes]
+    gathered = mesh.comm.allgather((numbers, mesh.geometry.x[nodes]))
+    return {int(i): x.tobytes() for part in gathered for i, x in zip(*part, strict=True)}
+
+
+def check_interface(assembly: TaggedMesh, one: str, other: str) -> None:
+    """The two surfaces have the same points at different nodes."""
+    first, second = surface_nodes(assembly, one), surface_nodes(assembly, other)
+    assert first.keys().isdisjoint(second)
+    assert sorted(first.values()) == sorted(second.values())
+    np.testing.assert_allclose(
+        area_vector(assembly, one), -area_vector(assembly, other), atol=1e-12
+    )
+
+
+def message(call: Callable[[], object]) -> str:
+    """The message of the InputError of a call, after making sure that all ranks have the same."""
+    with pytest.raises(InputError) as caught:
+        call()
+    assert len(set(MPI.COMM_WORLD.allgather(str(caught.value)))) == 1
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize(("built", "volumes", "areas", "sizes"), BUILT)
+def test_builders(
+    comm: MPI.Intracomm,
+    built: tuple[str, dict],
+    volumes: dict[str, float],
+    areas: dict[str, tuple[float, ...]],
+    sizes: tuple[int, int],
+) -> None:
+    name, arguments = built
+    assembly = build(comm, name, **arguments)
+    assembly.check_tagged()
+    assert assembly.volumes.keys() == volumes.keys()
+    assert assembly.surfaces.keys() == areas.keys()
+    for body, value in volumes.items():
+        assert volume(assembly, body) == pytest.approx(value, rel=1e-13)
+    for surface, vector in areas.items():
+        np.testing.assert_allclose(area_vector(assembly, surface), vector, atol=1e-12)
+    cells = assembly.mesh.topology.index_map(3).size_global
+    assert (cells, assembly.mesh.geometry.index_map().size_global) == sizes
+    assert assembly.mesh.topology.index_map(0).size_global == sizes[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "one", "other"),
+    [
+        ("two_blocks", "upper_bottom", "lower_top"),
+        ("punch", "punch_bottom", "base_top"),
+        ("stacked_blocks", "upper_bottom", "lower_top"),
+    ],
+)
+def test_builder_interfaces(comm: MPI.Intracomm, name: str, one: str, other: str) -> None:
+    arguments = {"heights": (0.7, 1.1)} if name == "stacked_blocks" else {}
+    check_interface(build(comm, name, n=6, **arguments), one, other)
+
+
+def cubes_by_hand(cubes: list[tuple[int, int, int]], edge: float) -> list[tuple]:
+    """The tetrahedra of some cubes as sorted tuples of vertices, written out independently."""
+    corner = {
+        1: (0, 0, 0),
+        2: (1, 0, 0),
+        3: (1, 1, 0),
+        4: (0, 1, 0),
+        5: (0, 0, 1),
+        6: (1, 0, 1),
+        7: (1, 1, 1),
+        8: (0, 1, 1),
+    }
+    cuts = [(1, 2, 4, 6), (1, 4, 5, 6), (4, 5, 6, 8), (2, 3, 4, 6), (3, 6, 7, 4), (4, 6, 7, 8)]
+
+    def vertex(cube: tuple[int, int, int], number: int) -> tuple[float, ...]:
+        return tuple(edge * (a + b) for a, b in zip(cube, corner[number], strict=True))
+
+    return sorted(
+        tuple(sorted(vertex(cube, number) for number in cut)) for cube in cubes for cut in cuts
+    )
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("n", [1, 2])
+def test_exact_tetrahedra(comm: MPI.Intracomm, n: int) -> None:
+    assembly = build(comm, "two_blocks", n=n)
+    local = assembly.mesh.geometry.x[geometry_dofmap(assembly.mesh)]
+    cells = [tuple(sorted(map(tuple, cell.tolist()))) for cell in local]
+    found = sorted(cell for part in comm.allgather(cells) for cell in part)
+    grid = np.ndindex(3 * n, n, 2 * n)
+    assert found == cubes_by_hand([(i, j, k) for i, j, k in grid], 1 / n)
+
+
+def test_odd_two_blocks_load_whole_cubes(comm: MPI.Intracomm) -> None:
+    assembly = build(comm, "two_blocks", n=1)
+    np.testing.assert_allclose(area_vector(assembly, "top"), (0, 0, 1), atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "expected"),
+    [
+        ("two_block", {"n": 2}, "there is no builder 'two_block'; did you mean 'two_blocks'?"),
+        ("sphere", {}, "known: two_blocks, punch, l_plate, stacked_blocks"),
+        ("punch", {}, "builder 'punch' has no 'n'"),
+        ("stacked_blocks", {"n": 2, "height": 1.0}, "takes no 'height'; did you mean 'heights'?"),
+        ("punch", {"n": 3}, "builder 'punch' has n = 3; n must be even"),
+        ("l_plate", {"n": 0}, "builder 'l_plate' has n = 0; n must be a positive whole number"),
+        ("two_blocks", {"n": 2.5}, "n = 2.5"),
+        ("two_blocks", {"n": True}, "n = True"),
+        ("two_blocks", {"n": "8"}, "n = '8'"),
+        ("stacked_blocks", {"n": 2, "heights": (1.0, 0.0)}, "heights = (1.0, 0.0); give two"),
+        ("stacked_blocks", {"n": 2, "heights": (1.0, float("nan"))}, "give two positive numbers"),
+        ("stacked_blocks", {"n": 2, "heights": 2.0}, "heights = 2.0; give two positive numbers"),
+        ("stacked_blocks", {"n": 2, "heights": ["a", "b"]}, "give two positive numbers"),
+    ],
+)
+def test_bad_builder_input(comm: MPI.Intracomm, name: str, arguments: dict, expected: str) -> None:
+    assert expected in message(lambda: build(comm, name, **arguments))
+
+
+def test_unknown_names(comm: MPI.Intracomm) -> None:
+    assembly = build(comm, "two_blocks", n=1)
+    assert message(lambda: assembly.facets("topp")) == (
+        "'topp' is not a surface of this mesh; it has left, lower_top, top, upper_bottom"
+    )
+    assert message(lambda: assembly.cells("middle")) == (
+        "'middle' is not a volume of this mesh; it has lower, upper"
+    )
+
+
+def test_untagged_cells(comm: MPI.Intracomm) -> None:
+    whole = build(comm, "stacked_blocks", n=1)
+    lower = TaggedMesh(whole.mesh, whole.cell_tags, whole.facet_tags, {"lower": 1}, whole.surfaces)
+    assert message(lower.check_tagged) == "6 cells belong to no named volume; name every body"
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("order", [1, 2])
+def test_wedge(comm: MPI.Intracomm, shared_tmp_path: Path, order: int) -> None:
+    path = shared_tmp_path / "wedge.msh"
+    if comm.rank == 0:
+        write_wedge(path, size=0.5, order=order)
+    assembly = read_gmsh(comm, path)
+    assert volume(assembly, "lower") == pytest.approx(2.0)
+    assert volume(assembly, "upper") == pytest.approx(2.0)
+    areas = {
+        "x0": (-2, 0, 0),
+        "x1": (2, 0, 0),
+        "y0": (0, -4, 0),
+        "y1": (0, 4, 0),
+        "bottom": (0, 0, -2),
+        "top": (0, 0, 2),
+        "lower_seam": (-0.5, 0, 2),
+        "upper_seam": (0.5, 0, -2),
+    }
+    assert assembly.surfaces.keys() == areas.keys()
+    for name, vector in areas.items():
+        np.testing.assert_allclose(area_vector(assembly, name), vector, atol=1e-12)
+    check_interface(assembly, "lower_seam", "upper_seam")
+    assert geometry_dofmap(assembly.mesh).shape[1] == {1: 4, 2: 10}[order]
+
+
+def test_pin_in_lug_keeps_its_curve(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    path = shared_tmp_path / "pin.msh"
+    if comm.rank == 0:
+        write_pin_in_lug(path, size=0.6, order=2)
+    assembly = read_gmsh(comm, path)
+    assert volume(assembly, "pin") == pytest.approx(np.pi / 2, rel=2e-3)
+    assert volume(assembly, "lug") == pytest.approx(8 + np.pi - np.pi / 2, rel=2e-3)
+    np.testing.assert_allclose(area_vector(assembly, "pin_bore"), (2, 0, 0), atol=1e-12)
+    np.testing.assert_allclose(area_vector(assembly, "end"), (0, -2, 0), atol=1e-12)
+    check_interface(assembly, "lug_bore", "pin_bore")
+
+
+def test_generators_are_scripts(
+    comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = shared_tmp_path / "script.msh"
+    if comm.rank == 0:
+        monkeypatch.setattr("sys.argv", ["wedge.py", "-o", str(path), "--size", "1"])
+        script = Path(__file__).parents[2] / "meshes" / "wedge.py"
+        runpy.run_path(str(script), run_name="__main__")
+    assert read_gmsh(comm, path).volumes.keys() == {"lower", "upper"}
+
+
+def write_plane(path: Path, names: dict[str, str]) -> None:
+    """Two triangulated rectangles (0,1)×(0,1) and (0,1)×(1,3) with given physical names."""
+    with gmsh_session() as gmsh:
+        occ = gmsh.model.occ
+        pieces = [(2, occ.addRectangle(0, 0, 0, 1, 1)), (2, occ.addRectangle(0, 1, 0, 1, 2))]
+        occ.fragment(pieces[:1], pieces[1:])
+        occ.synchronize()
+        low, high = sorted((occ.getMass(*piece), piece[1]) for piece in gmsh.model.getEntities(2))
+        (seam,) = (
+            tag
+            for _, tag in gmsh.model.getEntities(1)
+            if len(gmsh.model.getAdjacencies(1, tag)[0]) == 2
+        )
+        entities = {"low": (2, low[1]), "high": (2, high[1]), "seam": (1, seam)}
+        for key, name in names.items():
+            dim, tag = entities[key.rstrip("2")]
+            gmsh.model.addPhysicalGroup(dim, [tag], name=name)
+        gmsh.model.mesh.generate(2)
+        if path.suffix == ".split":
+            write_split(path.with_suffix(".msh"))
+        else:
+            gmsh.option.setNumber("Mesh.SaveAll", 1)
+            gmsh.write(str(path))
+
+
+def test_plane_split(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    if comm.rank == 0:
+        names = {"low": "low", "high": "high", "seam": "seam"}
+        write_plane(shared_tmp_path / "plane.split", names)
+    assembly = read_gmsh(comm, shared_tmp_path / "plane.msh", gdim=2)
+    assert (volume(assembly, "low"), volume(assembly, "high")) == pytest.approx((1, 2))
+    np.testing.assert_allclose(area_vector(assembly, "low_seam"), (0, 1), atol=1e-13)
+    check_interface(assembly, "low_seam", "high_seam")
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        ({}, "has no physical surface; name each body by one in gmsh"),
+        ({"low": "a"}, "cells belong to no named volume"),
+        ({"low": "a", "high": ""}, "physical surface 2 of "),
+        ({"low": "a", "high": "b", "seam": ""}, "has no name; give it one"),
+        ({"low": "a", "high": "b", "high2": "c"}, "physical groups 'b' and 'c'"),
+    ],
+)
+def test_bad_names_in_file(
+    comm: MPI.Intracomm, shared_tmp_path: Path, names: dict[str, str], expected: str
+) -> None:
+    path = shared_tmp_path / "plane.msh"
+    if comm.rank == 0:
+        write_plane(path, names)
+    assert expected in message(lambda: read_gmsh(comm, path, gdim=2))
+
+
+@pytest.mark.mpi3
+def test_wrong_dimension(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    path = shared_tmp_path / "plane.msh"
+    if comm.rank == 0:
+        write_plane(path, {"low": "a", "high": "b"})
+    assert "triangles where tetrahedra are needed" in message(lambda: read_gmsh(comm, path, gdim=3))
+
+
+def test_quadrilaterals_are_refused(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    path = shared_tmp_path / "quads.msh"
+    if comm.rank == 0:
+        with gmsh_session() as gmsh:
+            gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
+            gmsh.model.occ.synchronize()
+            gmsh.model.addPhysicalGroup(2, [1], name="plate")
+            gmsh.model.mesh.setRecombine(2, 1)
+            gmsh.model.mesh.generate(2)
+            gmsh.write(str(path))
+    assert "all must be triangles of one degree" in message(lambda: read_gmsh(comm, path, gdim=2))
+
+
+def test_surface_off_the_cells(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    path = shared_tmp_path / "loose.msh"
+    if comm.rank == 0:
+        with gmsh_session() as gmsh:
+            gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+            loose = gmsh.model.occ.addRectangle(0, 0, 2, 1, 1)
+            gmsh.model.occ.synchronize()
+            gmsh.model.addPhysicalGroup(3, [1], name="box")
+            gmsh.model.addPhysicalGroup(2, [loose], name="plate")
+            gmsh.option.setNumber("Mesh.MeshSizeMin", 1)
+            gmsh.model.mesh.generate(3)
+            gmsh.write(str(path))
+    assert "are no facets of cells" in message(lambda: read_gmsh(comm, path))
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (None, "does not exist"),
+        ("", "is not a gmsh .msh file"),
+        ("<xdmf/>\n", "is not a gmsh .msh file"),
+        ("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n", "has no elements"),
+        ("$MeshFormat\n9.1 0 8\n$EndMeshFormat\n", "gmsh cannot read"),
+        ("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 2 1 2\n3 1", "gmsh cannot read"),
+    ],
+)
+def test_bad_file(
+    comm: MPI.Intracomm, shared_tmp_path: Path, content: str | None, expected: str
+) -> None:
+    path = shared_tmp_path / "bad.msh"
+    if comm.rank == 0 and content is not None:
+        path.write_text(content)
+    text = message(lambda: read_gmsh(comm, path))
+    assert expected in text
+    assert str(path) in text
+    if comm.rank == 0:
+        write_plane(path, {"low": "a", "high": "b"})
+    comm.barrier()
+    assert read_gmsh(comm, path).volumes  # a good file read next is not blamed
+
+
+def test_folder_instead_of_file(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    assert "Is a directory" in message(lambda: read_gmsh(comm, shared_tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        ({}, "the gmsh model has no physical volume"),
+        ({"low": "a"}, "is in no physical volume"),
+        ({"low": "a", "high": "b", "high2": "c"}, "is in 2 named groups"),
+        ({"low": "a", "high": ""}, "has no name"),
+    ],
+)
+def test_bad_model_to_split(tmp_path: Path, names: dict[str, str], expected: str) -> None:
+    assert expected in message(lambda: write_plane(tmp_path / "plane.split", names))
+
+
+def test_session_leaves_gmsh_as_it_was() -> None:
+    gmsh = pytest.importorskip("gmsh")
+    with gmsh_session():
+        gmsh.model.setCurrent(gmsh.model.getCurrent())
+        outer = gmsh.model.getCurrent()
+        with gmsh_session():
+            gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+            gmsh.model.occ.synchronize()
+        assert gmsh.model.getCurrent() == outer
+        assert not gmsh.model.getEntities()
+    assert not gmsh.isInitialized()
+
+
+def test_interpolation_points(comm: MPI.Intracomm) -> None:
+    mesh = build(comm, "stacked_blocks", n=1).mesh
+    space = dolfinx.fem.functionspace(mesh, ("DG", 0))
+    np.testing.assert_allclose(interpolation_points(space.element), [[0.25, 0.25, 0.25]])

@@ -1,0 +1,304 @@
+"""What is read back from a result folder, finished or not, and the pictures that are made of it."""
+
+import shutil
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.io.case.scene import Scene, write_scene
+from perfplast_fenicsx.io.results.output_fields import OutputFields
+from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
+from perfplast_fenicsx.io.results.xdmf import FieldsFile
+from perfplast_fenicsx.mesh.sample_meshes import build
+from perfplast_fenicsx.mesh.tagged_mesh import read_gmsh
+from perfplast_fenicsx.pictures.boundary_surface import Surface, gather_surface
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.pictures.surface_of_arrays import exterior, facet_tags
+from perfplast_fenicsx.problem.loads import Traction
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.supports import Support
+from perfplast_fenicsx.solvers.newton import Newton
+from tests.functional.test_command_line import CASE, one_line, write
+from tests.models import STEEL
+
+needs_xvfb = pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no Xvfb to draw with")
+
+
+def table(surface: Surface, part: str) -> np.ndarray:
+    """Triangles or facets, one a row: middle, normal, and what belongs to them; sorted."""
+    cells = getattr(surface, part)
+    columns = [surface.points[cells].mean(axis=1)]
+    if part == "facets":
+        columns += [surface.normals]
+        columns += [surface.marks[name][:, None] for name in sorted(surface.marks)]
+    else:
+        columns += [surface.body[:, None], surface.at_cells["yield_ratio"][:, None]]
+        columns += [surface.at_points["displacement"][cells].mean(axis=1)]
+        columns += [surface.at_points["contact_pressure"][cells].mean(axis=1)[:, None]]
+    rows = np.column_stack(columns)
+    # where surfaces touch, triangles of two bodies have one middle: then by body or normal
+    return rows[np.lexsort(np.round(rows[:, 5::-1], 9).T)]
+
+
+@pytest.mark.parametrize(
+    ("where", "degree"), [("two_blocks", 1), ("two_blocks", 2), ("curved", 2), ("plane", 2)]
+)
+def test_the_skin_is_that_of_the_run(
+    comm: MPI.Intracomm, shared_tmp_path: Path, where: str, degree: int
+) -> None:
+    folder = ResultFolder(comm, shared_tmp_path / "results")
+    folder.create()
+    if where == "two_blocks":
+        assembly = build(comm, where, n=2)
+        contacts, load = [Contact("upper_bottom", "lower_top")], Traction("top", (0.0, 0.0, -60.0))
+        supports = [Support("left")]
+    else:
+        pytest.importorskip("gmsh")
+        assembly, contacts, load, supports = tube(comm, shared_tmp_path, where == "curved")
+    model = Scene(where, [load], contacts)
+    problem = Problem(
+        assembly, dict.fromkeys(assembly.volumes, STEEL), supports, [load], contacts, (), degree
+    )
+    folder.on_root(lambda: write_scene(model, assembly, folder.file("scene.json")))
+    results, file = Results(folder, problem, where, "1", "newton"), FieldsFile(folder, assembly)
+    recovery, newton = OutputFields(problem), Newton(problem)
+    for zeta in (0.5, 1.0):
+        level = newton.solve(zeta)
+        assert level.report.converged
+        fields = recovery.update(level.state)
+        file.write(fields, zeta)
+        results.add(level.report)
+        nodal = {name: fields[name] for name in ("displacement", "contact_pressure")}
+        cellwise = {"yield_ratio": fields["yield_ratio"]}
+        gathered = gather_surface(assembly, nodal, cellwise, model.marks)
+        if gathered is None:
+            continue
+        archive = ResultReader(folder.path)
+        assert archive.reports == results.reports
+        assert archive.model.marks == model.marks
+        assert archive.limit is None
+        last = archive.levels[-1]
+        assert last.number == len(results.reports)
+        found = archive.surface(last)
+        assert (archive.gdim == 2) == gathered.plane == found.plane
+        assert found.names == gathered.names
+        for part in ("triangles", "facets"):
+            ours, theirs = table(found, part), table(gathered, part)
+            assert np.allclose(ours, theirs, rtol=1e-9, atol=1e-12)
+        assert found.at_points["displacement"].any()
+        assert found.at_points["contact_pressure"].any() == bool(contacts)
+
+
+def tube(
+    comm: MPI.Intracomm, folder: Path, curved: bool
+) -> tuple[object, list[Contact], Traction, list[Support]]:
+    """A quarter of a cylinder with second-order geometry, or of a plane ring."""
+    import gmsh
+
+    path = folder / "tube.msh"
+    if comm.rank == 0:
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        occ = gmsh.model.occ
+        if curved:
+            occ.addCylinder(0, 0, 0, 0, 0, 1, 1, angle=np.pi / 2)
+        else:
+            occ.cut([(2, occ.addDisk(0, 0, 0, 2, 2))], [(2, occ.addDisk(0, 0, 0, 1, 1))])
+        occ.synchronize()
+        dim = 3 if curved else 2
+        gmsh.model.addPhysicalGroup(dim, [tag for _, tag in gmsh.model.getEntities(dim)], name="it")
+        boundary = gmsh.model.getEntities(dim - 1)
+        first, second = boundary[0][1], boundary[1][1]
+        gmsh.model.addPhysicalGroup(dim - 1, [first], name="held")
+        gmsh.model.addPhysicalGroup(dim - 1, [second], name="loaded")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.7)
+        gmsh.model.mesh.generate(dim)
+        if curved:
+            gmsh.model.mesh.setOrder(2)
+        gmsh.write(str(path))
+        gmsh.finalize()
+    comm.barrier()
+    load = Traction("loaded", (50.0, 20.0, 0.0)[: 3 if curved else 2])
+    return read_gmsh(comm, path), [], load, [Support("held")]
+
+
+def test_exterior() -> None:
+    facets, cells = exterior(np.array([[0, 1, 2, 3], [1, 2, 4, 3]]))
+    assert sorted(map(tuple, facets.tolist())) == [
+        *((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 4), (1, 3, 4), (2, 3, 4))
+    ]
+    assert [4 in facet for facet in facets.tolist()] == (cells == 1).tolist()
+
+
+def test_facet_tags() -> None:
+    facets = np.array([[0, 1, 2], [0, 3, 1], [1, 2, 3]])
+    tags = facet_tags(facets, np.array([[3, 2, 1], [7, 8, 9], [1, 0, 3]]), np.array([5, 6, 7]))
+    assert tags.tolist() == [-1, 7, 5]
+
+
+@pytest.fixture
+def results(comm: MPI.Intracomm, shared_tmp_path: Path) -> Path:
+    """A folder with two levels."""
+    case, folder = write(comm, shared_tmp_path, CASE), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(folder), "--quiet"]) == SOLVED
+    return folder
+
+
+def test_reading_while_a_level_is_written(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    assembly = build(comm, "two_blocks", n=1)
+    load = Traction("top", (0.0, 0.0, -1.0))
+    problem = Problem(assembly, dict.fromkeys(assembly.volumes, STEEL), [Support("left")], [load])
+    folder = ResultFolder(comm, shared_tmp_path / "results")
+    folder.create()
+    folder.on_root(lambda: write_scene(Scene(""), assembly, folder.file("scene.json")))
+    results, file = Results(folder, problem, "", "1", "newton"), FieldsFile(folder, assembly)
+    recovery, newton = OutputFields(problem), Newton(problem)
+
+    def go_on(zeta: float) -> None:
+        level = newton.solve(zeta)
+        file.write(recovery.update(level.state), zeta)
+        results.add(level.report)
+
+    go_on(1.0)
+    archive = ResultReader(folder.path)
+    name, _, place = archive.levels[0].places["displacement"].partition(":")
+    with h5py.File(folder.file(name), locking=False) as data:
+        displacement = data[place]
+        before = displacement[:]
+        comm.barrier()
+        go_on(2.0)
+        assert np.array_equal(displacement[:], before)
+    comm.barrier()
+    assert [level.report.zeta for level in archive.levels] == [1.0]
+    first, second = (archive.surface(level) for level in ResultReader(folder.path).levels)
+    u = "displacement"
+    assert np.allclose(2 * first.at_points[u], second.at_points[u], rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("command", "spoil", "part"),
+    [
+        ("plot", shutil.rmtree, "does not exist; give the DIR of perfplast run"),
+        ("animate", lambda path: (path / "scene.json").unlink(), "has no scene.json"),
+        ("plot", lambda path: (path / "scene.json").write_text("{}"), "'title' is missing"),
+        ("plot", lambda path: (path / "path.csv").write_text("a,b\n1,2\n"), "cannot be read"),
+        ("animate", lambda path: (path / "fields.h5").write_text("HDF"), "cannot be read"),
+        ("plot", lambda path: (path / "path.csv").write_text(""), "no level yet"),
+        ("animate", lambda path: (path / "path.csv").write_text(""), "no fields on file"),
+    ],
+)
+def test_bad_folders(
+    command: str,
+    spoil: object,
+    part: str,
+    results: Path,
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    if comm.rank == 0:
+        spoil(results)  # type: ignore[operator]
+    comm.barrier()
+    assert main([command, str(results)]) == BAD_INPUT
+    assert part in one_line(comm, capsys)
+
+
+@pytest.mark.parametrize(
+    ("more", "part"),
+    [
+        (["-o", "/dev/null/a.gif"], "cannot be written"),
+        (["-o", "a.avi"], "ends in '.avi', which is no format for it; use .gif or .webp"),
+    ],
+)
+def test_bad_files_for_an_animation(
+    more: list[str],
+    part: str,
+    results: Path,
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["animate", str(results), *more]) == BAD_INPUT
+    assert part in one_line(comm, capsys)
+
+
+def test_without_fields(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = write(comm, shared_tmp_path, CASE + "fields = false\n")
+    folder = shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(folder), "--quiet"]) == SOLVED
+    assert main(["plot", str(folder)]) == SOLVED
+    out = comm.bcast(capsys.readouterr().out)
+    assert out.splitlines()[0] == str(folder / "path.png")
+    assert "no fields" in out.splitlines()[1]
+    assert sorted(path.name for path in folder.glob("*.png")) == ["path.png"]
+    assert main(["animate", str(folder)]) == BAD_INPUT
+    assert "fields = true" in one_line(comm, capsys)
+
+
+@pytest.mark.parametrize(
+    ("package", "part"),
+    [("matplotlib", "python3-matplotlib"), ("pyvista", "install Debian's package python3-pyvista")],
+)
+def test_what_is_to_be_installed(
+    package: str,
+    part: str,
+    results: Path,
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    shared_tmp_path: Path,
+) -> None:
+    if package == "matplotlib":
+        for name in [name for name in sys.modules if name.split(".")[0] == package]:
+            monkeypatch.delitem(sys.modules, name)
+        monkeypatch.setitem(sys.modules, package, None)
+        monkeypatch.delitem(sys.modules, "perfplast_fenicsx.pictures.figure_panels", raising=False)
+    else:
+        program = shared_tmp_path / "python"
+        if comm.rank == 0:
+            program.write_text(
+                "#!/bin/sh\necho \"ModuleNotFoundError: No module named 'pyvista'\" >&2\nexit 1\n"
+            )
+            program.chmod(0o755)
+        comm.barrier()
+        monkeypatch.setattr(sys, "executable", str(program))
+    assert main(["animate", str(results)]) == BAD_INPUT
+    assert part in one_line(comm, capsys)
+
+
+@needs_xvfb
+def test_plot_and_animate(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    image = pytest.importorskip("PIL.Image")
+    text = CASE.replace('law = "elastic"', 'law = "von-mises"\nyield_stress = 60.0')
+    text = text.replace("[50.0, 80.0]", "[50.0, 80.0, 90.0]") + '[units]\nlength = "mm"\n'
+    case, folder = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(folder), "--quiet"]) == SOLVED
+    pictures = shared_tmp_path / "new" / "pictures"
+    assert main(["plot", str(folder), "-o", str(pictures)]) == SOLVED
+    assert main(["animate", str(folder)]) == SOLVED
+    out = comm.bcast(capsys.readouterr().out)
+    names = ["path.png", "fields.png", "mechanism.png"]
+    assert out.splitlines() == [*(str(pictures / a) for a in names), str(folder / "loading.gif")]
+    with image.open(folder / "loading.gif") as loading:
+        assert loading.n_frames == 4  # the unloaded bodies first
+        frames = []
+        for number in range(4):
+            loading.seek(number)
+            frames.append(np.asarray(loading.convert("RGB")).astype(int))
+    changes = [np.abs(a - b).max(axis=2) > 40 for a, b in pairwise(frames)]
+    assert all(0.001 < change.mean() < 0.4 for change in changes)
+    for name in names:
+        with image.open(pictures / name) as picture:
+            assert min(picture.size) > 500
+            assert np.unique(np.asarray(picture.convert("L"))).size > 50

@@ -1,0 +1,103 @@
+"""Which sub-package may import which: :data:`BELOW` is the one place where that is written."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = "perfplast_fenicsx"
+
+BELOW: dict[str, set[str]] = {
+    "mesh": set(),
+    "materials": set(),
+    "contact": {"mesh"},
+    "problem": {"mesh", "materials", "contact"},
+    "solvers.linear": {"problem"},
+    "solvers.active_set": {"problem", "solvers.linear"},
+    "solvers": {"problem", "solvers.linear", "solvers.active_set"},
+    "limit_analysis": {"problem", "materials", "solvers"},
+    "io.case": {"mesh", "materials", "contact", "problem", "solvers", "limit_analysis"},
+    "io.results": {
+        "mesh",
+        "materials",
+        "contact",
+        "problem",
+        "limit_analysis",
+        "solvers",
+        "io.case",
+    },
+    "pictures": {"mesh", "materials", "contact", "problem", "io.case", "io.results"},
+    "cli": {"pictures", "io.case", "io.results", "limit_analysis", "solvers", "problem"},
+}
+"""For each room those that it may import from, besides itself and the ground: the modules that lie
+in the package itself, which import from no room."""
+
+GROUND = ""
+
+
+def imports(path: Path) -> Iterator[tuple[str, ...]]:
+    """What a file imports of the package, as parts of dotted names behind the package's."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.ImportFrom) and node.level == 0:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        for name in names:
+            first, *rest = name.split(".")
+            if first == PACKAGE:
+                yield tuple(rest)
+
+
+def room(parts: tuple[str, ...]) -> str:
+    """The room that a dotted name lies in."""
+    return next((name for name in (".".join(parts[:2]), parts[0]) if name in BELOW), GROUND)
+
+
+def modules() -> list[tuple[str, Path]]:
+    """All modules with their rooms, but for the one that is the command."""
+    found = []
+    for path in sorted((ROOT / PACKAGE).rglob("*.py")):
+        parts = path.relative_to(ROOT / PACKAGE).with_suffix("").parts
+        if parts != ("__main__",):
+            found.append((room(parts), path))
+    return found
+
+
+def test_arrows_between_rooms_run_one_way() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)} ({home or 'ground'}) imports {'.'.join(parts)}"
+        for home, path in modules()
+        for parts in imports(path)
+        if room(parts) not in {GROUND, home} | BELOW.get(home, set())
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_circle_of_rooms() -> None:
+    left = dict(BELOW)
+    while left:
+        free = [name for name, below in left.items() if not below & set(left)]
+        assert free, f"a circle among {', '.join(left)}"
+        for name in free:
+            del left[name]
+
+
+def test_every_folder_is_a_room() -> None:
+    folders = {path.parent.relative_to(ROOT / PACKAGE).parts for _, path in modules()}
+    assert {".".join(parts) for parts in folders if parts} == set(BELOW) | {"io"}
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "demos").rglob("*.py")), ids=lambda p: p.stem)
+def test_demos_import_no_deeper_than_rooms(path: Path) -> None:
+    rooms = {name.split(".")[0] for name in BELOW}
+    deeper = [".".join(parts) for parts in imports(path) if len(parts) > 1 + (parts[0] in rooms)]
+    assert not deeper
+
+
+def test_modules_are_small() -> None:
+    lines = sorted(len(path.read_text(encoding="utf-8").splitlines()) for _, path in modules())
+    assert lines[-1] <= 300
+    assert lines[len(lines) // 2] <= 140
