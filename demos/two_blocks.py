@@ -155,7 +155,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         terminal.level(level.report)
         assert level.report.converged, level.report.reason
         with results.timed("output"):
-            fields_file.write(recovery.update(level.state), level.report.zeta)
+            fields_file.write(recovery.update(level), level.report.zeta)
             results.add(level.report)
 
     terminal.say(f"\nNewton steps at zeta = {level.report.zeta:g}:")
@@ -163,7 +163,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     with results.timed("pictures"):
         picture, path = folder.file("fields.png"), folder.file("path.png")
-        fields = recovery.update(level.state)
+        fields = recovery.update(level)
         about = (level.report, TITLE, LOADS, CONTACTS, picture)
         draw_fields(problem.tagged_mesh, fields, *about, units=model.units)
         unit = model.units.of_work(3)

@@ -117,7 +117,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     for level in load_path(newton, ZETAS, terminal.iteration):
         terminal.level(level.report)
         assert level.report.converged, level.report.reason
-        fields = recovery.update(level.state)
+        fields = recovery.update(level)
         forces.append(contact_force(assembly, fields["contact_pressure"]))
         fields_file.write(fields, level.report.zeta)
         results.add(level.report)

@@ -29,7 +29,10 @@ BELOW: dict[str, set[str]] = {
         "io.case",
     },
     "pictures": {"mesh", "materials", "contact", "problem", "io.case", "io.results"},
-    "cli": {"pictures", "io.case", "io.results", "limit_analysis", "solvers", "problem"},
+    "cli": {
+        *("pictures", "io.case", "io.results", "limit_analysis", "solvers", "solvers.linear"),
+        "problem",
+    },
 }
 """For each room those that it may import from, besides itself and the ground: the modules that lie
 in the package itself, which import from no room."""

@@ -122,7 +122,7 @@ def stress_error(problem: Problem, level: Level, exact: Exact) -> float:
 def contact_forces(problem: Problem, level: Level) -> tuple[float, float]:
     """Push on the lower block: resultant, and integral of the contact pressure. Collective."""
     recovery, assembly = OutputFields(problem), problem.tagged_mesh
-    pressure: fem.Function = recovery.update(level.state)["contact_pressure"]
+    pressure: fem.Function = recovery.update(level)["contact_pressure"]
     ds = ufl.Measure("ds", domain=assembly.mesh, subdomain_data=assembly.facet_tags)
     seam = ds(assembly.surfaces[CONTACTS[0].primary])
     return -float(recovery.resultants[0, -1]), Integral(problem.comm, pressure * seam)()

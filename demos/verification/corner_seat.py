@@ -124,7 +124,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
                 seconds = time.perf_counter() - began
                 report = level.report
                 recovery = OutputFields(problem)
-                fields = recovery.update(level.state)
+                fields = recovery.update(level)
                 side, below = recovery.resultants.sum(axis=0)[:2]
                 numbers = [("force from below", below, P), ("force from the side", side, Q)]
                 if rigid:

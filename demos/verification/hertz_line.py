@@ -169,7 +169,7 @@ def press(
     began = time.perf_counter()
     level = Newton(problem).solve(1.0)
     seconds = time.perf_counter() - began
-    pressure = OutputFields(problem).update(level.state)["contact_pressure"]
+    pressure = OutputFields(problem).update(level)["contact_pressure"]
     found = measure(problem, pressure, "upper_arc")
     rows = [
         Row(

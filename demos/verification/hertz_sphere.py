@@ -201,7 +201,7 @@ def press(
     level = Newton(problem).solve(1.0)
     seconds = time.perf_counter() - began
     recovery = OutputFields(problem)
-    found = measure(problem, recovery.update(level.state)["contact_pressure"], case.surface)
+    found = measure(problem, recovery.update(level)["contact_pressure"], case.surface)
     rows = [
         Row(
             case=case.name,

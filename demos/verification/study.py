@@ -146,7 +146,7 @@ def draw(
 ) -> None:
     """Draw plastic zone, mechanism and loading curve of a limit load. Collective."""
     last = limit.levels[-1]
-    fields = OutputFields(problem).update(last.state)
+    fields = OutputFields(problem).update(last)
     about = (last.report, title, loads, contacts)
 
     def fields_png(shown: dict[str, fem.Function], name: str, caption: str | None = None) -> None:

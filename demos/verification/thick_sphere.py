@@ -160,7 +160,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 def seam_pressure(problem: Problem, level: Level) -> float:
     """Mean contact pressure. Collective."""
     assembly = problem.tagged_mesh
-    pressure = OutputFields(problem).update(level.state)["contact_pressure"]
+    pressure = OutputFields(problem).update(level)["contact_pressure"]
     ds = ufl.Measure("ds", domain=assembly.mesh, subdomain_data=assembly.facet_tags)
     seam = ds(assembly.surfaces[CONTACTS[0].primary])
     one = fem.Constant(assembly.mesh, default_scalar_type(1))

@@ -70,7 +70,7 @@ class Recorder:
         self.recovery = OutputFields(problem)
         self._fields: FieldsFile | None = None
         if case.output.fields:
-            kept = self.recovery.update(self.last.state) if self.last else None
+            kept = self.recovery.update(self.last) if self.last else None
             times = [getattr(report, self._prescribed) for report in saved.reports]
             self._fields = FieldsFile(folder, problem.tagged_mesh, fields=kept, times=times)
         interrupts.check()
@@ -106,7 +106,7 @@ class Recorder:
         with results.timed("output"):
             if report.converged and self._fields is not None:
                 time_ = getattr(report, self._prescribed)
-                self._fields.write(self.recovery.update(level.state), time_)
+                self._fields.write(self.recovery.update(level), time_)
             results.add(report)
             if report.converged:
                 self._before = self.last.state if self.last and search else None

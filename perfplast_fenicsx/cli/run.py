@@ -136,7 +136,7 @@ def _draw(case: Case, problem: Problem, recorder: Recorder, limit: LimitLoad | N
         path = folder.file(name)
         draw_fields(problem.tagged_mesh, fields, *about, path, caption, case.obstacles, case.units)
 
-    fields = recorder.recovery.update(last.state)
+    fields = recorder.recovery.update(last)
     draw(fields, "fields.png")
     if limit is not None:
         work = dissipation(problem, limit.mechanism)

@@ -86,7 +86,7 @@ def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) ->
         multiplier + PENALTY * remainder, interpolation_points(problem.S.element)
     )
     remainder_size, size = (_norm(comm, e, dx) for e in (remainder, strain(v)))
-    force, b, y = problem.load.duplicate(), A.createVecLeft(), A.createVecRight()
+    force, b, y = problem.create_vector(), A.createVecLeft(), A.createVecRight()
     for solves in range(1, MOST_ITERATIONS + 1):
         assemble_force(force, form, problem.bcs)
         problem.basis.T.multTranspose(force, b)

@@ -7,9 +7,11 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 
+from perfplast_fenicsx.problem.integrals import assemble_force
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.quadrature_fields import Fields
+from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Certificate:
     duality_gap: float
 
 
-def certify(problem: Problem, fields: Fields, zeta: float) -> Certificate:
+def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certificate:
     """Judge the state that ``fields`` is at. Collective.
 
     The dual functional of a problem with gaps is S(σ) + Σ force × gap, and inf J_ζ = −S(σ) − Σ ...
@@ -63,6 +65,22 @@ def certify(problem: Problem, fields: Fields, zeta: float) -> Certificate:
     for vector in (residual, r, y, free):
         vector.destroy()
     return certificate
+
+
+def contact_forces(problem: Problem, stress: fem.Function, zeta: float) -> npt.NDArray[np.float64]:
+    """Contact forces that balance a stress and the loads, as a certificate has them. Collective.
+
+    Returns:
+        Shape (num_pairs,), those of the pairs hosted by this rank.
+    """
+    residual, r = problem.create_vector(), problem.create_vector()
+    assemble_force(residual, fem.form(problem.internal_form(stress)), problem.bcs)
+    residual.axpy(-zeta, problem.load)
+    problem.basis.T.multTranspose(residual, r)
+    forces = -r.array_r[problem.basis.index]
+    for vector in (residual, r):
+        vector.destroy()
+    return forces
 
 
 def _smallest(comm: MPI.Intracomm, forces: npt.NDArray[np.float64]) -> float:

@@ -112,6 +112,12 @@ class Problem:
         """Displacement unknowns on all ranks together, supported ones included."""
         return self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
 
+    def create_vector(self) -> PETSc.Vec:
+        """A vector of zeros with an entry for each displacement unknown. Collective."""
+        vector = self.load.duplicate()
+        vector.set(0)
+        return vector
+
     def tangent_form(self, a: fem.Function, normal: fem.Function) -> ufl.Form:
         """⟨Σ^{o,ρ} ε(u), ε(v)⟩ from the tangent data a, N of :class:`von_mises.Moduli`."""
         e, d = strain(ufl.TrialFunction(self.V)), strain(ufl.TestFunction(self.V))

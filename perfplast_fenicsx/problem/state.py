@@ -145,12 +145,15 @@ class Level:
     Attributes:
         state: What it ended with.
         stress: σ = Σ(ε(u)), Mandel vectors (:mod:`von_mises`) at the quadrature points.
+        contact_forces: Of the pairs hosted by this rank (force), positive where the bodies push
+            each other, shape (num_pairs,).
         report: What is known of it.
         iterations: Each step.
     """
 
     state: State
     stress: fem.Function
+    contact_forces: npt.NDArray[np.float64]
     report: LevelReport
     iterations: list[Iteration] = field(default_factory=list)
 

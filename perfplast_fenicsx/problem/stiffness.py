@@ -1,13 +1,66 @@
-"""The stiffness as a matrix in blocks, with room for what contact adds in its basis."""
+"""The tangent stiffness as a matrix in blocks, with room for what contact adds in its basis."""
 
 from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import default_scalar_type, fem
 from dolfinx.common import IndexMap
+from dolfinx.fem import petsc as fem_petsc
 from scipy import sparse
 
+from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.profiling import phase
+
+
+class Stiffness:
+    """Σ^{o,ρ}(ε(u)) of some fields.
+
+    Attributes:
+        matrix: K in nodal unknowns, in blocks, which are assembled twice as fast as single entries;
+            zero before it is assembled.
+    """
+
+    def __init__(self, fields: QuadratureFields) -> None:
+        """Compile the form, and find the pattern. Collective."""
+        problem = fields.problem
+        self._problem = problem
+        self._rho = fem.Constant(problem.tagged_mesh.mesh, default_scalar_type(1))
+        a, normal = problem.moduli.tangent_data(fields.e, self._rho)
+        self._data = [
+            (fem.Function(space), fem.Expression(value, interpolation_points(space.element)))
+            for space, value in ((problem.Q, a), (problem.S, normal))
+        ]
+        self._form = fem.form(problem.tangent_form(*(function for function, _ in self._data)))
+        self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
+        self.matrix = create_stiffness(problem)
+
+    @phase("assembly")
+    def assemble(self, rho: float) -> PETSc.Mat:
+        """Bring the matrix to the strains, with this ρ.
+
+        Supported unknowns keep a diagonal of its mean. Collective.
+        """
+        self._rho.value = rho
+        for function, expression in self._data:
+            function.interpolate(expression, self._problem.cells)
+        self.matrix.zeroEntries()
+        fem_petsc.assemble_matrix(self.matrix, self._form, self._problem.bcs)  # type: ignore[arg-type]
+        self.matrix.assemble()
+        self._scale_supports()
+        return self.matrix
+
+    def _scale_supports(self) -> None:
+        """Give supported unknowns the weight of the others, lest Krylov solvers overlook them."""
+        diagonal = self.matrix.getDiagonal()
+        values = diagonal.array
+        sums = np.array([values[~self._fixed].sum(), (~self._fixed).sum()])
+        total = self._problem.comm.allreduce(sums)
+        values[self._fixed] = total[0] / max(total[1], 1)
+        self.matrix.setDiagonal(diagonal)
+        diagonal.destroy()
 
 
 def create_stiffness(problem: Problem) -> PETSc.Mat:

@@ -123,8 +123,8 @@ class AugmentedLagrangian:
         self._step_3 = on_cells(law.stress(q))
         self._augmented = on_cells(sigma + r * law.hooke(e - q))
         self._force_form = fem.form(problem.internal_form(self._trial))
-        self._force = problem.load.duplicate()
-        self._gradient = problem.load.duplicate()
+        self._force = problem.create_vector()
+        self._gradient = problem.create_vector()
 
         def norm2(strain: ufl.core.expr.Expr) -> Integral:
             return Integral(comm, ufl.dot(law.hooke(strain), strain) * dx)

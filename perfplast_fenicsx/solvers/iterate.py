@@ -9,9 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from perfplast_fenicsx.problem.direction import Direction
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.quadrature_fields import Fields
+from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.state import State
+from perfplast_fenicsx.problem.stiffness import Stiffness
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
@@ -29,19 +31,22 @@ class Iterate:
 
     Attributes:
         fields: Strain, stress, integrals.
+        direction: δu and the integrals along it.
         y: u in the contact basis.
     """
 
     def __init__(self, problem: Problem) -> None:
         """Compile the forms. Collective."""
         self.problem = problem
-        self.fields = Fields(problem)
-        self.y = problem.load.duplicate()
-        self._delta = problem.load.duplicate()
-        self._residual = problem.load.duplicate()
-        self._r = problem.load.duplicate()
+        self.fields = QuadratureFields(problem)
+        self.direction = Direction(self.fields)
+        self._stiffness = Stiffness(self.fields)
+        self.y = problem.create_vector()
+        self._delta = problem.create_vector()
+        self._residual = problem.create_vector()
+        self._r = problem.create_vector()
         self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
-        self._operator = ContactOperator(problem, self.fields.stiffness)
+        self._operator = ContactOperator(problem, self._stiffness.matrix)
 
     def begin(self, start: State | None) -> npt.NDArray[np.bool_]:
         """Start from a state, what penetrates being pushed back, or from zero displacement.
@@ -86,17 +91,17 @@ class Iterate:
 
     def operator(self, rho: float) -> ContactOperator:
         """Σ^{o,ρ}(ε(u)) in the contact basis; valid until the next call."""
-        self.fields.assemble_stiffness(rho)
+        self._stiffness.assemble(rho)
         return self._operator
 
     def aim(self, delta: PETSc.Vec) -> None:
         """Take a direction, given in the contact basis."""
         delta.copy(self._delta)
-        du = self.fields.du
+        du = self.direction.du
         self.problem.basis.T.mult(delta, du.x.petsc_vec)
         du.x.array[: self._fixed.size][self._fixed] = 0
         du.x.scatter_forward()
-        self.fields.update_direction()
+        self.direction.update()
 
     @phase("line search")
     def line_search(self, zeta: float) -> float:
@@ -105,13 +110,14 @@ class Iterate:
         β = 1 is taken where the derivative there is not positive, or so small against the one at 0,
         or against the terms it is the difference of, that nothing is to be gained.
         """
-        fields = self.fields
-        load = zeta * float(self.problem.load.dot(fields.du.x.petsc_vec))
-        noise = ROUNDING * float(np.sqrt(fields.stress_norm2() * fields.du_norm2()))
+        direction = self.direction
+        load = zeta * float(self.problem.load.dot(direction.du.x.petsc_vec))
+        size2 = self.fields.stress_norm2() * direction.du_norm2()
+        noise = ROUNDING * float(np.sqrt(size2))
 
         def slope(beta: float) -> float:
-            fields.beta.value = beta
-            return fields.slope() - load
+            direction.beta.value = beta
+            return direction.slope() - load
 
         at_zero, at_one = slope(0.0), slope(1.0)
         enough = max(SLOPE_REDUCTION * abs(at_zero), noise)
@@ -132,17 +138,17 @@ class Iterate:
         At least ten times the work of u is looked at. J_ζ is convex, so it then falls all the way.
         The ray has to stay in K_h: pairs that δu would close keep their distance instead.
         """
-        fields, basis = self.fields, self.problem.basis
+        direction, basis = self.direction, self.problem.basis
         jump = self._delta.array_r[basis.index]
         if self.problem.comm.allreduce(int((jump > 0).sum())):
             self._delta.array[basis.index] = np.minimum(jump, 0)
             self.aim(self._delta)
-        work = float(self.problem.load.dot(fields.du.x.petsc_vec))
+        work = float(self.problem.load.dot(direction.du.x.petsc_vec))
         if work <= 0:
             return False
         here = self.work()
-        fields.beta.value = (max(alpha, 10 * here) - here) / work
-        return fields.slope() < zeta * work
+        direction.beta.value = (max(alpha, 10 * here) - here) / work
+        return direction.slope() < zeta * work
 
     def take_step(self, beta: float, stopping: str, zeta: float = 0.0) -> float:
         """Advance by β δu and tell how large the step was by a criterion of Remark 1.
@@ -160,22 +166,23 @@ class Iterate:
 
     def increment(self, stopping: str) -> float:
         """‖δu‖ or ‖δσ‖_E relative to the states before and after the full step (Remark 1)."""
-        fields = self.fields
+        fields, direction = self.fields, self.direction
         if stopping == "stress":
             change, before, after = (
-                fields.change_norm2(),
+                direction.change_norm2(),
                 fields.stress_norm2(),
-                fields.moved_stress_norm2(),
+                direction.moved_stress_norm2(),
             )
         else:
-            change, before, after = fields.du_norm2(), fields.u_norm2(), fields.moved_norm2()
+            change, before = direction.du_norm2(), fields.u_norm2()
+            after = direction.moved_norm2()
         total = np.sqrt(before) + np.sqrt(after)
         return float(np.sqrt(max(change, 0)) / total) if total > 0 else 0.0
 
     def advance(self, beta: float) -> None:
         """Take the step: u ← u + β δu."""
         u = self.fields.u
-        u.x.array[:] += beta * self.fields.du.x.array
+        u.x.array[:] += beta * self.direction.du.x.array
         self.y.axpy(beta, self._delta)
         self.fields.update()
 

@@ -115,4 +115,4 @@ class Progress:
         )
         stress = fem.Function(problem.S, name="stress")
         stress.x.array[:] = fields.stress.x.array
-        return Level(state, stress, report, history)
+        return Level(state, stress, certificate.forces, report, history)

@@ -164,7 +164,7 @@ def assert_the_same_on_one_rank(together: Problem, alone: Problem, zeta: float) 
     fields = [OutputFields(together), OutputFields(alone)]
     peaks = []
     for recovery, level, problem in zip(fields, levels, (together, alone), strict=True):
-        pressure = recovery.update(level.state)["contact_pressure"]
+        pressure = recovery.update(level)["contact_pressure"]
         peaks.append(largest(problem.comm, pressure.x.array))
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-7)
     assert fields[0].resultants == pytest.approx(fields[1].resultants, rel=1e-9, abs=1e-9)
@@ -210,7 +210,7 @@ def test_a_uniform_pressure_leaves_nothing_at_vertices_and_is_found_soon(
         assert level.report.alpha == pytest.approx(zeta * (1 / STEEL.young + 1 / upper.young))
         assert level.report.active_set_iterations <= 15
         assert level.report.complementarity == pytest.approx(0, abs=1e-12)
-    pressure = OutputFields(problem).update(level.state)["contact_pressure"].x.array
+    pressure = OutputFields(problem).update(level)["contact_pressure"].x.array
     assert largest(problem.comm, pressure) == pytest.approx(zeta, rel=1e-9)
 
 
@@ -320,7 +320,7 @@ def test_a_body_that_hovers_falls_on_the_obstacle_that_alone_holds_it(
     assert level.report.zeta == pytest.approx(zeta, rel=1e-7)
     assert level.report.alpha == pytest.approx(alpha, rel=1e-9)
     recovery = OutputFields(problem)
-    recovery.update(level.state)
+    recovery.update(level)
     assert recovery.resultants == pytest.approx(np.array([[0.0, 0.0, zeta]]), rel=1e-7, abs=1e-7)
 
 
@@ -357,7 +357,7 @@ def test_tube_in_a_rigid_round_hole(read: Read, degree: int) -> None:
     error = 1e-4 if degree == 2 else 2e-2
     assert level.report.alpha == pytest.approx(10 * math.pi / 2 * a * inner, rel=error)
     recovery = OutputFields(problem)
-    recovery.update(level.state)
+    recovery.update(level)
     force = -10 * (2 - 2 * nu) * -A * b  # of a quarter of the hole, along each axis
     assert recovery.resultants == pytest.approx(np.array([[force, force]]), rel=error)
 
@@ -382,7 +382,7 @@ def test_shell_in_a_hollow_sphere(read: Read) -> None:
     assert level.report.alpha == pytest.approx(work, rel=2e-3)
     pressure = D / b**3 * (3 * bulk + 4 * shear)
     recovery = OutputFields(problem)
-    recovery.update(level.state)
+    recovery.update(level)
     force = -pressure * math.pi / 4 * b**2
     assert recovery.resultants == pytest.approx(np.full((1, 3), force), rel=2e-3)
 
@@ -401,7 +401,7 @@ def test_ball_in_a_hollow_sphere_that_is_larger(read: Read) -> None:
     assert_solved(level)
     assert 0 < level.report.active_contacts < problem.num_pairs
     recovery = OutputFields(problem)
-    recovery.update(level.state)
+    recovery.update(level)
     assert recovery.resultants[0, 2] == pytest.approx(50 * math.pi / 4, rel=1e-3)
 
 
@@ -414,7 +414,7 @@ def test_block_on_a_rigid_cylinder(comm: MPI.Intracomm) -> None:
         assert_solved(level)
         assert 0 < level.report.active_contacts < problem.num_pairs
         recovery = OutputFields(problem)
-        recovery.update(level.state)
+        recovery.update(level)
         assert recovery.resultants[0, 2] == pytest.approx(100.0, rel=1e-9)
         across = int(np.flatnonzero(axis)[0])
         assert abs(recovery.resultants[0, across]) < 1e-12

@@ -74,7 +74,7 @@ def test_the_skin_is_that_of_the_run(
     for zeta in (0.5, 1.0):
         level = newton.solve(zeta)
         assert level.report.converged
-        fields = recovery.update(level.state)
+        fields = recovery.update(level)
         file.write(fields, zeta)
         results.add(level.report)
         nodal = {name: fields[name] for name in ("displacement", "contact_pressure")}
@@ -165,7 +165,7 @@ def test_reading_while_a_level_is_written(comm: MPI.Intracomm, shared_tmp_path: 
 
     def go_on(zeta: float) -> None:
         level = newton.solve(zeta)
-        file.write(recovery.update(level.state), zeta)
+        file.write(recovery.update(level), zeta)
         results.add(level.report)
 
     go_on(1.0)

@@ -95,7 +95,7 @@ def test_block_held_by_contact_alone(active_set: str) -> None:
         assert level.state.alpha == pytest.approx(level.state.zeta * compliance, rel=1e-10)
         assert level.report.plastic_cells == 0
         assert level.report.active_contacts == level.report.contact_pairs == 16
-        stress = OutputFields(problem).update(level.state)["stress"].x.array.reshape(-1, 9)
+        stress = OutputFields(problem).update(level)["stress"].x.array.reshape(-1, 9)
         uniform = np.diag([0.0, 0.0, -level.state.zeta]).ravel()
         assert np.abs(stress - uniform).max() < 1e-8 * level.state.zeta
     [bad] = load_path(Newton(problem), [305.0])
@@ -106,7 +106,7 @@ def test_block_held_by_contact_alone(active_set: str) -> None:
 def test_contact_pressure_is_the_applied_one() -> None:
     problem = stack_problem(2)
     [level] = solve(problem, 120.0)
-    pressure = OutputFields(problem).update(level.state)["contact_pressure"]
+    pressure = OutputFields(problem).update(level)["contact_pressure"]
     ds = ufl.Measure("ds", problem.tagged_mesh.mesh, subdomain_data=problem.tagged_mesh.facet_tags)
     for surface in ("lower_top", "upper_bottom"):
         form = fem.form(pressure * ds(problem.tagged_mesh.surfaces[surface]))

@@ -44,6 +44,7 @@ from perfplast_fenicsx.io.results.parallel_hdf5 import (
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.limit_search import Search
 from perfplast_fenicsx.materials.mandel import strain
+from perfplast_fenicsx.problem.certificate import contact_forces
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level, LevelReport, State
 from perfplast_fenicsx.solvers.load_stepping import Reached
@@ -190,7 +191,8 @@ class Checkpoints:
         if reports:
             stress = fem.Function(problem.S, name="stress")
             self._to_points(arrays["stress"], stress)
-            level = Level(self._to_state(arrays, "", reports[-1]), stress, reports[-1])
+            forces = contact_forces(problem, stress, reports[-1].zeta)
+            level = Level(self._to_state(arrays, "", reports[-1]), stress, forces, reports[-1])
             if "displacement_before" in arrays:
                 before = self._to_state(arrays, "_before", reports[-2])
         return Saved(reports, level, before, search, header.timings)

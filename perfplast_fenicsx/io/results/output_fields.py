@@ -1,4 +1,4 @@
-"""Fields people look at: stress tensor, plastic zone, contact pressure of a state."""
+"""Fields people look at: stress tensor, plastic zone, contact pressure of a level."""
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -13,15 +13,13 @@ from dolfinx.fem import petsc as fem_petsc
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.contact.node_pairs import RIGID
 from perfplast_fenicsx.materials.mandel import strain, tensor
-from perfplast_fenicsx.problem.certificate import certify
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.quadrature_fields import Fields
 from perfplast_fenicsx.problem.spaces import by_cell
-from perfplast_fenicsx.problem.state import State
+from perfplast_fenicsx.problem.state import Level
 
 
 class OutputFields:
-    """Makes the output fields of a problem's states; compiled once.
+    """Makes the output fields of a problem's levels; compiled once.
 
     Attributes:
         fields: name → function, brought up to date by :meth:`update`: ``displacement`` (length),
@@ -35,8 +33,8 @@ class OutputFields:
 
     def __init__(self, problem: Problem) -> None:
         """Compile the expressions. Collective."""
-        self._problem, self._state = problem, Fields(problem)
-        mesh, law, e = problem.tagged_mesh.mesh, problem.moduli, self._state.e
+        self._problem, self._e = problem, fem.Function(problem.S)
+        mesh, law, e = problem.tagged_mesh.mesh, problem.moduli, self._e
         cell, size = mesh.basix_cell(), problem.S.dofmap.index_map_bs
 
         def piecewise_constant(*shape: int) -> fem.FunctionSpace:
@@ -55,6 +53,8 @@ class OutputFields:
         self.fields = {name: fem.Function(space, name=name) for name, space in spaces.items()}
         self.resultants: npt.NDArray[np.float64] = np.zeros((0, mesh.geometry.dim))
 
+        u = self.fields["displacement"]
+        self._strain = fem.Expression(strain(u), interpolation_points(problem.S.element))
         self._mean = fem.Function(piecewise_constant(size))
         self._tensor = fem.Expression(tensor(self._mean), interpolation_points(tensors.element))
         self._at_points = fem.Function(problem.Q)
@@ -65,12 +65,11 @@ class OutputFields:
         self._to_nodes.assemble()
         self._areas = self._contact_areas(vertices)
 
-    def update(self, state: State) -> dict[str, fem.Function]:
-        """Bring all fields to a state. Collective."""
-        for u in (self._state.u, self.fields["displacement"]):
-            u.x.array[:] = state.u.x.array
-        self._state.update()
-        stress, size = self._state.stress, self._mean.function_space.dofmap.index_map_bs
+    def update(self, level: Level) -> dict[str, fem.Function]:
+        """Bring all fields to a level. Collective."""
+        self.fields["displacement"].x.array[:] = level.state.u.x.array
+        self._e.interpolate(self._strain, self._problem.cells)
+        stress, size = level.stress, self._mean.function_space.dofmap.index_map_bs
         points = self._problem.S.dofmap.list
         self._mean.x.array[:] = stress.x.array.reshape(-1, size)[points].mean(axis=1).ravel()
         self.fields["stress"].interpolate(self._tensor)
@@ -78,7 +77,7 @@ class OutputFields:
         self.fields["plastic"].x.array[:] = by_cell(self._at_points).mean(axis=1)
         self._at_points.interpolate(self._ratio)
         self.fields["yield_ratio"].x.array[:] = by_cell(self._at_points).max(axis=1)
-        self._contact(certify(self._problem, self._state, state.zeta).forces)
+        self._contact(level.contact_forces)
         return self.fields
 
     def _contact(self, forces: npt.NDArray[np.float64]) -> None:

@@ -83,7 +83,7 @@ class ContactProgram:
         self._circling: Flags = np.zeros(len(self._index), dtype=bool)
         self._failure: LinearFailure | None = None
         self._r, self._delta, self._gradient, self._rhs, self._image, self._upper, self._lower = (
-            problem.load.duplicate() for _ in range(7)
+            problem.create_vector() for _ in range(7)
         )
         self._lower.set(PETSc.NINFINITY)
         self._snes: PETSc.SNES | None = None

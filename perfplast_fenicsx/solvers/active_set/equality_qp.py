@@ -37,7 +37,7 @@ class EqualityProgram:
         self._index = problem.basis.index
         self._A: ContactOperator | None = None
         self._border, self._rhs, self._change, self._response = (
-            problem.load.duplicate() for _ in range(4)
+            problem.create_vector() for _ in range(4)
         )
         problem.basis.T.multTranspose(problem.load, self._border)
         self._responded = self._response_is_new = False

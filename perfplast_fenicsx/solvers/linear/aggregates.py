@@ -163,7 +163,7 @@ def aggregate(problem: Problem, stiffness: PETSc.Mat) -> list[Aggregates]:
 
 def _rigid_motions(problem: Problem) -> PETSc.NullSpace:
     """Rigid motions of all bodies together."""
-    x = problem.load.duplicate()
+    x = problem.create_vector()
     owned = problem.V.dofmap.index_map.size_local
     x.array[:] = problem.V.tabulate_dof_coordinates()[:owned, : problem.bodies.gdim].ravel()
     modes = PETSc.NullSpace().createRigidBody(x)

@@ -26,7 +26,7 @@ class ContactOperator:
         self.stiffness, self.matrix = stiffness, PETSc.Mat()
         self._T = problem.basis.T
         self._rows = ContactRows(problem) if problem.num_pairs else None
-        self._u, self._image, self._y = (problem.load.duplicate() for _ in range(3))
+        self._u, self._image, self._y = (problem.create_vector() for _ in range(3))
 
     def mult_add(self, y: PETSc.Vec, r: PETSc.Vec, f: PETSc.Vec) -> None:
         """Set f to A y + r. Collective."""

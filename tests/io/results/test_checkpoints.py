@@ -17,7 +17,8 @@ from perfplast_fenicsx.io.results.global_ordering import Ordering
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, checksum, set_checksum
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.limit_search import Search
-from perfplast_fenicsx.problem.quadrature_fields import Fields
+from perfplast_fenicsx.problem.certificate import contact_forces
+from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from tests.io.results.test_result_folder import report
 
 SEATS = {"elastic": in_elastic_seat, "rigid": in_rigid_seat}
@@ -43,7 +44,7 @@ def state(problem: Problem, size: float) -> State:
 
 
 def stress(problem: Problem, state: State) -> fem.Function:
-    fields = Fields(problem)
+    fields = QuadratureFields(problem)
     fields.u.x.array[:] = state.u.x.array
     fields.update()
     return fields.stress
@@ -71,7 +72,8 @@ def test_other_ranks_read_what_was_written(
     path = shared_tmp_path / "results"
     now, before = state(source, 2e-3), state(source, 1e-3)
     reports = [report(s.zeta, alpha=s.alpha) for s in (before, now)]
-    level = Level(now, stress(source, now), reports[-1])
+    sigma = stress(source, now)
+    level = Level(now, sigma, contact_forces(source, sigma, now.zeta), reports[-1])
     search = Search([(0.1, 0.2), (0.3, 0.4)], [0.5], 0.6, True, False, "so", 7)
     if gather or comm.rank == 0:
         folder = ResultFolder(source.comm, path)

@@ -5,7 +5,8 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.problem.quadrature_fields import Fields
+from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.stiffness import Stiffness
 from perfplast_fenicsx.solvers.active_set.equality_qp import EqualityProgram
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
@@ -21,16 +22,16 @@ RTOL = 1e-6
 def test_a_correction_is_as_good_as_a_solution(kind: str, work: float | None) -> None:
     """The pair in one corner is let go."""
     problem = two_blocks_problem(4)
-    fields = Fields(problem)
+    fields = QuadratureFields(problem)
     fields.update()
-    fields.assemble_stiffness(1.0)
+    K = Stiffness(fields).assemble(1.0)
     with (
         default("perfplast_pc_type", kind),
         default("perfplast_coarse_pc_gamg_coarse_eq_limit", "60"),
     ):
         linear = LinearSolver(problem)
         system = EqualityProgram(problem, linear)
-        operator = ContactOperator(problem, fields.stiffness)
+        operator = ContactOperator(problem, K)
         system.set_operator(operator)
     index = problem.basis.index
     before = np.ones(len(index), dtype=bool)
@@ -66,12 +67,12 @@ def test_a_correction_is_as_good_as_a_solution(kind: str, work: float | None) ->
 @pytest.mark.mpi3
 def test_what_is_right_already_is_left_alone() -> None:
     problem = two_blocks_problem(2)
-    fields = Fields(problem)
+    fields = QuadratureFields(problem)
     fields.update()
-    fields.assemble_stiffness(1.0)
+    K = Stiffness(fields).assemble(1.0)
     linear = LinearSolver(problem)
     system = EqualityProgram(problem, linear)
-    system.set_operator(ContactOperator(problem, fields.stiffness))
+    system.set_operator(ContactOperator(problem, K))
     held = np.ones(len(problem.basis.index), dtype=bool)
     r, delta = problem.load.duplicate(), problem.load.duplicate()
     problem.basis.T.multTranspose(problem.load, r)

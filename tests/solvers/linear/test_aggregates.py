@@ -12,7 +12,8 @@ import pytest
 
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import Contact, Pressure, Problem, Support, read_gmsh
-from perfplast_fenicsx.problem.quadrature_fields import Fields
+from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.stiffness import Stiffness
 from perfplast_fenicsx.solvers.linear.aggregates import Aggregates, aggregate
 from tests.models import STEEL, two_blocks_problem
 
@@ -41,11 +42,11 @@ def problem(request: pytest.FixtureRequest, shared_tmp_path: Path) -> Problem:
 
 @pytest.fixture
 def levels(problem: Problem) -> list[Aggregates]:
-    fields = Fields(problem)
+    fields = QuadratureFields(problem)
     fields.update()
     PETSc.Options()[FEW] = 60
     try:
-        return aggregate(problem, fields.assemble_stiffness(1.0).convert("aij", PETSc.Mat()))
+        return aggregate(problem, Stiffness(fields).assemble(1.0).convert("aij", PETSc.Mat()))
     finally:
         PETSc.Options().delValue(FEW)
 

@@ -20,7 +20,8 @@ from perfplast_fenicsx import (
     two_blocks,
 )
 from perfplast_fenicsx.contact.obstacles import Plane
-from perfplast_fenicsx.problem.quadrature_fields import Fields
+from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.stiffness import Stiffness
 from perfplast_fenicsx.solvers.linear import linear_solver as linear
 from perfplast_fenicsx.solvers.linear import smoothed_aggregation as coarse
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
@@ -239,10 +240,9 @@ def test_a_set_up_serves_corrections_too(multigrid: None) -> None:
 
 
 def _operator(problem: Problem) -> ContactOperator:
-    fields = Fields(problem)
+    fields = QuadratureFields(problem)
     fields.update()
-    fields.assemble_stiffness(1.0)
-    return ContactOperator(problem, fields.stiffness)
+    return ContactOperator(problem, Stiffness(fields).assemble(1.0))
 
 
 def _row_sizes(A: PETSc.Mat, local: np.ndarray) -> np.ndarray:

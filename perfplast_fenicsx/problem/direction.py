@@ -1,0 +1,53 @@
+"""A direction from a displacement, and the integrals along it: of line search and increments."""
+
+import ufl
+from dolfinx import default_scalar_type, fem
+
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.materials.mandel import strain
+from perfplast_fenicsx.problem.integrals import Integral
+from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.profiling import phase
+
+
+class Direction:
+    """δu from the u of some fields.
+
+    Attributes:
+        du: The direction.
+        de: Its strain ε(δu).
+        beta: Step length in :attr:`slope`.
+        slope: ⟨Σ(ε(u + β δu)), ε(δu)⟩, the derivative of Ψ along δu.
+        change_norm2: ‖Σ(ε(u + δu)) − σ‖² in the energy norm.
+        moved_stress_norm2: ‖Σ(ε(u + δu))‖².
+        du_norm2: ‖δu‖² in the energy norm.
+        moved_norm2: ‖u + δu‖².
+    """
+
+    def __init__(self, fields: QuadratureFields) -> None:
+        """Create a direction that is zero, and compile the integrals. Collective."""
+        problem, e, s = fields.problem, fields.e, fields.stress
+        law, comm, dx, S = problem.moduli, problem.comm, problem.dx, problem.S
+        self._cells = problem.cells
+        self.du, self.de = fem.Function(problem.V), fem.Function(S)
+        self.beta = fem.Constant(problem.tagged_mesh.mesh, default_scalar_type(1))
+        self._strain = fem.Expression(strain(self.du), interpolation_points(S.element))
+        de = self.de
+        moved, ended = law.stress(e + self.beta * de), law.stress(e + de)
+
+        def stress_norm2(stress: ufl.core.expr.Expr) -> Integral:
+            return Integral(comm, ufl.dot(law.compliance(stress), stress) * dx)
+
+        def strain_norm2(strain_: ufl.core.expr.Expr) -> Integral:
+            return Integral(comm, ufl.dot(law.hooke(strain_), strain_) * dx)
+
+        self.slope = Integral(comm, ufl.dot(moved, de) * dx)
+        self.change_norm2 = stress_norm2(ended - s)
+        self.moved_stress_norm2 = stress_norm2(ended)
+        self.du_norm2 = strain_norm2(de)
+        self.moved_norm2 = strain_norm2(e + de)
+
+    @phase("return map")
+    def update(self) -> None:
+        """Bring ε(δu) to δu. Its ghosts must be up to date."""
+        self.de.interpolate(self._strain, self._cells)
