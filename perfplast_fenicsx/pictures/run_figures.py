@@ -49,7 +49,7 @@ def draw_fields(
     Args:
         assembly: Mesh with names.
         fields: ``displacement``, ``yield_ratio`` and ``contact_pressure`` of the level, and for a
-            mechanism its ``dissipation`` (:func:`dissipation`).
+            mechanism its ``dissipation`` (:func:`output_fields.dissipation`).
         report: The level.
         title: Heading of the picture.
         loads: Shown as arrows where they act on surfaces.

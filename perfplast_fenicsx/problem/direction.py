@@ -16,7 +16,7 @@ class Direction:
     Attributes:
         du: The direction.
         de: Its strain ε(δu).
-        beta: Step length in :attr:`slope`.
+        beta: Step length in ``slope``.
         slope: ⟨Σ(ε(u + β δu)), ε(δu)⟩, the derivative of Ψ along δu.
         change_norm2: ‖Σ(ε(u + δu)) − σ‖² in the energy norm.
         moved_stress_norm2: ‖Σ(ε(u + δu))‖².

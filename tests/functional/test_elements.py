@@ -173,7 +173,7 @@ def test_linear_elements_evaluate_the_law_once_in_a_cell(comm: MPI.Intracomm) ->
     assert linear.degree == 1
     assert by_cell(fem.Function(linear.Q)).shape[1] == 1
     quadratic = Problem(
-        linear.assembly,
+        linear.tagged_mesh,
         {"lower": TUBE, "upper": TUBE},
         [Support("bottom"), Support("x0", "x"), Support("y0", "y")],
         [Pressure("top", 1.0)],

@@ -1,0 +1,111 @@
+"""The wheel: what it holds, and that the command works from it, away from the sources."""
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx.child_process import environment_apart
+from tests.test_walls import BELOW
+
+ROOT = Path(__file__).parents[2]
+PATIENCE = 300
+"""Longest time for a command (s)."""
+
+pytestmark = pytest.mark.skipif(
+    MPI.COMM_WORLD.size > 1, reason="a program that uses MPI cannot start another"
+)
+
+CASE = """
+[mesh]
+builder = "stacked_blocks"
+n = 1
+[material.lower]
+law = "elastic"
+young = 2e5
+poisson = 0.3
+[material.upper]
+law = "von-mises"
+young = 2e5
+poisson = 0.3
+yield_stress = 300.0
+[[support]]
+on = "bottom"
+[[support]]
+on = "x0"
+components = "x"
+[[support]]
+on = "y0"
+components = "y"
+[[load]]
+on = "top"
+pressure = 1.0
+[[contact]]
+primary = "lower_top"
+secondary = "upper_bottom"
+[loading]
+values = [100.0]
+[output]
+fields = false
+pictures = false
+"""
+
+
+def run(*command: str | Path, cwd: Path) -> str:
+    """What a command prints; a failed one fails the test."""
+    environment = environment_apart()
+    environment.pop("PYTHONPATH", None)
+    done = subprocess.run(
+        [str(part) for part in command],
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
+    assert done.returncode == 0, f"{done.args}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of a copy of the sources, since building leaves files among them."""
+    folder = tmp_path_factory.mktemp("wheel")
+    unwanted = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "perfplast_fenicsx", folder / "perfplast_fenicsx", ignore=unwanted)
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, folder)
+    offline = ("--no-deps", "--no-build-isolation", "--no-index")
+    run(sys.executable, "-m", "pip", "wheel", *offline, "-w", "dist", ".", cwd=folder)
+    (found,) = (folder / "dist").glob("*.whl")
+    return found
+
+
+def test_the_wheel_holds_every_module(wheel: Path) -> None:
+    held = set(zipfile.ZipFile(wheel).namelist())
+    files = {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "perfplast_fenicsx").rglob("*")
+        if path.suffix in (".py", ".pyi", ".typed")
+    }
+    assert files <= held
+    assert {f"perfplast_fenicsx/{room.replace('.', '/')}/__init__.py" for room in BELOW} <= held
+
+
+def test_the_command_of_an_installed_wheel(wheel: Path, tmp_path: Path) -> None:
+    venv = tmp_path / "venv"
+    run(sys.executable, "-m", "venv", "--system-site-packages", venv, cwd=tmp_path)
+    offline = ("--no-deps", "--no-index", "--quiet", "--disable-pip-version-check")
+    run(venv / "bin/python3", "-m", "pip", "install", *offline, wheel, cwd=tmp_path)
+    code = "import perfplast_fenicsx.io.case.case as case; print(case.__file__)"
+    where = run(venv / "bin/python3", "-c", code, cwd=tmp_path)
+    assert where.startswith(str(venv))
+    (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
+    told = run(venv / "bin/perfplast", "run", "case.toml", "-o", "results", cwd=tmp_path)
+    assert "zeta" in told or "ζ" in told
+    assert (tmp_path / "results" / "summary.json").exists()
