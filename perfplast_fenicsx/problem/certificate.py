@@ -49,7 +49,7 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     slack = comm.allreduce(float(np.dot(forces, room)))
     resisted = comm.allreduce(float(np.dot(forces, basis.gap)))
     energy = fields.potential() - zeta * problem.load.dot(fields.u.x.petsc_vec)
-    dual = fields.stress_norm2() / 2 + resisted
+    dual = fields.conjugate() + resisted
     scale = max(abs(energy), 1e-300)
     free = r.copy()
     free.array[basis.index] = 0

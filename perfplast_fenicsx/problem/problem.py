@@ -20,13 +20,13 @@ from perfplast_fenicsx.contact.node_pairs import ContactPairs, find_pairs
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.contact.rigid_motions import check_rigidity, first_closed
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.materials.laws import Material
+from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.mandel import strain
-from perfplast_fenicsx.materials.von_mises import Moduli, tangent
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.law_on_cells import lay_out
 from perfplast_fenicsx.problem.loads import Load
-from perfplast_fenicsx.problem.spaces import make_spaces
+from perfplast_fenicsx.problem.spaces import make_spaces, space_at_points
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.problem.work_form import work_form
 from perfplast_fenicsx.profiling import phase
@@ -45,7 +45,7 @@ class Problem:
         cells: All cells of this rank, ghosts too; what is interpolated often names them, since
             DOLFINx makes such an array each time and leaves it to Python's cyclic collector.
         bodies: Connected components and their rigid motions.
-        moduli: κ, μ as functions of Q, and γ in terms of one.
+        laws: The material laws, each on the cells of its bodies.
         bcs: Homogeneous supports.
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
@@ -70,7 +70,7 @@ class Problem:
 
         Args:
             assembly: Mesh with named volumes and surfaces.
-            materials: Law of each volume.
+            materials: Of each volume, anything that is a :class:`Material`.
             supports: Where the displacement is zero.
             loads: What L(v) is the work of.
             contacts: Pairs of surfaces that cannot penetrate each other.
@@ -89,7 +89,7 @@ class Problem:
         index_map = topology.index_map(topology.dim)
         self.cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         self.bodies: Bodies = find_bodies(self.V)
-        self.moduli = self._moduli(materials)
+        self.laws = lay_out(assembly, spaces, materials)
         self.bcs, self.fixed = self._supports(supports)
         self._contact(contacts, obstacles)
         self.load: PETSc.Vec = self._load(loads)
@@ -112,39 +112,31 @@ class Problem:
         """Displacement unknowns on all ranks together, supported ones included."""
         return self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
 
+    def space_at_points(self, shape: tuple[int, ...]) -> fem.FunctionSpace:
+        """Functions of a shape at the quadrature points; Q or S if they are that. Collective."""
+        for space in (self.Q, self.S):
+            if space.value_shape == shape:
+                return space
+        return space_at_points(self.tagged_mesh.mesh, self.degree, shape)
+
+    @property
+    def history(self) -> dict[str, fem.Function]:
+        """The internal variables of all laws by name, at the points; {} for Hencky's laws.
+
+        Solvers read them as they were after the last accepted level
+        (:meth:`QuadratureFields.accept`).
+        """
+        return {name: function for on in self.laws for name, function in on.old.items()}
+
     def create_vector(self) -> PETSc.Vec:
         """A vector of zeros with an entry for each displacement unknown. Collective."""
         vector = self.load.duplicate()
         vector.set(0)
         return vector
 
-    def tangent_form(self, a: fem.Function, normal: fem.Function) -> ufl.Form:
-        """⟨Σ^{o,ρ} ε(u), ε(v)⟩ from the tangent data a, N of :class:`von_mises.Moduli`."""
-        e, d = strain(ufl.TrialFunction(self.V)), strain(ufl.TestFunction(self.V))
-        return ufl.dot(tangent(self.moduli.bulk, a, normal, e), d) * self.dx
-
     def internal_form(self, stress: fem.Function) -> ufl.Form:
         """⟨σ, ε(v)⟩."""
         return ufl.dot(stress, strain(ufl.TestFunction(self.V))) * self.dx
-
-    def _moduli(self, materials: Mapping[str, Material]) -> Moduli:
-        assembly = self.tagged_mesh
-        for name in materials:
-            assembly.cells(name)
-        missing = sorted(set(assembly.volumes) - set(materials))
-        if missing:
-            raise InputError(
-                f"volume '{missing[0]}' has no material; add one for it (this mesh has the volumes"
-                f" {', '.join(sorted(assembly.volumes))})."
-            )
-        # 1/γ and not γ, since ∞ of elastic bodies times a shape function's 0 would not be 0
-        bulk, shear, weakness = (fem.Function(self.Q) for _ in range(3))
-        for name, material in materials.items():
-            points = self.Q.dofmap.list[assembly.cells(name)].ravel()
-            bulk.x.array[points] = material.bulk
-            shear.x.array[points] = material.shear
-            weakness.x.array[points] = 1 / material.yield_radius
-        return Moduli(bulk, shear, 1 / weakness)
 
     def _supports(
         self, supports: Sequence[Support]

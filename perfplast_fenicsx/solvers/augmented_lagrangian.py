@@ -20,13 +20,14 @@ import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
 
-from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.problem.integrals import Integral, assemble_force
+from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells, OfLaw, integrate
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.quadrature_fields import Integral, assemble_force
 from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
-from perfplast_fenicsx.solvers.anderson import Anderson
+from perfplast_fenicsx.solvers.anderson import Anderson, elastic_weights
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
 from perfplast_fenicsx.solvers.newton import BEYOND, above_limit
@@ -98,41 +99,58 @@ class AugmentedLagrangian:
     control = "load"
 
     def __init__(self, problem: Problem, options: AugmentedLagrangianOptions | None = None) -> None:
-        """Compile the forms and create the solvers. Collective."""
+        """Compile the forms and create the solvers. Collective.
+
+        Raises:
+            InputError: If a law is no projection on a yield set.
+        """
         self.problem = problem
+        for on in problem.laws:
+            if not on.law.projects:
+                raise InputError(
+                    f"{type(on.law).__name__} is no projection on a yield set, which ALG2"
+                    f' (method = "{self.method}") is built on; take method = "newton".'
+                )
         self.options = options or AugmentedLagrangianOptions()
         self._iterate = Iterate(problem)
         self.linear = LinearSolver(problem)
         self._program = ContactProgram(problem, self.linear)
         self._program.set_operator(self._iterate.operator(rho=1.0))
 
-        law, mesh, S = problem.moduli, problem.tagged_mesh.mesh, problem.S
-        dx, comm = problem.dx, problem.comm
+        mesh, S, comm = problem.tagged_mesh.mesh, problem.S, problem.comm
         self._q, self._next_q = fem.Function(S), fem.Function(S)
         self._sigma, self._trial = fem.Function(S), fem.Function(S)
         self._r = fem.Constant(mesh, default_scalar_type(1))
         self._theta = fem.Constant(mesh, default_scalar_type(self.options.relaxation))
         e, q, sigma, r = self._iterate.fields.e, self._q, self._sigma, self._r
 
-        def on_cells(expression: ufl.core.expr.Expr) -> fem.Expression:
-            return fem.Expression(expression, interpolation_points(S.element))
-
         relaxed = self._theta * e + (1 - self._theta) * q
-        omega = (law.compliance(sigma) + r * relaxed) / (1 + r)
-        self._step_2 = on_cells(((1 + r) * omega - law.compliance(law.stress(omega))) / r)
-        self._step_3 = on_cells(law.stress(q))
-        self._augmented = on_cells(sigma + r * law.hooke(e - q))
+
+        def step_2(on: LawOnCells) -> Expr:
+            compliance = on.law.elastic.compliance
+            omega = (compliance(sigma) + r * relaxed) / (1 + r)
+            return ((1 + r) * omega - compliance(on.law.stress(omega, on.old))) / r
+
+        def at_points(value: OfLaw) -> LawExpression:
+            return LawExpression(problem.laws, S, value)
+
+        self._step_2 = at_points(step_2)
+        self._step_3 = at_points(lambda on: on.law.stress(q, on.old))
+        self._augmented = at_points(lambda on: sigma + r * on.law.elastic.hooke(e - q))
         self._force_form = fem.form(problem.internal_form(self._trial))
         self._force = problem.create_vector()
         self._gradient = problem.create_vector()
 
-        def norm2(strain: ufl.core.expr.Expr) -> Integral:
-            return Integral(comm, ufl.dot(law.hooke(strain), strain) * dx)
+        def integral(density: OfLaw) -> Integral:
+            return Integral(comm, integrate(problem.laws, density))
+
+        def norm2(strain: Expr) -> Integral:
+            return integral(lambda on: ufl.dot(on.law.elastic.hooke(strain), strain))
 
         self._primal2, self._strain2 = norm2(e - self._next_q), norm2(e)
         self._dual2 = norm2(self._next_q - q)
-        self._stress2 = Integral(comm, ufl.dot(law.compliance(sigma), sigma) * dx)
-        self._anderson = Anderson(problem)
+        self._stress2 = integral(lambda on: ufl.dot(on.law.elastic.compliance(sigma), sigma))
+        self._anderson = Anderson(comm, elastic_weights(problem))
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.problem!r})"
@@ -159,7 +177,7 @@ class AugmentedLagrangian:
         active = iterate.begin(start)
         self._r.value = FIRST_PENALTY if options.penalty == "adaptive" else options.penalty
         self._q.x.array[:] = iterate.fields.e.x.array
-        self._sigma.interpolate(self._step_3, self.problem.cells)
+        self._step_3.interpolate(self._sigma)
         self._anderson.restart()
         progress = Progress(iterate, self.linear, monitor)
         history = progress.history
@@ -173,12 +191,12 @@ class AugmentedLagrangian:
             active = step.active
             iterate.aim(step.delta)
             iterate.advance(1.0)
-            self._next_q.interpolate(self._step_2, self.problem.cells)
+            self._step_2.interpolate(self._next_q)
             primal2, dual2 = self._primal2(), self._dual2()
             if options.acceleration == "anderson":
                 self._anderson.extrapolate(self._q, self._next_q)
             self._q.x.array[:] = self._next_q.x.array
-            self._sigma.interpolate(self._step_3, self.problem.cells)
+            self._step_3.interpolate(self._sigma)
             primal = _ratio(primal2, self._strain2())
             dual = float(self._r.value) * _ratio(dual2, self._stress2())
             progress.add(
@@ -201,7 +219,7 @@ class AugmentedLagrangian:
 
     def _step_1_gradient(self, zeta: float) -> PETSc.Vec:
         """⟨σ^k + rC(ε(u) − e^k), ε(·)⟩ − ζL over r, in the contact basis."""
-        self._trial.interpolate(self._augmented, self.problem.cells)
+        self._augmented.interpolate(self._trial)
         assemble_force(self._force, self._force_form, self.problem.bcs)
         self._force.axpy(-zeta, self.problem.load)
         self._force.scale(1 / float(self._r.value))

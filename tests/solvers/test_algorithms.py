@@ -30,7 +30,10 @@ from perfplast_fenicsx import (
     stacked_blocks,
 )
 from perfplast_fenicsx.limit_analysis.limit_search import extrapolated_limit, limit_load
-from perfplast_fenicsx.problem.quadrature_fields import Integral, QuadratureFields
+from perfplast_fenicsx.materials import Expr
+from perfplast_fenicsx.problem.integrals import Integral
+from perfplast_fenicsx.problem.law_on_cells import integrate
+from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
 from perfplast_fenicsx.solvers.augmented_lagrangian import (
     AugmentedLagrangian,
@@ -70,9 +73,12 @@ def stress_function(problem: Problem, state: State) -> fem.Function:
 def stress_distance(problem: Problem, one: State, other: State) -> float:
     """‖σ₁ − σ₂‖_E/‖σ₁‖_E."""
     a, b = (stress_function(problem, state) for state in (one, other))
-    compliance, dx = problem.moduli.compliance, problem.dx
-    change, size = (Integral(problem.comm, ufl.dot(compliance(s), s) * dx)() for s in (b - a, a))
-    return math.sqrt(change / size)
+
+    def norm2(s: Expr) -> float:
+        form = integrate(problem.laws, lambda on: ufl.dot(on.law.elastic.compliance(s), s))
+        return Integral(problem.comm, form)()
+
+    return math.sqrt(norm2(b - a) / norm2(a))
 
 
 def converged(levels: Sequence[Level]) -> Sequence[Level]:
