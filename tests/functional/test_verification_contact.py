@@ -499,7 +499,7 @@ def test_two_planes_hold_a_block_at_the_edge_they_share(read: Read) -> None:
         obstacles=planes,
         degree=2,
     )
-    on_edge = problem.pairs.gap == 0
+    on_edge = problem.constraints.gap == 0
     assert problem.num_pairs % 2 == 0
     assert problem.comm.allreduce(int(on_edge.sum())) < problem.num_pairs
     level = Newton(problem).solve(100.0)
@@ -530,10 +530,10 @@ def test_the_gap_of_mirror_images_is_twice_the_height(read: Read, size: float, d
     problem = cylinders(
         read(write_hertz_line, bodies=2, contact_size=size, order=degree), None, degree
     )
-    y = np.abs(problem.V.tabulate_dof_coordinates()[problem.pairs.host, 1])
+    y = np.abs(problem.V.tabulate_dof_coordinates()[problem.constraints.host, 1])
     assert problem.num_pairs >= 10
-    assert problem.pairs.gap == pytest.approx(2 * y, abs=1e-12)
-    assert np.abs(problem.pairs.normal[:, 0]).max(initial=0) < 1e-12
+    assert problem.constraints.gap == pytest.approx(2 * y, abs=1e-12)
+    assert np.abs(problem.constraints.normal[:, 0]).max(initial=0) < 1e-12
     assert problem.has_gaps
 
 
@@ -573,7 +573,7 @@ def test_a_gap_between_parallel_faces_is_measured_and_closed(comm: MPI.Intracomm
         )
 
     problem = apart(0.02)
-    assert problem.pairs.gap == pytest.approx(0.02)
+    assert problem.constraints.gap == pytest.approx(0.02)
     level = Newton(problem).solve(100.0)
     assert_solved(level)
     assert level.report.alpha == pytest.approx(0.02 + 2 * 100 / STEEL.young, rel=1e-9)
