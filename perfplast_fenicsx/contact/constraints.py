@@ -45,6 +45,14 @@ class Constraints:
     def __repr__(self) -> str:
         return f"Constraints({len(self.host)} hosted by this rank)"
 
+    def jumps(self, u: PETSc.Vec) -> Floats:
+        """B u (length) of a displacement, shape (m_local,). Collective."""
+        on_rows = self.B.createVecLeft()
+        self.B.mult(u, on_rows)
+        jumps: Floats = on_rows.array.copy()
+        on_rows.destroy()
+        return jumps
+
     def nodal_magnitudes(self, V: fem.FunctionSpace) -> PETSc.Mat:
         """‖B_ik‖ of row i at node k: the magnitude of the force there, for λ_i = 1. Collective.
 

@@ -70,8 +70,8 @@ class RigidMotions:
             " support, or a contact that stops this motion."
         )
 
-    def first_closed(self) -> PairFlags:
-        """Pairs to begin with as closed, so that no body is free to move. Collective.
+    def first_active(self) -> PairFlags:
+        """Pairs that an active set begins with, so that no body is free to move. Collective.
 
         These are the ones without a gap. Where they leave a motion free that all pairs together
         stop, those with the smallest gaps are added.

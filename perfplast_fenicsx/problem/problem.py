@@ -53,7 +53,7 @@ class Problem:
         num_pairs: Contact pairs on all ranks together.
         has_gaps: Whether any pair is open at first.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
-        first_closed: Pairs hosted by this rank that are closed at first, shape (num_pairs,).
+        first_active: Pairs that an active set begins with, so that no body is free to move.
         basis: Basis in which contact is a bound.
         load: L as a vector in V's dual, zero at supported unknowns (ghosts summed).
     """
@@ -177,7 +177,7 @@ class Problem:
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
         motions = RigidMotions(V, self.bodies, fixed, self.constraints)
         motions.check()
-        self.first_closed: PairFlags = motions.first_closed()
+        self.first_active: PairFlags = motions.first_active()
         self.basis: JumpBasis = make_basis(V, self.constraints, fixed)
 
     def _load(self, loads: Sequence[Load]) -> PETSc.Vec:
