@@ -14,11 +14,13 @@ import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
 
+from perfplast_fenicsx.arrays import PairFlags
+from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.formulations import find_constraints
 from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
-from perfplast_fenicsx.contact.node_pairs import ContactPairs, find_pairs
 from perfplast_fenicsx.contact.obstacles import Obstacle
-from perfplast_fenicsx.contact.rigid_motions import check_rigidity, first_closed
+from perfplast_fenicsx.contact.rigid_motions import RigidMotions
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.mandel import strain
@@ -50,8 +52,8 @@ class Problem:
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
         has_gaps: Whether any pair is open at first.
-        pairs: The contact inequalities hosted by this rank.
-        first_closed: Pairs hosted by this rank that are closed at first, shape (num_pairs,).
+        constraints: The contact inequalities B u ≤ g, a row for each contact pair.
+        first_active: Pairs that an active set begins with, so that no body is free to move.
         basis: Basis in which contact is a bound.
         load: L as a vector in V's dual, zero at supported unknowns (ghosts summed).
     """
@@ -158,18 +160,17 @@ class Problem:
 
     @phase("contact set-up")
     def _contact(self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
-        V, bodies, fixed = self.V, self.bodies, self.fixed
-        self.pairs: ContactPairs = find_pairs(
-            V, self.tagged_mesh, bodies, contacts, obstacles, fixed
-        )
+        V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
+        self.constraints: Constraints = find_constraints(V, tagged_mesh, contacts, obstacles, fixed)
         touching = {a.primary for a in contacts} | {a.secondary for a in contacts}
         touching |= {obstacle.on for obstacle in obstacles}
-        self.contact_tags = tuple(sorted(self.tagged_mesh.surfaces[name] for name in touching))
-        self.num_pairs: int = self.comm.allreduce(len(self.pairs.host))
-        self.has_gaps: bool = self.comm.allreduce(bool((self.pairs.gap > 0).any()), MPI.LOR)
-        check_rigidity(V, bodies, fixed, self.pairs)
-        self.first_closed = first_closed(V, bodies, fixed, self.pairs)
-        self.basis: JumpBasis = make_basis(V, self.pairs)
+        self.contact_tags = tuple(sorted(tagged_mesh.surfaces[name] for name in touching))
+        self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
+        self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
+        motions = RigidMotions(V, self.bodies, fixed, self.constraints)
+        motions.check()
+        self.first_active: PairFlags = motions.first_active()
+        self.basis: JumpBasis = make_basis(V, self.constraints, fixed)
 
     def _load(self, loads: Sequence[Load]) -> PETSc.Vec:
         form = fem.form(work_form(self.tagged_mesh, loads, ufl.TestFunction(self.V)))

@@ -66,7 +66,7 @@ class Iterate:
             basis.T.mult(self.y, u.x.petsc_vec)
             u.x.scatter_forward()
         self.fields.update()
-        return self.problem.first_closed.copy() if start is None else start.active.copy()
+        return self.problem.first_active.copy() if start is None else start.active.copy()
 
     def room(self) -> npt.NDArray[np.float64]:
         """Room g − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""

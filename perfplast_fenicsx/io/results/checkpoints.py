@@ -202,7 +202,9 @@ class Checkpoints:
         width = self._problem.V.dofmap.index_map_bs
         u = state.u.x.array.reshape(-1, width)[: self._owned_nodes]
         bits = np.where(state.active, self._bit, 0)
-        closed = np.bincount(self._problem.pairs.host, bits, self._owned_nodes).astype(np.uint8)
+        closed = np.bincount(self._problem.constraints.host, bits, self._owned_nodes).astype(
+            np.uint8
+        )
         return {"displacement": block(self._nodes, u), "active": block(self._nodes, closed)}
 
     def _to_state(self, arrays: dict[str, npt.NDArray], end: str, report: LevelReport) -> State:
@@ -210,7 +212,7 @@ class Checkpoints:
         nodal = self._nodes.from_blocks(arrays["displacement" + end])
         u.x.array[: nodal.size] = nodal.ravel()
         u.x.scatter_forward()
-        closed = self._nodes.from_blocks(arrays["active" + end])[self._problem.pairs.host]
+        closed = self._nodes.from_blocks(arrays["active" + end])[self._problem.constraints.host]
         return State(u, report.zeta, report.alpha, (closed & self._bit).astype(bool))
 
     def _of_points(self, function: fem.Function) -> Block:
@@ -228,10 +230,10 @@ class Checkpoints:
 
 def _bits(problem: Problem) -> npt.NDArray[np.uint8]:
     """A bit for each pair hosted here, another one for each pair of the same host."""
-    pairs = problem.pairs
-    along = pairs.normal @ GENERIC[: pairs.normal.shape[1]]
-    order = np.lexsort([along, pairs.contact, pairs.host])
-    _, first, counts = np.unique(pairs.host[order], return_index=True, return_counts=True)
+    constraints = problem.constraints
+    along = constraints.normal @ GENERIC[: constraints.normal.shape[1]]
+    order = np.lexsort([along, constraints.surface, constraints.host])
+    _, first, counts = np.unique(constraints.host[order], return_index=True, return_counts=True)
     slot = np.empty(len(order), dtype=np.uint8)
     slot[order] = np.arange(len(order)) - np.repeat(first, counts)
     return np.left_shift(np.uint8(1), slot)

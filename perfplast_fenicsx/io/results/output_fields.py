@@ -1,7 +1,6 @@
 """Fields people look at: stress tensor, plastic zone, contact pressure of a level."""
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import basix.ufl
 import numpy as np
@@ -11,7 +10,6 @@ from dolfinx import fem, la
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.contact.node_pairs import RIGID
 from perfplast_fenicsx.materials.mandel import strain, tensor
 from perfplast_fenicsx.problem.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.problem import Problem
@@ -66,6 +64,7 @@ class OutputFields:
         self._ratio = LawExpression(laws, Q, lambda on: on.law.yield_ratio(s))
         self._to_nodes = fem_petsc.interpolation_matrix(vertices, self._nodes)
         self._to_nodes.assemble()
+        self._magnitudes = problem.constraints.nodal_magnitudes(problem.V)
         self._areas = self._contact_areas(vertices)
 
     def update(self, level: Level) -> dict[str, fem.Function]:
@@ -85,29 +84,26 @@ class OutputFields:
         return self.fields
 
     def _contact(self, forces: npt.NDArray[np.float64]) -> None:
-        """Pressure p and resultants of the nodal forces λ.
+        """Pressure p and resultants of the forces λ of the contact pairs.
 
-        Each vertex j gets Σ_i λ_i ψ_j(x_i) / ∫ψ_j, with ψ_j the linear shape functions: forces of
-        midsides go to the ends of their edges in equal parts. So p is nowhere negative where no
-        force is, it is exact for a constant pressure, and ∫p is Σλ.
+        The nodal force of node k is f_k = Σ_i ‖B_ik‖ λ_i. Each vertex j gets Σ_k f_k ψ_j(x_k) /
+        ∫ψ_j, with ψ_j the linear shape functions: forces of midsides go to the ends of their edges
+        in equal parts. So p is nowhere negative where no force is, it is exact for a constant
+        pressure, and on either side ∫p is Σλ.
         """
-        pairs, comm = self._problem.pairs, self._problem.comm
-        first = self._problem.V.dofmap.index_map.local_range[0]
-        on_nodes = fem.Function(self._nodes)
-        vector = on_nodes.x.petsc_vec
-        moves = pairs.guest_body != RIGID
-        nodes = np.concatenate([pairs.host + first, pairs.guest[moves]]).astype(PETSc.IntType)
-        values = np.concatenate([forces, forces[moves]])
-        vector.setValues(nodes, values, addv=PETSc.InsertMode.ADD_VALUES)
-        vector.assemble()
+        constraints, comm = self._problem.constraints, self._problem.comm
+        on_pairs, on_nodes = self._magnitudes.createVecLeft(), fem.Function(self._nodes)
+        on_pairs.array[:] = forces
+        self._magnitudes.multTranspose(on_pairs, on_nodes.x.petsc_vec)
+        on_pairs.destroy()
         pressure = self.fields["contact_pressure"].x
-        self._to_nodes.multTranspose(vector, pressure.petsc_vec)
+        self._to_nodes.multTranspose(on_nodes.x.petsc_vec, pressure.petsc_vec)
         pressure.petsc_vec.array[:] /= self._areas
         pressure.scatter_forward()
 
-        count = comm.allreduce(int(pairs.contact.max(initial=-1)) + 1, MPI.MAX)
-        resultants = np.zeros((count, pairs.normal.shape[1]))
-        np.add.at(resultants, pairs.contact, -forces[:, None] * pairs.normal)
+        count = comm.allreduce(int(constraints.surface.max(initial=-1)) + 1, MPI.MAX)
+        resultants = np.zeros((count, constraints.normal.shape[1]))
+        np.add.at(resultants, constraints.surface, -forces[:, None] * constraints.normal)
         self.resultants = comm.allreduce(resultants)
 
     def _contact_areas(self, vertices: fem.FunctionSpace) -> npt.NDArray[np.float64]:

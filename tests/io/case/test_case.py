@@ -365,9 +365,9 @@ def test_elements_and_obstacles(read: Read, comm: MPI.Intracomm) -> None:
     problem = case.problem(comm)
     assert problem.degree == 2
     assert problem.num_dofs == 2 * 3 * (13 * 5 * 5)
-    obstacle = problem.pairs.contact == 1
+    obstacle = problem.constraints.surface == 1
     assert comm.allreduce(int(obstacle.sum())) == 12 * 5  # the nodes of the clamped end are held
-    assert (problem.pairs.gap[obstacle] == 2).all()
+    assert (problem.constraints.gap[obstacle] == 2).all()
     assert read(BASE).problem(comm).degree == 1
 
 

@@ -30,9 +30,10 @@ def displacement(x: np.ndarray, gdim: int, size: float) -> np.ndarray:
 
 def closed(problem: Problem, shift: float) -> np.ndarray:
     """Flags of the pairs, the same on any rank: at each node some of its faces."""
-    x, pairs = problem.V.tabulate_dof_coordinates()[problem.pairs.host], problem.pairs
-    along = pairs.normal @ np.array([4.0, 7.0, 5.0])[: pairs.normal.shape[1]]
-    flags: np.ndarray = np.sin(31 * x @ [1.0, 0.7, 0.3] + along + 2 * pairs.contact + shift) > 0
+    rows = problem.constraints
+    x = problem.V.tabulate_dof_coordinates()[rows.host]
+    along = rows.normal @ np.array([4.0, 7.0, 5.0])[: rows.normal.shape[1]]
+    flags: np.ndarray = np.sin(31 * x @ [1.0, 0.7, 0.3] + along + 2 * rows.surface + shift) > 0
     return flags
 
 
@@ -65,7 +66,7 @@ def test_other_ranks_read_what_was_written(
     together = SEATS[seat](read_gmsh(comm, file), degree)
     alone = SEATS[seat](read_gmsh(MPI.COMM_SELF, file), degree)
     assert 0 < together.num_pairs == alone.num_pairs
-    assert len(np.unique(alone.pairs.host)) < alone.num_pairs  # nodes with two normals
+    assert len(np.unique(alone.constraints.host)) < alone.num_pairs  # nodes with two normals
     source, target = (together, alone) if gather else (alone, together)
 
     case = {"mesh": {"file": "corner.msh"}}
