@@ -1,8 +1,8 @@
 """What a material law has to say, in UFL at a point, and what a material has to say of its law.
 
-A law is one class of one file: :class:`Problem` evaluates it by its expressions alone, and puts
-bodies of the same law class together. The class is called with the parameters of its materials as
-keywords, each a function over the mesh or a constant.
+A law is one class, in one file with the material that names it. :class:`Problem` evaluates it by
+its expressions alone, bodies of the same law together. The class is called with the parameters of
+the materials as keywords, each a function over the mesh.
 """
 
 from collections.abc import Mapping
@@ -20,20 +20,19 @@ class Law(Protocol):
     """A law that derives from a convex potential: Σ = Dψ is monotone.
 
     Strains e, rates and stresses s are Mandel vectors, shape (m,) with m = 6, or 4 in plane strain
-    (:mod:`mandel`); ``old`` is the history. What stands here with a body is for laws without a
-    history (those of Hencky), which derive from this class.
+    (:mod:`mandel`); ``old`` is the history. :meth:`history` and :meth:`updated`
+    are here as laws without a history (those of Hencky) have them, if they derive from this class.
 
     Attributes:
         projects: Whether Σ(e) is the projection of Ce on the yield set in the norm of C⁻¹, as it is
             in perfect plasticity without a history; ALG2 is built on that.
-        elastic: C, which makes the norms ‖e‖_C and ‖σ‖_E.
     """
 
     projects: ClassVar[bool]
 
     @property
     def elastic(self) -> IsotropicElasticity:
-        """C, which makes the norms of strains and stresses."""
+        """C, which makes the norms ‖e‖_C of strains and ‖σ‖_E of stresses."""
         ...
 
     def history(self, m: int) -> Mapping[str, tuple[int, ...]]:

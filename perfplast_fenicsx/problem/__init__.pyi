@@ -1,5 +1,6 @@
 from .certificate import Certificate as Certificate
 from .certificate import certify as certify
+from .law_on_cells import LawOnCells as LawOnCells
 from .loads import LOADS as LOADS
 from .loads import BodyForce as BodyForce
 from .loads import Load as Load

@@ -126,7 +126,7 @@ class Problem:
         """The internal variables of all laws by name, at the points; {} for Hencky's laws.
 
         Solvers read them as they were after the last accepted level
-        (:meth:`QuadratureFields.accept`).
+        (:meth:`quadrature_fields.QuadratureFields.accept`).
         """
         return {name: function for on in self.laws for name, function in on.old.items()}
 

@@ -144,7 +144,7 @@ class Level:
 
     Attributes:
         state: What it ended with.
-        stress: σ = Σ(ε(u)), Mandel vectors (:mod:`von_mises`) at the quadrature points.
+        stress: σ = Σ(ε(u)), Mandel vectors (:mod:`mandel`) at the quadrature points.
         contact_forces: Of the pairs hosted by this rank (force), positive where the bodies push
             each other, shape (num_pairs,).
         report: What is known of it.
