@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.arrays import Floats, Longs, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.sparse_rows import entries_of, matrix_of_entries
 from perfplast_fenicsx.errors import InputError
@@ -95,17 +95,14 @@ def rigid_jumps(V: fem.FunctionSpace, bodies: Bodies, B: PETSc.Mat) -> Floats:
     Returns:
         Shape (num_pairs, bodies.count * bodies.num_modes).
     """
-    owned, gdim = V.dofmap.index_map.size_local, V.dofmap.index_map_bs
-    modes = bodies.rigid_modes(V.tabulate_dof_coordinates()[:owned])
-    first = bodies.of_node[:owned].astype(np.int64) * bodies.num_modes
-    shape = (owned * gdim, bodies.num_modes)
-    row = np.broadcast_to(np.arange(owned * gdim)[:, None], shape)
-    column = np.broadcast_to(np.repeat(first, gdim)[:, None] + np.arange(bodies.num_modes), shape)
-    total = bodies.count * bodies.num_modes
+    gdim, total = V.dofmap.index_map_bs, bodies.count * bodies.num_modes
+    nodes = _nodes_of(B, gdim)
+    modes = bodies.rigid_modes(V.tabulate_dof_coordinates()[nodes])
+    row = (nodes[:, None] * gdim + np.arange(gdim))[:, :, None]
+    column = (bodies.of_node[nodes, None] * bodies.num_modes + np.arange(bodies.num_modes))[:, None]
+    row, column = (np.broadcast_to(place, modes.shape).ravel() for place in (row, column))
     columns = (total if V.mesh.comm.rank == 0 else 0, total)
-    R = matrix_of_entries(
-        B.comm, B.getSizes()[1], columns, [(row.ravel(), column.ravel(), modes.ravel())]
-    )
+    R = matrix_of_entries(B.comm, B.getSizes()[1], columns, [(row, column, modes.ravel())])
     product = B.matMult(R)
     pair, motion, value = entries_of(product)
     jumps = np.zeros((B.getLocalSize()[0], total))
@@ -113,6 +110,17 @@ def rigid_jumps(V: fem.FunctionSpace, bodies: Bodies, B: PETSc.Mat) -> Floats:
     for matrix in (R, product):
         matrix.destroy()
     return jumps
+
+
+def _nodes_of(B: PETSc.Mat, gdim: int) -> Longs:
+    """Owned nodes with a part in any row. Collective."""
+    counts = B.createVecRight()
+    unknowns = B.getValuesCSR()[1]
+    counts.setValues(unknowns, np.ones(len(unknowns)), addv=PETSc.InsertMode.ADD_VALUES)
+    counts.assemble()
+    nodes = np.flatnonzero(counts.array.reshape(-1, gdim).any(axis=1))
+    counts.destroy()
+    return nodes
 
 
 def null_space(gram: Floats) -> Floats:
