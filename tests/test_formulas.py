@@ -29,7 +29,8 @@ def test_value(formula: float | str, expected: object) -> None:
     values = evaluate(formula, X, "here")
     assert values.shape == (3,)
     assert values.dtype == np.float64
-    assert np.allclose(values, expected, rtol=1e-15, atol=0)
+    # functions come from different libraries, which round the last digits differently
+    np.testing.assert_allclose(values, np.broadcast_to(expected, 3), rtol=1e-14, atol=0)
 
 
 def test_values_are_writable_and_may_be_none_at_all() -> None:
@@ -75,7 +76,7 @@ def test_every_function_that_is_named_exists(name: str) -> None:
         ("sin(x, y)", "2 arguments"),
         ("sqrt(x=1)", "sqrt"),
         ("sin", "'sin'"),
-        ("-" * 900 + "x", "cannot be evaluated"),
+        ("-" * (LONGEST - 1) + "x", "cannot be"),  # deeper than Python goes, whoever calls
     ],
 )
 def test_refused(formula: str, fault: str) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 
 from perfplast_fenicsx.contact.contact import Contact
@@ -367,11 +368,11 @@ def test_elements_and_obstacles(read: Read, comm: MPI.Intracomm) -> None:
     assert problem.num_dofs == 2 * 3 * (13 * 5 * 5)
     obstacle = problem.pairs.contact == 1
     assert comm.allreduce(int(obstacle.sum())) == 12 * 5  # the nodes of the clamped end are held
-    assert (problem.pairs.gap[obstacle] == 2).all()
+    np.testing.assert_allclose(problem.pairs.gap[obstacle], 2.0, rtol=1e-14)
     assert read(BASE).problem(comm).degree == 1
 
 
 @pytest.mark.parametrize("name", ["two_blocks", "punch"])
 def test_the_examples_are_valid(name: str, comm: MPI.Intracomm) -> None:
-    case = read_case(Path(__file__).parents[2] / "demos" / f"{name}.toml", comm)
+    case = read_case(Path(__file__).parents[3] / "demos" / f"{name}.toml", comm)
     assert case.mesh == MeshBuilder(name, {"n": 8})
