@@ -93,7 +93,7 @@ class Run:
     def wait(self) -> list[int]:
         """Wait until the ranks are at the moment; their process numbers."""
         while not all(path.exists() for path in self._paused):
-            assert self.process.poll() is None, self.process.communicate()
+            assert self.process.poll() is None, "".join(self.process.communicate())
             time.sleep(0.02)
         numbers = [int(path.read_text()) for path in self._paused]
         for path in self._paused:
