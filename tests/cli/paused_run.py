@@ -57,7 +57,7 @@ def run(ranks: list[int], level: int, call: str, count: str, announcement: Path)
             resource.setrlimit(resource.RLIMIT_FSIZE, (int(count[1:]), most))
             return
         signal.set_wakeup_fd(wake)
-        part = announcement.with_suffix(".part")
+        part = Path(f"{announcement}.part")
         part.write_text(str(os.getpid()))
         os.rename(part, announcement)
         select.select([woken], [], [])
