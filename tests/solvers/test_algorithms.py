@@ -209,8 +209,9 @@ def test_both_work_methods_solve_the_same_program_with_contact() -> None:
     fixed = problem.fixed[: len(r) // 3].ravel()
     assert np.abs(force[free]).max() < noise
     assert force[index[step.active]].max() < noise
-    assert np.array_equal(delta[index[step.active]], room[step.active])
-    assert (delta[index] <= room + 1e-15).all()
+    rounding = 1e-14 * np.abs(delta).max()
+    assert np.abs(delta[index] - room)[step.active].max() <= rounding
+    assert (delta[index] <= room + rounding).all()
     assert border @ delta == pytest.approx(missing, rel=1e-10)
 
     # ALG4 on this active set, δ there being given
@@ -408,7 +409,8 @@ def test_no_work_is_no_displacement() -> None:
     for method in (WorkNewton, BorderedNewton):
         level = method(punch_problem(2)).solve(0.0)
         assert level.report.converged
-        assert level.state.zeta == level.state.alpha == 0
+        assert level.state.zeta == pytest.approx(0, abs=1e-12 * PUNCH_LIMIT)
+        assert level.state.alpha == pytest.approx(0, abs=1e-18)
 
 
 # Limit loads
@@ -504,7 +506,7 @@ def test_extrapolation_of_a_power_law_is_exact() -> None:
     assert extrapolated_limit([(1.0, 1.0), (2.0, 2.0), (3.0, 3.0)]) is None
     assert extrapolated_limit([(1.0, 1.0), (2.0, 1.5), (4.0, 2.2)]) is None
     assert extrapolated_limit([(1.0, 1.0), (2.0, 1.5)]) is None
-    assert extrapolated_limit([(1.0, 1.0), (2.0, 3.0), (4.0, 3.0)]) == 3.0
+    assert extrapolated_limit([(1.0, 1.0), (2.0, 3.0), (4.0, 3.0)]) == pytest.approx(3.0)
 
 
 # ALG2
@@ -549,7 +551,8 @@ def test_relaxation_leads_to_the_same_state() -> None:
         [level] = converged([AugmentedLagrangian(problem, options).solve(200.0)])
         assert stress_distance(problem, known.state, level.state) < 1e-6
         last = level.iterations[-1]
-        assert max(last.primal, last.dual) == last.increment < 1e-8
+        assert last.increment == pytest.approx(max(last.primal, last.dual))
+        assert last.increment < 1e-8
         assert last.penalty > 0
 
 

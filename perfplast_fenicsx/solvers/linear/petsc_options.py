@@ -21,6 +21,7 @@ ACTIVE_SET = "perfplast_vi_"
 
 BOUND = "perfplast_bound_"
 """Prefix of the user's options for the projection that an upper bound of a limit load needs."""
+
 KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND}
 
 NAMES = {("preonly", "cholesky"): "MUMPS Cholesky", ("cg", "mg"): "CG + smoothed aggregation"}
