@@ -5,6 +5,7 @@ from .loads import BodyForce as BodyForce
 from .loads import Load as Load
 from .loads import Pressure as Pressure
 from .loads import Traction as Traction
+from .prescribed import Prescribed as Prescribed
 from .problem import Problem as Problem
 from .quadrature_fields import Integral as Integral
 from .state import Iteration as Iteration
