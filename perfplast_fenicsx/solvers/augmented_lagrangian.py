@@ -22,6 +22,7 @@ from dolfinx import default_scalar_type, fem
 
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.quadrature_fields import Integral, assemble_force
 from perfplast_fenicsx.problem.state import Level, State
@@ -95,7 +96,7 @@ class AugmentedLagrangian:
     """
 
     method = "augmented-lagrangian"
-    control = "load"
+    prescribes = Prescribed.LOAD_FACTOR
 
     def __init__(self, problem: Problem, options: AugmentedLagrangianOptions | None = None) -> None:
         """Compile the forms and create the solvers. Collective."""

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 from dolfinx import fem
 
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.newton_options import Monitor
@@ -55,14 +56,11 @@ class Reached:
 
 
 class Solver(Protocol):
-    """What the four algorithms have in common.
-
-    ``control`` tells what is prescribed: "load" (ζ: ALG1, ALG2) or "work" (α: ALG3, ALG4).
-    """
+    """What the four algorithms have in common."""
 
     problem: Problem
     method: str
-    control: str
+    prescribes: Prescribed
 
     def solve(
         self, value: float, start: State | None = None, monitor: Monitor | None = None, /
@@ -81,7 +79,7 @@ def load_path(
 
     Args:
         solver: One of the four algorithms.
-        values: Load parameters ζ or works α, rising, as the solver's ``control`` says.
+        values: Load parameters ζ or works α, rising, as the solver prescribes.
         monitor: Called on every rank after each iteration.
         start: State to begin with; None for the unloaded one.
 

@@ -7,6 +7,7 @@ Section 3.1 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013): δu minimises
 then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu).
 """
 
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Iteration, Level, State
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
@@ -36,7 +37,7 @@ class Newton:
     """
 
     method = "newton"
-    control = "load"
+    prescribes = Prescribed.LOAD_FACTOR
 
     def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
         """Compile the forms and create the solvers. Collective."""

@@ -17,6 +17,7 @@ the solution's. So both are one method here, which ALG3 damps and ALG4 does not.
 import numpy as np
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
@@ -43,7 +44,7 @@ class WorkNewton:
     """
 
     method = "work-newton"
-    control = "work"
+    prescribes = Prescribed.WORK
     damped = True
 
     def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
