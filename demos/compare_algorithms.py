@@ -51,7 +51,7 @@ from perfplast_fenicsx.solvers import (
     AugmentedLagrangian,
     AugmentedLagrangianOptions,
     BorderedNewton,
-    Solver,
+    LevelSolver,
     WorkNewton,
     extrapolate,
 )
@@ -128,7 +128,7 @@ class Row:
         self.seconds += report.seconds
 
 
-def follow(solver: Solver, values: Sequence[float], shares: Sequence[float]) -> list[Row]:
+def follow(solver: LevelSolver, values: Sequence[float], shares: Sequence[float]) -> list[Row]:
     """Take a method along the path. Collective."""
     rows: list[Row] = []
     past: list[State | None] = [None, None]

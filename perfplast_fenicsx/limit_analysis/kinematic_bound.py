@@ -101,11 +101,11 @@ def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) ->
         multiplier.interpolate(ascent)
     else:
         return UpperBound(None, MOST_ITERATIONS)
-    work = float(problem.load.dot(v.x.petsc_vec))
+    work = problem.loads.alpha(v.x.petsc_vec)
     jumps = y.array_r[problem.basis.index][~state.active]
     largest = y.norm(PETSc.NormType.NORM_INFINITY)
     entering = comm.allreduce(int((jumps > ROUNDING * largest).sum()))
-    if entering or work <= ROUNDING * problem.load.norm() * largest:
+    if entering or work <= ROUNDING * problem.loads.live.norm() * largest:
         return UpperBound(None, solves)
     return UpperBound(Integral(comm, law.dissipation(strain(v)) * dx)() / work, solves)
 

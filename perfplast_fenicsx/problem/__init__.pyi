@@ -1,5 +1,6 @@
 from .certificate import Certificate as Certificate
 from .certificate import certify as certify
+from .load_case import LoadCase as LoadCase
 from .loads import LOADS as LOADS
 from .loads import BodyForce as BodyForce
 from .loads import Load as Load

@@ -33,12 +33,13 @@ class Certificate:
 def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certificate:
     """Judge the state that ``fields`` is at. Collective.
 
-    The dual functional of a problem with gaps is S(σ) + Σ force × gap, and inf J_ζ = −S(σ) − Σ ...
-    at the solution, so the sum of both is the duality gap. It vanishes for the solution alone.
+    The dual functional is S(σ) + Σ force × gap − ⟨reactions, u_D⟩, and inf J_ζ is minus that at the
+    solution, so the sum of both is the duality gap. It vanishes for the solution alone. Gaps are
+    those of the basis, which what u_D closes is taken from.
     """
     comm, basis = problem.comm, problem.basis
     residual = fields.assemble_force().copy()
-    residual.axpy(-zeta, problem.load)
+    problem.loads.subtract_from(residual, zeta)
     r = residual.duplicate()
     basis.T.multTranspose(residual, r)
     y = r.duplicate()
@@ -48,12 +49,13 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     room = basis.gap - y.array_r[basis.index]
     slack = comm.allreduce(float(np.dot(forces, room)))
     resisted = comm.allreduce(float(np.dot(forces, basis.gap)))
-    energy = fields.potential() - zeta * problem.load.dot(fields.u.x.petsc_vec)
-    dual = fields.stress_norm2() / 2 + resisted
-    scale = max(abs(energy), 1e-300)
+    energy = fields.potential() - problem.loads.work(fields.u.x.petsc_vec, zeta)
+    moving = _moving(problem, fields)
+    dual = fields.stress_norm2() / 2 + resisted - moving.work
+    scale = max(abs(energy) + abs(moving.work), 1e-300)
     free = r.copy()
     free.array[basis.index] = 0
-    norm = max(abs(zeta) * problem.load.norm(), 1e-300)
+    norm = max(problem.loads.norm(zeta), moving.norm, 1e-300)
     certificate = Certificate(
         forces,
         max_penetration=comm.allreduce(max(0.0, float((-room).max(initial=0))), MPI.MAX),
@@ -75,12 +77,33 @@ def contact_forces(problem: Problem, stress: fem.Function, zeta: float) -> npt.N
     """
     residual, r = problem.create_vector(), problem.create_vector()
     assemble_force(residual, fem.form(problem.internal_form(stress)), problem.bcs)
-    residual.axpy(-zeta, problem.load)
+    problem.loads.subtract_from(residual, zeta)
     problem.basis.T.multTranspose(residual, r)
     forces = -r.array_r[problem.basis.index]
     for vector in (residual, r):
         vector.destroy()
     return forces
+
+
+@dataclass(frozen=True)
+class _Moving:
+    """Forces of the supports that move: their work on u_D, and their norm."""
+
+    work: float
+    norm: float
+
+
+def _moving(problem: Problem, fields: QuadratureFields) -> _Moving:
+    """⟨σ, ε(ũ_D)⟩ with ũ_D zero at all other unknowns, where loads are zero. Collective."""
+    if not problem.moves_supports:
+        return _Moving(0.0, 0.0)
+    reactions = problem.create_vector()
+    assemble_force(reactions, fem.form(problem.internal_form(fields.stress)), [])
+    u = problem.prescribed.ravel()[: reactions.getLocalSize()]
+    forces = reactions.array_r * (u != 0)
+    work, norm2 = problem.comm.allreduce(np.array([forces @ u, forces @ forces]))
+    reactions.destroy()
+    return _Moving(float(work), float(np.sqrt(norm2)))
 
 
 def _smallest(comm: MPI.Intracomm, forces: npt.NDArray[np.float64]) -> float:

@@ -46,23 +46,33 @@ def make_spaces(mesh: Mesh, degree: int) -> Spaces:
     """
     if degree not in DEGREES or isinstance(degree, bool):
         raise InputError(f"degree = {degree!r} is not an element here; give 1 (linear) or 2.")
-    gdim, cell = mesh.geometry.dim, mesh.basix_cell()
-    accuracy = 2 * (degree - 1)
-    if degree == 1:
-        vectors = basix.ufl.element("DG", cell, 0, shape=(mandel_size(gdim),))
-        scalars = basix.ufl.element("DG", cell, 0)
-    else:
-        shape = (mandel_size(gdim),)
-        vectors = basix.ufl.quadrature_element(cell.name, value_shape=shape, degree=accuracy)
-        scalars = basix.ufl.quadrature_element(cell.name, degree=accuracy)
+    gdim, cell, accuracy = mesh.geometry.dim, mesh.basix_cell(), 2 * (degree - 1)
     metadata = {"quadrature_degree": accuracy, "quadrature_scheme": "default"}
     return Spaces(
         degree,
         fem.functionspace(mesh, basix.ufl.element("P", cell, degree, shape=(gdim,))),
-        fem.functionspace(mesh, vectors),
-        fem.functionspace(mesh, scalars),
+        point_space(mesh, degree, mandel_size(gdim)),
+        point_space(mesh, degree, 1),
         ufl.Measure("dx", domain=mesh, metadata=metadata),
     )
+
+
+def point_space(mesh: Mesh, degree: int, size: int) -> fem.FunctionSpace:
+    """Vectors of a size, numbers if it is 1, at the points of elements of a degree. Collective.
+
+    Args:
+        mesh: The mesh.
+        degree: 1 or 2, that of the displacements.
+        size: Numbers at each point.
+    """
+    cell, shape = mesh.basix_cell(), (size,) if size > 1 else ()
+    if degree == 1:
+        element = basix.ufl.element("DG", cell, 0, shape=shape or None)
+    else:
+        element = basix.ufl.quadrature_element(
+            cell.name, value_shape=shape, degree=2 * (degree - 1)
+        )
+    return fem.functionspace(mesh, element)
 
 
 def by_cell(function: fem.Function) -> npt.NDArray[np.float64]:

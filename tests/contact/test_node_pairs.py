@@ -109,7 +109,7 @@ def test_basis_is_inverted_and_its_unknowns_are_jumps(wedge: TaggedMesh) -> None
     slope = math.atan2(0.5, 2.0)
     assert np.allclose(problem.pairs.normal, [-math.sin(slope), 0, math.cos(slope)])
     # a rigid lift of the upper body opens every pair by the normal's z component
-    u = problem.load.duplicate()
+    u = problem.create_vector()
     upper = problem.bodies.of_node == _body_of(problem, "upper")
     lifted = upper[: problem.V.dofmap.index_map.size_local]
     u.array.reshape(-1, 3)[lifted, 2] = 1.0

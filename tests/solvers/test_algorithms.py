@@ -37,8 +37,9 @@ from perfplast_fenicsx.solvers.augmented_lagrangian import (
     AugmentedLagrangianOptions,
 )
 from perfplast_fenicsx.solvers.iterate import Iterate
+from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
-from perfplast_fenicsx.solvers.load_stepping import MOST_HALVINGS, Solver, extrapolate, work_path
+from perfplast_fenicsx.solvers.load_stepping import MOST_HALVINGS, extrapolate, work_path
 from perfplast_fenicsx.solvers.newton_options import Monitor
 from perfplast_fenicsx.solvers.work_newton import BorderedNewton, WorkNewton
 from tests.models import (
@@ -108,7 +109,7 @@ def test_all_four_find_the_same_stress(
     reference = converged(list(load_path(Newton(problem, TIGHT), zetas)))
     alphas = [level.state.alpha for level in reference]
     uzawa = AugmentedLagrangian(problem, AugmentedLagrangianOptions(tolerance=2e-9))
-    others: list[tuple[Solver, Sequence[float]]] = [
+    others: list[tuple[LevelSolver, Sequence[float]]] = [
         (uzawa, zetas),
         (WorkNewton(problem, TIGHT), alphas),
         (BorderedNewton(problem, TIGHT), alphas),
@@ -193,8 +194,8 @@ def test_both_work_methods_solve_the_same_program_with_contact() -> None:
 
     operator.hold(np.zeros(0, dtype=np.int32))
     A = operator.matrix.convert("dense").getDenseArray().copy()
-    index, load = problem.basis.index, problem.load.duplicate()
-    problem.basis.T.multTranspose(problem.load, load)
+    index, load = problem.basis.index, problem.create_vector()
+    problem.basis.T.multTranspose(problem.loads.live, load)
     border, delta = load.array.copy(), step.delta.array.copy()
     force = A @ delta + r - step.multiplier * border
     noise = 1e-9 * np.abs(border).max() * zeta
@@ -392,7 +393,7 @@ def test_extrapolation_is_linear_in_the_work() -> None:
     one, two = levels[0].state, levels[2].state
     between = extrapolate(problem, one, two, 2 * two.alpha)
     assert between is not None
-    work = float(problem.load.dot(between.u.x.petsc_vec))
+    work = float(problem.loads.live.dot(between.u.x.petsc_vec))
     assert work == pytest.approx(between.alpha, rel=1e-9)
     assert extrapolate(problem, None, None, 1.0) is None
     assert first.alpha > 0
@@ -455,7 +456,7 @@ def test_limit_load_of_a_block_held_by_contact_alone() -> None:
 def test_collapse_mechanism_does_unit_work_and_keeps_volume() -> None:
     problem = punch_problem(4)
     v = limit_load(problem, 1e-6).mechanism
-    assert float(problem.load.dot(v.x.petsc_vec)) == pytest.approx(1.0)
+    assert float(problem.loads.live.dot(v.x.petsc_vec)) == pytest.approx(1.0)
     dx = problem.dx
     volume, shape = (
         Integral(problem.comm, form * dx)()
@@ -543,8 +544,8 @@ def test_relaxation_leads_to_the_same_state() -> None:
         [level] = converged([AugmentedLagrangian(problem, options).solve(200.0)])
         assert stress_distance(problem, known.state, level.state) < 1e-6
         last = level.iterations[-1]
-        assert max(last.primal, last.dual) == last.increment < 1e-8
-        assert last.penalty > 0
+        assert max(last.extra["primal"], last.extra["dual"]) == last.increment < 1e-8
+        assert last.extra["penalty"] > 0
 
 
 # Units

@@ -39,7 +39,7 @@ class EqualityProgram:
         self._border, self._rhs, self._change, self._response = (
             problem.create_vector() for _ in range(4)
         )
-        problem.basis.T.multTranspose(problem.load, self._border)
+        problem.basis.T.multTranspose(problem.loads.live, self._border)
         self._responded = self._response_is_new = False
         self.held: Flags = np.zeros(len(self._index), dtype=bool)
         self.sets, self.size, self._accuracy = 0, 0.0, 0.0

@@ -38,8 +38,8 @@ def test_a_correction_is_as_good_as_a_solution(kind: str, work: float | None) ->
     x = problem.V.tabulate_dof_coordinates()[index // 3]
     after = (x[:, 0] < 2.9) | (x[:, 1] < 0.9)
     room = np.zeros(len(index))
-    r, afresh, corrected, gradient = (problem.load.duplicate() for _ in range(4))
-    problem.basis.T.multTranspose(problem.load, r)
+    r, afresh, corrected, gradient = (problem.create_vector() for _ in range(4))
+    problem.basis.T.multTranspose(problem.loads.live, r)
     r.scale(-100.0)
 
     multiplier = system.minimise(after, room, r, work, RTOL, afresh)
@@ -52,8 +52,8 @@ def test_a_correction_is_as_good_as_a_solution(kind: str, work: float | None) ->
         assert 0 < linear.iterations < dear
     assert again == pytest.approx(multiplier, rel=1e-5)
     if work is not None:
-        border = problem.load.duplicate()
-        problem.basis.T.multTranspose(problem.load, border)
+        border = problem.create_vector()
+        problem.basis.T.multTranspose(problem.loads.live, border)
         assert border.dot(corrected) == pytest.approx(work, rel=1e-12)
     system.gradient(corrected, r, again, gradient)
     gradient.array[index[after]] = 0
@@ -74,8 +74,8 @@ def test_what_is_right_already_is_left_alone() -> None:
     system = EqualityProgram(problem, linear)
     system.set_operator(ContactOperator(problem, K))
     held = np.ones(len(problem.basis.index), dtype=bool)
-    r, delta = problem.load.duplicate(), problem.load.duplicate()
-    problem.basis.T.multTranspose(problem.load, r)
+    r, delta = problem.create_vector(), problem.create_vector()
+    problem.basis.T.multTranspose(problem.loads.live, r)
     multiplier = system.minimise(held, np.zeros(held.size), r, None, RTOL, delta)
     solution = delta.copy()
     system.minimise(held, np.zeros(held.size), r, None, RTOL, delta, multiplier)

@@ -116,8 +116,8 @@ def test_iterations_hardly_grow_as_the_mesh_is_refined(multigrid: None) -> None:
         solver = LinearSolver(problem)
         solver.set_operator(operator)
         solver.hold(problem.basis.index)
-        b = problem.load.duplicate()
-        problem.basis.T.multTranspose(problem.load, b)
+        b = problem.create_vector()
+        problem.basis.T.multTranspose(problem.loads.live, b)
         b.array[problem.basis.index] = 0
         x = b.duplicate()
         solver.solve(b, x, 1e-8)
@@ -161,7 +161,7 @@ def test_coarse_spaces_have_the_motion_that_they_are_given(
     operator = _operator(problem)
     held = problem.basis.index[::3]
     operator.hold(held)
-    motion = problem.load.duplicate()
+    motion = problem.create_vector()
     nodes = problem.V.tabulate_dof_coordinates()[: motion.getLocalSize() // 3]
     if flow == "some":
         motion.array[:] = np.sin(4 * nodes).ravel()
@@ -230,8 +230,8 @@ def test_a_set_up_serves_corrections_too(multigrid: None) -> None:
     index = problem.basis.index
     solver = LinearSolver(problem)
     solver.set_operator(_operator(problem))
-    b, x = problem.load.duplicate(), problem.load.duplicate()
-    problem.basis.T.multTranspose(problem.load, b)
+    b, x = problem.create_vector(), problem.create_vector()
+    problem.basis.T.multTranspose(problem.loads.live, b)
     b.array[index] = 0
     for held in (index, index[1:], index):
         solver.hold(held)
@@ -255,7 +255,7 @@ def test_products_with_the_operator_are_those_with_its_matrix() -> None:
     problem = two_blocks_problem(3)
     operator = _operator(problem)
     operator.hold(problem.basis.index[:0])
-    y, r, f, image = (problem.load.duplicate() for _ in range(4))
+    y, r, f, image = (problem.create_vector() for _ in range(4))
     y.array[:] = np.sin(np.arange(*y.getOwnershipRange()))
     r.array[:] = np.cos(np.arange(*y.getOwnershipRange()))
     operator.mult_add(y, r, f)

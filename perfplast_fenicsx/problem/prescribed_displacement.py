@@ -1,0 +1,127 @@
+"""The displacement u_D of supports as arrays, and how much of the contact gaps it closes."""
+
+from collections.abc import Iterable, Sequence
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.contact.node_pairs import LEAST_COSINE, RIGID, ContactPairs
+from perfplast_fenicsx.contact.surface_normals import face_nodes
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.supports import AXES, Support
+
+
+def known_displacements(
+    V: fem.FunctionSpace, assembly: TaggedMesh, supports: Sequence[Support]
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+    """Which components the supports hold, and where. Collective.
+
+    Returns:
+        Flags, and displacements (length) that are 0 at other components; both of all local nodes,
+        ghosts too, shape (num_nodes, gdim).
+
+    Raises:
+        InputError: An unknown surface, wrong components, a value that is not finite, or two values
+            for the same component of a node.
+    """
+    fdim, gdim = assembly.mesh.topology.dim - 1, assembly.mesh.geometry.dim
+    index_map = V.dofmap.index_map
+    shape = (index_map.size_local + index_map.num_ghosts, gdim)
+    fixed, values, message = np.zeros(shape, dtype=bool), np.zeros(shape), None
+    for support in supports:
+        if not np.isfinite(support.value):
+            raise InputError(
+                f"value = {support.value} of the support on '{support.on}' is not finite; give a"
+                " length, or 0 for none."
+            )
+        nodes = fem.locate_dofs_topological(V, fdim, assembly.facets(support.on))
+        for axis in support.axes(gdim):
+            known = nodes[fixed[nodes, axis]]
+            other = values[known, axis][values[known, axis] != support.value]
+            if other.size:
+                message = (
+                    f"the support on '{support.on}' moves nodes by {support.value:g} along"
+                    f" {AXES[axis]} that another support moves by {other[0]:g}; leave the component"
+                    " out of one of them, or part their surfaces."
+                )
+            fixed[nodes, axis] = True
+            values[nodes, axis] = support.value
+    raise_together(assembly.mesh.comm, message)
+    return fixed, values
+
+
+def prescribed_jumps(
+    V: fem.FunctionSpace, pairs: ContactPairs, prescribed: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """What u_D adds to the jump (u_a − u_b)·n of each pair. Collective.
+
+    The jump of the basis is that of the free components alone.
+
+    Args:
+        V: Displacement space.
+        pairs: Those hosted by this rank.
+        prescribed: u_D at all local nodes, shape (num_nodes, gdim).
+
+    Returns:
+        Shape (num_pairs,) (length).
+    """
+    gdim = V.dofmap.index_map_bs
+    u = fem.Function(V)
+    u.x.array[:] = prescribed.ravel()
+    numbers = (pairs.guest[:, None] * gdim + np.arange(gdim)).ravel().astype(PETSc.IntType)
+    there = PETSc.Vec().createSeq(len(numbers))
+    guests = PETSc.IS().createGeneral(numbers, PETSc.COMM_SELF)
+    scatter = PETSc.Scatter().create(u.x.petsc_vec, guests, there, None)
+    scatter.scatter(u.x.petsc_vec, there)
+    of_guest = there.array.reshape(-1, gdim) * (pairs.guest_body != RIGID)[:, None]
+    jump = prescribed[pairs.host] - of_guest
+    for thing in (scatter, guests, there):
+        thing.destroy()
+    jumps: npt.NDArray[np.float64] = pairs.sign * np.sum(pairs.normal * jump, axis=1)
+    return jumps
+
+
+def check_moved_surfaces(
+    V: fem.FunctionSpace,
+    assembly: TaggedMesh,
+    surfaces: Iterable[str],
+    pairs: ContactPairs,
+    fixed: npt.NDArray[np.bool_],
+    prescribed: npt.NDArray[np.float64],
+) -> None:
+    """Refuse supports that move nodes of contact surfaces along their normals, unseen by any pair.
+
+    Where neither node of a pair is free along the normal there is no pair. Collective.
+
+    Args:
+        V: Displacement space.
+        assembly: Mesh with names.
+        surfaces: Names of those in contact, with each other or with obstacles.
+        pairs: Those hosted by this rank.
+        fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+        prescribed: u_D, same shape.
+
+    Raises:
+        InputError: Naming the surface.
+    """
+    gdim, message = V.dofmap.index_map_bs, None
+    paired = fem.Function(V)
+    guests = (pairs.guest * gdim).astype(PETSc.IntType)
+    paired.x.petsc_vec.setValues(guests, np.ones(len(guests)), PETSc.InsertMode.ADD_VALUES)
+    paired.x.petsc_vec.assemble()
+    paired.x.array[pairs.host * gdim] += 1
+    for name in surfaces:
+        faces = face_nodes(V, assembly, name)
+        along = np.abs(np.sum(faces.normal * prescribed[faces.node], axis=1))
+        freedom = (np.abs(faces.normal) * ~fixed[faces.node]).max(axis=1, initial=0)
+        unseen = (freedom < LEAST_COSINE) & (paired.x.array[faces.node * gdim] == 0)
+        if (unseen & (along > 0)).any():
+            message = (
+                f"supports move nodes of the contact surface '{name}' along its normal towards"
+                " others that cannot give way; leave these nodes out of the contact surface."
+            )
+    raise_together(assembly.mesh.comm, message)
