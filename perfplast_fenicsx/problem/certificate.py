@@ -50,12 +50,12 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     slack = comm.allreduce(float(np.dot(forces, room)))
     resisted = comm.allreduce(float(np.dot(forces, basis.gap)))
     energy = fields.potential() - problem.loads.work(fields.u.x.petsc_vec, zeta)
-    moving = _moving(problem, fields)
-    dual = fields.stress_norm2() / 2 + resisted - moving.work
-    scale = max(abs(energy) + abs(moving.work), 1e-300)
+    moved = _moved(problem, fields)
+    dual = fields.stress_norm2() / 2 + resisted - moved.work
+    scale = max(abs(energy) + abs(moved.work), 1e-300)
     free = r.copy()
     free.array[basis.index] = 0
-    norm = max(problem.loads.norm(zeta), moving.norm, 1e-300)
+    norm = max(problem.loads.norm(zeta), moved.norm, 1e-300)
     certificate = Certificate(
         forces,
         max_penetration=comm.allreduce(max(0.0, float((-room).max(initial=0))), MPI.MAX),
@@ -86,24 +86,23 @@ def contact_forces(problem: Problem, stress: fem.Function, zeta: float) -> npt.N
 
 
 @dataclass(frozen=True)
-class _Moving:
-    """Forces of the supports that move: their work on u_D, and their norm."""
+class _Moved:
+    """What supports that move do: their work on u_D, and the norm of all nodal forces."""
 
     work: float
     norm: float
 
 
-def _moving(problem: Problem, fields: QuadratureFields) -> _Moving:
-    """⟨σ, ε(ũ_D)⟩ with ũ_D zero at all other unknowns, where loads are zero. Collective."""
+def _moved(problem: Problem, fields: QuadratureFields) -> _Moved:
+    """⟨σ, ε(ũ_D)⟩ with ũ_D zero at all other unknowns, and so no work of loads. Collective."""
     if not problem.moves_supports:
-        return _Moving(0.0, 0.0)
-    reactions = problem.create_vector()
-    assemble_force(reactions, fem.form(problem.internal_form(fields.stress)), [])
-    u = problem.prescribed.ravel()[: reactions.getLocalSize()]
-    forces = reactions.array_r * (u != 0)
-    work, norm2 = problem.comm.allreduce(np.array([forces @ u, forces @ forces]))
-    reactions.destroy()
-    return _Moving(float(work), float(np.sqrt(norm2)))
+        return _Moved(0.0, 0.0)
+    forces = problem.create_vector()
+    assemble_force(forces, fem.form(problem.internal_form(fields.stress)), [])
+    u = problem.prescribed.ravel()[: forces.getLocalSize()]
+    moved = _Moved(problem.comm.allreduce(float(forces.array_r @ u)), float(forces.norm()))
+    forces.destroy()
+    return moved
 
 
 def _smallest(comm: MPI.Intracomm, forces: npt.NDArray[np.float64]) -> float:

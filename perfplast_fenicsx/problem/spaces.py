@@ -46,33 +46,31 @@ def make_spaces(mesh: Mesh, degree: int) -> Spaces:
     """
     if degree not in DEGREES or isinstance(degree, bool):
         raise InputError(f"degree = {degree!r} is not an element here; give 1 (linear) or 2.")
-    gdim, cell, accuracy = mesh.geometry.dim, mesh.basix_cell(), 2 * (degree - 1)
-    metadata = {"quadrature_degree": accuracy, "quadrature_scheme": "default"}
+    gdim, cell = mesh.geometry.dim, mesh.basix_cell()
+    metadata = {"quadrature_degree": _accuracy(degree), "quadrature_scheme": "default"}
     return Spaces(
         degree,
         fem.functionspace(mesh, basix.ufl.element("P", cell, degree, shape=(gdim,))),
-        point_space(mesh, degree, mandel_size(gdim)),
-        point_space(mesh, degree, 1),
+        space_at_points(mesh, degree, (mandel_size(gdim),)),
+        space_at_points(mesh, degree, ()),
         ufl.Measure("dx", domain=mesh, metadata=metadata),
     )
 
 
-def point_space(mesh: Mesh, degree: int, size: int) -> fem.FunctionSpace:
-    """Vectors of a size, numbers if it is 1, at the points of elements of a degree. Collective.
-
-    Args:
-        mesh: The mesh.
-        degree: 1 or 2, that of the displacements.
-        size: Numbers at each point.
-    """
-    cell, shape = mesh.basix_cell(), (size,) if size > 1 else ()
+def space_at_points(mesh: Mesh, degree: int, shape: tuple[int, ...]) -> fem.FunctionSpace:
+    """Values of a shape at the points of the rule that goes with a degree. Collective."""
+    cell = mesh.basix_cell()
     if degree == 1:
         element = basix.ufl.element("DG", cell, 0, shape=shape or None)
     else:
-        element = basix.ufl.quadrature_element(
-            cell.name, value_shape=shape, degree=2 * (degree - 1)
-        )
+        accuracy = _accuracy(degree)
+        element = basix.ufl.quadrature_element(cell.name, value_shape=shape, degree=accuracy)
     return fem.functionspace(mesh, element)
+
+
+def _accuracy(degree: int) -> int:
+    """Degree of the quadrature rule that integrates products of strains exactly."""
+    return 2 * (degree - 1)
 
 
 def by_cell(function: fem.Function) -> npt.NDArray[np.float64]:

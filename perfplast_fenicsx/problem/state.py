@@ -96,8 +96,8 @@ class LevelReport:
         smallest_contact_force: Of all pairs (force); negative means an adhesive one. 0 without any.
         complementarity: Σ force × remaining gap, relative to the same.
         equilibrium: Norm of the forces that nothing balances (contact forces apart, which the three
-            numbers above judge), relative to that of the loads, or of the supports that move if
-            that is larger.
+            numbers above judge), relative to that of the loads or, where supports move, of all
+            nodal forces if that is larger.
         duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to |J_ζ| and, where
             supports move, the work of their reactions.
         max_displacement: Largest nodal displacement (length).

@@ -24,9 +24,9 @@ from dolfinx import default_scalar_type, fem
 
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError, check_choice, check_end
+from perfplast_fenicsx.problem.integrals import Integral, assemble_force
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.quadrature_fields import Integral, assemble_force
 from perfplast_fenicsx.problem.state import Iteration, State
 from perfplast_fenicsx.solvers.anderson import Anderson
 from perfplast_fenicsx.solvers.level_solver import LevelSolver

@@ -154,13 +154,19 @@ def _case(path: Path, table: Table) -> Case:
     _, schema, rest = choose(top.loading, "control", LOADINGS, place, default="load")
     loading: LoadControl | WorkControl = convert(rest, schema, place)
     method, options = _algorithm(top.solve, loading, f"{name}, [solve]")
+    held = [convert(support, Support, place) for place, support in supports]
+    if loading.values is None and any(support.value for support in held):
+        raise InputError(
+            f"{place}: until = 'limit' goes with supports at rest, but one has a value; leave it"
+            " out, for the limit load is the same without, or give values = [...] of the work."
+        )
     return Case(
         path=path,
         table=table,
         title=top.title or path.stem,
         mesh=_mesh(top.mesh, f"{name}, [mesh]"),
         materials=materials,
-        supports=[convert(support, Support, place) for place, support in supports],
+        supports=held,
         loads=loads,
         contacts=[convert(contact, Contact, place) for place, contact in contacts],
         obstacles=obstacles,

@@ -46,7 +46,7 @@ from perfplast_fenicsx.limit_analysis.limit_search import Search
 from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.problem.certificate import contact_forces
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.spaces import point_space
+from perfplast_fenicsx.problem.spaces import space_at_points
 from perfplast_fenicsx.problem.state import Level, LevelReport, State
 from perfplast_fenicsx.solvers.load_stepping import Reached
 
@@ -230,7 +230,8 @@ class Checkpoints:
         for array, values in arrays.items():
             group, _, name = array.partition("/")
             if group == HISTORY + end:
-                space = point_space(mesh, self._problem.degree, values.shape[2])
+                shape = values.shape[2:] if values.shape[2] > 1 else ()
+                space = space_at_points(mesh, self._problem.degree, shape)
                 history[name] = fem.Function(space, name=name)
                 self._to_points(values, history[name])
         return history

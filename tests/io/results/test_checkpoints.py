@@ -20,7 +20,7 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.limit_search import Search
 from perfplast_fenicsx.problem.certificate import contact_forces
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
-from perfplast_fenicsx.problem.spaces import point_space
+from perfplast_fenicsx.problem.spaces import space_at_points
 from tests.io.results.test_result_folder import report
 
 SEATS = {"elastic": in_elastic_seat, "rigid": in_rigid_seat}
@@ -51,7 +51,7 @@ def history(problem: Problem, size: float) -> dict[str, fem.Function]:
     spaces = {
         "hardening": problem.Q,
         "plastic_strain": problem.S,
-        "of_seven": point_space(mesh, problem.degree, 7),
+        "of_seven": space_at_points(mesh, problem.degree, (7,)),
     }
     variables = {name: fem.Function(space, name=name) for name, space in spaces.items()}
     for number, f in enumerate(variables.values()):
