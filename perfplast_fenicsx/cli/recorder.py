@@ -7,7 +7,6 @@ from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.io.case.case import Case
-from perfplast_fenicsx.io.case.loading_options import LoadControl, WorkControl
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.output_fields import OutputFields
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
@@ -15,9 +14,6 @@ from perfplast_fenicsx.io.results.xdmf import FieldsFile
 from perfplast_fenicsx.limit_analysis.limit_search import Search
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Iteration, Level
-
-PRESCRIBED = {LoadControl: "zeta", WorkControl: "alpha"}
-"""What each control prescribes; the time of the fields' file."""
 
 
 class Recorder:
@@ -56,10 +52,13 @@ class Recorder:
             began: When the run began, by ``time.perf_counter``.
         """
         self._checkpoints, self._terminal, self._journal = checkpoints, terminal, journal
-        self._interrupts, self._prescribed = interrupts, PRESCRIBED[type(case.loading)]
+        self._interrupts, self._prescribed = interrupts, case.loading.prescribes
         self._began = began - saved.timings.get("total", 0.0)
         self.saved, self.last, self._before = saved, saved.level, saved.before
-        self.results = Results(folder, problem, case.title, __version__, case.method, saved.reports)
+        self.results = Results(
+            *(folder, problem, case.title, __version__, case.method, saved.reports),
+            prescribed=case.loading.prescribes,
+        )
         timings = self.results.summary.timings
         timings |= saved.timings
         timings["setup"] = timings.get("setup", 0.0) + time.perf_counter() - began
@@ -71,7 +70,7 @@ class Recorder:
         self._fields: FieldsFile | None = None
         if case.output.fields:
             kept = self.recovery.update(self.last) if self.last else None
-            times = [getattr(report, self._prescribed) for report in saved.reports]
+            times = [self._prescribed.of(report) for report in saved.reports]
             self._fields = FieldsFile(folder, problem.tagged_mesh, fields=kept, times=times)
         interrupts.check()
         self._solving = time.perf_counter()
@@ -105,7 +104,7 @@ class Recorder:
         self._journal.level(report)
         with results.timed("output"):
             if report.converged and self._fields is not None:
-                time_ = getattr(report, self._prescribed)
+                time_ = self._prescribed.of(report)
                 self._fields.write(self.recovery.update(level), time_)
             results.add(report)
             if report.converged:

@@ -98,8 +98,13 @@ def _solve(case: Case, solver: Any, recorder: Recorder, terminal: Terminal, jour
     limit = None
     if isinstance(case.loading, WorkControl) and case.loading.limit_tolerance is not None:
         tolerance = case.loading.limit_tolerance
-        watch, known = (recorder.iteration, recorder.level), (saved.search, saved.reached)
-        limit = limit_load(problem, tolerance, solver, *watch, *known)
+        limit = limit_load(
+            *(problem, tolerance, solver),
+            monitor=recorder.iteration,
+            on_level=recorder.level,
+            search=saved.search,
+            reached=saved.reached,
+        )
         terminal.limit(limit)
         journal.limit(limit)
     else:

@@ -148,12 +148,12 @@ def _bound(problem: Problem, velocity: fem.Function, state: State, made: ExitSta
             ascents[on].interpolate(multiplier)
     else:
         return UpperBound(None, MOST_ITERATIONS, "the projection does not converge")
-    work = float(problem.load.dot(v.x.petsc_vec))
+    work = problem.loads.alpha(v.x.petsc_vec)
     jumps = y.array_r[basis.index][~state.active]
     largest = y.norm(PETSc.NormType.NORM_INFINITY)
     if comm.allreduce(int((jumps > ROUNDING * largest).sum())):
         return UpperBound(None, solves, "the mechanism closes open pairs")
-    if work <= ROUNDING * problem.load.norm() * largest:
+    if work <= ROUNDING * problem.loads.live.norm() * largest:
         return UpperBound(None, solves, "the loads do no work on the mechanism")
     power = Integral(comm, integrate(laws, lambda on: on.law.dissipation(strain(v))))
     return UpperBound(power() / work, solves)

@@ -1,15 +1,16 @@
 """The discrete problem: spaces, supports, loads, contact and forms. It declares, never solves.
 
-(P)_ζ   minimise J_ζ(v) = Ψ(ε(v)) − ζ L(v) over K_h = {v : (v_a − v_b)·n ≤ g at contact nodes}
+(P)_ζ   minimise J_ζ(v) = Ψ(ε(v)) − L₀(v) − ζL₁(v) over K_h: v = u_D at supports,
+        (v_a − v_b)·n ≤ g at contact nodes
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
@@ -27,7 +28,12 @@ from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.law_on_cells import lay_out
+from perfplast_fenicsx.problem.load_case import LoadCase
 from perfplast_fenicsx.problem.loads import Load
+from perfplast_fenicsx.problem.prescribed_displacement import (
+    check_moved_surfaces,
+    known_displacements,
+)
 from perfplast_fenicsx.problem.spaces import make_spaces, space_at_points
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.problem.work_form import work_form
@@ -48,14 +54,17 @@ class Problem:
             DOLFINx makes such an array each time and leaves it to Python's cyclic collector.
         bodies: Connected components and their rigid motions.
         laws: The material laws, each on the cells of its bodies.
-        bcs: Homogeneous supports.
+        bcs: Supports, homogeneous as those of increments are.
+        fixed: Supported components of each local node, ghosts too, shape (num_nodes, gdim).
+        prescribed: u_D, the displacement of these components (length), 0 elsewhere.
+        moves_supports: Whether u_D is anything but 0.
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
         has_gaps: Whether any pair is open at first.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
         first_active: Pairs that an active set begins with, so that no body is free to move.
-        basis: Basis in which contact is a bound.
-        load: L as a vector in V's dual, zero at supported unknowns (ghosts summed).
+        basis: Basis in which contact is a bound: what u_D closes of a gap is taken from it.
+        loads: L₀ and L₁.
     """
 
     def __init__(
@@ -73,8 +82,8 @@ class Problem:
         Args:
             assembly: Mesh with named volumes and surfaces.
             materials: Of each volume, anything that is a :class:`Material`.
-            supports: Where the displacement is zero.
-            loads: What L(v) is the work of.
+            supports: Where the displacement is known.
+            loads: What L₁(v) is the work of.
             contacts: Pairs of surfaces that cannot penetrate each other.
             obstacles: Rigid bodies that surfaces cannot penetrate.
             degree: 1 for linear displacements, as in the paper, or 2 for quadratic ones, which do
@@ -92,9 +101,9 @@ class Problem:
         self.cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         self.bodies: Bodies = find_bodies(self.V)
         self.laws = lay_out(assembly, spaces, materials)
-        self.bcs, self.fixed = self._supports(supports)
+        self.bcs = self._supports(supports)
         self._contact(contacts, obstacles)
-        self.load: PETSc.Vec = self._load(loads)
+        self.loads = self._loads(loads)
 
     def __repr__(self) -> str:
         topology = self.tagged_mesh.mesh.topology
@@ -132,7 +141,7 @@ class Problem:
 
     def create_vector(self) -> PETSc.Vec:
         """A vector of zeros with an entry for each displacement unknown. Collective."""
-        vector = self.load.duplicate()
+        vector = self.loads.live.duplicate()
         vector.set(0)
         return vector
 
@@ -140,23 +149,12 @@ class Problem:
         """⟨σ, ε(v)⟩."""
         return ufl.dot(stress, strain(ufl.TestFunction(self.V))) * self.dx
 
-    def _supports(
-        self, supports: Sequence[Support]
-    ) -> tuple[list[fem.DirichletBC], npt.NDArray[np.bool_]]:
-        mesh, V = self.tagged_mesh.mesh, self.V
-        fdim, gdim = mesh.topology.dim - 1, mesh.geometry.dim
-        index_map = V.dofmap.index_map
-        fixed = np.zeros((index_map.size_local + index_map.num_ghosts, gdim), dtype=bool)
-        for support in supports:
-            nodes = fem.locate_dofs_topological(V, fdim, self.tagged_mesh.facets(support.on))
-            for axis in support.axes(gdim):
-                fixed[nodes, axis] = True
-        zero = default_scalar_type(0)
-        bcs = [
-            fem.dirichletbc(zero, np.flatnonzero(fixed[:, i]).astype(np.int32) * gdim + i, V.sub(i))
-            for i in range(gdim)
-        ]
-        return bcs, fixed
+    def _supports(self, supports: Sequence[Support]) -> list[fem.DirichletBC]:
+        V, gdim, zero = self.V, self.tagged_mesh.mesh.geometry.dim, default_scalar_type(0)
+        self.fixed, self.prescribed = known_displacements(V, self.tagged_mesh, supports)
+        self.moves_supports: bool = self.comm.allreduce(bool(self.prescribed.any()), MPI.LOR)
+        nodes = [np.flatnonzero(self.fixed[:, i]).astype(np.int32) for i in range(gdim)]
+        return [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
 
     @phase("contact set-up")
     def _contact(self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
@@ -171,15 +169,24 @@ class Problem:
         motions.check()
         self.first_active: PairFlags = motions.first_active()
         self.basis: JumpBasis = make_basis(V, self.constraints, fixed)
+        if self.moves_supports:
+            known = (self.constraints, fixed, self.prescribed)
+            check_moved_surfaces(V, tagged_mesh, sorted(touching), *known)
+            u = fem.Function(V)
+            u.x.array[:] = self.prescribed.ravel()
+            closed = self.constraints.jumps(u.x.petsc_vec)
+            self.basis = replace(self.basis, gap=self.basis.gap - closed)
 
-    def _load(self, loads: Sequence[Load]) -> PETSc.Vec:
+    def _loads(self, loads: Sequence[Load]) -> LoadCase:
         form = fem.form(work_form(self.tagged_mesh, loads, ufl.TestFunction(self.V)))
-        load = fem_petsc.assemble_vector(form)
-        load.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        fem_petsc.set_bc(load, self.bcs)
-        if load.norm() == 0:
+        live = fem_petsc.assemble_vector(form)
+        live.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        fem_petsc.set_bc(live, self.bcs)
+        if live.norm() == 0:
             raise InputError(
                 "the loads do no work on any admissible displacement, so nothing can be increased;"
                 " give a load that is not zero on a surface that is free to move."
             )
-        return load
+        dead = live.duplicate()
+        dead.set(0)
+        return LoadCase(dead, live)

@@ -144,7 +144,7 @@ def test_limit_load(
     out, _ = capsys.readouterr()
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
     limit = summary["limit"]
-    assert summary["method"] == "work-newton"
+    assert (summary["method"], summary["prescribed"]) == ("work-newton", "alpha")
     assert limit["levelled_off"]
     assert limit["lower"] == pytest.approx(100.0, rel=1e-4)
     assert limit["lower"] <= limit["estimate"] <= 100.0 * (1 + 1e-4)

@@ -116,7 +116,7 @@ def test_the_tangent_is_the_derivative_of_the_forces(shared_tmp_path: Path, dim:
         )
     )
     iterate = Iterate(problem)
-    fields, load = iterate.fields, problem.load
+    fields, load = iterate.fields, problem.loads.live
     random = np.random.default_rng(1)
     x = problem.V.tabulate_dof_coordinates()
     fixed = problem.fixed.ravel()

@@ -41,6 +41,7 @@ from perfplast_fenicsx import (
     two_blocks,
 )
 from perfplast_fenicsx.io.results.output_fields import OutputFields
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.solvers.active_set.condensed_qp import closed_pairs
 from tests.checks import assert_solved, largest
 from tests.models import STEEL, Read
@@ -273,7 +274,7 @@ def test_a_body_that_hovers_falls_on_the_obstacle_that_alone_holds_it(
     problem = blocks(comm, obstacles=[plane], degree=degree)
     zeta = 100.0
     alpha = distance + zeta / STEEL.young
-    level = method(problem).solve(zeta if method.control == "load" else alpha)
+    level = method(problem).solve(alpha if method.prescribes is Prescribed.WORK else zeta)
     assert_solved(level)
     assert level.report.zeta == pytest.approx(zeta, rel=1e-7)
     assert level.report.alpha == pytest.approx(alpha, rel=1e-9)

@@ -5,7 +5,9 @@ from typing import Any
 from mpi4py import MPI
 from petsc4py import PETSc
 
+import numpy as np
 import pytest
+from dolfinx import fem
 
 from perfplast_fenicsx import (
     Contact,
@@ -19,6 +21,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.limit_analysis import kinematic_bound
 from perfplast_fenicsx.materials import Material
+from tests.models import stack_problem
 
 WEAK = VonMises(2e5, 0.3, 300.0)
 
@@ -101,3 +104,18 @@ def test_what_petsc_made_is_destroyed(monkeypatch: pytest.MonkeyPatch, exact: fl
     assert all(matrix.handle == 0 for matrix in made)
     assert prefixes
     assert prefixes[0].startswith("perfplast_bound_")
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("bend", [0.0, 0.3])
+def test_a_velocity_near_a_mechanism_gives_a_bound(bend: float) -> None:
+    """Both blocks yield at the pressure 300; what is bent costs more."""
+    problem = stack_problem(2)
+    v = fem.Function(problem.V)
+    v.interpolate(lambda x: np.array([x[0], x[1], -2 * x[2] + bend * np.sin(9 * x[0]) * x[2]]))
+    found = kinematic_bound.dissipation_bound(problem, v, Newton(problem).solve(100.0).state)
+    assert found.value is not None
+    assert found.value >= 300 * (1 - 1e-9)
+    if bend == 0:
+        assert found.value == pytest.approx(300.0, rel=1e-9)
+    assert found.solves >= 1

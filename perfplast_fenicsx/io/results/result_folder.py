@@ -23,6 +23,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import raise_together
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import LevelReport
 
@@ -159,6 +160,7 @@ class Summary:
     """What ``summary.json`` says; its fields are the keys.
 
     Attributes:
+        prescribed: What each level prescribes, "zeta" or "alpha"; the other one is found.
         mesh: Numbers of cells, vertices and displacement unknowns (dofs).
         steps: A :data:`STEP_KEYS` table for each level.
         limit: Limit load, where one was asked for.
@@ -169,6 +171,7 @@ class Summary:
     title: str
     version: str
     method: str
+    prescribed: str
     ranks: int
     mesh: dict[str, int]
     steps: list[dict[str, Any]] = field(default_factory=list)
@@ -188,6 +191,7 @@ class Results:
         version: str,
         method: str,
         reports: Sequence[LevelReport] = (),
+        prescribed: Prescribed = Prescribed.LOAD_FACTOR,
     ) -> None:
         """Write a summary without levels, or with those of an earlier run. Collective."""
         mesh = problem.tagged_mesh.mesh
@@ -196,6 +200,7 @@ class Results:
             title=title,
             version=version,
             method=method,
+            prescribed=prescribed.value,
             ranks=folder.comm.size,
             mesh={
                 "cells": mesh.topology.index_map(mesh.topology.dim).size_global,

@@ -80,7 +80,7 @@ class EqualityProgram:
         self._border, self._rhs, self._change, self._response = (
             problem.create_vector() for _ in range(4)
         )
-        problem.basis.T.multTranspose(problem.load, self._border)
+        problem.basis.T.multTranspose(problem.loads.live, self._border)
         self._responded = self._response_is_new = False
 
     def set_operator(self, A: ContactOperator) -> None:

@@ -17,6 +17,7 @@ from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile, OutputOption
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.von_mises import VonMises
 from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.augmented_lagrangian import AugmentedLagrangian
 from perfplast_fenicsx.solvers.newton import Newton
@@ -169,7 +170,7 @@ def test_each_method_has_its_solver(
     read: Read, comm: MPI.Intracomm, solve: str, solver: type
 ) -> None:
     text = replaced(SOLVE, f"[solve]\n{solve}\n")
-    if solver.control == "work":  # type: ignore[attr-defined]
+    if solver.prescribes is Prescribed.WORK:  # type: ignore[attr-defined]
         text = text.replace('control = "load"', 'control = "work"')
     case = read(text)
     assert type(case.solver(case.problem(comm))) is solver

@@ -33,7 +33,7 @@ from perfplast_fenicsx.problem.state import LevelReport
 from perfplast_fenicsx.problem.supports import Support
 
 SUMMARY_KEYS = [
-    *("title", "version", "method", "ranks", "mesh", "steps", "limit", "timings"),
+    *("title", "version", "method", "prescribed", "ranks", "mesh", "steps", "limit", "timings"),
     "peak_memory_mb",
 ]
 
@@ -139,6 +139,7 @@ def test_summary_and_path(comm: MPI.Intracomm, shared_tmp_path: Path, problem: P
         "newton",
         comm.size,
     )
+    assert summary["prescribed"] == "zeta"
     assert summary["mesh"] == {"cells": 36, "vertices": 32, "dofs": 96}
     assert (summary["steps"], summary["limit"]) == ([], None)
     assert summary["peak_memory_mb"] > 10

@@ -41,7 +41,7 @@ def test_the_conditions_of_optimality_hold(case: Case) -> None:
     assert step.settled
     assert step.iterations > 1
     border, force = problem.create_vector(), problem.create_vector()
-    problem.basis.T.multTranspose(problem.load, border)
+    problem.basis.T.multTranspose(problem.loads.live, border)
     case.operator.mult_add(step.delta, case.r, force)
     force.axpy(-step.multiplier, border)
     largest = np.abs(problem.comm.allgather(np.abs(force.array_r).max(initial=0))).max()

@@ -18,7 +18,7 @@ RTOL = 1e-6
 def loads(problem: Problem) -> PETSc.Vec:
     """Loads in the jump basis."""
     border = problem.create_vector()
-    problem.basis.T.multTranspose(problem.load, border)
+    problem.basis.T.multTranspose(problem.loads.live, border)
     return border
 
 

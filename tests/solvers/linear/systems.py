@@ -47,6 +47,6 @@ def elastic_operator(problem: Problem) -> ContactOperator:
 def loads(problem: Problem) -> PETSc.Vec:
     """Loads in the jump basis, with the jumps held."""
     b = problem.create_vector()
-    problem.basis.T.multTranspose(problem.load, b)
+    problem.basis.T.multTranspose(problem.loads.live, b)
     b.array[problem.basis.index] = 0
     return b

@@ -12,7 +12,7 @@ def test_products_with_the_operator_are_those_with_its_matrix() -> None:
     problem = two_blocks_problem(3)
     operator = elastic_operator(problem)
     operator.hold(problem.basis.index[:0])
-    y, r, f, image = (problem.load.duplicate() for _ in range(4))
+    y, r, f, image = (problem.loads.live.duplicate() for _ in range(4))
     y.array[:] = np.sin(np.arange(*y.getOwnershipRange()))
     r.array[:] = np.cos(np.arange(*y.getOwnershipRange()))
     operator.mult_add(y, r, f)

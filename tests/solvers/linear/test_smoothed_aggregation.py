@@ -45,7 +45,7 @@ def test_coarse_spaces_have_the_motion_that_they_are_given(
     operator = elastic_operator(problem)
     held = problem.basis.index[::3]
     operator.hold(held)
-    motion = problem.load.duplicate()
+    motion = problem.loads.live.duplicate()
     nodes = problem.V.tabulate_dof_coordinates()[: motion.getLocalSize() // 3]
     if flow == "some":
         motion.array[:] = np.sin(4 * nodes).ravel()
