@@ -15,9 +15,9 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.io.case.scene import Scene, write_scene
+from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.output_fields import OutputFields
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
-from perfplast_fenicsx.io.results.xdmf import FieldsFile
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import read_gmsh
 from perfplast_fenicsx.pictures.boundary_surface import Surface, gather_surface
@@ -69,13 +69,14 @@ def test_the_skin_is_that_of_the_run(
         assembly, dict.fromkeys(assembly.volumes, STEEL), supports, [load], contacts, (), degree
     )
     folder.on_root(lambda: write_scene(model, assembly, folder.file("scene.json")))
-    results, file = Results(folder, problem, where, "1", "newton"), FieldsFile(folder, assembly)
+    results = Results(folder, problem, where, "1", "newton")
+    series = FieldSeries(folder, problem, "zeta")
     recovery, newton = OutputFields(problem), Newton(problem)
     for zeta in (0.5, 1.0):
         level = newton.solve(zeta)
         assert level.report.converged
         fields = recovery.update(level)
-        file.write(fields, zeta)
+        series.write(fields, level.report)
         results.add(level.report)
         nodal = {name: fields[name] for name in ("displacement", "contact_pressure")}
         cellwise = {"yield_ratio": fields["yield_ratio"]}
@@ -160,19 +161,19 @@ def test_reading_while_a_level_is_written(comm: MPI.Intracomm, shared_tmp_path: 
     folder = ResultFolder(comm, shared_tmp_path / "results")
     folder.create()
     folder.on_root(lambda: write_scene(Scene(""), assembly, folder.file("scene.json")))
-    results, file = Results(folder, problem, "", "1", "newton"), FieldsFile(folder, assembly)
+    results = Results(folder, problem, "", "1", "newton")
+    series = FieldSeries(folder, problem, "zeta")
     recovery, newton = OutputFields(problem), Newton(problem)
 
     def go_on(zeta: float) -> None:
         level = newton.solve(zeta)
-        file.write(recovery.update(level), zeta)
+        series.write(recovery.update(level), level.report)
         results.add(level.report)
 
     go_on(1.0)
     archive = ResultReader(folder.path)
-    name, _, place = archive.levels[0].places["displacement"].partition(":")
-    with h5py.File(folder.file(name), locking=False) as data:
-        displacement = data[place]
+    with h5py.File(folder.file(archive.levels[0].file), locking=False) as data:
+        displacement = data["VTKHDF/PointData/displacement"]
         before = displacement[:]
         comm.barrier()
         go_on(2.0)
@@ -191,7 +192,11 @@ def test_reading_while_a_level_is_written(comm: MPI.Intracomm, shared_tmp_path: 
         ("animate", lambda path: (path / "scene.json").unlink(), "has no scene.json"),
         ("plot", lambda path: (path / "scene.json").write_text("{}"), "'title' is missing"),
         ("plot", lambda path: (path / "path.csv").write_text("a,b\n1,2\n"), "cannot be read"),
-        ("animate", lambda path: (path / "fields.h5").write_text("HDF"), "cannot be read"),
+        ("animate", lambda path: (path / "fields/mesh.vtkhdf").write_text("a"), "cannot be read"),
+        ("plot", lambda path: (path / "fields/level_0001.vtkhdf").unlink(), "cannot be read"),
+        ("plot", lambda path: (path / "fields.vtkhdf.series").write_text("[]"), "cannot be read"),
+        ("plot", lambda path: (path / "fields.xdmf").touch(), "are of an earlier version"),
+        ("animate", lambda path: (path / "model.json").touch(), "has model.json, so its results"),
         ("plot", lambda path: (path / "path.csv").write_text(""), "no level yet"),
         ("animate", lambda path: (path / "path.csv").write_text(""), "no fields on file"),
     ],
