@@ -185,6 +185,32 @@ def test_reading_while_a_level_is_written(comm: MPI.Intracomm, shared_tmp_path: 
     assert np.allclose(2 * first.at_points[u], second.at_points[u], rtol=1e-9, atol=1e-15)
 
 
+def test_levels_of_prescribed_work(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    """Levels are known by their numbers, whatever was prescribed; the mechanism by its file."""
+    control = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-2'
+    text = CASE.replace("values = [50.0, 80.0]", control) + "[element]\ndegree = 2\n"
+    case, folder = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(folder), "--quiet"]) == SOLVED
+    archive = ResultReader(folder)
+    assert [level.number for level in archive.levels] == list(range(1, len(archive.reports) + 1))
+    assert [level.report for level in archive.levels] == archive.reports
+    for level in archive.levels:
+        with h5py.File(folder / level.file, locking=False) as file:
+            facts = {name: values[0] for name, values in file["VTKHDF/FieldData"].items()}
+        assert facts["prescribed"] == b"alpha"
+        assert facts["alpha"] == pytest.approx(level.report.alpha, rel=1e-14)
+        assert facts["zeta"] == pytest.approx(level.report.zeta, rel=1e-14)
+    last = archive.surface(archive.levels[-1])
+    found = archive.mechanism(last)
+    assert found is not None
+    moving, largest = found
+    assert 0 <= moving.at_cells["dissipation"].max() <= largest
+    velocity = moving.at_points["displacement"]
+    assert velocity.shape == moving.points.shape
+    assert velocity[:, 2].min() < 0  # the load presses down
+    assert np.array_equal(moving.at_points["contact_pressure"], last.at_points["contact_pressure"])
+
+
 @pytest.mark.parametrize(
     ("command", "spoil", "part"),
     [
