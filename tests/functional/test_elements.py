@@ -233,5 +233,5 @@ values = [40.0, 60.0]
     assert main(["run", str(case), "-o", str(results)]) == SOLVED
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
     assert [step["zeta"] for step in summary["steps"]] == [40.0, 60.0]
-    for name in ("fields.xdmf", "fields.h5", "fields.png", "path.png"):
+    for name in ("fields.vtkhdf.series", "fields/level_0002.vtkhdf", "fields.png", "path.png"):
         assert (results / name).stat().st_size > 0

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -24,18 +25,16 @@ from mpi4py import MPI
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import raise_together
 from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.io.results.result_files import EARLIER, FIELDS, MECHANISM, SERIES
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import LevelReport
 
 RESULT_FILES = (
-    *("summary.json", "path.csv", "run.log", "scene.json", "fields.xdmf", "fields.h5"),
-    *("path.png", "fields.png", "loading.gif"),
-    *("mechanism.xdmf", "mechanism.h5", "mechanism.png"),
-    *("checkpoint.h5", "checkpoint_before.h5"),
+    *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
+    *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png"),
+    *("checkpoint.h5", "checkpoint_before.h5", *EARLIER),
 )
-
-FIELDS = "fields"
-"""Folder of the arrays that ``fields.h5`` refers to, a file for each level."""
+"""What a run looks for before it writes, and removes when it is told to."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says where there is no room."""
@@ -93,10 +92,12 @@ class ResultFolder:
             self.path.mkdir(parents=True, exist_ok=True)
             for name in RESULT_FILES:
                 self.file(name).unlink(missing_ok=True)
-            for rest in (*self.path.glob("*.part"), *self.file(FIELDS).glob("*.h5*")):
+            fields = self.file(FIELDS)
+            rests = (fields.glob(f"*{end}*") for end in (".vtkhdf", ".h5"))
+            for rest in chain(self.path.glob("*.part"), *rests):
                 rest.unlink()
-            if self.file(FIELDS).is_dir() and not any(self.file(FIELDS).iterdir()):
-                self.file(FIELDS).rmdir()
+            if fields.is_dir() and not any(fields.iterdir()):
+                fields.rmdir()
             self.file("path.csv").touch()
 
         self.on_root(create)
