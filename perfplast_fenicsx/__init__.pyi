@@ -29,9 +29,9 @@ from .problem.loads import BodyForce as BodyForce
 from .problem.loads import Pressure as Pressure
 from .problem.loads import Traction as Traction
 from .problem.problem import Problem as Problem
-from .problem.state import Iteration as Iteration
+from .problem.report import Iteration as Iteration
+from .problem.report import LevelReport as LevelReport
 from .problem.state import Level as Level
-from .problem.state import LevelReport as LevelReport
 from .problem.state import State as State
 from .problem.supports import Support as Support
 from .solvers.augmented_lagrangian import AugmentedLagrangian as AugmentedLagrangian

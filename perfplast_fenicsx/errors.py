@@ -8,8 +8,10 @@ collective call.
 import difflib
 import math
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
-from mpi4py import MPI
+if TYPE_CHECKING:  # what reads results for pictures starts no MPI
+    from mpi4py import MPI
 
 LONGEST_MESSAGE = 3000
 """Characters of a message; of a longer one the middle is left out."""
@@ -52,7 +54,7 @@ def check_magnitude(field: str, value: float) -> None:
         )
 
 
-def raise_together(comm: MPI.Intracomm, message: str | None) -> None:
+def raise_together(comm: "MPI.Intracomm", message: str | None) -> None:
     """Raise on every rank if any rank has found a fault. Collective.
 
     Args:

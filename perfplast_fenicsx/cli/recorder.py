@@ -14,7 +14,8 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.io.results.xdmf import FieldsFile
 from perfplast_fenicsx.limit_analysis.limit_search import Search
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Iteration, Level
+from perfplast_fenicsx.problem.report import Iteration
+from perfplast_fenicsx.problem.state import Level
 
 PRESCRIBED = {LoadControl: "zeta", WorkControl: "alpha"}
 """What each control prescribes; the time of the fields' file."""

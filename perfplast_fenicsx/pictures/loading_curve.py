@@ -8,7 +8,7 @@ import numpy as np
 
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.pictures.render_process import not_installed
-from perfplast_fenicsx.problem.state import LevelReport
+from perfplast_fenicsx.problem.report import LevelReport
 
 LINE, ELASTIC, LIMIT = "#3b6ea5", "#707070", "#d62020"
 

@@ -23,7 +23,7 @@ from perfplast_fenicsx.io.case.scene import NamedScene, Scene, read_scene
 from perfplast_fenicsx.io.results.xdmf import BODY, GEOMETRY, SURFACE_TAGS, SURFACES, TOPOLOGY
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.surface_of_arrays import Skin, make_skin
-from perfplast_fenicsx.problem.state import LevelReport
+from perfplast_fenicsx.problem.report import LevelReport
 
 Floats = npt.NDArray[np.float64]
 T = TypeVar("T")

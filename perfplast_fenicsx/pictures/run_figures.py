@@ -21,7 +21,7 @@ from perfplast_fenicsx.pictures.field_figure import draw_surface
 from perfplast_fenicsx.pictures.loading_curve import Bounds, save_curve
 from perfplast_fenicsx.pictures.render_process import DrawingError
 from perfplast_fenicsx.problem.loads import Load
-from perfplast_fenicsx.problem.state import LevelReport
+from perfplast_fenicsx.problem.report import LevelReport
 
 log = logging.getLogger(__name__)
 

@@ -8,7 +8,8 @@ then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu).
 """
 
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Iteration, Level, State
+from perfplast_fenicsx.problem.report import Iteration
+from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver

@@ -9,7 +9,8 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.problem.certificate import certify
-from perfplast_fenicsx.problem.state import Iteration, Level, LevelReport
+from perfplast_fenicsx.problem.report import Iteration, LevelReport
+from perfplast_fenicsx.problem.state import Level
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor
@@ -45,7 +46,7 @@ class Progress:
     ) -> Iteration:
         """Record the iterate as it is after a step, and tell the monitor. Collective.
 
-        ``residuals`` are those of ALG2 (:class:`state.Iteration`).
+        ``residuals`` are those of ALG2 (:class:`report.Iteration`).
         """
         iterate, linear = self._iterate, self._linear
         record = Iteration(

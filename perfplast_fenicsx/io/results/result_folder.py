@@ -24,7 +24,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import raise_together
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import LevelReport
+from perfplast_fenicsx.problem.report import LevelReport
 
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", "fields.xdmf", "fields.h5"),
