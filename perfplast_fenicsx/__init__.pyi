@@ -11,6 +11,7 @@ from .io.case.scene import Scene as Scene
 from .io.results.output_fields import OutputFields as OutputFields
 from .io.results.result_folder import ResultFolder as ResultFolder
 from .io.results.result_folder import Results as Results
+from .io.results.result_writer import ResultWriter as ResultWriter
 from .io.results.xdmf import FieldsFile as FieldsFile
 from .limit_analysis.limit_search import LimitLoad as LimitLoad
 from .limit_analysis.limit_search import limit_load as limit_load
@@ -23,8 +24,7 @@ from .mesh.sample_meshes import stacked_blocks as stacked_blocks
 from .mesh.sample_meshes import two_blocks as two_blocks
 from .mesh.tagged_mesh import TaggedMesh as TaggedMesh
 from .mesh.tagged_mesh import read_gmsh as read_gmsh
-from .pictures.run_figures import draw_fields as draw_fields
-from .pictures.run_figures import draw_path as draw_path
+from .pictures.drawing_process import draw as draw
 from .problem.loads import BodyForce as BodyForce
 from .problem.loads import Pressure as Pressure
 from .problem.loads import Traction as Traction

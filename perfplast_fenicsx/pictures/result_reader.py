@@ -20,9 +20,14 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.scene import NamedScene, Scene, read_scene
-from perfplast_fenicsx.io.results.xdmf import BODY, GEOMETRY, SURFACE_TAGS, SURFACES, TOPOLOGY
-from perfplast_fenicsx.pictures.boundary_surface import Surface
-from perfplast_fenicsx.pictures.surface_of_arrays import Skin, make_skin
+from perfplast_fenicsx.io.results.array_names import (
+    BODY,
+    GEOMETRY,
+    SURFACE_TAGS,
+    SURFACES,
+    TOPOLOGY,
+)
+from perfplast_fenicsx.pictures.boundary_surface import Skin, Surface, make_skin
 from perfplast_fenicsx.problem.report import LevelReport
 
 Floats = npt.NDArray[np.float64]

@@ -23,6 +23,13 @@ from dolfinx.io.utils import cell_perm_vtk
 
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.compat import coordinate_map, entity_nodes, geometry_dofmap
+from perfplast_fenicsx.io.results.array_names import (
+    BODY,
+    GEOMETRY,
+    SURFACE_TAGS,
+    SURFACES,
+    TOPOLOGY,
+)
 from perfplast_fenicsx.io.results.global_ordering import (
     Ordering,
     cell_ordering,
@@ -38,10 +45,6 @@ KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
 
 CELLS = {(2, 3): "Triangle", (2, 6): "Triangle_6", (3, 4): "Tetrahedron", (3, 10): "Tetrahedron_10"}
 """What XDMF calls cells of a dimension with so many nodes."""
-
-TOPOLOGY, GEOMETRY, BODY = "Mesh/mesh/topology", "Mesh/mesh/geometry", "MeshTags/body/Values"
-SURFACES, SURFACE_TAGS = "MeshTags/surfaces/topology", "MeshTags/surfaces/Values"
-"""Names of the mesh's arrays."""
 
 
 _Stored = tuple[str, tuple[int, ...]]

@@ -1,0 +1,91 @@
+"""What a run leaves behind for whoever looks at it: the scene, its levels, its limit load."""
+
+from typing import Literal
+
+from perfplast_fenicsx._version import __version__
+from perfplast_fenicsx.io.case.scene import Scene, write_scene
+from perfplast_fenicsx.io.results.checkpoints import Saved
+from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
+from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
+from perfplast_fenicsx.io.results.xdmf import FieldsFile
+from perfplast_fenicsx.limit_analysis.limit_search import LimitLoad
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.state import Level
+
+LIMIT_KEYS = ("lower", "estimate", "upper", "alpha", "levelled_off", "reason", "linear_solves")
+"""Keys of ``limit`` in ``summary.json``."""
+
+
+class ResultWriter:
+    """Writes ``scene.json``, ``summary.json``, ``path.csv`` and the fields, level by level.
+
+    Attributes:
+        results: Summary and path.
+    """
+
+    def __init__(
+        self,
+        folder: ResultFolder,
+        problem: Problem,
+        scene: Scene,
+        method: str,
+        *,
+        prescribed: Literal["zeta", "alpha"] = "zeta",
+        fields: bool = True,
+        saved: Saved | None = None,
+    ) -> None:
+        """Write what there is before the first level. Collective.
+
+        Args:
+            folder: Where the results go; it has been made.
+            problem: What is solved.
+            scene: What pictures show around the bodies.
+            method: Of the solver.
+            prescribed: What the loading prescribes: the time of the fields.
+            fields: Whether to write fields.
+            saved: What an earlier run has left, to go on with.
+
+        Raises:
+            InputError: On every rank, if the system refuses.
+        """
+        self._folder, self._problem, self._prescribed = folder, problem, prescribed
+        saved = saved or Saved()
+        scene_file = folder.file("scene.json")
+        folder.on_root(lambda: write_scene(scene, problem.tagged_mesh, scene_file))
+        self.results = Results(folder, problem, scene.title, __version__, method, saved.reports)
+        self._output = OutputFields(problem) if fields else None
+        self._fields: FieldsFile | None = None
+        if self._output is not None:
+            kept = self._output.update(saved.level) if saved.level else None
+            times = [getattr(report, prescribed) for report in saved.reports]
+            self._fields = FieldsFile(folder, problem.tagged_mesh, fields=kept, times=times)
+
+    def __repr__(self) -> str:
+        return f"ResultWriter({str(self._folder.path)!r}; {len(self.results.reports)} levels)"
+
+    def write(self, level: Level) -> None:
+        """Write a level; of one that is not solved no fields. Collective.
+
+        Raises:
+            InputError: On every rank, if the system refuses; what was there before is whole.
+        """
+        with self.results.timed("output"):
+            if level.report.converged and self._output is not None and self._fields is not None:
+                time = getattr(level.report, self._prescribed)
+                self._fields.write(self._output.update(level), time)
+            self.results.add(level.report)
+
+    def write_limit(self, limit: LimitLoad) -> None:
+        """Write a limit load and its mechanism. Collective.
+
+        Raises:
+            InputError: On every rank, if the system refuses; what was there before is whole.
+        """
+        with self.results.timed("output"):
+            if self._fields is not None:
+                mechanism = FieldsFile(self._folder, self._problem.tagged_mesh, "mechanism.xdmf")
+                work = dissipation(self._problem, limit.mechanism)
+                fields = {"mechanism": limit.mechanism, "dissipation": work}
+                mechanism.write(fields, limit.alpha)
+            self.results.summary.limit = {key: getattr(limit, key) for key in LIMIT_KEYS}
+            self.results.write()
