@@ -340,14 +340,14 @@ def sharp_edges(
     eye: npt.NDArray[np.float64],
 ) -> npt.NDArray[np.int64]:
     """Edges between chosen triangles that the eye may see, as pairs of points, shape (n, 2)."""
-    triangles = surface.triangles[chosen]
+    triangles: Any = surface.triangles[chosen]
     corners = surface.points[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     here = points[triangles]
     facing = np.cross(here[:, 1] - here[:, 0], here[:, 2] - here[:, 0]) @ eye > 0
     beside: dict[tuple[int, int], list[int]] = {}
-    for t, (a, b, c) in enumerate(triangles):
+    for t, (a, b, c) in enumerate(triangles.tolist()):
         for edge in ((a, b), (b, c), (c, a)):
             beside.setdefault((min(edge), max(edge)), []).append(t)
     found = [
