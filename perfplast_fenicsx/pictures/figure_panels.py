@@ -21,7 +21,7 @@ Floats = npt.NDArray[np.float64]
 HUES = ("#6c9bcd", "#b5945c", "#74b386", "#a587c4")
 """Colour of the highest elastic stress, for each body in turn."""
 
-MOST_LETTERS = 56
+MOST_LETTERS = 40
 """Bodies whose names have more letters, or that are more than the hues, have one colour."""
 
 PLASTIC = "#b81414"
@@ -185,7 +185,7 @@ def compose(
         share = 0.8 / len(panel.bars)
         for k, (colours, norm, label) in enumerate(panel.bars):
             left = (i + 0.1 + k * share + 0.03) * width
-            ticks = MaxNLocator(4 if len(panel.bars) > 1 else 6)
+            ticks = MaxNLocator({1: 6, 2: 4}.get(len(panel.bars), 2))
             bar = Colorbar(
                 figure.add_axes((left, 0.12, (share - 0.06) * width, 0.022)),
                 cmap=colours,
