@@ -141,14 +141,16 @@ def exterior(cells: Ints) -> tuple[Ints, Ints]:
     Returns:
         Their vertices in rising order, shape (num_facets, gdim), and their cells.
     """
-    size = cells.shape[1]
+    size, number = cells.shape[1], int(cells.max(initial=0)) + 1
     corners = np.array(list(combinations(range(size), size - 1)))
-    facets = np.sort(cells[:, corners].reshape(-1, size - 1), axis=1)
-    cell = np.repeat(np.arange(len(cells)), len(corners))
-    order = np.lexsort(facets.T)
-    same = np.all(facets[order[1:]] == facets[order[:-1]], axis=1)
-    alone = order[~(np.append(same, False) | np.append(False, same))]
-    return facets[alone], cell[alone]
+    facets = np.sort(cells, axis=1)[:, corners].reshape(-1, size - 1)
+    key = facets[:, 0]
+    for column in facets.T[1:]:  # a number for each facet, the same of all that are the same one
+        _, first, key, count = np.unique(
+            key * number + column, return_index=True, return_inverse=True, return_counts=True
+        )
+    alone = np.sort(first[count == 1])
+    return facets[alone], alone // len(corners)
 
 
 def facet_tags(facets: Ints, tagged: Ints, tags: npt.NDArray[np.integer[Any]]) -> Ints:

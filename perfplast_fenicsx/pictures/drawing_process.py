@@ -100,9 +100,13 @@ def _run(
     with _display() as environment, tempfile.TemporaryFile("w+", encoding="utf-8") as complaints:
         try:
             child = subprocess.Popen(
-                program, env=environment, encoding="utf-8", stdout=subprocess.PIPE,
+                program,
+                env=environment,
+                encoding="utf-8",
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
                 stderr=complaints,
-            )  # fmt: skip
+            )
         except OSError as error:
             raise InputError(f"the drawing program cannot be run ({error}).") from error
         late = threading.Event()

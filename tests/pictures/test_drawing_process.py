@@ -11,7 +11,7 @@ import pytest
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.child_process import environment_apart
-from perfplast_fenicsx.cli.run import BAD_INPUT
+from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import Sphere
 from perfplast_fenicsx.io.case.scene import Scene, write_scene
@@ -24,7 +24,7 @@ from perfplast_fenicsx.pictures.drawing_process import draw
 from perfplast_fenicsx.problem.loads import Pressure, Traction
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.supports import Support
-from tests.functional.test_command_line import one_line
+from tests.functional.test_command_line import CASE, one_line, write
 from tests.io.results.test_result_folder import report
 from tests.pictures.skins import fields_of, put_before, square
 from tests.pictures.test_annotations import NEARBY
@@ -91,6 +91,19 @@ def test_the_drawing_process_starts_no_mpi(comm: MPI.Intracomm) -> None:
     found = {name.split(".")[0] for name in done.stdout.split()}
     assert "perfplast_fenicsx" in found
     assert not found & {"mpi4py", "petsc4py", "dolfinx", "ufl", "basix"}
+
+
+def test_a_run_without_fields_draws_its_curve_and_says_so(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib")
+    text = CASE.replace("pictures = false", "fields = false")
+    case, folder = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(folder), "--quiet"]) == SOLVED
+    assert capsys.readouterr().err == ""
+    assert [path.name for path in folder.glob("*.png")] == ["path.png"]
+    assert not (folder / "fields").exists()
+    assert "path.png alone is drawn" in (folder / "run.log").read_text(encoding="utf-8")
 
 
 def warnings(comm: MPI.Intracomm, caplog: pytest.LogCaptureFixture) -> str:
