@@ -24,7 +24,7 @@ GRACE = "from tests import parallel_plugin\nparallel_plugin.GRACE = 2.0\n"
 
 
 def run(folder: Path, tests: str, *options: str) -> str:
-    """What pytest shows of tests on two ranks that fail, in less than a minute."""
+    """What pytest shows of tests on two ranks that fail."""
     (folder / "test_here.py").write_text(BEGIN + tests)
     (folder / "conftest.py").write_text(GRACE)
     launch = ["mpirun", "-n", "2", str(ROOT / "scripts" / "rank0"), sys.executable, "-m", "pytest"]
@@ -36,7 +36,7 @@ def run(folder: Path, tests: str, *options: str) -> str:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=60,
+        timeout=300,  # a hang
     )
     assert done.returncode != 0, done.stdout
     return done.stdout
@@ -65,7 +65,9 @@ def test_waits():
     assert (
         "the run is ended: rank 1 has failed and others wait in test_here.py::test_waits" in shown
     )
-    assert re.search("2 failed in ", shown)
+    closing = re.search(r"2 failed in ([0-9.]+)s", shown)
+    assert closing is not None
+    assert float(closing[1]) < 60
 
 
 def test_one_rank_fails_and_the_run_goes_on(tmp_path: Path) -> None:
