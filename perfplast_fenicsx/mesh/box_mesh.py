@@ -96,7 +96,7 @@ class Surface:
     where: Marker
 
 
-def structured_assembly(
+def structured_mesh(
     comm: MPI.Intracomm, boxes: Sequence[Box], surfaces: Sequence[Surface]
 ) -> TaggedMesh:
     """Mesh boxes that share no vertices, and name their surfaces. Collective.

@@ -125,16 +125,16 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) ->
     points = np.ascontiguousarray(data.points[:, :gdim])
     mesh = create_mesh(comm, cells, x=points, e=ufl.Mesh(element))
     facets = _reordered(data.facets, gdim - 1)
-    assembly = TaggedMesh(
+    tagged_mesh = TaggedMesh(
         mesh=mesh,
         cell_tags=_distributed_tags(mesh, gdim, cells, data.cell_values),
         facet_tags=_distributed_tags(mesh, gdim - 1, facets, data.facet_values),
         volumes=data.volumes,
         surfaces=data.surfaces,
     )
-    assembly.check_tagged()
+    tagged_mesh.check_tagged()
     owned = mesh.topology.index_map(gdim - 1).size_local
-    found = comm.allreduce(np.count_nonzero(assembly.facet_tags.indices < owned))
+    found = comm.allreduce(np.count_nonzero(tagged_mesh.facet_tags.indices < owned))
     if found != data.facet_count:
         raise InputError(
             f"{data.facet_count - found} of the {data.facet_count} named surface elements of "

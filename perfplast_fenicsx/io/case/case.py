@@ -74,7 +74,7 @@ class Case:
             f" {self.method}, {levels})"
         )
 
-    def assembly(self, comm: MPI.Intracomm) -> TaggedMesh:
+    def tagged_mesh(self, comm: MPI.Intracomm) -> TaggedMesh:
         """Build or read the mesh. Collective.
 
         Raises:
@@ -91,10 +91,10 @@ class Case:
         Raises:
             InputError: If the names, materials, supports, loads and contacts do not fit the mesh.
         """
-        assembly = self.assembly(comm)
+        tagged_mesh = self.tagged_mesh(comm)
         with at(self.path.name):
             return Problem(
-                assembly,
+                tagged_mesh,
                 self.materials,
                 self.supports,
                 self.loads,
