@@ -140,7 +140,7 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) ->
             f"{data.facet_count - found} of the {data.facet_count} named surface elements of "
             f"'{path}' are no facets of cells, or named twice; save the whole of one mesh"
         )
-    return assembly
+    return tagged_mesh
 
 
 def _reordered(nodes: npt.NDArray[np.int64], dim: int) -> npt.NDArray[np.int64]:

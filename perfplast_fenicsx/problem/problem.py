@@ -92,7 +92,7 @@ class Problem:
         Raises:
             InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
-        self.tagged_mesh = assembly
+        self.tagged_mesh = tagged_mesh
         spaces = make_spaces(tagged_mesh.mesh, degree)
         self.degree, self.dx = degree, spaces.dx
         self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
