@@ -116,7 +116,8 @@ def test_the_skin_is_that_of_the_run(
         assert level.report.converged
         writer.write(level)
         archive = ResultReader(folder.path)
-        assert archive.reports == writer.results.reports
+        if comm.rank == 0:  # times differ from rank to rank
+            assert archive.reports == writer.results.reports
         assert archive.model.marks == model.marks
         assert archive.limit is None
         last = archive.levels[-1]
