@@ -63,7 +63,7 @@ class Recorder:
         self._writer = ResultWriter(
             run.folder,
             run.problem,
-            case.model,
+            case.scene,
             case.method,
             prescribed=case.loading.prescribes,
             fields=case.output.fields,

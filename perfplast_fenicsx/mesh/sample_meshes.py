@@ -13,6 +13,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
@@ -97,7 +98,7 @@ def l_plate(comm: MPI.Intracomm, n: int) -> TaggedMesh:
     """
     _check_n("l_plate", n)
 
-    def in_plate(cube: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    def in_plate(cube: Longs) -> npt.NDArray[np.bool_]:
         return (cube[0] >= 5 * n) | (cube[1] >= 5 * n)
 
     return structured_mesh(
@@ -164,7 +165,7 @@ BUILDERS: dict[str, Callable[..., TaggedMesh]] = {
 
 
 def build(comm: MPI.Intracomm, name: str, **arguments: object) -> TaggedMesh:
-    """Build an assembly by the name and arguments of a case file. Collective.
+    """Build a mesh by the name and arguments of a case file. Collective.
 
     Args:
         comm: Communicator of the mesh.

@@ -37,7 +37,6 @@ from perfplast_fenicsx.io.results.result_files import (
 from perfplast_fenicsx.pictures.boundary_surface import Skin, Surface, make_skin
 from perfplast_fenicsx.problem.report import LevelReport
 
-Floats = npt.NDArray[np.float64]
 T = TypeVar("T")
 
 DISPLACEMENT, PRESSURE = f"{POINT_DATA}/displacement", f"{POINT_DATA}/contact_pressure"
@@ -96,7 +95,7 @@ class ResultReader:
                 )
 
     def __repr__(self) -> str:
-        return f"ResultReader({str(self.path)!r}: {self.model.title}; {len(self.reports)} levels)"
+        return f"ResultReader({str(self.path)!r}: {self.scene.title}; {len(self.reports)} levels)"
 
     @cached_property
     def named(self) -> NamedScene:
@@ -104,9 +103,9 @@ class ResultReader:
         return read_scene(self._json("scene.json"), str(self.path / "scene.json"))
 
     @property
-    def model(self) -> Scene:
+    def scene(self) -> Scene:
         """What is drawn around the bodies."""
-        return self.named.model
+        return self.named.scene
 
     @cached_property
     def limit(self) -> Bounds | None:

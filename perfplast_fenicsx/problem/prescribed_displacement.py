@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.surface_nodes import LEAST_COSINE
 from perfplast_fenicsx.contact.surface_normals import face_nodes
@@ -19,7 +20,7 @@ ROUNDING = 1e-9
 
 def known_displacements(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, supports: Sequence[Support]
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+) -> tuple[npt.NDArray[np.bool_], Floats]:
     """Which components the supports hold, and where. Collective.
 
     Returns:
@@ -62,7 +63,7 @@ def check_moved_surfaces(
     surfaces: Iterable[str],
     constraints: Constraints,
     fixed: npt.NDArray[np.bool_],
-    prescribed: npt.NDArray[np.float64],
+    prescribed: Floats,
 ) -> None:
     """Refuse supports that move nodes of contact surfaces along their normals, unseen by any pair.
 

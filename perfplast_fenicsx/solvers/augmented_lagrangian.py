@@ -18,17 +18,18 @@ from typing import Literal
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 
+from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.errors import InputError, check_choice, check_end
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.problem.integrals import Integral, assemble_force
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells, OfLaw, integrate
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Iteration, State
+from perfplast_fenicsx.problem.report import Iteration
+from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.solvers.anderson import Anderson, elastic_weights
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.progress import Step
@@ -146,7 +147,7 @@ class AugmentedLagrangian(LevelSolver):
         self._stress2 = integral(lambda on: ufl.dot(on.law.elastic.compliance(sigma), sigma))
         self._anderson = Anderson(comm, elastic_weights(problem))
 
-    def begin(self, value: float, start: State | None) -> tuple[float, npt.NDArray[np.bool_]]:
+    def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
         """Go to the state, in K_h, with e = ε(u), σ = Σ(e) and the first penalty."""
         options, active = self.options, self.iterate.begin(start)
         self._r.value = FIRST_PENALTY if options.penalty == "adaptive" else options.penalty
@@ -159,7 +160,7 @@ class AugmentedLagrangian(LevelSolver):
         self,
         value: float,
         zeta: float,
-        active: npt.NDArray[np.bool_],
+        active: PairFlags,
         history: Sequence[Iteration],
     ) -> Step:
         """Do the steps 1 to 3, with an extrapolation of e."""

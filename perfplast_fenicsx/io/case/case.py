@@ -61,7 +61,7 @@ class Case:
     units: Units
 
     @property
-    def model(self) -> Scene:
+    def scene(self) -> Scene:
         """What pictures need to know."""
         return Scene(self.title, self.loads, self.contacts, self.obstacles, self.units)
 
