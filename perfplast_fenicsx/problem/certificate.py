@@ -106,5 +106,6 @@ def _moved(problem: Problem, fields: QuadratureFields) -> _Moved:
 
 
 def _smallest(comm: MPI.Intracomm, forces: Floats) -> float:
+    """Of all ranks, 0 where there is none. Collective."""
     smallest = comm.allreduce(float(forces.min(initial=np.inf)), MPI.MIN)
     return smallest if np.isfinite(smallest) else 0.0

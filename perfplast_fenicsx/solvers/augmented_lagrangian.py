@@ -148,7 +148,7 @@ class AugmentedLagrangian(LevelSolver):
         self._anderson = Anderson(comm, elastic_weights(problem))
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Go to the state, in K_h, with e = ε(u), σ = Σ(e) and the first penalty."""
+        """Go to the state, in K_h, with e = ε(u), σ = Σ(e) and the first penalty. Collective."""
         options, active = self.options, self.iterate.begin(start)
         self._r.value = FIRST_PENALTY if options.penalty == "adaptive" else options.penalty
         self._q.x.array[:] = self.iterate.fields.e.x.array
@@ -163,7 +163,7 @@ class AugmentedLagrangian(LevelSolver):
         active: PairFlags,
         history: Sequence[Iteration],
     ) -> Step:
-        """Do the steps 1 to 3, with an extrapolation of e."""
+        """Do the steps 1 to 3, with an extrapolation of e. Collective."""
         options, iterate = self.options, self.iterate
         if history and len(history) % CHECK_EVERY == 0:
             self._balance(history[-1].extra["primal"], history[-1].extra["dual"])
@@ -192,7 +192,7 @@ class AugmentedLagrangian(LevelSolver):
         )
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Whether J_ζ falls on for ever."""
+        """Whether J_ζ falls on for ever. Collective."""
         due = len(history) % CHECK_EVERY == 0
         if not due or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None

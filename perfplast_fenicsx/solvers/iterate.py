@@ -32,7 +32,7 @@ ROUNDING = 1e-13
 
 
 class Iterate:
-    """u ∈ K_h, its fields, and a direction δu.
+    """u ∈ K_h, its fields, and a direction δu. All methods but :meth:`room` are collective.
 
     Attributes:
         fields: u (nodal) with its strain, stress, integrals.

@@ -39,7 +39,7 @@ class Newton(LevelSolver):
         self._first_work = 0.0
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Go to the state, in K_h."""
+        """Go to the state, in K_h. Collective."""
         return value, self.iterate.begin(start)
 
     def step(
@@ -49,7 +49,7 @@ class Newton(LevelSolver):
         active: PairFlags,
         history: Sequence[Iteration],
     ) -> Step:
-        """Minimise the quadratic model, and go along δu as far as the energy falls."""
+        """Minimise the quadratic model, and go along δu as far as the energy falls. Collective."""
         options, iterate = self.options, self.iterate
         rho = regularisation(options, history)
         found = newton_direction(self, options, zeta, active, history, rho)
@@ -62,7 +62,7 @@ class Newton(LevelSolver):
         return Step(zeta, increment, found.active, found.iterations, finished, beta, rho)
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Whether J_ζ falls on for ever."""
+        """Whether J_ζ falls on for ever. Collective."""
         if len(history) < 3 or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None
         return above_limit(zeta, history)

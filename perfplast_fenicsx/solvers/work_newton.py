@@ -55,7 +55,7 @@ class WorkNewton(LevelSolver):
         return super().solve(value, start, monitor)
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Go to the state, in K_h."""
+        """Go to the state, in K_h. Collective."""
         return start.zeta if start else 0.0, self.iterate.begin(start)
 
     def step(
@@ -65,7 +65,10 @@ class WorkNewton(LevelSolver):
         active: PairFlags,
         history: Sequence[Iteration],
     ) -> Step:
-        """Minimise the quadratic model with the work equality; its multiplier changes ζ."""
+        """Minimise the quadratic model with the work equality, whose multiplier changes ζ.
+
+        Collective.
+        """
         options, iterate = self.options, self.iterate
         rho, missing = regularisation(options, history), value - iterate.work()
         found = newton_direction(self, options, zeta, active, history, rho, missing)

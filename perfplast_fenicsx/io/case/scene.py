@@ -71,7 +71,7 @@ class Scene:
 
     @property
     def marks(self) -> dict[str, list[str]]:
-        """Surfaces of each mark of a skin.
+        """Surfaces of each mark in a picture.
 
         ``load i`` for each load on surfaces, ``contact`` where its pressure is shown, ``opposite``
         for the other surface of each pair.

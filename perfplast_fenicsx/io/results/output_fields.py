@@ -119,7 +119,7 @@ class OutputFields:
 
 
 def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
-    """The plastic work of a velocity as its law has it, the mean of each cell.
+    """The plastic work of a velocity as its law has it, the mean of each cell. Collective.
 
     For von Mises it is γ‖dev ε(v)‖, and 0 in elastic bodies.
 

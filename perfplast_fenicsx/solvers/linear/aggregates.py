@@ -107,7 +107,7 @@ class Aggregates:
 
 
 def _restrict(Q: PETSc.Mat, fine: Floats) -> Floats:
-    """Qᵀ times the owned part of a vector."""
+    """Qᵀ times the owned part of a vector. Collective."""
     coarse, image = Q.createVecs()
     image.array[:] = fine.ravel()
     Q.multTranspose(image, coarse)
@@ -118,7 +118,7 @@ def _restrict(Q: PETSc.Mat, fine: Floats) -> Floats:
 
 
 def _prolong(Q: PETSc.Mat, coarse: Floats) -> Floats:
-    """Q times the owned part of a vector."""
+    """Q times the owned part of a vector. Collective."""
     unknowns, image = Q.createVecs()
     unknowns.array[:] = coarse
     Q.mult(unknowns, image)

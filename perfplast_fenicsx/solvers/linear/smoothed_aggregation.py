@@ -98,7 +98,7 @@ class CoarseSpaces:
         K.destroy()
 
     def _set(self, levels: list[Aggregates], stiffness: PETSc.Mat) -> None:
-        """Take these aggregates; the interpolations of coarser levels follow in a set-up."""
+        """Take these aggregates; those of coarser levels follow in a set-up. Collective."""
         self._aggregates = levels
         nodal = _smoothed(stiffness, levels[0], self._spectrum)
         self._put(0, self._problem.basis.M.matMult(nodal))
@@ -191,7 +191,7 @@ def _spectral_radius(A: PETSc.Mat, prefix: str) -> float:
 
 
 def _coarse(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """PᵀAP for the first time."""
+    """PᵀAP for the first time. Collective."""
     if A.comm.size > 1:
         return A.PtAP(P)
     with default("matptap_via", "rap"):  # twice as fast, with more memory
