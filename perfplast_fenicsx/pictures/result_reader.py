@@ -45,7 +45,7 @@ VELOCITY, DISSIPATION = f"{POINT_DATA}/mechanism", f"{CELL_DATA}/dissipation"
 
 
 @dataclass(frozen=True)
-class Bounds:
+class StoredLimit:
     """What is known of the limit load (:class:`limit_search.LimitLoad`)."""
 
     lower: float
@@ -108,10 +108,10 @@ class ResultReader:
         return self.named.scene
 
     @cached_property
-    def limit(self) -> Bounds | None:
+    def limit(self) -> StoredLimit | None:
         """The limit load, where it has been found."""
         found = self._json("summary.json").get("limit")
-        return found and Bounds(found["lower"], found["estimate"], found["upper"])
+        return found and StoredLimit(found["lower"], found["estimate"], found["upper"])
 
     @cached_property
     def reports(self) -> list[LevelReport]:

@@ -192,7 +192,7 @@ def _algorithm(table: Table, loading: LoadControl | WorkControl, place: str) -> 
             f" '{control[wanted]}'; use method = {' or '.join(map(repr, fitting))}, or"
             f" control = '{other}'."
         )
-    if isinstance(loading, WorkControl) and loading.limit_tolerance is not None:
+    if loading.limit_tolerance is not None:
         rest = limit_options(loading.limit_tolerance) | rest
     return method, convert(rest, algorithm.options, place)
 
