@@ -1,4 +1,4 @@
-"""The documentation: the reference is whole, the site builds, the tutorial does what it shows."""
+"""The documentation: the reference is whole, the site builds, pages do what they show."""
 
 import dataclasses
 import importlib.util
@@ -114,14 +114,19 @@ def test_outputs_are_compared(shown: str, printed: str, equal: bool) -> None:
     assert commands.same(shown, printed) == equal
 
 
-def test_tutorial(comm: MPI.Intracomm, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "count"), [("tutorial.md", 5), ("extending.md", 4), ("howto/loading.md", 1)]
+)
+def test_pages_do_what_they_show(
+    comm: MPI.Intracomm, tmp_path: Path, name: str, count: int
+) -> None:
     alone(comm)
-    page = DOCS / "tutorial.md"
+    page = DOCS / name
     parts = list(commands.parts(page.read_text(encoding="utf-8")))
-    assert sum(isinstance(part, commands.Command) for part in parts) == 5
+    assert sum(isinstance(part, commands.Command) for part in parts) == count
     # without pictures: they take most of the time, and have tests of their own
     faults = commands.check(page, tmp_path / "clone", pictures=False)
-    assert not faults, "\n".join([*faults, f"docs/commands.py {page.name} --write refreshes it"])
+    assert not faults, "\n".join([*faults, f"docs/commands.py docs/{name} --write refreshes it"])
 
 
 def test_site(comm: MPI.Intracomm, tmp_path: Path) -> None:
