@@ -13,11 +13,13 @@ from mpi4py import MPI
 import pytest
 
 from docs import api_pages, case_reference, command_reference, commands
+from docs.repository import LINK
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES
 from perfplast_fenicsx.io.case import tables as schemas
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.case.scene import Units
+from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.supports import Support
@@ -92,6 +94,22 @@ def test_every_room_has_a_page() -> None:
     pages = (page.read_text(encoding="utf-8") for page in (DOCS / "api").glob("*.md"))
     named = [name for page in pages for name in api_pages.ROOM.findall(page)]
     assert sorted(named) == sorted({*BELOW, "ground"})
+
+
+def test_the_line_for_pyvista_is_shown() -> None:
+    """The one that a test of :mod:`field_series` runs."""
+    (line,) = re.findall(r"^    (pyvista\..+)$", field_series.__doc__ or "", re.MULTILINE)
+    for page in (DOCS / "howto" / "fields.md", DOCS.parent / "README.md"):
+        assert f"\n{line}\n" in page.read_text(encoding="utf-8")
+
+
+def test_links_lead_to_files() -> None:
+    """Of all pages, as they are read in the repository; the site's own are checked by Sphinx."""
+    pages = [*DOCS.parent.glob("*.md"), *DOCS.rglob("*.md"), *DOCS.parent.glob("benchmarks/*.md")]
+    links = [(page, match[2]) for page in pages for match in LINK.finditer(page.read_text("utf-8"))]
+    files = [(page, link) for page, link in links if ":" not in link]
+    assert len(files) > 50
+    assert [(page, link) for page, link in files if not (page.parent / link).exists()] == []
 
 
 def test_pictures_are_small() -> None:
