@@ -31,7 +31,7 @@ class Step:
         beta: Step length.
         rho: Regularisation of the tangent.
         finished: Whether the stopping criterion is met.
-        extra: For :attr:`state.Iteration.extra`.
+        extra: For :attr:`report.Iteration.extra`.
     """
 
     zeta: float
