@@ -92,8 +92,10 @@ class Cylinder:
 
 
 Obstacle = Plane | Sphere | Cylinder
+"""All of them."""
 
 OBSTACLES = {"plane": Plane, "sphere": Sphere, "cylinder": Cylinder}
+"""Obstacles by their ``shape`` in case files."""
 
 
 def _round(obstacle: Sphere | Cylinder, r: Floats) -> tuple[Floats, Floats]:
