@@ -15,6 +15,9 @@ COARSE = "perfplast_coarse_"
 ACTIVE_SET = "perfplast_vi_"
 """Prefix of the user's options for SNES-VI, which finds the active contact set."""
 
+LIMIT = "perfplast_limit_"
+"""Prefix of the user's options for the factorisations of limit analysis."""
+
 _instances = itertools.count()
 _made: set[str] = set()
 
@@ -23,8 +26,8 @@ def own_prefix(prefix: str, preset: Mapping[str, object], heed: bool = True) -> 
     """Make an options prefix for one solver.
 
     Args:
-        prefix: :data:`LINEAR`, :data:`COARSE` or :data:`ACTIVE_SET`, where users put options for
-            all of a kind.
+        prefix: :data:`LINEAR`, :data:`COARSE`, :data:`ACTIVE_SET` or :data:`LIMIT`, where users
+            put options for all of a kind.
         preset: Options that hold where the user says nothing, without prefix.
         heed: Whether the user's options count.
 
@@ -33,7 +36,9 @@ def own_prefix(prefix: str, preset: Mapping[str, object], heed: bool = True) -> 
     """
     options = PETSc.Options()
     own = f"{prefix}{next(_instances)}_"
-    longer = {other for other in {LINEAR, COARSE, ACTIVE_SET, *_made} if len(other) > len(prefix)}
+    longer = {
+        other for other in {LINEAR, COARSE, ACTIVE_SET, LIMIT, *_made} if len(other) > len(prefix)
+    }
     given = {
         key.removeprefix(prefix): value
         for key, value in options.getAll().items()
