@@ -21,7 +21,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 Floats = npt.NDArray[np.float64]
 
-PROXIMAL = 1e-4
+PROXIMAL = 1e-5
 """δ: stresses that nothing bounds change by 1/δ times a strain."""
 
 
