@@ -22,7 +22,10 @@ ACTIVE_SET = "perfplast_vi_"
 BOUND = "perfplast_bound_"
 """Prefix of the user's options for the projection that an upper bound of a limit load needs."""
 
-KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND}
+LIMIT = "perfplast_limit_"
+"""Prefix of the user's options for the factorisations of limit analysis."""
+
+KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND, LIMIT}
 """All of them."""
 
 NAMES = {("preonly", "cholesky"): "MUMPS Cholesky", ("cg", "mg"): "CG + smoothed aggregation"}

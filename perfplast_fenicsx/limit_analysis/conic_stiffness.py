@@ -1,0 +1,114 @@
+"""The stiffness with moduli given at each point, factorised in the contact basis."""
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+
+from perfplast_fenicsx.limit_analysis.point_strains import deviator_in_plane
+from perfplast_fenicsx.materials.mandel import strain, trace
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.stiffness import create_stiffness
+from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
+from perfplast_fenicsx.solvers.linear.linear_solver import DIRECT
+from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
+
+Floats = npt.NDArray[np.float64]
+
+NONE = np.zeros(0, dtype=np.int32)
+
+
+class SingularStiffness(RuntimeError):
+    """A factorisation that has failed, on every rank alike."""
+
+
+class ConicStiffness:
+    """K with ⟨κ tr ε δ + a dev ε − (N:ε) N, ε⟩ and c s² for the jump s of each contact pair.
+
+    Attributes:
+        factorisations: So far.
+        solves: Systems solved so far.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Compile the form, and find the pattern. Collective."""
+        self._problem = problem
+        self.factorisations = self.solves = 0
+        Q, S, gdim = problem.Q, problem.S, problem.bodies.gdim
+        self._bulk, self._a, self._normal = fem.Function(Q), fem.Function(Q), fem.Function(S)
+        trial, test = (strain(f(problem.V)) for f in (ufl.TrialFunction, ufl.TestFunction))
+        e, d = deviator_in_plane(trial, gdim), deviator_in_plane(test, gdim)
+        N = self._normal
+        density = (
+            self._bulk * trace(trial) * trace(test)
+            + self._a * ufl.dot(e, d)
+            - ufl.dot(N, e) * ufl.dot(N, d)
+        )
+        self._form = fem.form(density * problem.dx)
+        self._stiffness = create_stiffness(problem)
+        self._operator = ContactOperator(problem, self._stiffness)
+        self._ksp = PETSc.KSP().create(problem.comm)
+        self._ksp.setOptionsPrefix(own_prefix(LIMIT, DIRECT))
+        self._ksp.setFromOptions()
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        for thing in (self._ksp, self._operator.matrix, self._stiffness):
+            thing.destroy()
+
+    @phase("assembly")
+    def assemble(
+        self, bulk: Floats, a: Floats, normal: Floats, held: npt.NDArray[np.int32] = NONE
+    ) -> None:
+        """Bring K to moduli at the points of this rank. Collective.
+
+        Args:
+            bulk: κ, shape (count,).
+            a: Shape (count,).
+            normal: N, shape (count, m).
+            held: Local (owned) unknowns that stay zero.
+        """
+        for function, values in ((self._bulk, bulk), (self._a, a), (self._normal, normal)):
+            function.x.array[: values.size] = values.ravel()
+        self._stiffness.zeroEntries()
+        fem_petsc.assemble_matrix(self._stiffness, self._form, self._problem.bcs)  # type: ignore[arg-type]
+        self._stiffness.assemble()
+        self._operator.hold(held)
+
+    def jump_diagonal(self) -> Floats:
+        """Diagonal entries of the jumps of this rank's pairs. Collective."""
+        diagonal = self._operator.matrix.getDiagonal()
+        values: Floats = diagonal.array_r[self._problem.basis.index].copy()
+        diagonal.destroy()
+        return values
+
+    def add_at_jumps(self, springs: Floats) -> None:
+        """Add c to the diagonal, shape (num_pairs,) on each rank. Collective."""
+        if self._problem.num_pairs:
+            diagonal = self._operator.matrix.getDiagonal()
+            diagonal.array[self._problem.basis.index] += springs
+            self._operator.matrix.setDiagonal(diagonal)
+            diagonal.destroy()
+
+    @phase("linear set-up")
+    def factorise(self) -> None:
+        """Factorise the matrix as it is. Collective.
+
+        Raises:
+            SingularStiffness: If that fails.
+        """
+        self._ksp.setOperators(self._operator.matrix)
+        self._ksp.setUp()
+        self.factorisations += 1
+        if self._ksp.getPC().getFailedReason():
+            raise SingularStiffness("the stiffness could not be factorised")
+
+    @phase("linear solve")
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Solve K x = b with the last factors. Collective."""
+        self._ksp.solve(b, x)
+        self.solves += 1

@@ -1,0 +1,127 @@
+"""Bounds of the discrete limit load from any iterate: what is printed is computed anew from it.
+
+A stress that is in equilibrium with λL and contact forces, and nowhere above yield, gives a lower
+bound; a velocity that keeps the volume of plastic bodies and the shape of elastic ones, and enters
+nothing, gives an upper one. Both are made exact here but for rounding.
+"""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.limit_analysis.conic_stiffness import SingularStiffness
+from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
+
+Floats = npt.NDArray[np.float64]
+
+IN_BALANCE = 1e-8
+"""Largest force without balance, relative to the largest load, that counts as none."""
+
+EXACT = 1e-11
+"""Volume change (and strain of elastic bodies) that counts as none, relative to ‖ε(v)‖."""
+
+ROUNDING = 1e-9
+"""Entering, relative to the largest velocity, that counts as none."""
+
+STIFF = 1e3
+"""Regions that flow less than the mean are at most so many times stiffer in the projection."""
+
+PENALTY = 1e7
+"""Weight of volume changes in the projection."""
+
+MOST_ITERATIONS = 20
+
+
+@dataclass(frozen=True)
+class LowerBound:
+    """λ of a stress in equilibrium, scaled into the yield set.
+
+    Attributes:
+        value: The bound; None where equilibrium was not reached.
+        unbalanced: Largest force that nothing balances, relative to the largest of the loads.
+    """
+
+    value: float | None
+    unbalanced: float
+
+
+@dataclass(frozen=True)
+class UpperBound:
+    """Dissipation of a mechanism with L(v) = 1.
+
+    Attributes:
+        value: The bound; None where no admissible mechanism was reached.
+        inadmissible: Volume change and strain of elastic bodies that are left, relative to ‖ε(v)‖.
+        entering: Largest entering, relative to the largest velocity.
+    """
+
+    value: float | None
+    inadmissible: float
+    entering: float
+
+
+def lower_bound(iteration: InteriorIteration) -> LowerBound:
+    """Scale the iterate's stress into the yield set. Collective."""
+    iteration.equilibrate()
+    program, now = iteration.program, iteration.now
+    sizes = np.linalg.norm(now.S[:, 1:], axis=1)
+    ratio = program.problem.comm.allreduce(float((sizes / now.S[:, 0]).max(initial=0)), MPI.MAX)
+    unbalanced = iteration.unbalanced()
+    if not unbalanced <= IN_BALANCE:
+        return LowerBound(None, unbalanced)
+    return LowerBound(now.load / max(1.0, ratio) * program.load_unit, unbalanced)
+
+
+def upper_bound(iteration: InteriorIteration) -> UpperBound:
+    """Make the iterate's velocity admissible, which takes a factorisation. Collective.
+
+    The nearest velocity in the norm of the last viscosities is found by the method of multipliers,
+    with pairs that push held. The iteration's velocity becomes the admissible one.
+    """
+    program, now = iteration.program, iteration.now
+    problem, strains, v = program.problem, program.strains, iteration.velocity
+    jumps = problem.basis.index
+    largest = v.norm(PETSc.NormType.NORM_INFINITY)
+    pushing = now.forces > program.springs * now.rooms
+    held = jumps[pushing | (now.rooms < ROUNDING * largest)]
+    v.array[held] = 0
+
+    sizes = np.linalg.norm(now.Z[:, 1:], axis=1)
+    viscosity = program.at_points(now.S[:, 0] / np.maximum(sizes, 1 / STIFF), 1.0)
+    penalty = np.full_like(viscosity, PENALTY)
+    none = np.zeros((len(viscosity), problem.S.dofmap.index_map_bs))
+    program.assemble(penalty, program.at_points(viscosity[program.plastic], PENALTY), none, held)
+    try:
+        program.stiffness.factorise()
+    except SingularStiffness:
+        return UpperBound(None, np.inf, np.inf)
+
+    before = iteration.velocity.copy()
+    forces, correction = problem.create_vector(), problem.create_vector()
+    pressure, stress = np.zeros_like(viscosity), none
+    for _ in range(MOST_ITERATIONS):
+        trace, deviator = strains.of(v)
+        elastic = np.where(program.plastic[:, None], 0.0, deviator)
+        inadmissible = iteration.inadmissible()
+        if not inadmissible > EXACT:
+            break
+        pressure = pressure - PENALTY * program.weights * trace
+        stress = stress - PENALTY * program.weights[:, None] * elastic
+        program.internal_forces(pressure, stress, forces)
+        forces.array[held] = 0
+        program.stiffness.solve(forces, correction)
+        v.waxpy(1.0, correction, before)
+    work, dissipation = program.work(v), program.dissipation(v)
+    largest = v.norm(PETSc.NormType.NORM_INFINITY) or 1.0
+    entering = float(v.array_r[jumps].max(initial=0)) / largest
+    entering = problem.comm.allreduce(entering, MPI.MAX)
+    for vector in (before, forces, correction):
+        vector.destroy()
+    if not (inadmissible <= EXACT and entering <= ROUNDING and work > ROUNDING):
+        return UpperBound(None, inadmissible, entering)
+    v.scale(1 / work)
+    return UpperBound(dissipation / work * program.load_unit, inadmissible, entering)

@@ -1,0 +1,263 @@
+"""Primal-dual interior point iteration for the discrete limit load.
+
+A step takes one factorisation of a stiffness: with the scaling of Nesterov and Todd the stress of a
+point changes by H⁻¹ times a strain, and H⁻¹ is a multiple of the identity less something of rank
+one. Steps are Mehrotra's, a predictor and a corrector with the same factors. Stresses that nothing
+bounds, mean ones and those of elastic bodies, follow the proximal point method, which does not
+change where the iteration ends.
+"""
+
+from dataclasses import dataclass, replace
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.limit_analysis.limit_program import PROXIMAL, LimitProgram
+from perfplast_fenicsx.limit_analysis.second_order_cones import (
+    Scaling,
+    longest_step,
+    product,
+    quotient,
+)
+
+Floats = npt.NDArray[np.float64]
+
+SHORTENED = 0.98
+"""Share of the way to the boundary that a step goes."""
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Static and kinematic unknowns, or changes of them, on this rank, in the program's units.
+
+    Attributes:
+        load: λ.
+        pressure: p, the mean stress (in plane strain that in the plane), shape (count,).
+        deviator: s = dev σ, shape (count, m).
+        S: Rows (γ, s) of plastic points; (0, ...) in changes.
+        Z: Rows (d, −w dev ε(v)) of these, with d ≥ w‖dev ε(v)‖.
+        forces: r, shape (num_pairs,).
+        rooms: −[v], shape (num_pairs,).
+    """
+
+    load: float
+    pressure: Floats
+    deviator: Floats
+    S: Floats
+    Z: Floats
+    forces: Floats
+    rooms: Floats
+
+    def plus(self, t: float, change: "Unknowns") -> "Unknowns":
+        """The unknowns after t times a change."""
+        return Unknowns(*(a + t * b for a, b in zip(self._all(), change._all(), strict=True)))
+
+    def products(self) -> float:
+        """Σ s·z of all cones and pairs of this rank."""
+        return float(np.einsum("ni,ni->", self.S, self.Z) + self.forces @ self.rooms)
+
+    def longest(self, change: "Unknowns") -> float:
+        """Longest step on this rank that keeps cones and pairs inside."""
+        lengths = [longest_step(self.S, change.S), longest_step(self.Z, change.Z)]
+        for a, da in ((self.forces, change.forces), (self.rooms, change.rooms)):
+            lengths.append(float((-a[da < 0] / da[da < 0]).min(initial=np.inf)))
+        return min(lengths)
+
+    def _all(self) -> tuple:
+        return tuple(vars(self).values())
+
+
+class InteriorIteration:
+    """The iterate, and steps of it.
+
+    Attributes:
+        program: What is solved.
+        now: The iterate.
+        velocity: Its velocity v, a vector in the contact basis.
+    """
+
+    def __init__(self, program: LimitProgram) -> None:
+        """Start in the middle of the yield sets, at rest. Collective."""
+        self.program, problem = program, program.problem
+        self._comm, self._jumps = problem.comm, problem.basis.index
+        self._vectors = tuple(problem.create_vector() for _ in range(6))
+        self.velocity, self._balance, self._of_load, self._of_rest, self._right, self._change = (
+            self._vectors
+        )
+        stress = np.zeros((program.strains.count, problem.S.dofmap.index_map_bs))
+        S, Z = (np.zeros((len(program.radii), 1 + stress.shape[1])) for _ in range(2))
+        S[:, 0], Z[:, 0] = program.radii, program.radii / program.viscosities
+        root = np.sqrt(program.springs)
+        self._newton: _Newton | None = None
+        self.now = Unknowns(0.0, stress[:, 0].copy(), stress, S, Z, root, 1 / root)
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        for vector in self._vectors:
+            vector.destroy()
+
+    def gap(self) -> float:
+        """By how much static and kinematic load differ once all else is right. Collective."""
+        return self.program.total(self.now.products())
+
+    def unbalanced(self) -> float:
+        """Largest force that nothing balances, relative to the largest of the loads. Collective."""
+        largest = PETSc.NormType.NORM_INFINITY
+        loads = max(abs(self.now.load), 1.0) * self.program.load.norm(largest)
+        return float(self.balance().norm(largest) / loads)
+
+    def missing_work(self) -> float:
+        """|1 − L(v)|. Collective."""
+        return abs(1 - self.program.work(self.velocity))
+
+    def balance(self) -> PETSc.Vec:
+        """Σ w σ:ε(v) + r·[v] − λ L(v) for all v, which should be zero. Collective."""
+        self.program.internal_forces(self.now.pressure, self.now.deviator, self._balance)
+        self._balance.axpy(-self.now.load, self.program.load)
+        self._balance.array[self._jumps] += self.now.forces
+        return self._balance
+
+    def inadmissible(self) -> float:
+        """Volume change of v in plastic bodies and strain in elastic ones, relative to ‖ε(v)‖.
+
+        Collective.
+        """
+        trace, deviator = self.program.strains.of(self.velocity)
+        squares = np.einsum("ni,ni->n", deviator, deviator)
+        volume = trace**2 / self.program.problem.bodies.gdim
+        wrong = volume + np.where(self.program.plastic, 0.0, squares)
+        weights, total = self.program.weights, self.program.total
+        part, whole = total(weights @ wrong), total(weights @ (volume + squares))
+        return float(np.sqrt(part / whole)) if whole > 0 else 0.0
+
+    def stress_to(self, function: fem.Function) -> None:
+        """Write the stress of the iterate into a function of S. Collective."""
+        array = function.x.array[: self.now.deviator.size].reshape(self.now.deviator.shape)
+        array[:] = self.now.deviator
+        array[:, :3] += self.now.pressure[:, None]
+        array *= self.program.stress_unit
+        function.x.scatter_forward()
+
+    def equilibrate(self) -> None:
+        """Add the stress and contact forces that balance what is left. Collective.
+
+        Those are of the last step's K. Cones may be left by them, by as little as is to balance.
+        """
+        if self._newton is not None:
+            self.balance()
+            self.now = self._newton.balanced()
+
+    def step(self) -> float:
+        """Make a step. Collective.
+
+        Returns:
+            Its length, at most 1; 0 where no direction was found.
+
+        Raises:
+            SingularStiffness: If K cannot be factorised.
+        """
+        now = self.now
+        self._newton = newton = _Newton(self)
+        point, pairs = newton.scaling.point, now.forces * now.rooms
+        mu = self.gap() / self.program.degree
+        affine = newton.towards(-point, -pairs)
+        centre = (1 - min(1.0, self._longest(affine))) ** 3 * mu
+        aim = product(newton.scaling.invert(affine.S), newton.scaling.apply(affine.Z))
+        aim = -product(point, point) - aim
+        aim[:, 0] += centre
+        pairs = centre - pairs - affine.forces * affine.rooms
+        change = newton.towards(quotient(point, aim), pairs)
+        length = min(1.0, SHORTENED * self._longest(change))
+        if not np.isfinite(change.load):
+            return 0.0
+        self.velocity.axpy(length, self._change)
+        self.now = now.plus(length, change)
+        return length
+
+    def _longest(self, change: Unknowns) -> float:
+        return float(self._comm.allreduce(self.now.longest(change), MPI.MIN))
+
+
+class _Newton:
+    """Newton's directions from one iterate for given changes of the products of cones and pairs.
+
+    Attributes:
+        scaling: Of the cones.
+    """
+
+    def __init__(self, iteration: InteriorIteration) -> None:
+        """Assemble and factorise K, and find what is the same for all directions. Collective."""
+        self._it, program, now = iteration, iteration.program, iteration.now
+        self._program, self._now = program, now
+        self._contact = now.forces / now.rooms
+        self.scaling = Scaling(now.S, now.Z)
+        self._a, self._normal = self.scaling.moduli()
+        self._free = program.weights / PROXIMAL
+        soft = np.full_like(self._free, 1 / PROXIMAL)
+        a, normal = program.at_points(self._a, 1 / PROXIMAL), program.at_points(self._normal, 0.0)
+        program.assemble(soft, a, normal)
+        program.stiffness.add_at_jumps(self._contact)
+        program.stiffness.factorise()
+        program.stiffness.solve(program.load, iteration._of_load)
+        self._work_of_load = program.work(iteration._of_load)
+        self._missing_work = 1 - program.work(iteration.velocity)
+        self._trace, self._deviator = program.strains.of(iteration.velocity)
+        plastic = program.plastic
+        self._rates = program.weights[plastic, None]
+        self._off = now.Z[:, 1:] + self._rates * self._deviator[plastic]
+        self._off_jumps = iteration.velocity.array_r[iteration._jumps] + now.rooms
+        iteration.balance()
+
+    def _moduli(self, x: Floats) -> Floats:
+        """H⁻¹ x at the plastic points."""
+        along = np.einsum("ni,ni->n", self._normal, x)
+        return self._a[:, None] * x - along[:, None] * self._normal
+
+    def towards(self, aim: Floats, pairs: Floats) -> Unknowns:
+        """The direction with W⁻¹ΔS + WΔZ = aim and r Δroom + room Δr = pairs. Collective."""
+        it, now, program = self._it, self._now, self._program
+        plastic, free, jumps = program.plastic, self._free, it._jumps
+        unscaled = self.scaling.invert(aim)[:, 1:]
+        stress = free[:, None] * self._deviator
+        stress[plastic] = self._moduli(unscaled + self._off)
+        program.internal_forces(free * self._trace, stress, it._right)
+        it._right.axpy(1.0, it._balance)
+        it._right.array[jumps] += (pairs + now.forces * self._off_jumps) / now.rooms
+        it._right.scale(-1.0)
+        program.stiffness.solve(it._right, it._of_rest)
+        load = (self._missing_work - program.work(it._of_rest)) / self._work_of_load
+        it._change.waxpy(load, it._of_load, it._of_rest)
+
+        trace, deviator = program.strains.of(it._change)
+        dZ = -self._off - self._rates * deviator[plastic]
+        stress = free[:, None] * (self._deviator + deviator)
+        stress[plastic] = self._moduli(unscaled - dZ)
+        S, Z = np.zeros_like(now.S), np.zeros_like(now.Z)
+        S[:, 1:] = stress[plastic]
+        Z[:, 0] = self.scaling.invert(aim - self.scaling.invert(S))[:, 0]
+        Z[:, 1:] = dZ
+        rooms = -self._off_jumps - it._change.array_r[jumps]
+        forces = (pairs - now.forces * rooms) / now.rooms
+        return Unknowns(load, free * (self._trace + trace), stress, S, Z, forces, rooms)
+
+    def balanced(self) -> Unknowns:
+        """The iteration's unknowns with what its balance calls for. Collective."""
+        it, now, program = self._it, self._it.now, self._program
+        program.stiffness.solve(it._balance, it._of_rest)
+        trace, deviator = program.strains.of(it._of_rest)
+        stress = self._free[:, None] * deviator
+        stress[program.plastic] = self._moduli(self._rates * deviator[program.plastic])
+        S = now.S.copy()
+        S[:, 1:] -= stress[program.plastic]
+        forces = now.forces - self._contact * it._of_rest.array_r[it._jumps]
+        return replace(
+            now,
+            pressure=now.pressure - self._free * trace,
+            deviator=now.deviator - stress,
+            S=S,
+            forces=np.maximum(forces, 0.0),
+        )

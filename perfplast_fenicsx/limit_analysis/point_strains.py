@@ -1,0 +1,109 @@
+"""Strain rates of velocities at the quadrature points as arrays, and the forces of stresses there.
+
+Mandel vectors are split into trace and deviator. In plane strain the deviator is that in the plane:
+the stress out of it is in no equation, and its best value is the mean of those in the plane, so
+that ‖dev σ‖ is the norm of the deviator in the plane.
+"""
+
+import math
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.materials.elastic import ElasticLaw
+from perfplast_fenicsx.materials.mandel import Expr, strain, trace
+from perfplast_fenicsx.materials.von_mises import VonMisesLaw
+from perfplast_fenicsx.problem.integrals import assemble_force
+from perfplast_fenicsx.problem.law_on_cells import LawExpression
+from perfplast_fenicsx.problem.problem import Problem
+
+Floats = npt.NDArray[np.float64]
+
+
+class PointStrains:
+    """ε(v) of velocities in the contact basis at the points of this rank, and its transpose.
+
+    Attributes:
+        count: Points of this rank.
+        weights: Volume that a point stands for, shape (count,).
+        radii: Yield radius γ (stress), ∞ in elastic bodies, shape (count,).
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Compile what evaluates them. Collective."""
+        self._problem, self._gdim = problem, problem.bodies.gdim
+        self._u, self._e = fem.Function(problem.V), fem.Function(problem.S)
+        self._stress = fem.Function(problem.S)
+        points = interpolation_points(problem.S.element)
+        self._strain = fem.Expression(strain(self._u), points)
+        self._force_form = fem.form(problem.internal_form(self._stress))
+        self._force = problem.create_vector()
+        self.count = problem.Q.dofmap.index_map.size_local
+        self._size = problem.S.dofmap.index_map_bs
+        self.weights = self._weights()
+        self.radii = self._radii()
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        self._force.destroy()
+
+    def _weights(self) -> Floats:
+        form = fem.form(ufl.TestFunction(self._problem.Q) * self._problem.dx)
+        vector = fem_petsc.assemble_vector(form)
+        weights: Floats = vector.array_r[: self.count].copy()
+        vector.destroy()
+        return weights
+
+    def _radii(self) -> Floats:
+        problem = self._problem
+        for on in problem.laws:
+            if not isinstance(on.law, VonMisesLaw | ElasticLaw):
+                raise InputError(
+                    f"the interior point method knows no yield set of {type(on.law).__name__}; use"
+                    " von Mises or elastic bodies with it, or load by work (limit_load)."
+                )
+        one = 1 / math.sqrt(2)
+        unit = ufl.as_vector([one, -one, *([0.0] * (self._size - 2))])  # ‖dev unit‖ = 1
+        weakness = fem.Function(problem.Q)
+        LawExpression(problem.laws, problem.Q, lambda on: on.law.yield_ratio(unit)).interpolate(
+            weakness
+        )
+        values = weakness.x.array[: self.count]
+        radii = np.full(self.count, np.inf)
+        np.divide(1.0, values, out=radii, where=values > 0)
+        return radii
+
+    def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
+        """Trace and deviator of ε(Ty). Collective.
+
+        Returns:
+            Shapes (count,) and (count, m).
+        """
+        self._problem.basis.T.mult(y, self._u.x.petsc_vec)
+        self._u.x.scatter_forward()
+        self._e.interpolate(self._strain, self._problem.cells)
+        e = self._e.x.array[: self.count * self._size].reshape(-1, self._size).copy()
+        sums = e[:, :3].sum(axis=1)
+        e[:, : self._gdim] -= sums[:, None] / self._gdim
+        return sums, e
+
+    def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
+        """Set ``out`` to ∫ (p δ + s):ε(v) for all v of the contact basis. Collective."""
+        array = self._stress.x.array[: self.count * self._size].reshape(-1, self._size)
+        array[:] = deviator
+        array[:, :3] += pressure[:, None]
+        assemble_force(self._force, self._force_form, self._problem.bcs)
+        self._problem.basis.T.multTranspose(self._force, out)
+
+
+def deviator_in_plane(e: Expr, gdim: int) -> Expr:
+    """The deviator of a strain rate, of its part in the plane in plane strain; UFL."""
+    mean = trace(e) / gdim
+    return ufl.as_vector([e[i] - mean if i < gdim else e[i] for i in range(len(e))])
