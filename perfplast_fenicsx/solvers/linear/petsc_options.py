@@ -23,6 +23,7 @@ BOUND = "perfplast_bound_"
 """Prefix of the user's options for the projection that an upper bound of a limit load needs."""
 
 KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND}
+"""Prefixes of all kinds of solvers."""
 
 NAMES = {("preonly", "cholesky"): "MUMPS Cholesky", ("cg", "mg"): "CG + smoothed aggregation"}
 """Linear solvers by the types of PETSc's KSP and PC."""
