@@ -26,7 +26,7 @@ LIMIT = "perfplast_limit_"
 """Prefix of the user's options for the factorisations of limit analysis."""
 
 KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND, LIMIT}
-"""All of them."""
+"""Prefixes of all kinds of solvers."""
 
 NAMES = {("preonly", "cholesky"): "MUMPS Cholesky", ("cg", "mg"): "CG + smoothed aggregation"}
 """Linear solvers by the types of PETSc's KSP and PC."""
