@@ -135,7 +135,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     folder.create()
     scene = Scene(TITLE, LOADS, CONTACTS, units=Units("mm", "MPa"))
-    writer = ResultWriter(folder, problem, scene, newton.method)
+    writer = ResultWriter(folder, problem, scene, newton.method, prescribed=newton.prescribes)
     terminal = Terminal(comm)
     terminal.header(TITLE, newton.method, problem)
     for level in load_path(newton, ZETAS, terminal.iteration):

@@ -108,7 +108,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     problem = Problem(assembly, materials, SUPPORTS, LOADS, CONTACTS)
     newton, recovery = Newton(problem), OutputFields(problem)
 
-    writer = ResultWriter(folder, problem, Scene(TITLE, LOADS, CONTACTS), newton.method)
+    scene = Scene(TITLE, LOADS, CONTACTS)
+    writer = ResultWriter(folder, problem, scene, newton.method, prescribed=newton.prescribes)
     terminal = Terminal(comm)
     terminal.header(TITLE, newton.method, problem)
     forces = []

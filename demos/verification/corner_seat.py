@@ -39,6 +39,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io import OutputFields, ResultFolder, ResultWriter, Scene
 from perfplast_fenicsx.pictures import draw
+from perfplast_fenicsx.problem import Prescribed
 
 TITLE = "Block in a corner"
 STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
@@ -157,7 +158,10 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
                 ]
                 if not rigid and dim == degree == 2:
                     scene = Scene(TITLE, LOADS, CONTACTS)
-                    ResultWriter(folder, problem, scene, "newton").write(level)
+                    writer = ResultWriter(
+                        folder, problem, scene, "newton", prescribed=Prescribed.LOAD_FACTOR
+                    )
+                    writer.write(level)
                     draw(folder)
     return rows
 

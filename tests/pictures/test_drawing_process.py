@@ -51,7 +51,7 @@ def results(comm: MPI.Intracomm, path: Path, where: str, limit: bool = False) ->
     folder = ResultFolder(comm, path)
     folder.create()
     folder.on_root(lambda: write_scene(scene, assembly, folder.file("scene.json")))
-    written = Results(folder, problem, scene.title, "1", "newton")
+    written = Results(folder, problem, scene.title, "1", "newton", Prescribed.LOAD_FACTOR)
     series = FieldSeries(folder, problem, Prescribed.LOAD_FACTOR)
     fields = fields_of(assembly)
     for zeta in (1.0, 2.0):

@@ -25,6 +25,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.problem.loads import Traction
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.newton import Newton
@@ -109,7 +110,7 @@ def test_the_skin_is_that_of_the_run(
     problem = Problem(
         assembly, dict.fromkeys(assembly.volumes, STEEL), supports, [load], contacts, (), degree
     )
-    writer = ResultWriter(folder, problem, scene, "newton")
+    writer = ResultWriter(folder, problem, scene, "newton", prescribed=Prescribed.LOAD_FACTOR)
     recovery, newton = OutputFields(problem), Newton(problem)
     for zeta in (0.5, 1.0):
         level = newton.solve(zeta)
@@ -178,7 +179,8 @@ def test_reading_while_a_level_is_written(comm: MPI.Intracomm, shared_tmp_path: 
     problem = Problem(assembly, dict.fromkeys(assembly.volumes, STEEL), [Support("left")], [load])
     folder = ResultFolder(comm, shared_tmp_path / "results")
     folder.create()
-    writer, newton = ResultWriter(folder, problem, Scene(""), "newton"), Newton(problem)
+    newton = Newton(problem)
+    writer = ResultWriter(folder, problem, Scene(""), "newton", prescribed=newton.prescribes)
 
     def go_on(zeta: float) -> None:
         writer.write(newton.solve(zeta))

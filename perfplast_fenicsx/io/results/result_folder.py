@@ -198,8 +198,8 @@ class Results:
         title: str,
         version: str,
         method: str,
+        prescribed: Prescribed,
         reports: Sequence[LevelReport] = (),
-        prescribed: Prescribed = Prescribed.LOAD_FACTOR,
     ) -> None:
         """Write a summary without levels, or with those of an earlier run. Collective."""
         mesh = problem.tagged_mesh.mesh

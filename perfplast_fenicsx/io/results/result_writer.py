@@ -29,7 +29,7 @@ class ResultWriter:
         scene: Scene,
         method: str,
         *,
-        prescribed: Prescribed = Prescribed.LOAD_FACTOR,
+        prescribed: Prescribed,
         fields: bool = True,
         saved: Saved | None = None,
     ) -> None:
@@ -52,7 +52,7 @@ class ResultWriter:
         scene_file = folder.file("scene.json")
         folder.on_root(lambda: write_scene(scene, problem.tagged_mesh, scene_file))
         self.results = Results(
-            folder, problem, scene.title, __version__, method, saved.reports, prescribed
+            folder, problem, scene.title, __version__, method, prescribed, saved.reports
         )
         self._output = OutputFields(problem) if fields else None
         self._fields = FieldSeries(folder, problem, prescribed, saved.reports) if fields else None

@@ -23,6 +23,7 @@ from perfplast_fenicsx.io.results.result_folder import (
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.problem.loads import Traction
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import LevelReport
 from perfplast_fenicsx.problem.supports import Support
@@ -138,7 +139,7 @@ def test_writing_that_fails_later(comm: MPI.Intracomm, shared_tmp_path: Path) ->
 def test_summary_and_path(comm: MPI.Intracomm, shared_tmp_path: Path, problem: Problem) -> None:
     folder = ResultFolder(comm, shared_tmp_path / "results")
     folder.create()
-    results = Results(folder, problem, "A „title“", "1.2.3", "newton")
+    results = Results(folder, problem, "A „title“", "1.2.3", "newton", Prescribed.LOAD_FACTOR)
     summary = json.loads(folder.file("summary.json").read_text(encoding="utf-8"))
     assert list(summary) == SUMMARY_KEYS
     assert summary["title"] == "A „title“"
