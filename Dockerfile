@@ -14,8 +14,8 @@ RUN apt-get update \
 ENV LANG=C.UTF-8 \
     OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
     OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 \
-    PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe OMPI_MCA_btl=self,sm \
-    OMPI_MCA_mpi_yield_when_idle=1
+    PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe PRTE_MCA_mapby=:oversubscribe \
+    OMPI_MCA_rmaps_base_oversubscribe=1 OMPI_MCA_btl=self,sm OMPI_MCA_mpi_yield_when_idle=1
 
 RUN useradd --create-home --shell /bin/bash perfplast \
     && install -d -o perfplast -g perfplast /home/perfplast/perfplast_fenicsx

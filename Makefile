@@ -1,8 +1,7 @@
 # Everything goes through ./fenicsx, which sets up what is missing.
-# LIMIT is a generous bound on each run, so that a deadlock between ranks ends as a failure.
-LIMIT = 3600
+# LIMIT is a generous bound on each run (s), so that whatever hangs ends as a failure.
+export LIMIT = 3600
 RUN = timeout --foreground --kill-after=30 $(LIMIT) ./fenicsx
-PYTEST = python3 -m pytest -q
 
 .PHONY: help demo test verify lint docs image-test clean
 
@@ -26,9 +25,7 @@ demo: environment
 	./fenicsx mpirun -n 2 python3 demos/two_blocks.py
 
 test: environment
-	$(RUN) $(PYTEST) tests
-	$(RUN) mpirun -n 2 scripts/rank0 $(PYTEST) tests
-	$(RUN) mpirun -n 3 scripts/rank0 $(PYTEST) -m mpi3 tests
+	@scripts/test
 
 verify: environment
 	$(RUN) mpirun -n 2 scripts/rank0 python3 demos/verification/verify.py

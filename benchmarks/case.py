@@ -133,7 +133,11 @@ class Run:
     ) -> list[dict[str, Any]]:
         """What each rank has and does."""
         index_map, block = problem.V.dofmap.index_map, problem.V.dofmap.index_map_bs
-        mine = (index_map.size_local * block, index_map.num_ghosts * block, len(problem.pairs.host))
+        mine = (
+            index_map.size_local * block,
+            index_map.num_ghosts * block,
+            len(problem.constraints.host),
+        )
         return [
             {
                 "owned_dofs": owned,

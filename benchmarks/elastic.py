@@ -90,7 +90,7 @@ class Elasticity:
             for axis in support.axes(gdim):
                 dofs = fem.locate_dofs_topological(V.sub(axis), gdim - 1, facets)
                 self._bcs.append(fem.dirichletbc(zero, dofs, V.sub(axis)))
-        self._load = problem.load
+        self._load = problem.loads.live
         self._V = V
 
     def measure(self) -> Unit:

@@ -46,11 +46,12 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io import ResultFolder
 from perfplast_fenicsx.limit_analysis import limit_load
+from perfplast_fenicsx.problem import Prescribed
 from perfplast_fenicsx.solvers import (
     AugmentedLagrangian,
     AugmentedLagrangianOptions,
     BorderedNewton,
-    Solver,
+    LevelSolver,
     WorkNewton,
     extrapolate,
 )
@@ -127,7 +128,7 @@ class Row:
         self.seconds += report.seconds
 
 
-def follow(solver: Solver, values: Sequence[float], shares: Sequence[float]) -> list[Row]:
+def follow(solver: LevelSolver, values: Sequence[float], shares: Sequence[float]) -> list[Row]:
     """Take a method along the path. Collective."""
     rows: list[Row] = []
     past: list[State | None] = [None, None]
@@ -136,7 +137,7 @@ def follow(solver: Solver, values: Sequence[float], shares: Sequence[float]) -> 
         targets = [value]
         while targets:
             start = past[-1]
-            if solver.control == "work":
+            if solver.prescribes is Prescribed.WORK:
                 start = extrapolate(solver.problem, past[-2], past[-1], targets[-1])
             level = solver.solve(targets[-1], start)
             row = row or Row(NAMES[solver.method], share, level)

@@ -53,7 +53,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.cli import Terminal
 from perfplast_fenicsx.io import (
-    FieldsFile,
+    FieldSeries,
     OutputFields,
     ResultFolder,
     Results,
@@ -148,14 +148,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     model_file = folder.file("scene.json")  # for perfplast plot and animate
     folder.on_root(lambda: write_scene(model, problem.tagged_mesh, model_file))
     results = Results(folder, problem, TITLE, __version__, newton.method)
-    fields_file = FieldsFile(folder, problem.tagged_mesh)
+    series = FieldSeries(folder, problem, "zeta")
     terminal = Terminal(comm)
     terminal.header(TITLE, newton.method, problem)
     for level in load_path(newton, ZETAS, terminal.iteration):
         terminal.level(level.report)
         assert level.report.converged, level.report.reason
         with results.timed("output"):
-            fields_file.write(recovery.update(level), level.report.zeta)
+            series.write(recovery.update(level), level.report)
             results.add(level.report)
 
     terminal.say(f"\nNewton steps at zeta = {level.report.zeta:g}:")
@@ -187,7 +187,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     terminal.say("\nAll checks passed.")
     terminal.results(folder)
-    terminal.say(f"Look at {picture} and {path}; open fields.xdmf with ParaView.")
+    terminal.say(f"Look at {picture} and {path}; open fields.vtkhdf.series with ParaView.")
 
 
 # %%

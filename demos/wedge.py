@@ -50,7 +50,7 @@ from perfplast_fenicsx import (
     read_gmsh,
 )
 from perfplast_fenicsx.cli import Terminal
-from perfplast_fenicsx.io import FieldsFile, OutputFields, ResultFolder, Results
+from perfplast_fenicsx.io import FieldSeries, OutputFields, ResultFolder, Results
 from perfplast_fenicsx.pictures import draw_fields, draw_path
 
 TITLE = "A block pressed down an incline"
@@ -110,7 +110,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     newton, recovery = Newton(problem), OutputFields(problem)
 
     results = Results(folder, problem, TITLE, __version__, newton.method)
-    fields_file = FieldsFile(folder, assembly)
+    series = FieldSeries(folder, problem, "zeta")
     terminal = Terminal(comm)
     terminal.header(TITLE, newton.method, problem)
     forces = []
@@ -119,7 +119,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         assert level.report.converged, level.report.reason
         fields = recovery.update(level)
         forces.append(contact_force(assembly, fields["contact_pressure"]))
-        fields_file.write(fields, level.report.zeta)
+        series.write(fields, level.report)
         results.add(level.report)
 
     # %% [markdown]
@@ -142,7 +142,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     results.write()
     terminal.say("\nAll checks passed.")
     terminal.results(folder)
-    terminal.say(f"Look at {picture} and {path}; open fields.xdmf with ParaView.")
+    terminal.say(f"Look at {picture} and {path}; open fields.vtkhdf.series with ParaView.")
 
 
 # %%

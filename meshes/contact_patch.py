@@ -11,8 +11,7 @@ from meshes.command_line import mesh_parser, write_from
 from meshes.naming import interface, name, name_planes
 from meshes.shapes import add_box
 from meshes.sizes import generate
-from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
-from perfplast_fenicsx.mesh.split_bodies import write_split
+from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 
 def write_contact_patch(path: str | Path, dim: int = 3, size: float = 0.25, order: int = 1) -> None:

@@ -12,8 +12,7 @@ from meshes.command_line import mesh_parser, write_from
 from meshes.naming import interface, name, name_planes
 from meshes.shapes import add_box
 from meshes.sizes import generate
-from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
-from perfplast_fenicsx.mesh.split_bodies import on_plane, write_split
+from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
 
 LEG, THICKNESS = 0.5, 1.0
 """Thickness of the seat's legs; thickness of both bodies in z."""

@@ -12,8 +12,7 @@ from meshes.command_line import mesh_parser, write_from
 from meshes.naming import name
 from meshes.shapes import add_outline, add_polygon
 from meshes.sizes import finer_at, generate
-from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
-from perfplast_fenicsx.mesh.split_bodies import write_split
+from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 FINER = 16.0
 """How much smaller the elements are at the tip."""

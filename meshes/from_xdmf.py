@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
+from perfplast_fenicsx.mesh import gmsh_session
 
 SIMPLEX = {2: 1, 3: 2, 4: 4}
 """gmsh's element type of a simplex with so many nodes."""

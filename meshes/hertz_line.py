@@ -15,8 +15,7 @@ from meshes.mirror import add_mirror_image
 from meshes.naming import name
 from meshes.shapes import add_polygon
 from meshes.sizes import finer_at, generate
-from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
-from perfplast_fenicsx.mesh.split_bodies import write_split
+from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 RADIUS, ARC, FINE = 1.0, 0.3, 0.15
 """Radius; largest x of the contact curve; radius of the finest part about the origin."""

@@ -15,8 +15,7 @@ from meshes.command_line import mesh_parser, write_from
 from meshes.mirror import add_mirror_image
 from meshes.naming import name
 from meshes.sizes import finer_at, generate
-from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
-from perfplast_fenicsx.mesh.split_bodies import write_split
+from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 RADIUS, CAP, FINE = 1.0, 0.3, 0.15
 """Radius; radius of the contact surface; radius of the finest part about the origin."""

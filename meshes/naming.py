@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 
 import gmsh
 
-from perfplast_fenicsx.mesh.split_bodies import on_plane
+from perfplast_fenicsx.mesh import on_plane
 
 
 def name(dim: int, groups: Mapping[str, Iterable[int]]) -> None:

@@ -10,8 +10,7 @@ import math
 from pathlib import Path
 
 from meshes.command_line import mesh_parser, write_from
-from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
-from perfplast_fenicsx.mesh.split_bodies import on_plane, write_split
+from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
 
 RADIUS, WIDTH, LENGTH, THICKNESS = 1.0, 2.0, 4.0, 1.0
 

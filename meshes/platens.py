@@ -12,8 +12,7 @@ from meshes.command_line import mesh_parser, write_from
 from meshes.naming import name, name_planes
 from meshes.shapes import add_box
 from meshes.sizes import finer_at, generate
-from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
-from perfplast_fenicsx.mesh.split_bodies import on_plane
+from perfplast_fenicsx.mesh import gmsh_session, on_plane
 
 WIDTH, HEIGHT, PLATEN = 2.0, 1.0, 0.25
 """Width and height of the whole block; thickness of a platen."""

@@ -12,8 +12,7 @@ from pathlib import Path
 from meshes.command_line import mesh_parser, write_from
 from meshes.naming import name
 from meshes.sizes import generate
-from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
-from perfplast_fenicsx.mesh.split_bodies import write_split
+from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 INNER, OUTER = 1.0, 2.0
 """Radii of the shell."""

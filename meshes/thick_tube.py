@@ -13,8 +13,7 @@ from meshes.command_line import mesh_parser, write_from
 from meshes.naming import name
 from meshes.shapes import add_polygon
 from meshes.sizes import generate
-from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
-from perfplast_fenicsx.mesh.split_bodies import write_split
+from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 INNER = 1.0
 """Inner radius."""

@@ -9,8 +9,7 @@ hold ``x0`` or ``x1`` in x.
 from pathlib import Path
 
 from meshes.command_line import mesh_parser, write_from
-from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
-from perfplast_fenicsx.mesh.split_bodies import on_plane, write_split
+from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
 
 LENGTH, WIDTH, HEIGHT = 2.0, 1.0, 2.0
 SEAM = (0.75, 1.25)  # height of the inclined plane at x = 0 and at x = LENGTH

@@ -8,10 +8,10 @@ from .contact.obstacles import Sphere as Sphere
 from .errors import InputError as InputError
 from .errors import raise_together as raise_together
 from .io.case.scene import Scene as Scene
+from .io.results.field_series import FieldSeries as FieldSeries
 from .io.results.output_fields import OutputFields as OutputFields
 from .io.results.result_folder import ResultFolder as ResultFolder
 from .io.results.result_folder import Results as Results
-from .io.results.xdmf import FieldsFile as FieldsFile
 from .limit_analysis.limit_search import LimitLoad as LimitLoad
 from .limit_analysis.limit_search import limit_load as limit_load
 from .materials.elastic import Elastic as Elastic

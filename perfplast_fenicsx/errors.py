@@ -7,7 +7,7 @@ collective call.
 
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from mpi4py import MPI
 
@@ -50,6 +50,38 @@ def check_magnitude(field: str, value: float) -> None:
             f"{field} = {value:.6g} is too {'large' if size > 1 else 'small'} to compute with; use"
             f" units in which it lies between {SMALLEST:g} and {LARGEST:g}."
         )
+
+
+def check_choice(field: str, value: str, choices: Sequence[str]) -> None:
+    """Refuse a value that is not one of the choices.
+
+    Raises:
+        InputError: Naming the field, the value and the choices.
+    """
+    if value not in choices:
+        raise InputError(f"{field} = {value!r} is unknown; choose one of {', '.join(choices)}.")
+
+
+def check_finite(what: str, value: float) -> None:
+    """Refuse a prescribed load or work that is no number.
+
+    Raises:
+        InputError: Naming it and the value.
+    """
+    if not math.isfinite(value):
+        raise InputError(f"{what} = {value} is not finite; give a number.")
+
+
+def check_end(tolerance: float, max_iterations: int) -> None:
+    """Refuse bounds with which no iteration could end.
+
+    Raises:
+        InputError: Naming the field and the value.
+    """
+    if not 0 < tolerance < 1:
+        raise InputError(f"tolerance = {tolerance} is not between 0 and 1; try 1e-8.")
+    if max_iterations < 1:
+        raise InputError(f"max_iterations = {max_iterations} is less than 1; give at least one.")
 
 
 def raise_together(comm: MPI.Intracomm, message: str | None) -> None:

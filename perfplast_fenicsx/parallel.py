@@ -1,29 +1,63 @@
-"""Rows of numbers that travel between ranks, and the box around points of all ranks."""
+"""Rows of arrays that travel between ranks, and the box around points of all ranks."""
+
+import math
 
 from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 
-Rows = npt.NDArray[np.float64]
+from perfplast_fenicsx.arrays import Floats, Longs
 
 
-def send_rows(comm: MPI.Intracomm, rows: Rows, destination: npt.NDArray[np.integer]) -> Rows:
+def send_rows(
+    comm: MPI.Intracomm, rows: npt.NDArray, destination: npt.NDArray[np.integer]
+) -> npt.NDArray:
     """Send each row to a rank. Collective.
 
     Args:
         comm: The ranks.
-        rows: Shape (num_rows, width); the width is the same on every rank.
+        rows: Shape (num_rows, ...), of any type, a structured one too; the type and the shape of a
+            row are the same on every rank.
         destination: Shape (num_rows,), the rank each row goes to.
 
     Returns:
         The rows that have arrived here, in the order of the ranks they come from.
     """
-    parcels = comm.alltoall([rows[destination == rank] for rank in range(comm.size)])
-    return np.concatenate(parcels)
+    sent = np.bincount(destination, minlength=comm.size)
+    received = np.empty_like(sent)
+    comm.Alltoall(sent, received)
+    return exchange_rows(comm, rows[np.argsort(destination, kind="stable")], sent, received)
 
 
-def bounding_box(comm: MPI.Intracomm, points: Rows) -> tuple[Rows, Rows]:
+def exchange_rows(
+    comm: MPI.Intracomm, rows: npt.NDArray, sent: Longs, received: Longs
+) -> npt.NDArray:
+    """Send rows of which it is known how many go where. Collective.
+
+    Args:
+        comm: The ranks.
+        rows: Shape (num_rows, ...), of any type, sorted by the rank they go to.
+        sent: How many go to each rank, shape (comm.size,).
+        received: How many come from each rank, shape (comm.size,).
+
+    Returns:
+        The rows that have arrived here, in the order of the ranks they come from.
+    """
+    rows = np.ascontiguousarray(rows)
+    arrived = np.empty((int(received.sum()), *rows.shape[1:]), dtype=rows.dtype)
+    row = MPI.BYTE.Create_contiguous(rows.itemsize * math.prod(rows.shape[1:])).Commit()
+    comm.Alltoallv([_bytes(rows), sent, row], [_bytes(arrived), received, row])
+    row.Free()
+    return arrived
+
+
+def _bytes(rows: npt.NDArray) -> npt.NDArray[np.uint8]:
+    """The same memory without the names of a structured type, which MPI knows nothing of."""
+    return rows.reshape(-1).view(np.uint8)
+
+
+def bounding_box(comm: MPI.Intracomm, points: Floats) -> tuple[Floats, Floats]:
     """Smallest and largest coordinates of the points of all ranks."""
     low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
     comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)

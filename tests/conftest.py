@@ -1,15 +1,21 @@
 """Fixtures and marks of the whole suite, which runs on one rank and under mpirun alike."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
 import pytest
 
+from perfplast_fenicsx import TaggedMesh, read_gmsh
+from tests.models import Read
+
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the marks, which pytest-mpi would do otherwise."""
+    """Register the marks, and what holds the ranks together."""
     config.addinivalue_line("markers", "mpi3: part of the small choice that also runs on 3 ranks")
+    config.pluginmanager.import_plugin("tests.parallel_plugin")
 
 
 @pytest.fixture
@@ -22,3 +28,19 @@ def comm() -> MPI.Intracomm:
 def shared_tmp_path(tmp_path: Path) -> Path:
     """A temporary folder, the same one on every rank (``tmp_path`` is another on each)."""
     return MPI.COMM_WORLD.bcast(tmp_path)
+
+
+@pytest.fixture
+def read(shared_tmp_path: Path) -> Read:
+    """Writes a mesh by a generator, and reads it on all ranks, or on each for itself."""
+
+    def read(
+        write: Callable[..., None], comm: MPI.Intracomm = MPI.COMM_WORLD, **arguments: Any
+    ) -> TaggedMesh:
+        path = shared_tmp_path / f"{write.__name__}.msh"
+        if MPI.COMM_WORLD.rank == 0:
+            write(path, **arguments)
+        MPI.COMM_WORLD.barrier()
+        return read_gmsh(comm, path)
+
+    return read

@@ -1,6 +1,7 @@
 """The problems that several tests solve."""
 
 import math
+from collections.abc import Callable
 
 from mpi4py import MPI
 
@@ -9,6 +10,7 @@ from perfplast_fenicsx import (
     Pressure,
     Problem,
     Support,
+    TaggedMesh,
     Traction,
     VonMises,
     l_plate,
@@ -16,6 +18,9 @@ from perfplast_fenicsx import (
     stacked_blocks,
     two_blocks,
 )
+
+Read = Callable[..., TaggedMesh]
+"""The fixture that writes a mesh by a generator and reads it."""
 
 STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
 PUNCH_LIMIT = 400 * math.sqrt(1.5)
@@ -78,3 +83,29 @@ def stack_problem(
         [Pressure("top", 1.0)],
         [Contact("lower_top", "upper_bottom", gap)],
     )
+
+
+WEDGE_STEEL = VonMises(2e5, 0.3, 400.0)
+
+
+def wedge_problem(assembly: TaggedMesh, **changes: object) -> Problem:
+    """Two blocks that meet on an inclined plane; ζ is the pressure on top."""
+    arguments: dict[str, object] = {
+        "materials": {"lower": WEDGE_STEEL, "upper": WEDGE_STEEL},
+        "supports": [Support("bottom"), Support("x0", "x"), Support("y0", "y")],
+        "loads": [Pressure("top", 1.0)],
+        "contacts": [Contact("lower_seam", "upper_seam")],
+    }
+    return Problem(assembly, **(arguments | changes))  # type: ignore[arg-type]
+
+
+def touching_blocks(**changes: object) -> Problem:
+    """Two cubes on each other, on rollers; ζ is the pressure on top."""
+    arguments: dict[str, object] = {
+        "materials": {"lower": STEEL, "upper": STEEL},
+        "supports": [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
+        "loads": [Pressure("top", 1.0)],
+        "contacts": [Contact("lower_top", "upper_bottom")],
+    }
+    assembly = stacked_blocks(MPI.COMM_WORLD, 2)
+    return Problem(assembly, **(arguments | changes))  # type: ignore[arg-type]

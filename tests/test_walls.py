@@ -16,7 +16,7 @@ BELOW: dict[str, set[str]] = {
     "problem": {"mesh", "materials", "contact"},
     "solvers.linear": {"problem"},
     "solvers.active_set": {"problem", "solvers.linear"},
-    "solvers": {"problem", "solvers.linear", "solvers.active_set"},
+    "solvers": {"materials", "problem", "solvers.linear", "solvers.active_set"},
     "limit_analysis": {"problem", "materials", "solvers", "solvers.linear"},
     "io.case": {"mesh", "materials", "contact", "problem", "solvers", "limit_analysis"},
     "io.results": {

@@ -7,17 +7,13 @@ from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.io.case.case import Case
-from perfplast_fenicsx.io.case.loading_options import LoadControl, WorkControl
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
+from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.output_fields import OutputFields
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
-from perfplast_fenicsx.io.results.xdmf import FieldsFile
 from perfplast_fenicsx.limit_analysis.limit_search import Search
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Iteration, Level
-
-PRESCRIBED = {LoadControl: "zeta", WorkControl: "alpha"}
-"""What each control prescribes; the time of the fields' file."""
 
 
 class Recorder:
@@ -26,6 +22,7 @@ class Recorder:
     Attributes:
         results: Summary and path.
         recovery: Makes the fields that are written.
+        fields: Writes them; None where no fields are wanted.
         saved: What the run has gone on from; nothing where it began anew.
         last: The last level that is solved; None before the first.
     """
@@ -56,10 +53,13 @@ class Recorder:
             began: When the run began, by ``time.perf_counter``.
         """
         self._checkpoints, self._terminal, self._journal = checkpoints, terminal, journal
-        self._interrupts, self._prescribed = interrupts, PRESCRIBED[type(case.loading)]
+        self._interrupts = interrupts
         self._began = began - saved.timings.get("total", 0.0)
         self.saved, self.last, self._before = saved, saved.level, saved.before
-        self.results = Results(folder, problem, case.title, __version__, case.method, saved.reports)
+        self.results = Results(
+            *(folder, problem, case.title, __version__, case.method, saved.reports),
+            prescribed=case.loading.prescribes,
+        )
         timings = self.results.summary.timings
         timings |= saved.timings
         timings["setup"] = timings.get("setup", 0.0) + time.perf_counter() - began
@@ -68,10 +68,10 @@ class Recorder:
             terminal.level(report)
         self._announce()
         self.recovery = OutputFields(problem)
-        self._fields: FieldsFile | None = None
+        self.fields: FieldSeries | None = None
         if case.output.fields:
             kept = self.recovery.update(self.last) if self.last else None
-            times = [getattr(report, self._prescribed) for report in saved.reports]
+            times = [self._prescribed.of(report) for report in saved.reports]
             self._fields = FieldsFile(folder, problem.tagged_mesh, fields=kept, times=times)
         interrupts.check()
         self._solving = time.perf_counter()
@@ -104,9 +104,8 @@ class Recorder:
         self._terminal.level(report)
         self._journal.level(report)
         with results.timed("output"):
-            if report.converged and self._fields is not None:
-                time_ = getattr(report, self._prescribed)
-                self._fields.write(self.recovery.update(level), time_)
+            if report.converged and self.fields is not None:
+                self.fields.write(self.recovery.update(level), report)
             results.add(report)
             if report.converged:
                 self._before = self.last.state if self.last and search else None

@@ -20,7 +20,6 @@ from perfplast_fenicsx.io.results.checkpoint_header import check_case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.output_fields import dissipation
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.io.results.xdmf import FieldsFile
 from perfplast_fenicsx.limit_analysis.limit_search import LimitLoad, limit_load
 from perfplast_fenicsx.pictures.run_figures import draw_fields, draw_path, mechanism_caption
 from perfplast_fenicsx.problem.problem import Problem
@@ -98,8 +97,13 @@ def _solve(case: Case, solver: Any, recorder: Recorder, terminal: Terminal, jour
     limit = None
     if isinstance(case.loading, WorkControl) and case.loading.limit_tolerance is not None:
         tolerance = case.loading.limit_tolerance
-        watch, known = (recorder.iteration, recorder.level), (saved.search, saved.reached)
-        limit = limit_load(problem, tolerance, solver, *watch, *known)
+        limit = limit_load(
+            *(problem, tolerance, solver),
+            monitor=recorder.iteration,
+            on_level=recorder.level,
+            search=saved.search,
+            reached=saved.reached,
+        )
         terminal.limit(limit)
         journal.limit(limit)
     else:
@@ -110,11 +114,9 @@ def _solve(case: Case, solver: Any, recorder: Recorder, terminal: Terminal, jour
     if limit is not None:
         with results.timed("output"):
             results.summary.limit = {key: getattr(limit, key) for key in LIMIT_KEYS}
-            if case.output.fields:
-                mechanism = FieldsFile(folder, problem.tagged_mesh, "mechanism.xdmf")
-                work = dissipation(problem, limit.mechanism)
-                fields = {"mechanism": limit.mechanism, "dissipation": work}
-                mechanism.write(fields, limit.alpha)
+            if recorder.fields is not None:
+                mechanism, work = limit.mechanism, dissipation(problem, limit.mechanism)
+                recorder.fields.write_mechanism(mechanism, work, limit.lower, limit.alpha)
     if case.output.pictures and recorder.last is not None:
         terminal.status("drawing pictures")
         with results.timed("pictures"):

@@ -3,8 +3,8 @@
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.node_matching import Matching
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.formulas import evaluate
@@ -26,17 +26,15 @@ def normals_and_gaps(
     given: float | str | None,
     matching: Matching,
     size: float,
-    gdim: int,
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Normal and gap of matched nodes, after a look whether they can be in contact. Collective.
 
     Args:
         comm: The ranks.
         place: Where the contact stands, for messages.
         given: Its gap, a number or a formula; None to measure it.
-        matching: Rows (x y z | rank, local, global, body, size | normal | ...) of both surfaces.
+        matching: Nodes of both surfaces, rows of :func:`surface_nodes.surface_node_type`.
         size: Of the surfaces (length).
-        gdim: Geometric dimension.
 
     Raises:
         InputError: Nodes without a partner opposite them, surfaces that do not face each other,
@@ -48,21 +46,22 @@ def normals_and_gaps(
             f" up to {matching.farthest:.3g} away); mesh the two surfaces with the same nodes, for"
             " instance by fragmenting and splitting in gmsh."
         )
-    a, b = matching.first, matching.second
-    outward = [rows[:, 8 : 8 + gdim] for rows in (a, b)]
-    same_side = comm.allreduce(int((np.einsum("ni,ni->n", *outward) > 0).sum()))
+    primary, secondary = matching.primary, matching.secondary
+    facing = np.einsum("ni,ni->n", primary["normal"], secondary["normal"])
+    same_side = comm.allreduce(int((facing > 0).sum()))
     if same_side:
         raise InputError(
             f"{place}: at {same_side} nodes the outward normals of the two surfaces point to the"
             " same side, so they do not face each other; name one surface of each body."
         )
-    normal = outward[0] - outward[1]
+    normal = primary["normal"] - secondary["normal"]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    between = (b - a)[:, :gdim]
+    between = (secondary["x"] - primary["x"])[:, : normal.shape[1]]
     apart = np.einsum("ni,ni->n", between, normal)
     sideways = np.linalg.norm(between - apart[:, None] * normal, axis=1)
     least = MATCHING_TOLERANCE * size
-    allowed = least + TILT * np.minimum(np.abs(apart), np.minimum(a[:, 7], b[:, 7]))
+    mesh_size = np.minimum(primary["size"], secondary["size"])
+    allowed = least + TILT * np.minimum(np.abs(apart), mesh_size)
     shifted = comm.allreduce(int((sideways > allowed).sum()))
     if shifted:
         farthest = comm.allreduce(float(sideways.max(initial=0)), MPI.MAX)
@@ -73,12 +72,10 @@ def normals_and_gaps(
         )
     if given is None:
         return normal, without_overlap(comm, place, apart, size)
-    return normal, _given_gap(comm, place, given, a[:, :3])
+    return normal, _given_gap(comm, place, given, primary["x"])
 
 
-def without_overlap(
-    comm: MPI.Intracomm, place: str, gap: npt.NDArray[np.float64], size: float
-) -> npt.NDArray[np.float64]:
+def without_overlap(comm: MPI.Intracomm, place: str, gap: Floats, size: float) -> Floats:
     """Measured gaps, rounding removed. Collective.
 
     Raises:
@@ -92,12 +89,10 @@ def without_overlap(
     return np.where(gap > OVERLAP * size, gap, 0.0)
 
 
-def _given_gap(
-    comm: MPI.Intracomm, place: str, gap: float | str, x: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def _given_gap(comm: MPI.Intracomm, place: str, gap: float | str, x: Floats) -> Floats:
     """Gaps of a number or formula at points. Collective."""
     message: str | None = None
-    gaps: npt.NDArray[np.float64] = np.zeros(len(x))
+    gaps: Floats = np.zeros(len(x))
     try:
         gaps = evaluate(gap, x, f"{place}: gap")
         if (gaps < 0).any():

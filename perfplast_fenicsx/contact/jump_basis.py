@@ -1,9 +1,13 @@
 """The basis in which contact is a bound: u = T y.
 
-For every pair one displacement component of the host node is replaced by the jump
-s = (u_a − u_b)·n; all other unknowns stay as they are. Then the condition of K_h is s ≤ g, the
-operator is TᵀKT, and the block size is kept (mathematics of the paper's K_h; the prototype of this
-choice keeps multigrid as good as without contact).
+For every row of B u ≤ g one displacement component of its host is replaced by the jump s = (B u)_i;
+all other unknowns stay as they are. Then the condition of K_h is s ≤ g, and the operator is TᵀKT.
+
+Only the normal jump is an unknown, not the tangential ones: the block size is kept, and multigrid
+needs as few iterations as without contact. On two blocks that touch, of 85 thousand unknowns, with
+the rigid motions of each body, CG took 15 in this basis and 16 without contact; it took 60 with the
+rigid motions of both bodies together, and 105 where the whole jump had replaced the host's
+displacement.
 """
 
 from dataclasses import dataclass
@@ -15,7 +19,9 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.contact.node_pairs import ContactPairs
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.contact.constraints import Constraints
+from perfplast_fenicsx.contact.sparse_rows import Entries, entries_of, matrix_of_entries, unknowns
 from perfplast_fenicsx.errors import InputError, raise_together
 
 LONGEST_CHAIN = 8
@@ -24,79 +30,111 @@ LONGEST_CHAIN = 8
 
 @dataclass(frozen=True)
 class JumpBasis:
-    """u = T y and y = M u, and where y is bounded.
+    """u = T y and y = M u for u that vanishes at supports, and where y is bounded.
 
     Attributes:
         T: Sparse matrix from jump unknowns to displacement.
         M: Its inverse.
         index: Local (owned) indices of the bounded entries of y, shape (num_pairs,), one for each
-            row of the pairs it was made of.
+            row of the constraints.
         gap: Upper bounds g there (length).
     """
 
     T: PETSc.Mat
     M: PETSc.Mat
-    index: npt.NDArray[np.int32]
-    gap: npt.NDArray[np.float64]
+    index: Ints
+    gap: Floats
 
 
-def make_basis(V: fem.FunctionSpace, pairs: ContactPairs) -> JumpBasis:
+def make_basis(
+    V: fem.FunctionSpace, constraints: Constraints, fixed: npt.NDArray[np.bool_]
+) -> JumpBasis:
     """Build T and M. Collective.
+
+    Args:
+        V: Displacement space.
+        constraints: The rows of B.
+        fixed: Components held by supports at each local node, shape (num_nodes, gdim). They have
+            no part in T and M, which then leave them as they are.
 
     Raises:
         InputError: If a node carries more contact conditions than it has freedom for, or the
             conditions are tied to each other in a ring.
     """
-    comm, gdim = V.mesh.comm, V.dofmap.index_map_bs
-    component, inverse, mate = _choose(comm, pairs)
-    # Row of pair i: s_i = sign n·u_host − sign n·u_guest
-    offset = V.dofmap.index_map.local_range[0]
-    host = (pairs.host + offset)[:, None] * gdim + np.arange(gdim)
-    guest = pairs.guest[:, None] * gdim + np.arange(gdim)
-    coefficient = pairs.sign[:, None] * pairs.normal
-    row = host[np.arange(len(component)), component]
-    identity = np.arange(*np.multiply(V.dofmap.index_map.local_range, gdim))
+    comm, index_map, gdim = V.mesh.comm, V.dofmap.index_map, V.dofmap.index_map_bs
+    sizes, first = unknowns(V), index_map.local_range[0] * gdim
+    pair, column, value = _without_supports(constraints.B, ~fixed[: index_map.size_local])
+    host = constraints.host.astype(np.int64) * gdim  # local number of its first component
+    axis = column - first - host[pair]
+    at_host = (axis >= 0) & (axis < gdim)
+    coefficient = np.zeros((len(host), gdim))
+    coefficient[pair[at_host], axis[at_host]] = value[at_host]
+    component, inverse, mate = _choose(comm, constraints.host, coefficient)
+    row = host + component
 
-    M = _matrix(V, 3 * gdim)
-    plain = np.setdiff1d(identity, row)
-    _add(M, plain, plain, np.ones(len(plain)))
-    _add(M, row[:, None], host, coefficient * pairs.host_free)
-    _add(M, row[:, None], guest, -coefficient * pairs.guest_free)
-    M.assemble()
+    def matrix(*entries: Entries) -> PETSc.Mat:
+        return matrix_of_entries(comm, sizes, sizes, entries, gdim)
 
-    # u_row = Σ_j inverse_j (s_j − the terms of pair j outside the replaced components of the host)
-    replaced = np.isin(host, row)
-    Q, P = _matrix(V, 2 * gdim), _matrix(V, 3 * gdim * gdim)
-    _add(Q, plain, plain, np.ones(len(plain)))
-    for k in range(mate.shape[1]):
-        has = mate[:, k] >= 0
-        j, r, weight = mate[has, k], row[has], inverse[has, k]
-        _add(Q, r, row[j], weight)
-        others = weight[:, None] * coefficient[j] * pairs.host_free[j] * ~replaced[j]
-        _add(P, r[:, None], host[j], -others)
-        _add(P, r[:, None], guest[j], weight[:, None] * coefficient[j] * pairs.guest_free[j])
-    Q.assemble()
-    P.assemble()
+    plain = np.setdiff1d(np.arange(sizes[0]), row)
+    identity = (plain, plain + first, np.ones(len(plain)))
+    M = matrix(identity, (row[pair], column, value))
+
+    # u_row = Σ_j inverse_j (s_j − the terms of pair j outside the replaced components of its host)
+    one, slot = np.nonzero(mate >= 0)
+    j, weight = mate[one, slot], inverse[one, slot]
+    Q = matrix(identity, (row[one], row[j] + first, weight))
+    outside = ~(at_host & np.isin(column - first, row))
+    which, term = _terms_of(j, pair[outside], len(host))
+    terms = (row[one][which], column[outside][term], -weight[which] * value[outside][term])
+    P = matrix(terms)
     T = _resolve(Q, P)
     Q.destroy()
     P.destroy()
-    return JumpBasis(T, M, (row - offset * gdim).astype(np.int32), pairs.gap)
+    return JumpBasis(T, M, row.astype(np.int32), constraints.gap)
 
 
-def _choose(
-    comm: MPI.Intracomm, pairs: ContactPairs
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+def _without_supports(B: PETSc.Mat, free: npt.NDArray[np.bool_]) -> tuple[Longs, Longs, Floats]:
+    """Entries of B, zero at components that supports hold, on whatever rank. Collective."""
+    moving, kept = B.copy(), B.createVecRight()
+    kept.array[:] = free.ravel()
+    moving.diagonalScale(None, kept)
+    entries = entries_of(moving)
+    moving.destroy()
+    kept.destroy()
+    return entries
+
+
+def _terms_of(chosen: Longs, pair: Longs, num_pairs: int) -> tuple[Longs, Longs]:
+    """Where the terms of chosen pairs, which may repeat, stand in a list sorted by pair.
+
+    Returns:
+        For each term the place of its pair in ``chosen``, and its own place in the list.
+    """
+    counts = np.bincount(pair, minlength=num_pairs)
+    begins = (np.cumsum(counts) - counts)[chosen]
+    length = counts[chosen]
+    which = np.repeat(np.arange(len(chosen)), length)
+    within = np.arange(len(which)) - np.repeat(np.cumsum(length) - length, length)
+    return which, begins[which] + within
+
+
+def _choose(comm: MPI.Intracomm, host: Ints, coefficient: Floats) -> tuple[Longs, Floats, Longs]:
     """Which component each pair replaces, and the inverse of the replaced part at each host.
 
     Gaussian elimination with column pivoting, for all hosts at once: k conditions at a host replace
     k of its components.
 
+    Args:
+        comm: The ranks.
+        host: Of each pair, shape (num_pairs,).
+        coefficient: Of the host's free components in its row, shape (num_pairs, gdim).
+
     Returns:
         The component of each pair; the row of the inverse that gives this component, shape
         (num_pairs, most conditions at a host); the pairs its entries belong to, −1 for none.
     """
-    num, gdim = pairs.normal.shape
-    nodes, group, sizes = np.unique(pairs.host, return_inverse=True, return_counts=True)
+    num, gdim = coefficient.shape
+    nodes, group, sizes = np.unique(host, return_inverse=True, return_counts=True)
     most = int(sizes.max(initial=1))
     order = np.argsort(group, kind="stable")
     slot = np.empty(num, dtype=np.int64)
@@ -105,7 +143,7 @@ def _choose(
     member[group, slot] = np.arange(num)
 
     rows = np.zeros((len(nodes), most, gdim))
-    rows[group, slot] = pairs.sign[:, None] * pairs.normal * pairs.host_free
+    rows[group, slot] = coefficient
     reduced, chosen = rows.copy(), np.zeros((len(nodes), most), dtype=np.int64)
     every = np.arange(len(nodes))
     entangled = 0
@@ -135,34 +173,16 @@ def _choose(
     return chosen[group, slot], inverse[group, slot], member[group]
 
 
-def _matrix(V: fem.FunctionSpace, row_length: int) -> PETSc.Mat:
-    """An empty matrix laid out like the displacement vector."""
-    bs, index_map = V.dofmap.index_map_bs, V.dofmap.index_map
-    size = (index_map.size_local * bs, index_map.size_global * bs)
-    A = PETSc.Mat().createAIJ((size, size), bsize=bs, nnz=row_length, comm=V.mesh.comm)
-    A.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-    return A
-
-
-def _add(A: PETSc.Mat, rows: npt.NDArray, columns: npt.NDArray, values: npt.NDArray) -> None:
-    """Add entries given as arrays that broadcast together, leaving out zeros."""
-    entries = [a.ravel() for a in np.broadcast_arrays(rows, columns, values)]
-    kept = np.flatnonzero(entries[2])
-    kept = kept[np.argsort(entries[0][kept], kind="stable")]
-    i, j, v = (entry[kept] for entry in entries)
-    first, count = A.getOwnershipRange()[0], np.diff(A.getOwnershipRange())[0]
-    pointer = np.concatenate([[0], np.cumsum(np.bincount(i - first, minlength=count))])
-    A.setValuesIJV(
-        pointer.astype(PETSc.IntType), j.astype(PETSc.IntType), v, addv=PETSc.InsertMode.ADD_VALUES
-    )
-
-
 def _resolve(Q: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     """T with T = Q + P T: the sum of P^k Q, which ends because chains of contact end."""
     T, term = Q.copy(), Q
     for _ in range(LONGEST_CHAIN):
-        term = P.matMult(term)
+        following = P.matMult(term)
+        if term is not Q:
+            term.destroy()
+        term = following
         if term.norm() == 0:
+            term.destroy()
             return T
         T.axpy(1.0, term)
     raise InputError(

@@ -9,11 +9,10 @@ import numpy.typing as npt
 from dolfinx import fem
 from dolfinx.mesh import exterior_facet_indices
 
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import coordinate_map, geometry_dofmap
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import send_rows
-
-Floats = npt.NDArray[np.float64]
 
 SHARP = np.cos(np.radians(40.0))
 """Facets at a node whose normals have a smaller cosine belong to different faces."""
@@ -29,12 +28,12 @@ class FaceNodes:
         size: Size of the facets around it (length), shape (n,).
     """
 
-    node: npt.NDArray[np.int32]
+    node: Ints
     normal: Floats
     size: Floats
 
 
-def face_nodes(V: fem.FunctionSpace, assembly: TaggedMesh, surface: str) -> FaceNodes:
+def face_nodes(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> FaceNodes:
     """Find the nodes of a surface, vertices and midsides, with their normals. Collective.
 
     The normal of a face at a node is the mean over its facets there, weighted by area. Facets that
@@ -42,13 +41,16 @@ def face_nodes(V: fem.FunctionSpace, assembly: TaggedMesh, surface: str) -> Face
     to each node, and an edge between flat faces gives one for each of them.
     """
     index_map, gdim = V.dofmap.index_map, V.mesh.geometry.dim
-    nodes, normals, areas = _incidences(V, assembly, surface)
+    nodes, normals, areas = _incidences(V, tagged_mesh, surface)
     owners = np.full(index_map.size_local + index_map.num_ghosts, V.mesh.comm.rank)
     owners[index_map.size_local :] = index_map.owners
-    rows = np.column_stack([index_map.local_to_global(nodes), normals, areas])
+    rows: npt.NDArray[np.void] = np.empty(
+        len(nodes), dtype=[("node", np.int64), ("normal", np.float64, gdim), ("area", np.float64)]
+    )
+    rows["node"], rows["normal"], rows["area"] = index_map.local_to_global(nodes), normals, areas
     rows = send_rows(V.mesh.comm, rows, owners[nodes])
-    rows = rows[np.argsort(rows[:, 0], kind="stable")]
-    node, normals, areas = rows[:, 0].astype(np.int64), rows[:, 1 : 1 + gdim], rows[:, -1]
+    rows = rows[np.argsort(rows["node"], kind="stable")]
+    node, normals, areas = rows["node"], rows["normal"], rows["area"]
 
     corner, face = np.unique(
         np.stack([node, _faces(node, normals)], axis=1), axis=0, return_inverse=True
@@ -64,7 +66,7 @@ def face_nodes(V: fem.FunctionSpace, assembly: TaggedMesh, surface: str) -> Face
     )
 
 
-def _faces(node: npt.NDArray[np.int64], normals: Floats) -> npt.NDArray[np.int64]:
+def _faces(node: Longs, normals: Floats) -> Longs:
     """Number of the face of each row among those of its node; rows are sorted by node."""
     face = np.full(len(node), -1)
     number = 0
@@ -79,8 +81,8 @@ def _faces(node: npt.NDArray[np.int64], normals: Floats) -> npt.NDArray[np.int64
 
 
 def _incidences(
-    V: fem.FunctionSpace, assembly: TaggedMesh, surface: str
-) -> tuple[npt.NDArray[np.int32], Floats, Floats]:
+    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str
+) -> tuple[Ints, Floats, Floats]:
     """Each node of each exterior facet of a surface on this rank.
 
     Returns:
@@ -90,13 +92,13 @@ def _incidences(
     tdim, gdim = mesh.topology.dim, mesh.geometry.dim
     mesh.topology.create_connectivity(tdim - 1, tdim)
     mesh.topology.create_connectivity(tdim, tdim - 1)
-    facets = np.intersect1d(assembly.facets(surface), exterior_facet_indices(mesh.topology))
+    facets = np.intersect1d(tagged_mesh.facets(surface), exterior_facet_indices(mesh.topology))
     to_cell = mesh.topology.connectivity(tdim - 1, tdim)
     to_facet = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
     cells = to_cell.array[to_cell.offsets[facets]]
     local = np.argmax(to_facet[cells] == facets[:, None], axis=1)
 
-    def of_facets(dofmap: npt.NDArray[np.int32], layout: Any) -> npt.NDArray[np.int32]:
+    def of_facets(dofmap: Ints, layout: Any) -> Ints:
         closure = [layout.entity_closure_dofs(tdim - 1, i) for i in range(tdim + 1)]
         return dofmap[cells[:, None], np.array(closure)[local]]
 

@@ -6,9 +6,9 @@ from .case.scene import Units as Units
 from .case.scene import write_scene as write_scene
 from .case.schema import described as described
 from .case.schema import shown as shown
+from .results.field_series import FieldSeries as FieldSeries
 from .results.output_fields import OutputFields as OutputFields
 from .results.output_fields import dissipation as dissipation
 from .results.result_folder import ResultFolder as ResultFolder
 from .results.result_folder import Results as Results
 from .results.result_folder import peak_memory as peak_memory
-from .results.xdmf import FieldsFile as FieldsFile

@@ -233,7 +233,7 @@ def _result(
         if verdict is Verdict.FOUND:
             problem.basis.T.mult(iteration.velocity, mechanism.x.petsc_vec)
             mechanism.x.scatter_forward()
-            mechanism.x.array[:] /= float(problem.load.dot(mechanism.x.petsc_vec))
+            mechanism.x.array[:] /= problem.loads.alpha(mechanism.x.petsc_vec)
             known = [bound for bound in (lower, upper) if bound is not None]
             estimate = sum(known) / len(known) if known else steps[-1].load
     return DiscreteLimit(

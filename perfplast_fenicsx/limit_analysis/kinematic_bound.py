@@ -1,15 +1,17 @@
-"""An upper bound of the limit load from a discretely incompressible collapse mechanism.
+"""An upper bound of the limit load from a collapse mechanism that the laws admit.
 
-For v with v = 0 on supports, no jump into the other body, div v = 0 in plastic bodies and ε(v) = 0
-in elastic ones, the limit load is at most D(v)/L(v) with D(v) = ∫ γ‖dev ε(v)‖ (kinematic theorem
-of limit analysis, E. Christiansen, Handbook of Numerical Analysis IV, 1996). The increments of a
-loading come near such a v; here they are projected on it.
+For v with v = 0 on supports, no jump into the other body, and ε(v) admissible for the law of each
+body, the limit load is at most D(v)/L(v) with D the dissipation, the support function of the yield
+sets (kinematic theorem of limit analysis, E. Christiansen, Handbook of Numerical Analysis IV,
+1996). For von Mises admissible means div v = 0, and D(v) = ∫ γ‖dev ε(v)‖; for elastic bodies
+ε(v) = 0. The increments of a loading come near such a v; here they are projected on it, for laws
+that tell by a linear condition what is admissible.
 """
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -17,11 +19,12 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
-from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.materials.mandel import deviator, spherical, strain, trace
+from perfplast_fenicsx.materials.mandel import strain
+from perfplast_fenicsx.problem.integrals import Integral, assemble_force
+from perfplast_fenicsx.problem.law_on_cells import LawExpression, OfLaw, integrate
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.quadrature_fields import Integral, assemble_force
 from perfplast_fenicsx.problem.state import State
+from perfplast_fenicsx.solvers.linear.petsc_options import BOUND, own_prefix
 
 PENALTY = 1e6
 """Weight of the constraints against the distance to the given velocity."""
@@ -29,7 +32,7 @@ PENALTY = 1e6
 MOST_ITERATIONS = 30
 
 EXACT = 1e-11
-"""Volume change (and strain of elastic bodies) that counts as none, relative to ‖ε(v)‖."""
+"""A strain rate that is inadmissible counts as none below this share of ‖ε(v)‖."""
 
 ROUNDING = 1e-9
 """Jumps and work below this share of what they are made of count as none."""
@@ -37,13 +40,27 @@ ROUNDING = 1e-9
 LARGEST_PROBLEM = 60_000
 """Beyond so many unknowns the projection, which needs a factorisation, is not tried."""
 
+FACTORISATION = {
+    "ksp_type": "preonly",
+    "pc_type": "lu",
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_14": 100,  # more room to work in (%)
+}
+
 
 @dataclass(frozen=True)
 class UpperBound:
-    """D(v)/L(v), or None where the projection has not succeeded, and the solves that took."""
+    """D(v)/L(v), or None and the reason why there is none.
+
+    Attributes:
+        value: The bound.
+        solves: Linear systems solved.
+        reason: Why there is no bound; empty where there is one.
+    """
 
     value: float | None
     solves: int
+    reason: str = ""
 
 
 def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) -> UpperBound:
@@ -54,63 +71,96 @@ def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) ->
         velocity: Velocity near a collapse mechanism.
         state: Where it collapses: pairs that push stay closed.
     """
+    for on in problem.laws:
+        if on.law.inadmissible(strain(velocity)) is None:
+            name = type(on.law).__name__
+            return UpperBound(None, 0, f"{name} has no linear condition for admissible rates")
     if problem.num_dofs > LARGEST_PROBLEM:
-        return UpperBound(None, 0)
-    law, dx, comm = problem.moduli, problem.dx, problem.comm
-    plastic = ufl.conditional(law.may_yield(), 1.0, 0.0)
-    v, multiplier = fem.Function(problem.V), fem.Function(problem.S)
+        return UpperBound(None, 0, f"there are more than {LARGEST_PROBLEM} unknowns")
+    with ExitStack() as made:
+        return _bound(problem, velocity, state, made)
 
-    def forbidden(e: ufl.core.expr.Expr) -> ufl.core.expr.Expr:
-        """The part of a strain that must vanish: all of it in elastic bodies."""
-        return spherical(trace(e) / 3, len(e)) + (1 - plastic) * deviator(e)
 
+def _bound(problem: Problem, velocity: fem.Function, state: State, made: ExitStack) -> UpperBound:
+    """Project by the method of multipliers; what PETSc makes is destroyed with ``made``."""
+    laws, basis, comm = problem.laws, problem.basis, problem.comm
+    rate = strain(velocity)
     trial, test = strain(ufl.TrialFunction(problem.V)), strain(ufl.TestFunction(problem.V))
-    operator = ufl.dot(trial, test) + PENALTY * ufl.dot(forbidden(trial), forbidden(test))
-    K = fem_petsc.assemble_matrix(fem.form(operator * dx), problem.bcs)
+    v = fem.Function(problem.V)
+    multipliers = {
+        on: fem.Function(problem.space_at_points(on.law.inadmissible(rate).ufl_shape))
+        for on in laws
+    }
+    ascents = {
+        on: LawExpression(
+            [on],
+            multiplier.function_space,
+            lambda on: multipliers[on] + PENALTY * on.law.inadmissible(strain(v)),
+        )
+        for on, multiplier in multipliers.items()
+    }
+
+    operator = integrate(
+        laws,
+        lambda on: (
+            ufl.dot(trial, test)
+            + PENALTY * ufl.dot(on.law.inadmissible(trial), on.law.inadmissible(test))
+        ),
+    )
+    K = fem_petsc.assemble_matrix(fem.form(operator), problem.bcs)
+    made.callback(K.destroy)
     K.assemble()
-    A = K.PtAP(problem.basis.T) if problem.num_pairs else K
-    closed = problem.basis.index[state.active] + A.getOwnershipRange()[0]
+    A = K
+    if problem.num_pairs:
+        A = K.PtAP(basis.T)
+        made.callback(A.destroy)
+    closed = basis.index[state.active] + A.getOwnershipRange()[0]
     A.zeroRowsColumns(closed.astype(PETSc.IntType), diag=1.0)
     ksp = PETSc.KSP().create(comm)
+    made.callback(ksp.destroy)
+    ksp.setOptionsPrefix(own_prefix(BOUND, FACTORISATION))
     ksp.setOperators(A)
-    ksp.setType("preonly")
-    ksp.getPC().setType("lu")
-    ksp.getPC().setFactorSolverType("mumps")
-    ksp.getPC().setFactorSetUpSolverType()
-    ksp.getPC().getFactorMatrix().setMumpsIcntl(14, 100)  # more room to work in (%)
+    ksp.setFromOptions()
 
-    right = ufl.dot(strain(velocity), test) - ufl.dot(multiplier, forbidden(test))
-    form = fem.form(right * dx)
-    remainder = forbidden(strain(v))
-    ascent = fem.Expression(
-        multiplier + PENALTY * remainder, interpolation_points(problem.S.element)
+    form = fem.form(
+        integrate(
+            laws,
+            lambda on: ufl.dot(rate, test) - ufl.dot(multipliers[on], on.law.inadmissible(test)),
+        )
     )
-    remainder_size, size = (_norm(comm, e, dx) for e in (remainder, strain(v)))
+    remainder_size = _norm(problem, lambda on: on.law.inadmissible(strain(v)))
+    size = _norm(problem, lambda on: strain(v))
     force, b, y = problem.create_vector(), A.createVecLeft(), A.createVecRight()
+    for vector in (force, b, y):
+        made.callback(vector.destroy)
     for solves in range(1, MOST_ITERATIONS + 1):
         assemble_force(force, form, problem.bcs)
-        problem.basis.T.multTranspose(force, b)
+        basis.T.multTranspose(force, b)
         b.array[closed - A.getOwnershipRange()[0]] = 0
         ksp.solve(b, y)
         if ksp.getConvergedReason() <= 0:
-            return UpperBound(None, solves)
-        problem.basis.T.mult(y, v.x.petsc_vec)
+            return UpperBound(None, solves, "the projection cannot be solved")
+        basis.T.mult(y, v.x.petsc_vec)
         v.x.scatter_forward()
         if remainder_size() <= EXACT * size():
             break
-        multiplier.interpolate(ascent)
+        for on, multiplier in multipliers.items():
+            ascents[on].interpolate(multiplier)
     else:
-        return UpperBound(None, MOST_ITERATIONS)
-    work = float(problem.load.dot(v.x.petsc_vec))
-    jumps = y.array_r[problem.basis.index][~state.active]
+        return UpperBound(None, MOST_ITERATIONS, "the projection does not converge")
+    work = problem.loads.alpha(v.x.petsc_vec)
+    jumps = y.array_r[basis.index][~state.active]
     largest = y.norm(PETSc.NormType.NORM_INFINITY)
-    entering = comm.allreduce(int((jumps > ROUNDING * largest).sum()))
-    if entering or work <= ROUNDING * problem.load.norm() * largest:
-        return UpperBound(None, solves)
-    return UpperBound(Integral(comm, law.dissipation(strain(v)) * dx)() / work, solves)
+    if comm.allreduce(int((jumps > ROUNDING * largest).sum())):
+        return UpperBound(None, solves, "the mechanism closes open pairs")
+    if work <= ROUNDING * problem.loads.live.norm() * largest:
+        return UpperBound(None, solves, "the loads do no work on the mechanism")
+    power = Integral(comm, integrate(laws, lambda on: on.law.dissipation(strain(v))))
+    return UpperBound(power() / work, solves)
 
 
-def _norm(comm: MPI.Intracomm, e: ufl.core.expr.Expr, dx: ufl.Measure) -> Callable[[], float]:
-    """L² norm of a Mandel vector, to be evaluated at each call."""
-    integral = Integral(comm, ufl.dot(e, e) * dx)
+def _norm(problem: Problem, value: OfLaw) -> Callable[[], float]:
+    """L² norm of vectors that each law tells of, to be evaluated at each call."""
+    square = integrate(problem.laws, lambda on: ufl.dot(value(on), value(on)))
+    integral = Integral(problem.comm, square)
     return lambda: float(np.sqrt(integral()))

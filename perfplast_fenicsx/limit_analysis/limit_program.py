@@ -66,7 +66,7 @@ class LimitProgram:
         self.viscosities = np.minimum(self.radii**2, MOST_VISCOUS)
         self.force_unit = self.stress_unit * self._mean_weight
         self.load = problem.create_vector()
-        problem.basis.T.multTranspose(problem.load, self.load)
+        problem.basis.T.multTranspose(problem.loads.live, self.load)
         self.load.scale(1 / self.force_unit)
         self.load_unit = 1.0
         self.springs: Floats = np.zeros(len(problem.basis.gap))

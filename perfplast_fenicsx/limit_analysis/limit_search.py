@@ -95,6 +95,7 @@ def limit_load(
     problem: Problem,
     rtol: float = 1e-4,
     solver: WorkNewton | None = None,
+    *,
     monitor: Monitor | None = None,
     on_level: Callable[[Level, Search], None] | None = None,
     search: Search | None = None,
@@ -115,7 +116,7 @@ def limit_load(
         reached: Where that run had come to.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1.
+        InputError: If ``rtol`` is not between 0 and 1, or supports move or loads are constant.
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
@@ -126,15 +127,13 @@ def limit_load(
     levels: list[Level] = []
     last, before = (reached.last, reached.before) if reached else (None, None)
     for level in () if search.ended else work_path(solver, monitor, reached):
-        search.linear_solves = first + solver.linear.solves + judge.projections
-        if not level.report.converged:
-            if not search.levelled_off:
-                search.reason = f"no further level could be solved: {level.report.reason}"
-        else:
+        if level.report.converged:
             levels.append(level)
             before, last = last, level.state
             judge(level, before)
-            search.linear_solves = first + solver.linear.solves + judge.projections
+        elif not search.levelled_off:
+            search.reason = f"no further level could be solved: {level.report.reason}"
+        search.linear_solves = first + solver.linear.solves + judge.projections
         if on_level is not None:
             on_level(level, search)
         if search.ended:
@@ -263,5 +262,5 @@ def collapse_mechanism(problem: Problem, before: State | None, last: State | Non
         v.x.array[:] = last.u.x.array
         if before is not None:
             v.x.array[:] -= before.u.x.array
-        v.x.array[:] /= float(problem.load.dot(v.x.petsc_vec))
+        v.x.array[:] /= problem.loads.alpha(v.x.petsc_vec)
     return v

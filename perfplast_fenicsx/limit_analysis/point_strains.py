@@ -16,6 +16,7 @@ from dolfinx.fem import petsc as fem_petsc
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.materials.mandel import Expr, strain, trace
 from perfplast_fenicsx.problem.integrals import assemble_force
+from perfplast_fenicsx.problem.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.problem import Problem
 
 Floats = npt.NDArray[np.float64]
@@ -57,9 +58,12 @@ class PointStrains:
 
     def _radii(self) -> Floats:
         problem = self._problem
+        shear = np.zeros(self._size)
+        shear[-1] = 1
+        unit = ufl.as_vector(list(map(float, shear)))
         weakness = fem.Function(problem.Q)
-        points = interpolation_points(problem.Q.element)
-        weakness.interpolate(fem.Expression(1 / problem.moduli.yield_radius, points))
+        ratio = LawExpression(problem.laws, problem.Q, lambda on: on.law.yield_ratio(unit))
+        ratio.interpolate(weakness)
         values = weakness.x.array[: self.count]
         radii = np.full(self.count, np.inf)
         np.divide(1.0, values, out=radii, where=values > 0)

@@ -1,6 +1,10 @@
 from .elastic import Elastic as Elastic
+from .elastic import ElasticLaw as ElasticLaw
+from .isotropic_elasticity import IsotropicElasticity as IsotropicElasticity
+from .law import Law as Law
+from .law import Material as Material
 from .laws import MATERIALS as MATERIALS
-from .laws import Material as Material
+from .mandel import Expr as Expr
 from .mandel import deviator as deviator
 from .mandel import mandel_size as mandel_size
 from .mandel import spherical as spherical
@@ -8,3 +12,4 @@ from .mandel import strain as strain
 from .mandel import tensor as tensor
 from .mandel import trace as trace
 from .von_mises import VonMises as VonMises
+from .von_mises import VonMisesLaw as VonMisesLaw

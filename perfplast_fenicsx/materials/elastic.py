@@ -1,9 +1,71 @@
 """Linear elasticity."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
+
+import ufl
 
 from perfplast_fenicsx.errors import InputError, check_magnitude
+from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
+from perfplast_fenicsx.materials.law import Law, Old
+from perfplast_fenicsx.materials.mandel import Expr
+
+
+@dataclass(frozen=True)
+class ElasticLaw(Law):
+    """Hooke's law: Σ(e) = Ce; see :class:`Law` for the methods.
+
+    Args:
+        bulk: κ (stress).
+        shear: μ (stress).
+    """
+
+    bulk: Expr
+    shear: Expr
+    projects: ClassVar[bool] = True
+
+    @property
+    def elastic(self) -> IsotropicElasticity:
+        """C."""
+        return IsotropicElasticity(self.bulk, self.shear)
+
+    def stress(self, e: Expr, old: Old) -> Expr:
+        """C e."""
+        return self.elastic.hooke(e)
+
+    def potential(self, e: Expr, old: Old) -> Expr:
+        """½ e:Ce."""
+        return ufl.dot(self.elastic.hooke(e), e) / 2
+
+    def conjugate(self, s: Expr, old: Old) -> Expr:
+        """½ s:C⁻¹s."""
+        return ufl.dot(self.elastic.compliance(s), s) / 2
+
+    def plastic(self, e: Expr, old: Old) -> Expr:
+        """0."""
+        return ufl.as_ufl(0)
+
+    def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
+        """Nothing: the tangent is C."""
+        return {}
+
+    def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
+        """C d."""
+        return self.elastic.hooke(d)
+
+    def yield_ratio(self, s: Expr) -> Expr:
+        """0."""
+        return ufl.as_ufl(0)
+
+    def dissipation(self, rate: Expr) -> Expr:
+        """0, the power of no rate at all."""
+        return ufl.as_ufl(0)
+
+    def inadmissible(self, rate: Expr) -> Expr:
+        """All of it."""
+        return rate
 
 
 @dataclass(frozen=True)
@@ -17,6 +79,8 @@ class Elastic:
     Raises:
         InputError: If a number is out of its range.
     """
+
+    law: ClassVar[type[ElasticLaw]] = ElasticLaw
 
     young: float
     poisson: float
@@ -39,10 +103,9 @@ class Elastic:
         """μ = E / (2(1 + ν))."""
         return self.young / (2 * (1 + self.poisson))
 
-    @property
-    def yield_radius(self) -> float:
-        """γ = ∞: never yields."""
-        return math.inf
+    def parameters(self) -> dict[str, float]:
+        """κ and μ of :class:`ElasticLaw`."""
+        return {"bulk": self.bulk, "shear": self.shear}
 
 
 def require_positive(field: str, value: float) -> None:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
-from xml.etree import ElementTree
 
 import h5py
 import numpy as np
@@ -20,7 +19,21 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.scene import NamedScene, Scene, read_scene
-from perfplast_fenicsx.io.results.xdmf import BODY, GEOMETRY, SURFACE_TAGS, SURFACES, TOPOLOGY
+from perfplast_fenicsx.io.results.result_files import (
+    BODY,
+    CELL_DATA,
+    CONNECTIVITY,
+    EARLIER,
+    FIELD_DATA,
+    MECHANISM,
+    MESH,
+    OFFSETS,
+    POINT_DATA,
+    POINTS,
+    SERIES,
+    SURFACE_TAGS,
+    SURFACES,
+)
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.surface_of_arrays import Skin, make_skin
 from perfplast_fenicsx.problem.state import LevelReport
@@ -28,10 +41,9 @@ from perfplast_fenicsx.problem.state import LevelReport
 Floats = npt.NDArray[np.float64]
 T = TypeVar("T")
 
-SAME = 1e-9
-"""Relative difference of the time of fields and what a level prescribes, which is rounding."""
-
-NODAL, CELLWISE = ("displacement", "contact_pressure"), ("yield_ratio",)
+DISPLACEMENT, PRESSURE = f"{POINT_DATA}/displacement", f"{POINT_DATA}/contact_pressure"
+YIELD_RATIO, LEVEL = f"{CELL_DATA}/yield_ratio", f"{FIELD_DATA}/level"
+VELOCITY, DISSIPATION = f"{POINT_DATA}/mechanism", f"{CELL_DATA}/dissipation"
 
 
 @dataclass(frozen=True)
@@ -50,12 +62,12 @@ class StoredLevel:
     Attributes:
         number: From 1.
         report: Its row of ``path.csv``.
-        places: Of its fields, as ``FILE:/ARRAY``, by name.
+        file: With its fields, in the result folder.
     """
 
     number: int
     report: LevelReport
-    places: dict[str, str]
+    file: str
 
 
 class ResultReader:
@@ -71,6 +83,12 @@ class ResultReader:
         if not self.path.is_dir():
             what = "is not a folder" if self.path.exists() else "does not exist"
             raise InputError(f"the result folder '{path}' {what}; give the DIR of perfplast run.")
+        for name in EARLIER:
+            if (self.path / name).exists():
+                raise InputError(
+                    f"the folder '{path}' has {name}, so its results are of an earlier version,"
+                    " which this one does not read; run the case again."
+                )
         for name in ("summary.json", "path.csv", "scene.json"):
             if not (self.path / name).is_file():
                 raise InputError(
@@ -110,21 +128,20 @@ class ResultReader:
     @cached_property
     def levels(self) -> list[StoredLevel]:
         """The levels whose fields are on file; none where no fields were written."""
-        if not (self.path / "fields.xdmf").exists():
+        if not (self.path / SERIES).exists():
             return []
-        wanted = {*NODAL, *CELLWISE}
-        series = [(at, a) for at, a in self._series("fields.xdmf") if wanted <= set(a)]
 
-        def matched(key: str) -> list[StoredLevel]:
-            """The levels where ``key``, ζ or α, is the time of the fields."""
-            return [
-                StoredLevel(number, report, places)
-                for number, report in enumerate(self.reports, start=1)
-                for at, places in series
-                if report.converged and abs(at - getattr(report, key)) <= SAME * abs(at)
-            ]
+        def files(path: Path) -> list[str]:
+            table = json.loads(path.read_text(encoding="utf-8"))
+            return [entry["name"] for entry in table["files"]]
 
-        return max(map(matched, ("zeta", "alpha")), key=len)
+        names = self._read(SERIES, files)
+        numbers = [int(self._arrays(name, LEVEL)[0][0]) for name in names]
+        return [  # a level is on file before it is in path.csv
+            StoredLevel(number, self.reports[number - 1], name)
+            for number, name in zip(numbers, names, strict=True)
+            if number <= len(self.reports)
+        ]
 
     @cached_property
     def gdim(self) -> int:
@@ -133,10 +150,13 @@ class ResultReader:
 
     def surface(self, level: StoredLevel) -> Surface:
         """The skin with the fields of a level."""
-        places = level.places
-        at_points = {name: self._nodal(self._array(places[name])) for name in NODAL}
-        at_cells = {name: self._cellwise(self._array(places[name])) for name in CELLWISE}
-        return dataclasses.replace(self._skin.surface, at_points=at_points, at_cells=at_cells)
+        skin = self._skin
+        u, pressure, ratio = self._arrays(level.file, DISPLACEMENT, PRESSURE, YIELD_RATIO)
+        return dataclasses.replace(
+            skin.surface,
+            at_points={"displacement": u[skin.nodes], "contact_pressure": pressure[skin.nodes]},
+            at_cells={"yield_ratio": ratio[skin.cells]},
+        )
 
     def mechanism(self, surface: Surface) -> tuple[Surface, float] | None:
         """The collapse mechanism, where the limit load has been found.
@@ -148,47 +168,30 @@ class ResultReader:
             The skin with the velocity as ``displacement`` and the ``dissipation``, and the largest
             dissipation of all cells; None where there is no mechanism.
         """
-        if self.limit is None or not (self.path / "mechanism.xdmf").exists():
+        if self.limit is None or not (self.path / MECHANISM).exists():
             return None
-        (_, places), *_ = self._series("mechanism.xdmf") or [(0.0, {})]
-        work = self._array(places["dissipation"])
-        at_cells = surface.at_cells | {"dissipation": self._cellwise(work)}
-        at_points = surface.at_points | {
-            "displacement": self._nodal(self._array(places["mechanism"]))
-        }
+        velocity, work = self._arrays(MECHANISM, VELOCITY, DISSIPATION)
+        at_cells = surface.at_cells | {"dissipation": work[self._skin.cells]}
+        at_points = surface.at_points | {"displacement": velocity[self._skin.nodes]}
         found = dataclasses.replace(surface, at_points=at_points, at_cells=at_cells)
         return found, float(work.max(initial=0.0))
 
     @cached_property
     def _skin(self) -> Skin:
         """The skin without fields."""
+        names = (POINTS, CONNECTIVITY, OFFSETS, BODY, SURFACES, SURFACE_TAGS)
+        points, corners, offsets, body, facets, tags = self._arrays(MESH, *names)
+        cells = corners.reshape(len(offsets) - 1, -1)  # all have as many nodes
+        return make_skin(points, cells, body, facets, tags, self.named)
 
-        def read(path: Path) -> Skin:
+    def _arrays(self, name: str, *places: str) -> list[npt.NDArray[Any]]:
+        """Arrays of a VTKHDF file."""
+
+        def read(path: Path) -> list[npt.NDArray[Any]]:
             with h5py.File(path, locking=False) as file:
-                x, cells, body = file[GEOMETRY][:], file[TOPOLOGY][:], file[BODY][:].ravel()
-                facets, tags = file[SURFACES][:], file[SURFACE_TAGS][:].ravel()
-            return make_skin(x, cells, body, facets, tags, self.named)
+                return [np.asarray(file[place]) for place in places]
 
-        return self._read("fields.h5", read)
-
-    def _array(self, place: str) -> Floats:
-        """The array that an XDMF file names."""
-        file_, _, name = place.partition(":")
-
-        def read(path: Path) -> Floats:
-            with h5py.File(path, locking=False) as file:
-                return np.asarray(file[name], dtype=np.float64)
-
-        return self._read(file_, read)
-
-    def _nodal(self, values: Any) -> Floats:
-        """Values at the skin's points, shape (num_points,) or (num_points, 3)."""
-        array = np.asarray(values, dtype=np.float64)[self._skin.nodes]
-        return array[:, 0] if array.shape[1] == 1 else array
-
-    def _cellwise(self, values: Any) -> Floats:
-        """Values of the cells below the skin's triangles."""
-        return np.asarray(values, dtype=np.float64).ravel()[self._skin.cells]
+        return self._read(name, read)
 
     def _json(self, name: str) -> dict[str, Any]:
         def load(path: Path) -> dict[str, Any]:
@@ -198,23 +201,6 @@ class ResultReader:
             return table
 
         return self._read(name, load)
-
-    def _series(self, name: str) -> list[tuple[float, dict[str, str]]]:
-        """Times of an XDMF file, rising, each with the places of its fields."""
-
-        def read(path: Path) -> list[tuple[float, dict[str, str]]]:
-            found: dict[float, dict[str, str]] = {}
-            for grid in ElementTree.parse(path).iter("Grid"):
-                at = grid.find("Time")
-                for attribute in grid.findall("Attribute") if at is not None else []:
-                    item = attribute.find("DataItem")
-                    assert at is not None
-                    assert item is not None
-                    fields = found.setdefault(float(at.attrib["Value"]), {})
-                    fields[attribute.attrib["Name"]] = (item.text or "").strip()
-            return sorted(found.items())
-
-        return self._read(name, read)
 
     def _read(self, name: str, read: Callable[[Path], T]) -> T:
         """The content of a file.
@@ -226,7 +212,7 @@ class ResultReader:
             return read(self.path / name)
         except InputError:
             raise
-        except (OSError, KeyError, ValueError, RuntimeError, ElementTree.ParseError) as error:
+        except (OSError, KeyError, TypeError, ValueError, RuntimeError) as error:
             reason = str(error).strip("'\"").split("\n")[0]
             raise InputError(
                 f"'{self.path / name}' cannot be read ({reason}); run the case again."

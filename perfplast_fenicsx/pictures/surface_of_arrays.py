@@ -1,4 +1,4 @@
-"""The skin of bodies whose mesh is given by arrays, as in ``fields.h5``. Single-process."""
+"""The skin of bodies whose mesh is given by arrays, as it is on file. Single-process."""
 
 from dataclasses import dataclass
 from itertools import combinations

@@ -1,10 +1,13 @@
 from .certificate import Certificate as Certificate
 from .certificate import certify as certify
+from .law_on_cells import LawOnCells as LawOnCells
+from .load_case import LoadCase as LoadCase
 from .loads import LOADS as LOADS
 from .loads import BodyForce as BodyForce
 from .loads import Load as Load
 from .loads import Pressure as Pressure
 from .loads import Traction as Traction
+from .prescribed import Prescribed as Prescribed
 from .problem import Problem as Problem
 from .quadrature_fields import Integral as Integral
 from .state import Iteration as Iteration

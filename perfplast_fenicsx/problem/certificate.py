@@ -33,12 +33,13 @@ class Certificate:
 def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certificate:
     """Judge the state that ``fields`` is at. Collective.
 
-    The dual functional of a problem with gaps is S(σ) + Σ force × gap, and inf J_ζ = −S(σ) − Σ ...
-    at the solution, so the sum of both is the duality gap. It vanishes for the solution alone.
+    The dual functional is S(σ) + Σ force × gap − ⟨reactions, u_D⟩, and inf J_ζ is minus that at the
+    solution, so the sum of both is the duality gap. It vanishes for the solution alone. Gaps are
+    those of the basis, which what u_D closes is taken from.
     """
     comm, basis = problem.comm, problem.basis
     residual = fields.assemble_force().copy()
-    residual.axpy(-zeta, problem.load)
+    problem.loads.subtract_from(residual, zeta)
     r = residual.duplicate()
     basis.T.multTranspose(residual, r)
     y = r.duplicate()
@@ -48,12 +49,13 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     room = basis.gap - y.array_r[basis.index]
     slack = comm.allreduce(float(np.dot(forces, room)))
     resisted = comm.allreduce(float(np.dot(forces, basis.gap)))
-    energy = fields.potential() - zeta * problem.load.dot(fields.u.x.petsc_vec)
-    dual = fields.stress_norm2() / 2 + resisted
-    scale = max(abs(energy), 1e-300)
+    energy = fields.potential() - problem.loads.work(fields.u.x.petsc_vec, zeta)
+    moved = _moved(problem, fields)
+    dual = fields.conjugate() + resisted - moved.work
+    scale = max(abs(energy) + abs(moved.work), 1e-300)
     free = r.copy()
     free.array[basis.index] = 0
-    norm = max(abs(zeta) * problem.load.norm(), 1e-300)
+    norm = max(problem.loads.norm(zeta), moved.norm, 1e-300)
     certificate = Certificate(
         forces,
         max_penetration=comm.allreduce(max(0.0, float((-room).max(initial=0))), MPI.MAX),
@@ -75,12 +77,32 @@ def contact_forces(problem: Problem, stress: fem.Function, zeta: float) -> npt.N
     """
     residual, r = problem.create_vector(), problem.create_vector()
     assemble_force(residual, fem.form(problem.internal_form(stress)), problem.bcs)
-    residual.axpy(-zeta, problem.load)
+    problem.loads.subtract_from(residual, zeta)
     problem.basis.T.multTranspose(residual, r)
     forces = -r.array_r[problem.basis.index]
     for vector in (residual, r):
         vector.destroy()
     return forces
+
+
+@dataclass(frozen=True)
+class _Moved:
+    """What supports that move do: their work on u_D, and the norm of all nodal forces."""
+
+    work: float
+    norm: float
+
+
+def _moved(problem: Problem, fields: QuadratureFields) -> _Moved:
+    """⟨σ, ε(ũ_D)⟩ with ũ_D zero at all other unknowns, and so no work of loads. Collective."""
+    if not problem.moves_supports:
+        return _Moved(0.0, 0.0)
+    forces = problem.create_vector()
+    assemble_force(forces, fem.form(problem.internal_form(fields.stress)), [])
+    u = problem.prescribed.ravel()[: forces.getLocalSize()]
+    moved = _Moved(problem.comm.allreduce(float(forces.array_r @ u)), float(forces.norm()))
+    forces.destroy()
+    return moved
 
 
 def _smallest(comm: MPI.Intracomm, forces: npt.NDArray[np.float64]) -> float:

@@ -1,32 +1,40 @@
 """The discrete problem: spaces, supports, loads, contact and forms. It declares, never solves.
 
-(P)_ζ   minimise J_ζ(v) = Ψ(ε(v)) − ζ L(v) over K_h = {v : (v_a − v_b)·n ≤ g at contact nodes}
+(P)_ζ   minimise J_ζ(v) = Ψ(ε(v)) − L₀(v) − ζL₁(v) over K_h: v = u_D at supports,
+        (v_a − v_b)·n ≤ g at contact nodes
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
 
+from perfplast_fenicsx.arrays import PairFlags
+from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.formulations import find_constraints
 from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
-from perfplast_fenicsx.contact.node_pairs import ContactPairs, find_pairs
 from perfplast_fenicsx.contact.obstacles import Obstacle
-from perfplast_fenicsx.contact.rigid_motions import check_rigidity, first_closed
+from perfplast_fenicsx.contact.rigid_motions import RigidMotions
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.materials.laws import Material
+from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.mandel import strain
-from perfplast_fenicsx.materials.von_mises import Moduli, tangent
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.law_on_cells import lay_out
+from perfplast_fenicsx.problem.load_case import LoadCase
 from perfplast_fenicsx.problem.loads import Load
-from perfplast_fenicsx.problem.spaces import make_spaces
+from perfplast_fenicsx.problem.prescribed_displacement import (
+    check_moved_surfaces,
+    known_displacements,
+)
+from perfplast_fenicsx.problem.spaces import make_spaces, space_at_points
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.problem.work_form import work_form
 from perfplast_fenicsx.profiling import phase
@@ -45,15 +53,18 @@ class Problem:
         cells: All cells of this rank, ghosts too; what is interpolated often names them, since
             DOLFINx makes such an array each time and leaves it to Python's cyclic collector.
         bodies: Connected components and their rigid motions.
-        moduli: κ, μ as functions of Q, and γ in terms of one.
-        bcs: Homogeneous supports.
+        laws: The material laws, each on the cells of its bodies.
+        bcs: Supports, homogeneous as those of increments are.
+        fixed: Supported components of each local node, ghosts too, shape (num_nodes, gdim).
+        prescribed: u_D, the displacement of these components (length), 0 elsewhere.
+        moves_supports: Whether u_D is anything but 0.
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
         has_gaps: Whether any pair is open at first.
-        pairs: The contact inequalities hosted by this rank.
-        first_closed: Pairs hosted by this rank that are closed at first, shape (num_pairs,).
-        basis: Basis in which contact is a bound.
-        load: L as a vector in V's dual, zero at supported unknowns (ghosts summed).
+        constraints: The contact inequalities B u ≤ g, a row for each contact pair.
+        first_active: Pairs that an active set begins with, so that no body is free to move.
+        basis: Basis in which contact is a bound: what u_D closes of a gap is taken from it.
+        loads: L₀ and L₁.
     """
 
     def __init__(
@@ -70,9 +81,9 @@ class Problem:
 
         Args:
             assembly: Mesh with named volumes and surfaces.
-            materials: Law of each volume.
-            supports: Where the displacement is zero.
-            loads: What L(v) is the work of.
+            materials: Of each volume, anything that is a :class:`Material`.
+            supports: Where the displacement is known.
+            loads: What L₁(v) is the work of.
             contacts: Pairs of surfaces that cannot penetrate each other.
             obstacles: Rigid bodies that surfaces cannot penetrate.
             degree: 1 for linear displacements, as in the paper, or 2 for quadratic ones, which do
@@ -89,10 +100,10 @@ class Problem:
         index_map = topology.index_map(topology.dim)
         self.cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         self.bodies: Bodies = find_bodies(self.V)
-        self.moduli = self._moduli(materials)
-        self.bcs, self.fixed = self._supports(supports)
+        self.laws = lay_out(assembly, spaces, materials)
+        self.bcs = self._supports(supports)
         self._contact(contacts, obstacles)
-        self.load: PETSc.Vec = self._load(loads)
+        self.loads = self._loads(loads)
 
     def __repr__(self) -> str:
         topology = self.tagged_mesh.mesh.topology
@@ -112,81 +123,70 @@ class Problem:
         """Displacement unknowns on all ranks together, supported ones included."""
         return self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
 
+    def space_at_points(self, shape: tuple[int, ...]) -> fem.FunctionSpace:
+        """Functions of a shape at the quadrature points; Q or S if they are that. Collective."""
+        for space in (self.Q, self.S):
+            if space.value_shape == shape:
+                return space
+        return space_at_points(self.tagged_mesh.mesh, self.degree, shape)
+
+    @property
+    def history(self) -> dict[str, fem.Function]:
+        """The internal variables of all laws by name, at the points; {} for Hencky's laws.
+
+        Solvers read them as they were after the last accepted level
+        (:meth:`quadrature_fields.QuadratureFields.accept`).
+        """
+        return {name: function for on in self.laws for name, function in on.old.items()}
+
     def create_vector(self) -> PETSc.Vec:
         """A vector of zeros with an entry for each displacement unknown. Collective."""
-        vector = self.load.duplicate()
+        vector = self.loads.live.duplicate()
         vector.set(0)
         return vector
-
-    def tangent_form(self, a: fem.Function, normal: fem.Function) -> ufl.Form:
-        """⟨Σ^{o,ρ} ε(u), ε(v)⟩ from the tangent data a, N of :class:`von_mises.Moduli`."""
-        e, d = strain(ufl.TrialFunction(self.V)), strain(ufl.TestFunction(self.V))
-        return ufl.dot(tangent(self.moduli.bulk, a, normal, e), d) * self.dx
 
     def internal_form(self, stress: fem.Function) -> ufl.Form:
         """⟨σ, ε(v)⟩."""
         return ufl.dot(stress, strain(ufl.TestFunction(self.V))) * self.dx
 
-    def _moduli(self, materials: Mapping[str, Material]) -> Moduli:
-        assembly = self.tagged_mesh
-        for name in materials:
-            assembly.cells(name)
-        missing = sorted(set(assembly.volumes) - set(materials))
-        if missing:
-            raise InputError(
-                f"volume '{missing[0]}' has no material; add one for it (this mesh has the volumes"
-                f" {', '.join(sorted(assembly.volumes))})."
-            )
-        # 1/γ and not γ, since ∞ of elastic bodies times a shape function's 0 would not be 0
-        bulk, shear, weakness = (fem.Function(self.Q) for _ in range(3))
-        for name, material in materials.items():
-            points = self.Q.dofmap.list[assembly.cells(name)].ravel()
-            bulk.x.array[points] = material.bulk
-            shear.x.array[points] = material.shear
-            weakness.x.array[points] = 1 / material.yield_radius
-        return Moduli(bulk, shear, 1 / weakness)
-
-    def _supports(
-        self, supports: Sequence[Support]
-    ) -> tuple[list[fem.DirichletBC], npt.NDArray[np.bool_]]:
-        mesh, V = self.tagged_mesh.mesh, self.V
-        fdim, gdim = mesh.topology.dim - 1, mesh.geometry.dim
-        index_map = V.dofmap.index_map
-        fixed = np.zeros((index_map.size_local + index_map.num_ghosts, gdim), dtype=bool)
-        for support in supports:
-            nodes = fem.locate_dofs_topological(V, fdim, self.tagged_mesh.facets(support.on))
-            for axis in support.axes(gdim):
-                fixed[nodes, axis] = True
-        zero = default_scalar_type(0)
-        bcs = [
-            fem.dirichletbc(zero, np.flatnonzero(fixed[:, i]).astype(np.int32) * gdim + i, V.sub(i))
-            for i in range(gdim)
-        ]
-        return bcs, fixed
+    def _supports(self, supports: Sequence[Support]) -> list[fem.DirichletBC]:
+        V, gdim, zero = self.V, self.tagged_mesh.mesh.geometry.dim, default_scalar_type(0)
+        self.fixed, self.prescribed = known_displacements(V, self.tagged_mesh, supports)
+        self.moves_supports: bool = self.comm.allreduce(bool(self.prescribed.any()), MPI.LOR)
+        nodes = [np.flatnonzero(self.fixed[:, i]).astype(np.int32) for i in range(gdim)]
+        return [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
 
     @phase("contact set-up")
     def _contact(self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
-        V, bodies, fixed = self.V, self.bodies, self.fixed
-        self.pairs: ContactPairs = find_pairs(
-            V, self.tagged_mesh, bodies, contacts, obstacles, fixed
-        )
+        V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
+        self.constraints: Constraints = find_constraints(V, tagged_mesh, contacts, obstacles, fixed)
         touching = {a.primary for a in contacts} | {a.secondary for a in contacts}
         touching |= {obstacle.on for obstacle in obstacles}
-        self.contact_tags = tuple(sorted(self.tagged_mesh.surfaces[name] for name in touching))
-        self.num_pairs: int = self.comm.allreduce(len(self.pairs.host))
-        self.has_gaps: bool = self.comm.allreduce(bool((self.pairs.gap > 0).any()), MPI.LOR)
-        check_rigidity(V, bodies, fixed, self.pairs)
-        self.first_closed = first_closed(V, bodies, fixed, self.pairs)
-        self.basis: JumpBasis = make_basis(V, self.pairs)
+        self.contact_tags = tuple(sorted(tagged_mesh.surfaces[name] for name in touching))
+        self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
+        self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
+        motions = RigidMotions(V, self.bodies, fixed, self.constraints)
+        motions.check()
+        self.first_active: PairFlags = motions.first_active()
+        self.basis: JumpBasis = make_basis(V, self.constraints, fixed)
+        if self.moves_supports:
+            known = (self.constraints, fixed, self.prescribed)
+            check_moved_surfaces(V, tagged_mesh, sorted(touching), *known)
+            u = fem.Function(V)
+            u.x.array[:] = self.prescribed.ravel()
+            closed = self.constraints.jumps(u.x.petsc_vec)
+            self.basis = replace(self.basis, gap=self.basis.gap - closed)
 
-    def _load(self, loads: Sequence[Load]) -> PETSc.Vec:
+    def _loads(self, loads: Sequence[Load]) -> LoadCase:
         form = fem.form(work_form(self.tagged_mesh, loads, ufl.TestFunction(self.V)))
-        load = fem_petsc.assemble_vector(form)
-        load.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        fem_petsc.set_bc(load, self.bcs)
-        if load.norm() == 0:
+        live = fem_petsc.assemble_vector(form)
+        live.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        fem_petsc.set_bc(live, self.bcs)
+        if live.norm() == 0:
             raise InputError(
                 "the loads do no work on any admissible displacement, so nothing can be increased;"
                 " give a load that is not zero on a surface that is free to move."
             )
-        return load
+        dead = live.duplicate()
+        dead.set(0)
+        return LoadCase(dead, live)

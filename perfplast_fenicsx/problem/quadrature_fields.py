@@ -12,6 +12,7 @@ from dolfinx import default_scalar_type, fem
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.problem.integrals import Integral, assemble_force
+from perfplast_fenicsx.problem.law_on_cells import LawExpression, OfLaw, integrate
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.spaces import by_cell
 from perfplast_fenicsx.profiling import phase
@@ -27,29 +28,37 @@ class QuadratureFields:
         stress: Σ(e).
         force: Of :meth:`assemble_force`.
         potential: Ψ(ε(u)).
+        conjugate: S(σ) of the duality gap.
         stress_norm2: ‖σ‖² in the energy norm, ∫ σ:C⁻¹σ.
         u_norm2: ‖u‖² in the energy norm, ∫ ε(u):Cε(u).
     """
 
     def __init__(self, problem: Problem) -> None:
         """Create fields that are zero, and compile what evaluates them. Collective."""
-        self.problem, law, comm, dx = problem, problem.moduli, problem.comm, problem.dx
+        self.problem, laws, comm = problem, problem.laws, problem.comm
         mesh, V, S, Q = problem.tagged_mesh.mesh, problem.V, problem.S, problem.Q
         self.u = fem.Function(V, name="displacement")
         self.e, self.stress = fem.Function(S), fem.Function(S)
         e, s = self.e, self.stress
-        points = interpolation_points(S.element)
-        self._update = [
-            (e, fem.Expression(strain(self.u), points)),
-            (s, fem.Expression(law.stress(e), points)),
-        ]
-        self.potential = Integral(comm, law.potential(e) * dx)
-        self.stress_norm2 = Integral(comm, ufl.dot(law.compliance(s), s) * dx)
-        self.u_norm2 = Integral(comm, ufl.dot(law.hooke(e), e) * dx)
-        self._plastic_volume = Integral(comm, law.plastic(e) * dx)
-        self._volume = Integral(comm, fem.Constant(mesh, default_scalar_type(1)) * dx)()
-        overstress = fem.Expression(law.overstress(e), interpolation_points(Q.element))
-        self._overstress = (fem.Function(Q), overstress)
+
+        def integral(density: OfLaw) -> Integral:
+            return Integral(comm, integrate(laws, density))
+
+        self._strain = fem.Expression(strain(self.u), interpolation_points(S.element))
+        self._stress = LawExpression(laws, S, lambda on: on.law.stress(e, on.old))
+        self.potential = integral(lambda on: on.law.potential(e, on.old))
+        self.conjugate = integral(lambda on: on.law.conjugate(s, on.old))
+        self.stress_norm2 = integral(lambda on: ufl.dot(on.law.elastic.compliance(s), s))
+        self.u_norm2 = integral(lambda on: ufl.dot(on.law.elastic.hooke(e), e))
+        self._plastic_volume = integral(lambda on: on.law.plastic(e, on.old))
+        one = fem.Constant(mesh, default_scalar_type(1))
+        self._volume = Integral(comm, one * problem.dx)()
+        self._at_points = fem.Function(Q)
+        self._plastic = LawExpression(laws, Q, lambda on: on.law.plastic(e, on.old))
+        self._overstress = LawExpression(
+            laws, Q, lambda on: on.law.yield_ratio(on.law.elastic.hooke(e))
+        )
+        self._accepted = [self._updated(name) for name in problem.history]
         self._force_form = fem.form(problem.internal_form(s))
         self._owned_cells = mesh.topology.index_map(mesh.topology.dim).size_local
         self.force: PETSc.Vec = problem.create_vector()
@@ -57,20 +66,29 @@ class QuadratureFields:
     @phase("return map")
     def update(self) -> None:
         """Bring strain and stress to u. Its ghosts must be up to date."""
-        for function, expression in self._update:
-            function.interpolate(expression, self.problem.cells)
+        self.e.interpolate(self._strain, self.problem.cells)
+        self._stress.interpolate(self.stress)
+
+    def accept(self) -> None:
+        """Bring the problem's history to this level, which the next one starts from.
+
+        There is nothing to do for Hencky's laws. Strain and stress must be up to date.
+        """
+        for _, after, expression in self._accepted:
+            expression.interpolate(after)
+        for old, after, _ in self._accepted:
+            old.x.array[:] = after.x.array
 
     def largest_overstress(self) -> float:
-        """Largest 2μ‖dev e‖/γ of all points; above 1 something is plastic. Collective."""
-        function, expression = self._overstress
-        function.interpolate(expression, self.problem.cells)
-        return self.problem.comm.allreduce(float(function.x.array.max(initial=0)), MPI.MAX)
+        """Largest yield ratio of Ce, the stress without yielding, of all points. Collective."""
+        self._overstress.interpolate(self._at_points)
+        largest = float(self._at_points.x.array.max(initial=0))
+        return self.problem.comm.allreduce(largest, MPI.MAX)
 
     def plastic_cells(self) -> int:
         """Number of cells with a plastic point. Collective."""
-        function, expression = self._overstress
-        function.interpolate(expression, self.problem.cells)
-        plastic = (by_cell(function)[: self._owned_cells] > 1).any(axis=1)
+        self._plastic.interpolate(self._at_points)
+        plastic = (by_cell(self._at_points)[: self._owned_cells] > 0).any(axis=1)
         return self.problem.comm.allreduce(int(plastic.sum()))
 
     def plastic_fraction(self) -> float:
@@ -82,3 +100,11 @@ class QuadratureFields:
         """⟨Σ(e), ε(v)⟩ as a vector, zero at supports. Collective."""
         assemble_force(self.force, self._force_form, self.problem.bcs)
         return self.force
+
+    def _updated(self, name: str) -> tuple[fem.Function, fem.Function, LawExpression]:
+        """A variable of the history, room for what it becomes, and what that is."""
+        old, e = self.problem.history[name], self.e
+        laws = [on for on in self.problem.laws if name in on.old]
+        space = old.function_space
+        after = LawExpression(laws, space, lambda on: on.law.updated(e, on.old)[name])
+        return old, fem.Function(space), after

@@ -47,22 +47,30 @@ def make_spaces(mesh: Mesh, degree: int) -> Spaces:
     if degree not in DEGREES or isinstance(degree, bool):
         raise InputError(f"degree = {degree!r} is not an element here; give 1 (linear) or 2.")
     gdim, cell = mesh.geometry.dim, mesh.basix_cell()
-    accuracy = 2 * (degree - 1)
-    if degree == 1:
-        vectors = basix.ufl.element("DG", cell, 0, shape=(mandel_size(gdim),))
-        scalars = basix.ufl.element("DG", cell, 0)
-    else:
-        shape = (mandel_size(gdim),)
-        vectors = basix.ufl.quadrature_element(cell.name, value_shape=shape, degree=accuracy)
-        scalars = basix.ufl.quadrature_element(cell.name, degree=accuracy)
-    metadata = {"quadrature_degree": accuracy, "quadrature_scheme": "default"}
+    metadata = {"quadrature_degree": _accuracy(degree), "quadrature_scheme": "default"}
     return Spaces(
         degree,
         fem.functionspace(mesh, basix.ufl.element("P", cell, degree, shape=(gdim,))),
-        fem.functionspace(mesh, vectors),
-        fem.functionspace(mesh, scalars),
+        space_at_points(mesh, degree, (mandel_size(gdim),)),
+        space_at_points(mesh, degree, ()),
         ufl.Measure("dx", domain=mesh, metadata=metadata),
     )
+
+
+def space_at_points(mesh: Mesh, degree: int, shape: tuple[int, ...]) -> fem.FunctionSpace:
+    """Values of a shape at the points of the rule that goes with a degree. Collective."""
+    cell = mesh.basix_cell()
+    if degree == 1:
+        element = basix.ufl.element("DG", cell, 0, shape=shape or None)
+    else:
+        accuracy = _accuracy(degree)
+        element = basix.ufl.quadrature_element(cell.name, value_shape=shape, degree=accuracy)
+    return fem.functionspace(mesh, element)
+
+
+def _accuracy(degree: int) -> int:
+    """Degree of the quadrature rule that integrates products of strains exactly."""
+    return 2 * (degree - 1)
 
 
 def by_cell(function: fem.Function) -> npt.NDArray[np.float64]:

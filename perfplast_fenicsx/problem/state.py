@@ -1,6 +1,6 @@
 """A state of the assembly, and what is reported of it."""
 
-import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,14 +15,17 @@ class State:
     Attributes:
         u: Displacement (length).
         zeta: Load parameter ζ.
-        alpha: Work of the loads α = L(u).
+        alpha: Work of the live loads α = L₁(u).
         active: Closed contact pairs hosted by this rank, shape (num_pairs,).
+        history: Internal variables of the laws by name, functions of the quadrature points; empty
+            where no law has any.
     """
 
     u: fem.Function
     zeta: float
     alpha: float
     active: npt.NDArray[np.bool_]
+    history: Mapping[str, fem.Function] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"State(zeta={self.zeta:.6g}, alpha={self.alpha:.6g})"
@@ -35,7 +38,7 @@ class Iteration:
     Attributes:
         number: From 1.
         zeta: Load parameter.
-        alpha: L(u) after the step.
+        alpha: L₁(u) after the step.
         energy: J_ζ(u) after the step.
         increment: Value of the chosen stopping criterion.
         beta: Step length.
@@ -45,9 +48,8 @@ class Iteration:
         active_set_iterations: Linear solves of the contact quadratic program.
         linear_iterations: Krylov iterations.
         seconds: Wall time since the level began.
-        primal: Relative primal residual (ALG2 only, as the next two).
-        dual: Relative dual residual.
-        penalty: r.
+        extra: What an algorithm has besides, by name: ALG2 the relative "primal" and "dual"
+            residual and the "penalty" r.
     """
 
     number: int
@@ -62,9 +64,7 @@ class Iteration:
     active_set_iterations: int
     linear_iterations: int
     seconds: float
-    primal: float = math.nan
-    dual: float = math.nan
-    penalty: float = math.nan
+    extra: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return (
@@ -79,7 +79,7 @@ class LevelReport:
 
     Attributes:
         zeta: Load parameter ζ.
-        alpha: Work of the loads α = L(u).
+        alpha: Work of the live loads α = L₁(u).
         converged: Whether the level was solved.
         reason: Why the iteration ended.
         newton_iterations: Newton steps.
@@ -94,10 +94,12 @@ class LevelReport:
         contact_pairs: All pairs.
         max_penetration: Largest (u_a − u_b)·n − g, at least 0 (length).
         smallest_contact_force: Of all pairs (force); negative means an adhesive one. 0 without any.
-        complementarity: Σ force × remaining gap, relative to |J_ζ|.
+        complementarity: Σ force × remaining gap, relative to the same.
         equilibrium: Norm of the forces that nothing balances (contact forces apart, which the three
-            numbers above judge), relative to that of the loads.
-        duality_gap: J_ζ(u) + S(σ) + Σ force × gap, relative to |J_ζ|.
+            numbers above judge), relative to that of the loads or, where supports move, of all
+            nodal forces if that is larger.
+        duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to |J_ζ| and, where
+            supports move, the work of their reactions.
         max_displacement: Largest nodal displacement (length).
         seconds: Wall time of the level.
     """
@@ -144,7 +146,7 @@ class Level:
 
     Attributes:
         state: What it ended with.
-        stress: σ = Σ(ε(u)), Mandel vectors (:mod:`von_mises`) at the quadrature points.
+        stress: σ = Σ(ε(u)), Mandel vectors (:mod:`mandel`) at the quadrature points.
         contact_forces: Of the pairs hosted by this rank (force), positive where the bodies push
             each other, shape (num_pairs,).
         report: What is known of it.

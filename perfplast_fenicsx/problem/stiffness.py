@@ -4,12 +4,14 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
+import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx.common import IndexMap
 from dolfinx.fem import petsc as fem_petsc
 from scipy import sparse
 
-from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.materials.mandel import strain
+from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.profiling import phase
@@ -28,12 +30,15 @@ class Stiffness:
         problem = fields.problem
         self._problem = problem
         self._rho = fem.Constant(problem.tagged_mesh.mesh, default_scalar_type(1))
-        a, normal = problem.moduli.tangent_data(fields.e, self._rho)
-        self._data = [
-            (fem.Function(space), fem.Expression(value, interpolation_points(space.element)))
-            for space, value in ((problem.Q, a), (problem.S, normal))
+        self._stored: list[tuple[fem.Function, LawExpression]] = []
+        trial, test = (
+            strain(argument(problem.V)) for argument in (ufl.TrialFunction, ufl.TestFunction)
+        )
+        terms = [
+            ufl.dot(on.law.tangent(self._store(on, fields.e), trial), test) * on.dx
+            for on in problem.laws
         ]
-        self._form = fem.form(problem.tangent_form(*(function for function, _ in self._data)))
+        self._form = fem.form(sum(terms[1:], start=terms[0]))
         self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
         self.matrix = create_stiffness(problem)
 
@@ -44,13 +49,22 @@ class Stiffness:
         Supported unknowns keep a diagonal of its mean. Collective.
         """
         self._rho.value = rho
-        for function, expression in self._data:
-            function.interpolate(expression, self._problem.cells)
+        for function, expression in self._stored:
+            expression.interpolate(function)
         self.matrix.zeroEntries()
         fem_petsc.assemble_matrix(self.matrix, self._form, self._problem.bcs)  # type: ignore[arg-type]
         self.matrix.assemble()
         self._scale_supports()
         return self.matrix
+
+    def _store(self, on: LawOnCells, e: fem.Function) -> dict[str, fem.Function]:
+        """Functions for what a law's tangent needs, of the shapes that the law gives it."""
+        problem, stored = self._problem, {}
+        for name, value in on.law.tangent_fields(e, on.old, self._rho).items():
+            space = problem.space_at_points(value.ufl_shape)
+            stored[name] = fem.Function(space, name=name)
+            self._stored.append((stored[name], LawExpression([on], space, {on: value}.__getitem__)))
+        return stored
 
     def _scale_supports(self) -> None:
         """Give supported unknowns the weight of the others, lest Krylov solvers overlook them."""

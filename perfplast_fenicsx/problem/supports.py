@@ -9,15 +9,18 @@ AXES = "xyz"
 
 @dataclass(frozen=True)
 class Support:
-    """Zero displacement of some components on a surface.
+    """Known displacement of some components on a surface.
 
     Args:
         on: Physical surface.
         components: Any of the letters x, y, z; the default holds all that the mesh has.
+        value: Their displacement (length), the same at any load factor, such as a settlement; the
+            default is none.
     """
 
     on: str
     components: str = AXES
+    value: float = 0.0
 
     def axes(self, gdim: int) -> list[int]:
         """Indices of the supported components, in a mesh of dimension ``gdim``."""

@@ -1,6 +1,8 @@
 from .augmented_lagrangian import AugmentedLagrangian as AugmentedLagrangian
 from .augmented_lagrangian import AugmentedLagrangianOptions as AugmentedLagrangianOptions
-from .load_stepping import Solver as Solver
+from .level_solver import LevelSolver as LevelSolver
+from .level_solver import Stepper as Stepper
+from .level_solver import solve_level as solve_level
 from .load_stepping import extrapolate as extrapolate
 from .load_stepping import load_path as load_path
 from .load_stepping import work_path as work_path
@@ -8,5 +10,6 @@ from .methods import METHODS as METHODS
 from .newton import Newton as Newton
 from .newton_options import Monitor as Monitor
 from .newton_options import NewtonOptions as NewtonOptions
+from .progress import Step as Step
 from .work_newton import BorderedNewton as BorderedNewton
 from .work_newton import WorkNewton as WorkNewton

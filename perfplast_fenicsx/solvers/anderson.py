@@ -1,10 +1,13 @@
 """Anderson acceleration of a fixed-point iteration for a strain field, with a safeguard."""
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from perfplast_fenicsx.problem.law_on_cells import LawExpression, OfLaw
 from perfplast_fenicsx.problem.problem import Problem
 
 Strains = npt.NDArray[np.float64]
@@ -19,6 +22,24 @@ REGULARISATION = 1e-12
 """Added to the normal equations, relative to their trace."""
 
 
+Weights = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+"""Of the spherical and the deviatoric part of the strains, at each point owned by this rank."""
+
+
+def elastic_weights(problem: Problem) -> Weights:
+    """Roots of 3κ and of 2μ, each times the volume that belongs to a point. Collective."""
+    Q = problem.Q
+    owned = Q.dofmap.index_map.size_local
+    volume = fem.assemble_vector(fem.form(ufl.TestFunction(Q) * problem.dx)).array[:owned]
+
+    def root(modulus: OfLaw) -> npt.NDArray[np.float64]:
+        at_points = fem.Function(Q)
+        LawExpression(problem.laws, Q, modulus).interpolate(at_points)
+        return np.sqrt(at_points.x.array[:owned] * volume)
+
+    return root(lambda on: 3 * on.law.elastic.bulk), root(lambda on: 2 * on.law.elastic.shear)
+
+
 class Anderson:
     """Extrapolates e ← g(e) from the last iterations, residuals measured in ‖·‖_C.
 
@@ -26,17 +47,15 @@ class Anderson:
     larger residual the plain iterate is taken and the memory cleared.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        """Tabulate the weights of the norm. Collective."""
-        self._comm = problem.comm
-        self._width = problem.S.dofmap.index_map_bs
-        self._owned = problem.S.dofmap.index_map.size_local
-        points = problem.Q.dofmap.index_map.size_local
-        form = fem.form(ufl.TestFunction(problem.Q) * problem.dx)
-        volume = fem.assemble_vector(form).array[:points]
-        moduli = problem.moduli
-        self._spherical = np.sqrt(3 * moduli.bulk.x.array[:points] * volume)[:, None]
-        self._deviatoric = np.sqrt(2 * moduli.shear.x.array[:points] * volume)[:, None]
+    def __init__(self, comm: MPI.Intracomm, weights: Weights) -> None:
+        """Take the norm.
+
+        Args:
+            comm: Ranks that share the strains.
+            weights: Of ‖·‖_C (:func:`elastic_weights`).
+        """
+        self._comm = comm
+        self._spherical, self._deviatoric = (values[:, None] for values in weights)
         self._images: list[Strains] = []
         self._residuals: list[Strains] = []
         self._smallest = np.inf
@@ -69,7 +88,8 @@ class Anderson:
         image.x.scatter_forward()
 
     def _values(self, strain: fem.Function) -> Strains:
-        return strain.x.array[: self._owned * self._width].reshape(-1, self._width)
+        width = strain.function_space.dofmap.index_map_bs
+        return strain.x.array[: len(self._spherical) * width].reshape(-1, width)
 
     def _weigh(self, strains: Strains) -> Strains:
         """Coordinates in which ‖·‖_C is the Euclidean norm."""

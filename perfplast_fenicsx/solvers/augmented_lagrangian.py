@@ -11,27 +11,28 @@ whole run: its multigrid hierarchy or factorisation is kept until the active set
 the right-hand sides alone. Since σ^k = Σ(e^k), an iteration is a map of e^k alone.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 
-from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, check_choice, check_end
+from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.problem.integrals import Integral, assemble_force
+from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells, OfLaw, integrate
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.quadrature_fields import Integral, assemble_force
-from perfplast_fenicsx.problem.state import Level, State
-from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
-from perfplast_fenicsx.solvers.anderson import Anderson
-from perfplast_fenicsx.solvers.iterate import Iterate
-from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
-from perfplast_fenicsx.solvers.newton import BEYOND, above_limit
-from perfplast_fenicsx.solvers.newton_options import Monitor, check_choice, check_end, check_finite
-from perfplast_fenicsx.solvers.progress import Progress
+from perfplast_fenicsx.problem.state import Iteration, State
+from perfplast_fenicsx.solvers.anderson import Anderson, elastic_weights
+from perfplast_fenicsx.solvers.level_solver import LevelSolver
+from perfplast_fenicsx.solvers.progress import Step
+from perfplast_fenicsx.solvers.verdicts import BEYOND, above_limit
 
 LINEAR_TOLERANCE = 1e-3
 """Relative tolerance of each linear solve, whose right-hand side is the remaining residual."""
@@ -85,125 +86,122 @@ class AugmentedLagrangianOptions:
         check_end(self.tolerance, self.max_iterations)
 
 
-class AugmentedLagrangian:
-    """ALG2 for one problem.
-
-    Attributes:
-        problem: What is solved.
-        options: How.
-        linear: The linear solver and its counts.
-    """
+class AugmentedLagrangian(LevelSolver):
+    """ALG2, which prescribes ζ. A state to begin with is taken with e = ε(u)."""
 
     method = "augmented-lagrangian"
-    control = "load"
+    prescribes = Prescribed.LOAD_FACTOR
+    steps_called = "iterations"
 
     def __init__(self, problem: Problem, options: AugmentedLagrangianOptions | None = None) -> None:
-        """Compile the forms and create the solvers. Collective."""
-        self.problem = problem
-        self.options = options or AugmentedLagrangianOptions()
-        self._iterate = Iterate(problem)
-        self.linear = LinearSolver(problem)
-        self._program = ContactProgram(problem, self.linear)
-        self._program.set_operator(self._iterate.operator(rho=1.0))
+        """Compile the forms and create the solvers. Collective.
 
-        law, mesh, S = problem.moduli, problem.tagged_mesh.mesh, problem.S
-        dx, comm = problem.dx, problem.comm
+        Raises:
+            InputError: If a law is no projection on a yield set.
+        """
+        for on in problem.laws:
+            if not on.law.projects:
+                raise InputError(
+                    f"{type(on.law).__name__} is no projection on a yield set, which ALG2"
+                    f' (method = "{self.method}") is built on; take method = "newton".'
+                )
+        self.options = options or AugmentedLagrangianOptions()
+        criterion = "primal and dual residual met"
+        super().__init__(problem, self.options.max_iterations, criterion)
+        self.program.set_operator(self.iterate.operator(rho=1.0))
+        self._first_work = 0.0
+
+        mesh, S, comm = problem.tagged_mesh.mesh, problem.S, problem.comm
         self._q, self._next_q = fem.Function(S), fem.Function(S)
         self._sigma, self._trial = fem.Function(S), fem.Function(S)
         self._r = fem.Constant(mesh, default_scalar_type(1))
         self._theta = fem.Constant(mesh, default_scalar_type(self.options.relaxation))
-        e, q, sigma, r = self._iterate.fields.e, self._q, self._sigma, self._r
-
-        def on_cells(expression: ufl.core.expr.Expr) -> fem.Expression:
-            return fem.Expression(expression, interpolation_points(S.element))
+        e, q, sigma, r = self.iterate.fields.e, self._q, self._sigma, self._r
 
         relaxed = self._theta * e + (1 - self._theta) * q
-        omega = (law.compliance(sigma) + r * relaxed) / (1 + r)
-        self._step_2 = on_cells(((1 + r) * omega - law.compliance(law.stress(omega))) / r)
-        self._step_3 = on_cells(law.stress(q))
-        self._augmented = on_cells(sigma + r * law.hooke(e - q))
+
+        def step_2(on: LawOnCells) -> Expr:
+            compliance = on.law.elastic.compliance
+            omega = (compliance(sigma) + r * relaxed) / (1 + r)
+            return ((1 + r) * omega - compliance(on.law.stress(omega, on.old))) / r
+
+        def at_points(value: OfLaw) -> LawExpression:
+            return LawExpression(problem.laws, S, value)
+
+        self._step_2 = at_points(step_2)
+        self._step_3 = at_points(lambda on: on.law.stress(q, on.old))
+        self._augmented = at_points(lambda on: sigma + r * on.law.elastic.hooke(e - q))
         self._force_form = fem.form(problem.internal_form(self._trial))
         self._force = problem.create_vector()
         self._gradient = problem.create_vector()
 
-        def norm2(strain: ufl.core.expr.Expr) -> Integral:
-            return Integral(comm, ufl.dot(law.hooke(strain), strain) * dx)
+        def integral(density: OfLaw) -> Integral:
+            return Integral(comm, integrate(problem.laws, density))
+
+        def norm2(strain: Expr) -> Integral:
+            return integral(lambda on: ufl.dot(on.law.elastic.hooke(strain), strain))
 
         self._primal2, self._strain2 = norm2(e - self._next_q), norm2(e)
         self._dual2 = norm2(self._next_q - q)
-        self._stress2 = Integral(comm, ufl.dot(law.compliance(sigma), sigma) * dx)
-        self._anderson = Anderson(problem)
+        self._stress2 = integral(lambda on: ufl.dot(on.law.elastic.compliance(sigma), sigma))
+        self._anderson = Anderson(comm, elastic_weights(problem))
 
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.problem!r})"
-
-    def solve(
-        self, zeta: float, start: State | None = None, monitor: Monitor | None = None
-    ) -> Level:
-        """Solve (P)_ζ. Collective.
-
-        Args:
-            zeta: Load parameter, at least 0.
-            start: State to begin with, with e = ε(u); None for zero.
-            monitor: Called on every rank after each iteration.
-
-        Returns:
-            The level. Where it has not converged its report says why, and its state is the last
-            iterate, which is not a solution.
-
-        Raises:
-            InputError: If ζ is not finite.
-        """
-        check_finite("zeta", zeta)
-        options, iterate = self.options, self._iterate
-        active = iterate.begin(start)
+    def begin(self, value: float, start: State | None) -> tuple[float, npt.NDArray[np.bool_]]:
+        """Go to the state, in K_h, with e = ε(u), σ = Σ(e) and the first penalty."""
+        options, active = self.options, self.iterate.begin(start)
         self._r.value = FIRST_PENALTY if options.penalty == "adaptive" else options.penalty
-        self._q.x.array[:] = iterate.fields.e.x.array
-        self._sigma.interpolate(self._step_3, self.problem.cells)
+        self._q.x.array[:] = self.iterate.fields.e.x.array
+        self._step_3.interpolate(self._sigma)
         self._anderson.restart()
-        progress = Progress(iterate, self.linear, monitor)
-        history = progress.history
-        while len(history) < options.max_iterations:
-            try:
-                step = self._program.solve(
-                    self._step_1_gradient(zeta), iterate.room(), active, LINEAR_TOLERANCE
-                )
-            except LinearFailure as failure:
-                return progress.level(zeta, active, False, str(failure))
-            active = step.active
-            iterate.aim(step.delta)
-            iterate.advance(1.0)
-            self._next_q.interpolate(self._step_2, self.problem.cells)
-            primal2, dual2 = self._primal2(), self._dual2()
-            if options.acceleration == "anderson":
-                self._anderson.extrapolate(self._q, self._next_q)
-            self._q.x.array[:] = self._next_q.x.array
-            self._sigma.interpolate(self._step_3, self.problem.cells)
-            primal = _ratio(primal2, self._strain2())
-            dual = float(self._r.value) * _ratio(dual2, self._stress2())
-            progress.add(
-                zeta,
-                max(primal, dual),
-                active,
-                step.iterations,
-                primal=primal,
-                dual=dual,
-                penalty=float(self._r.value),
-            )
-            if max(primal, dual) < options.tolerance and step.settled:
-                return progress.level(zeta, active, True, "primal and dual residual met")
-            if len(history) % CHECK_EVERY == 0:
-                if iterate.descends_until(BEYOND * history[0].alpha, zeta):
-                    return progress.level(zeta, active, False, above_limit(zeta, history))
-                self._balance(primal, dual)
-        reason = f"no convergence in {options.max_iterations} iterations"
-        return progress.level(zeta, active, False, reason)
+        return value, active
+
+    def step(
+        self,
+        value: float,
+        zeta: float,
+        active: npt.NDArray[np.bool_],
+        history: Sequence[Iteration],
+    ) -> Step:
+        """Do the steps 1 to 3, with an extrapolation of e."""
+        options, iterate = self.options, self.iterate
+        if history and len(history) % CHECK_EVERY == 0:
+            self._balance(history[-1].extra["primal"], history[-1].extra["dual"])
+        gradient = self._step_1_gradient(zeta)
+        found = self.program.solve(gradient, iterate.room(), active, LINEAR_TOLERANCE)
+        iterate.aim(found.delta)
+        iterate.advance(1.0)
+        self._step_2.interpolate(self._next_q)
+        primal2, dual2 = self._primal2(), self._dual2()
+        if options.acceleration == "anderson":
+            self._anderson.extrapolate(self._q, self._next_q)
+        self._q.x.array[:] = self._next_q.x.array
+        self._step_3.interpolate(self._sigma)
+        r = float(self._r.value)
+        primal = _ratio(primal2, self._strain2())
+        dual = r * _ratio(dual2, self._stress2())
+        if not history:
+            self._first_work = iterate.total_work(zeta)
+        return Step(
+            zeta,
+            increment=max(primal, dual),
+            active=found.active,
+            active_set_iterations=found.iterations,
+            finished=max(primal, dual) < options.tolerance and found.settled,
+            extra={"primal": primal, "dual": dual, "penalty": r},
+        )
+
+    def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
+        """Whether J_ζ falls on for ever."""
+        due = len(history) % CHECK_EVERY == 0
+        if not due or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
+            return None
+        return above_limit(zeta, history)
 
     def _step_1_gradient(self, zeta: float) -> PETSc.Vec:
-        """⟨σ^k + rC(ε(u) − e^k), ε(·)⟩ − ζL over r, in the contact basis."""
-        self._trial.interpolate(self._augmented, self.problem.cells)
+        """⟨σ^k + rC(ε(u) − e^k), ε(·)⟩ − L₀ − ζL₁ over r, in jump unknowns."""
+        self._augmented.interpolate(self._trial)
         assemble_force(self._force, self._force_form, self.problem.bcs)
-        self._force.axpy(-zeta, self.problem.load)
+        self.problem.loads.subtract_from(self._force, zeta)
         self._force.scale(1 / float(self._r.value))
         self.problem.basis.T.multTranspose(self._force, self._gradient)
         return self._gradient

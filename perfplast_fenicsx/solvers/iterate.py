@@ -1,6 +1,11 @@
 """The current iterate of a Newton-like method: gradient, tangent, line search, increments.
 
 What ALG1 and the work-controlled methods do alike stands here; they differ in the step they take.
+
+Vectors with an entry for each unknown are of two kinds, both of type ``PETSc.Vec``. Those in nodal
+unknowns have names of u: displacements, their change δu (:attr:`direction.Direction.du`), forces.
+Those in jump unknowns, of the contact basis, have names of y: y = M u, and ``delta_y`` with
+δu = T δy; forces there are Tᵀ times the nodal ones.
 """
 
 from petsc4py import PETSc
@@ -30,9 +35,9 @@ class Iterate:
     """u ∈ K_h, its fields, and a direction δu.
 
     Attributes:
-        fields: Strain, stress, integrals.
-        direction: δu and the integrals along it.
-        y: u in the contact basis.
+        fields: u (nodal) with its strain, stress, integrals.
+        direction: δu (nodal) and the integrals along it.
+        y: u in jump unknowns.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -42,31 +47,35 @@ class Iterate:
         self.direction = Direction(self.fields)
         self._stiffness = Stiffness(self.fields)
         self.y = problem.create_vector()
-        self._delta = problem.create_vector()
-        self._residual = problem.create_vector()
-        self._r = problem.create_vector()
+        self._delta_y = problem.create_vector()
+        self._gradient_u = problem.create_vector()
+        self._gradient_y = problem.create_vector()
         self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
         self._operator = ContactOperator(problem, self._stiffness.matrix)
 
     def begin(self, start: State | None) -> npt.NDArray[np.bool_]:
-        """Start from a state, what penetrates being pushed back, or from zero displacement.
+        """Start from a state, or from zero displacement, in K_h: what penetrates is pushed back.
+
+        Supported unknowns get their u_D, which no direction changes.
 
         Returns:
             The active set to begin with, the state's or the problem's first one.
         """
-        basis, u = self.problem.basis, self.fields.u
+        problem, basis, u = self.problem, self.problem.basis, self.fields.u
         if start is None:
             u.x.array[:] = 0
         else:
             u.x.array[:] = start.u.x.array
+        if problem.moves_supports:
+            u.x.array[problem.fixed.ravel()] = problem.prescribed[problem.fixed]
         basis.M.mult(u.x.petsc_vec, self.y)
         jumps = self.y.array_r[basis.index]
-        if self.problem.comm.allreduce(int((jumps > basis.gap).sum())):
+        if problem.comm.allreduce(int((jumps > basis.gap).sum())):
             self.y.array[basis.index] = np.minimum(jumps, basis.gap)
             basis.T.mult(self.y, u.x.petsc_vec)
             u.x.scatter_forward()
         self.fields.update()
-        return self.problem.first_closed.copy() if start is None else start.active.copy()
+        return problem.first_active.copy() if start is None else start.active.copy()
 
     def room(self) -> npt.NDArray[np.float64]:
         """Room g − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""
@@ -75,30 +84,34 @@ class Iterate:
         return np.maximum(room, 0)
 
     def work(self) -> float:
-        """α = L(u)."""
-        return float(self.problem.load.dot(self.fields.u.x.petsc_vec))
+        """α = L₁(u)."""
+        return self.problem.loads.alpha(self.fields.u.x.petsc_vec)
+
+    def total_work(self, zeta: float) -> float:
+        """L₀(u) + ζL₁(u)."""
+        return self.problem.loads.work(self.fields.u.x.petsc_vec, zeta)
 
     def energy(self, zeta: float) -> float:
-        """J_ζ(u) = Ψ(ε(u)) − ζL(u)."""
-        return self.fields.potential() - zeta * self.work()
+        """J_ζ(u) = Ψ(ε(u)) − L₀(u) − ζL₁(u)."""
+        return self.fields.potential() - self.total_work(zeta)
 
     def gradient(self, zeta: float) -> PETSc.Vec:
-        """⟨Σ(ε(u)), ε(·)⟩ − ζL in the contact basis; valid until the next call."""
-        self.fields.assemble_force().copy(self._residual)
-        self._residual.axpy(-zeta, self.problem.load)
-        self.problem.basis.T.multTranspose(self._residual, self._r)
-        return self._r
+        """⟨Σ(ε(u)), ε(·)⟩ − L₀ − ζL₁ in jump unknowns; valid until the next call."""
+        self.fields.assemble_force().copy(self._gradient_u)
+        self.problem.loads.subtract_from(self._gradient_u, zeta)
+        self.problem.basis.T.multTranspose(self._gradient_u, self._gradient_y)
+        return self._gradient_y
 
     def operator(self, rho: float) -> ContactOperator:
-        """Σ^{o,ρ}(ε(u)) in the contact basis; valid until the next call."""
+        """Σ^{o,ρ}(ε(u)) in jump unknowns; valid until the next call."""
         self._stiffness.assemble(rho)
         return self._operator
 
-    def aim(self, delta: PETSc.Vec) -> None:
-        """Take a direction, given in the contact basis."""
-        delta.copy(self._delta)
+    def aim(self, delta_y: PETSc.Vec) -> None:
+        """Take the direction δu = T δy."""
+        delta_y.copy(self._delta_y)
         du = self.direction.du
-        self.problem.basis.T.mult(delta, du.x.petsc_vec)
+        self.problem.basis.T.mult(delta_y, du.x.petsc_vec)
         du.x.array[: self._fixed.size][self._fixed] = 0
         du.x.scatter_forward()
         self.direction.update()
@@ -111,7 +124,7 @@ class Iterate:
         or against the terms it is the difference of, that nothing is to be gained.
         """
         direction = self.direction
-        load = zeta * float(self.problem.load.dot(direction.du.x.petsc_vec))
+        load = self.problem.loads.work(direction.du.x.petsc_vec, zeta)
         size2 = self.fields.stress_norm2() * direction.du_norm2()
         noise = ROUNDING * float(np.sqrt(size2))
 
@@ -132,28 +145,28 @@ class Iterate:
             low, high = (middle, high) if here < 0 else (low, middle)
         return high
 
-    def descends_until(self, alpha: float, zeta: float) -> bool:
-        """Does J_ζ still fall along δu where the work of the loads has grown to ``alpha``?
+    def descends_until(self, work: float, zeta: float) -> bool:
+        """Does J_ζ still fall along δu where L₀ + ζL₁ has grown to ``work``?
 
-        At least ten times the work of u is looked at. J_ζ is convex, so it then falls all the way.
+        At least ten times the work on u is looked at. J_ζ is convex, so it then falls all the way.
         The ray has to stay in K_h: pairs that δu would close keep their distance instead.
         """
         direction, basis = self.direction, self.problem.basis
-        jump = self._delta.array_r[basis.index]
+        jump = self._delta_y.array_r[basis.index]
         if self.problem.comm.allreduce(int((jump > 0).sum())):
-            self._delta.array[basis.index] = np.minimum(jump, 0)
-            self.aim(self._delta)
-        work = float(self.problem.load.dot(direction.du.x.petsc_vec))
-        if work <= 0:
+            self._delta_y.array[basis.index] = np.minimum(jump, 0)
+            self.aim(self._delta_y)
+        along = self.problem.loads.work(direction.du.x.petsc_vec, zeta)
+        if along <= 0:
             return False
-        here = self.work()
-        direction.beta.value = (max(alpha, 10 * here) - here) / work
-        return direction.slope() < zeta * work
+        here = self.total_work(zeta)
+        direction.beta.value = (max(abs(work), 10 * abs(here)) - here) / along
+        return direction.slope() < along
 
     def take_step(self, beta: float, stopping: str, zeta: float = 0.0) -> float:
         """Advance by β δu and tell how large the step was by a criterion of Remark 1.
 
-        "energy" is the relative change of J_ζ; with ζ = 0, as for prescribed work, of Ψ.
+        "energy" is the relative change of J_ζ; with ζ = 0, as for prescribed work, of Ψ − L₀.
         """
         if stopping != "energy":
             increment = self.increment(stopping)
@@ -183,7 +196,7 @@ class Iterate:
         """Take the step: u ← u + β δu."""
         u = self.fields.u
         u.x.array[:] += beta * self.direction.du.x.array
-        self.y.axpy(beta, self._delta)
+        self.y.axpy(beta, self._delta_y)
         self.fields.update()
 
     def state(self, zeta: float, active: npt.NDArray[np.bool_]) -> State:

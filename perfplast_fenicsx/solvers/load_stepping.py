@@ -8,13 +8,13 @@ import logging
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level, State
+from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor
 from perfplast_fenicsx.solvers.work_newton import WorkNewton
 
@@ -54,25 +54,8 @@ class Reached:
     newton_iterations: int
 
 
-class Solver(Protocol):
-    """What the four algorithms have in common.
-
-    ``control`` tells what is prescribed: "load" (ζ: ALG1, ALG2) or "work" (α: ALG3, ALG4).
-    """
-
-    problem: Problem
-    method: str
-    control: str
-
-    def solve(
-        self, value: float, start: State | None = None, monitor: Monitor | None = None, /
-    ) -> Level:
-        """Find the state at a prescribed ζ or α."""
-        ...
-
-
 def load_path(
-    solver: Solver,
+    solver: LevelSolver,
     values: Sequence[float],
     monitor: Monitor | None = None,
     start: State | None = None,
@@ -81,7 +64,7 @@ def load_path(
 
     Args:
         solver: One of the four algorithms.
-        values: Load parameters ζ or works α, rising, as the solver's ``control`` says.
+        values: Load parameters ζ or works α, rising, as the solver prescribes.
         monitor: Called on every rank after each iteration.
         start: State to begin with; None for the unloaded one.
 
@@ -154,11 +137,14 @@ def _next_factor(reached: Reached) -> float:
 def extrapolate(
     problem: Problem, before: State | None, last: State | None, alpha: float
 ) -> State | None:
-    """The state at a work α on the line through two states (the first may be the unloaded one)."""
+    """The state at a work α on the line through two states (the first may be the unloaded one).
+
+    Its active set and history are those of the last level.
+    """
     if last is None or last.alpha <= 0:
         return last
     earlier = (before.u.x.array, before.alpha) if before else (0.0, 0.0)
     stretch = (alpha - last.alpha) / (last.alpha - earlier[1])
     u = fem.Function(problem.V, name="displacement")
     u.x.array[:] = last.u.x.array + stretch * (last.u.x.array - np.asarray(earlier[0]))
-    return State(u, last.zeta, alpha, last.active)
+    return State(u, last.zeta, alpha, last.active, last.history)

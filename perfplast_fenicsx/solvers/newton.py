@@ -7,106 +7,103 @@ Section 3.1 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013): δu minimises
 then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu).
 """
 
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Iteration, Level, State
-from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
-from perfplast_fenicsx.solvers.iterate import Iterate
-from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
+from perfplast_fenicsx.problem.state import Iteration, State
+from perfplast_fenicsx.solvers.active_set.contact_qp import ContactStep
+from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton_options import (
-    Monitor,
     NewtonOptions,
-    check_finite,
     exact_active_set,
     forcing,
     regularisation,
 )
-from perfplast_fenicsx.solvers.progress import Progress
-
-BEYOND = 1e3
-"""J_ζ counts as unbounded below where it still falls at so many times the first step's work."""
+from perfplast_fenicsx.solvers.progress import Step
+from perfplast_fenicsx.solvers.verdicts import BEYOND, above_limit
 
 
-class Newton:
-    """ALG1 for one problem; keeps its forms, matrices and solver set-ups from level to level.
-
-    Attributes:
-        problem: What is solved.
-        options: How.
-        linear: The linear solver and its counts.
-    """
+class Newton(LevelSolver):
+    """ALG1, which prescribes ζ."""
 
     method = "newton"
-    control = "load"
+    prescribes = Prescribed.LOAD_FACTOR
 
     def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
         """Compile the forms and create the solvers. Collective."""
-        self.problem = problem
         self.options = options or NewtonOptions()
-        self._iterate = Iterate(problem)
-        self.linear = LinearSolver(problem)
-        self._program = ContactProgram(problem, self.linear)
+        super().__init__(problem, self.options.max_iterations, criterion_met(self.options))
+        self._first_work = 0.0
 
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.problem!r})"
+    def begin(self, value: float, start: State | None) -> tuple[float, npt.NDArray[np.bool_]]:
+        """Go to the state, in K_h."""
+        return value, self.iterate.begin(start)
 
-    def solve(
-        self, zeta: float, start: State | None = None, monitor: Monitor | None = None
-    ) -> Level:
-        """Solve (P)_ζ. Collective.
+    def step(
+        self,
+        value: float,
+        zeta: float,
+        active: npt.NDArray[np.bool_],
+        history: Sequence[Iteration],
+    ) -> Step:
+        """Minimise the quadratic model, and go along δu as far as the energy falls."""
+        options, iterate = self.options, self.iterate
+        rho = regularisation(options, history)
+        found = newton_direction(self, options, zeta, active, history, rho)
+        iterate.aim(found.delta)
+        beta = iterate.line_search(zeta) if options.damping else 1.0
+        increment = iterate.take_step(beta, options.stopping, zeta)
+        finished = increment < options.tolerance and found.settled and beta == 1
+        if not history:
+            self._first_work = iterate.total_work(zeta)
+        return Step(zeta, increment, found.active, found.iterations, finished, beta, rho)
 
-        Args:
-            zeta: Load parameter, at least 0.
-            start: State to begin with (its u must be in K_h), as one of a smaller load; None for
-                u = 0 with all pairs of zero gap closed.
-            monitor: Called on every rank after each step.
-
-        Returns:
-            The level. Where it has not converged its report says why, and its state is the last
-            iterate, which is not a solution.
-
-        Raises:
-            InputError: If ζ is not finite.
-        """
-        check_finite("zeta", zeta)
-        options, iterate = self.options, self._iterate
-        active = iterate.begin(start)
-        progress = Progress(iterate, self.linear, monitor)
-        history = progress.history
-        increment = 1.0
-        while len(history) < options.max_iterations:
-            rho = regularisation(options, history)
-            try:
-                self._program.set_operator(iterate.operator(rho))
-                step = self._program.solve(
-                    iterate.gradient(zeta),
-                    iterate.room(),
-                    active,
-                    rtol=forcing(increment, options.tolerance),
-                    exact=exact_active_set(options, progress.history),
-                )
-            except LinearFailure as failure:
-                return progress.level(zeta, active, False, str(failure))
-            active = step.active
-            iterate.aim(step.delta)
-            beta = iterate.line_search(zeta) if options.damping else 1.0
-            increment = iterate.take_step(beta, options.stopping, zeta)
-            progress.add(zeta, increment, active, step.iterations, beta, rho)
-            if increment < options.tolerance and step.settled and beta == 1:
-                level = progress.level(zeta, active, True, f"{options.stopping} criterion met")
-                if level.report.converged or len(progress.history) == options.max_iterations:
-                    return level
-            if len(history) >= 3 and iterate.descends_until(BEYOND * history[0].alpha, zeta):
-                return progress.level(zeta, active, False, above_limit(zeta, history))
-        reason = f"no convergence in {options.max_iterations} Newton steps"
-        return progress.level(zeta, active, False, reason)
+    def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
+        """Whether J_ζ falls on for ever."""
+        if len(history) < 3 or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
+            return None
+        return above_limit(zeta, history)
 
 
-def above_limit(zeta: float, history: list[Iteration]) -> str:
-    """The verdict that (P)_ζ has no solution, with its evidence."""
-    first, last = history[0], history[-1]
-    return (
-        f"no equilibrium exists at ζ = {zeta:.9g}, it is above the limit load: J_ζ fell from"
-        f" {first.energy:.4g} to {last.energy:.4g} while the work of the loads grew from"
-        f" {first.alpha:.4g} to {last.alpha:.4g}, and falls on along a collapse mechanism beyond"
-        f" {BEYOND:g} times the first"
+def newton_direction(
+    solver: LevelSolver,
+    options: NewtonOptions,
+    zeta: float,
+    active: npt.NDArray[np.bool_],
+    history: Sequence[Iteration],
+    rho: float,
+    work: float | None = None,
+) -> ContactStep:
+    """Minimise the quadratic model of J_ζ at the iterate. Collective.
+
+    Args:
+        solver: Whose iterate it is.
+        options: Of the Newton method.
+        zeta: Load factor.
+        active: Active set to begin with.
+        history: The steps so far, which tell how accurate this one ought to be.
+        rho: Regularisation of the tangent.
+        work: L₁(δu), if it is prescribed.
+
+    Raises:
+        LinearFailure: If a linear system cannot be solved.
+    """
+    iterate = solver.iterate
+    solver.program.set_operator(iterate.operator(rho))
+    return solver.program.solve(
+        iterate.gradient(zeta),
+        iterate.room(),
+        active,
+        rtol=forcing(history[-1].increment if history else 1.0, options.tolerance),
+        exact=exact_active_set(options, history),
+        work=work,
     )
+
+
+def criterion_met(options: NewtonOptions) -> str:
+    """What is said of a level that has met its stopping criterion."""
+    return f"{options.stopping} criterion met"

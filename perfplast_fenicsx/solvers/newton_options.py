@@ -1,11 +1,10 @@
 """Choices of the Newton methods ALG1, ALG3 and ALG4, and what follows from them in each step."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, check_choice, check_end
 from perfplast_fenicsx.problem.state import Iteration
 
 Monitor = Callable[[Iteration], None]
@@ -53,43 +52,11 @@ class NewtonOptions:
         check_end(self.tolerance, self.max_iterations)
 
 
-def check_choice(field: str, value: str, choices: Sequence[str]) -> None:
-    """Refuse a value that is not one of the choices.
-
-    Raises:
-        InputError: Naming the field, the value and the choices.
-    """
-    if value not in choices:
-        raise InputError(f"{field} = {value!r} is unknown; choose one of {', '.join(choices)}.")
-
-
-def check_finite(what: str, value: float) -> None:
-    """Refuse a prescribed load or work that is no number.
-
-    Raises:
-        InputError: Naming it and the value.
-    """
-    if not math.isfinite(value):
-        raise InputError(f"{what} = {value} is not finite; give a number.")
-
-
-def check_end(tolerance: float, max_iterations: int) -> None:
-    """Refuse bounds with which no iteration could end.
-
-    Raises:
-        InputError: Naming the field and the value.
-    """
-    if not 0 < tolerance < 1:
-        raise InputError(f"tolerance = {tolerance} is not between 0 and 1; try 1e-8.")
-    if max_iterations < 1:
-        raise InputError(f"max_iterations = {max_iterations} is less than 1; give at least one.")
-
-
 LARGEST_RHO, SMALLEST_RHO = 1e-3, 1e-8
 """Range of the adaptive regularisation."""
 
 
-def regularisation(options: NewtonOptions, history: list[Iteration]) -> float:
+def regularisation(options: NewtonOptions, history: Sequence[Iteration]) -> float:
     """ρ of the next step: fixed, or raised after damped steps and lowered after full ones.
 
     It starts at its largest value and vanishes near the solution, where steps are not damped, so
@@ -109,7 +76,7 @@ PATIENCE = 10
 """After so many steps of a level an adaptive active set is determined exactly in each."""
 
 
-def exact_active_set(options: NewtonOptions, history: list[Iteration]) -> bool:
+def exact_active_set(options: NewtonOptions, history: Sequence[Iteration]) -> bool:
     """Whether the next step solves its contact quadratic program to the end.
 
     One update a step costs one linear system, and near the solution it is the right one. A damped

@@ -1,6 +1,8 @@
 """The record of a load level as it is being solved, the same for every algorithm."""
 
 import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from mpi4py import MPI
 
@@ -13,9 +15,32 @@ from perfplast_fenicsx.problem.state import Iteration, Level, LevelReport
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor
+from perfplast_fenicsx.solvers.verdicts import CREDIBLE, not_credible
 
-CREDIBLE = 1e-2
-"""A state with a larger duality gap is no solution, whatever the steps to it were."""
+
+@dataclass(frozen=True)
+class Step:
+    """What one step of an algorithm has done.
+
+    Attributes:
+        zeta: Load factor behind it.
+        increment: Value of the stopping criterion.
+        active: Closed pairs hosted by this rank, shape (num_pairs,).
+        active_set_iterations: Linear solves of the contact quadratic program.
+        beta: Step length.
+        rho: Regularisation of the tangent.
+        finished: Whether the stopping criterion is met.
+        extra: For :attr:`state.Iteration.extra`.
+    """
+
+    zeta: float
+    increment: float
+    active: npt.NDArray[np.bool_]
+    active_set_iterations: int
+    finished: bool
+    beta: float = 1.0
+    rho: float = 0.0
+    extra: Mapping[str, float] = field(default_factory=dict)
 
 
 class Progress:
@@ -33,41 +58,28 @@ class Progress:
         self._before = linear.counts()
         self._krylov = linear.iterations
 
-    def add(
-        self,
-        zeta: float,
-        increment: float,
-        active: npt.NDArray[np.bool_],
-        active_set_iterations: int,
-        beta: float = 1.0,
-        rho: float = 0.0,
-        **residuals: float,
-    ) -> Iteration:
-        """Record the iterate as it is after a step, and tell the monitor. Collective.
-
-        ``residuals`` are those of ALG2 (:class:`state.Iteration`).
-        """
+    def add(self, step: Step) -> None:
+        """Record the iterate as it is after a step, and tell the monitor. Collective."""
         iterate, linear = self._iterate, self._linear
         record = Iteration(
             number=len(self.history) + 1,
-            zeta=zeta,
+            zeta=step.zeta,
             alpha=iterate.work(),
-            energy=iterate.energy(zeta),
-            increment=increment,
-            beta=beta,
-            rho=rho,
+            energy=iterate.energy(step.zeta),
+            increment=step.increment,
+            beta=step.beta,
+            rho=step.rho,
             plastic_fraction=iterate.fields.plastic_fraction(),
-            active_contacts=iterate.problem.comm.allreduce(int(active.sum())),
-            active_set_iterations=active_set_iterations,
+            active_contacts=iterate.problem.comm.allreduce(int(step.active.sum())),
+            active_set_iterations=step.active_set_iterations,
             linear_iterations=linear.iterations - self._krylov,
             seconds=time.perf_counter() - self._began,
-            **residuals,
+            extra=step.extra,
         )
         self._krylov = linear.iterations
         self.history.append(record)
         if self._monitor is not None:
             self._monitor(record)
-        return record
 
     def level(
         self, zeta: float, active: npt.NDArray[np.bool_], converged: bool, reason: str
@@ -77,13 +89,7 @@ class Progress:
         problem, fields, comm = iterate.problem, iterate.fields, iterate.problem.comm
         certificate = certify(problem, fields, zeta)
         if converged and not abs(certificate.duality_gap) <= CREDIBLE:
-            converged, reason = (
-                False,
-                (
-                    f"the steps have become small at a state that is no solution (duality gap"
-                    f" {certificate.duality_gap:.2g}), as where bodies lose all contact"
-                ),
-            )
+            converged, reason = False, not_credible(certificate.duality_gap)
         nodal = fields.u.x.array.reshape(-1, problem.V.dofmap.index_map_bs)
         largest = float(np.linalg.norm(nodal, axis=1).max(initial=0))
         solves, setups, krylov = (

@@ -14,103 +14,72 @@ free unknowns, and they solve ALG3's quadratic program there; the active set is 
 the solution's. So both are one method here, which ALG3 damps and ALG4 does not.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+import numpy.typing as npt
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Level, State
-from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
-from perfplast_fenicsx.solvers.iterate import Iterate
-from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
-from perfplast_fenicsx.solvers.newton_options import (
-    Monitor,
-    NewtonOptions,
-    check_finite,
-    exact_active_set,
-    forcing,
-    regularisation,
-)
-from perfplast_fenicsx.solvers.progress import Progress
+from perfplast_fenicsx.problem.state import Iteration, Level, State
+from perfplast_fenicsx.solvers.level_solver import LevelSolver
+from perfplast_fenicsx.solvers.newton import criterion_met, newton_direction
+from perfplast_fenicsx.solvers.newton_options import Monitor, NewtonOptions, regularisation
+from perfplast_fenicsx.solvers.progress import Step
 
 
-class WorkNewton:
-    """ALG3 for one problem: damped Newton for prescribed work.
-
-    Attributes:
-        problem: What is solved.
-        options: How.
-        linear: The linear solver and its counts.
-    """
+class WorkNewton(LevelSolver):
+    """ALG3, which prescribes α: damped, but for its first step."""
 
     method = "work-newton"
-    control = "work"
+    prescribes = Prescribed.WORK
     damped = True
 
     def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
         """Compile the forms and create the solvers. Collective."""
-        self.problem = problem
         self.options = options or NewtonOptions()
-        self._iterate = Iterate(problem)
-        self.linear = LinearSolver(problem)
-        self._program = ContactProgram(problem, self.linear)
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.problem!r})"
+        super().__init__(problem, self.options.max_iterations, criterion_met(self.options))
 
     def solve(
-        self, alpha: float, start: State | None = None, monitor: Monitor | None = None
+        self, value: float, start: State | None = None, monitor: Monitor | None = None
     ) -> Level:
-        """Find ζ and u with L(u) = α. Collective.
-
-        Args:
-            alpha: Work of the loads (energy), at least 0.
-            start: State to begin with, as one of a smaller work or an extrapolation of such;
-                what penetrates is pushed back. None for u = 0 with all pairs of zero gap closed.
-            monitor: Called on every rank after each step.
-
-        Returns:
-            The level, with ζ the multiplier of the work equality. Where it has not converged its
-            report says why, and its state is the last iterate, which is not a solution.
+        """Find ζ, the multiplier of the work equality, and u with L₁(u) = α. Collective.
 
         Raises:
-            InputError: If α is negative or not finite.
+            InputError: If α is not finite, or negative where nothing but ζ loads the bodies.
         """
-        check_finite("alpha", alpha)
-        if alpha < 0:
-            raise InputError(f"the work alpha = {alpha} is negative; give zero or more.")
-        options, iterate = self.options, self._iterate
-        active = iterate.begin(start)
-        zeta = start.zeta if start else 0.0
-        progress = Progress(iterate, self.linear, monitor)
-        increment = 1.0
-        while len(progress.history) < options.max_iterations:
-            rho = regularisation(options, progress.history)
-            try:
-                self._program.set_operator(iterate.operator(rho))
-                step = self._program.solve(
-                    iterate.gradient(zeta),
-                    iterate.room(),
-                    active,
-                    rtol=forcing(increment, options.tolerance),
-                    exact=exact_active_set(options, progress.history),
-                    work=alpha - iterate.work(),
-                )
-            except LinearFailure as failure:
-                return progress.level(zeta, active, False, str(failure))
-            active = step.active
-            zeta += step.multiplier
-            iterate.aim(step.delta)
-            damp = self.damped and options.damping and progress.history
-            beta = iterate.line_search(zeta) if damp else 1.0
-            increment = iterate.take_step(beta, options.stopping)
-            increment = max(increment, _change(step.multiplier, zeta))
-            progress.add(zeta, increment, active, step.iterations, beta, rho)
-            if increment < options.tolerance and step.settled and beta == 1:
-                level = progress.level(zeta, active, True, f"{options.stopping} criterion met")
-                if level.report.converged or len(progress.history) == options.max_iterations:
-                    return level
-        reason = f"no convergence in {options.max_iterations} Newton steps"
-        return progress.level(zeta, active, False, reason)
+        if value < 0 and self._is_proportional():
+            raise InputError(f"the work alpha = {value} is negative; give zero or more.")
+        return super().solve(value, start, monitor)
+
+    def begin(self, value: float, start: State | None) -> tuple[float, npt.NDArray[np.bool_]]:
+        """Go to the state, in K_h."""
+        return start.zeta if start else 0.0, self.iterate.begin(start)
+
+    def step(
+        self,
+        value: float,
+        zeta: float,
+        active: npt.NDArray[np.bool_],
+        history: Sequence[Iteration],
+    ) -> Step:
+        """Minimise the quadratic model with the work equality; its multiplier changes ζ."""
+        options, iterate = self.options, self.iterate
+        rho, missing = regularisation(options, history), value - iterate.work()
+        found = newton_direction(self, options, zeta, active, history, rho, missing)
+        zeta += found.multiplier
+        iterate.aim(found.delta)
+        damp = self.damped and options.damping and history
+        beta = iterate.line_search(zeta) if damp else 1.0
+        increment = iterate.take_step(beta, options.stopping)
+        increment = max(increment, _change(found.multiplier, zeta))
+        finished = increment < options.tolerance and found.settled and beta == 1
+        return Step(zeta, increment, found.active, found.iterations, finished, beta, rho)
+
+    def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
+        """Never: there is a solution for every work that some displacement in K_h has."""
+        return None
 
     def first_yield(self) -> State:
         """The state at which the first point yields, were all gaps closed. Collective.
@@ -119,13 +88,20 @@ class WorkNewton:
         contact problem tells. Without any plastic body it is the one of ζ = 1.
 
         Raises:
+            InputError: If something besides ζ loads the bodies.
             LinearFailure: If the elastic problem cannot be solved.
         """
-        iterate = self._iterate
+        if not self._is_proportional():
+            raise InputError(
+                "supports move or loads are constant, so that steps of the work cannot be chosen"
+                " from first yield on; give the works as values, or leave out what does not grow"
+                " with the load factor."
+            )
+        iterate = self.iterate
         closed = np.zeros_like(self.problem.basis.gap)
         iterate.begin(None)
-        self._program.set_operator(iterate.operator(1.0))
-        unit = self._program.solve(iterate.gradient(1.0), closed, closed <= 0, rtol=1e-8)
+        self.program.set_operator(iterate.operator(1.0))
+        unit = self.program.solve(iterate.gradient(1.0), closed, closed <= 0, rtol=1e-8)
         iterate.aim(unit.delta)
         iterate.advance(1.0)
         overstress = iterate.fields.largest_overstress()
@@ -134,9 +110,13 @@ class WorkNewton:
         state.u.x.array[:] *= zeta
         return State(state.u, zeta, zeta * state.alpha, state.active)
 
+    def _is_proportional(self) -> bool:
+        """Whether the unloaded bodies are at rest at ζ = 0. Collective."""
+        return not self.problem.moves_supports and self.problem.loads.is_proportional()
+
 
 class BorderedNewton(WorkNewton):
-    """ALG4 for one problem: undamped Newton for ζ and u together, with contact."""
+    """ALG4, which prescribes α: undamped Newton for ζ and u together, with contact."""
 
     method = "bordered-newton"
     damped = False

@@ -1,4 +1,8 @@
-"""Programs that are ended for real: by signals at any moment, and by a full disk."""
+"""Programs that are ended for real: by signals at any moment, and by a full disk.
+
+The moment is a place in the program (:mod:`tests.cli.paused_run`), not a time: what is to be ended
+waits for it.
+"""
 
 import os
 import random
@@ -7,8 +11,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from mpi4py import MPI
@@ -20,16 +24,29 @@ import pytest
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.io.results.checkpoint_header import NEWEST
+from tests.cli.paused_run import LEVEL
 from tests.functional.test_restart import case_text, fields_of, path_of, same_path
 
 pytestmark = pytest.mark.skipif(
     MPI.COMM_WORLD.size > 1, reason="a program that uses MPI cannot start another"
 )
 
-LEVELS = 24
+LEVELS = 16
 VALUES = ", ".join(f"{zeta:.1f}" for zeta in np.linspace(40, 470, LEVELS))
-PATIENCE = 120
-"""Longest time for anything (s)."""
+
+ROOT = Path(__file__).parents[2]
+ITERATION = "perfplast_fenicsx.cli.recorder:Recorder.iteration"
+FLUSH, RENAME = "os:fsync", "pathlib:Path.replace"
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where ranks pause; see :mod:`tests.cli.paused_run`."""
+
+    level: int
+    call: str = LEVEL
+    count: str = "1"
+    ranks: tuple[int, ...] = (0,)
 
 
 @pytest.fixture(scope="module")
@@ -43,73 +60,74 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 class Run:
-    """``perfplast run`` on a number of ranks, with a session of its own."""
+    """``perfplast run`` on a number of ranks, with a session of its own.
 
-    def __init__(self, ranks: int, *arguments: object) -> None:
+    Attributes:
+        process: It, or its launcher.
+    """
+
+    def __init__(self, ranks: int, moment: Moment, folder: Path, *arguments: object) -> None:
+        """Start it.
+
+        Args:
+            ranks: How many.
+            moment: Where some of them pause.
+            folder: For announcements.
+            arguments: Of ``perfplast run``.
+        """
         launch = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-        program = [*launch, sys.executable, "-m", "perfplast_fenicsx", "run"]
-        # mpirun leaves its ranks a second by default
-        environment = os.environ | {"PRTE_MCA_odls_base_sigkill_timeout": "60"}
-        self.ranks = ranks
+        self._paused = [folder / f"paused.{rank}" for rank in moment.ranks]
+        where = (",".join(map(str, moment.ranks)), moment.level, moment.call, moment.count)
+        program = [*launch, sys.executable, "-m", "tests.cli.paused_run", *map(str, where)]
         self.process = subprocess.Popen(
-            [*program, *map(str, arguments)],
+            [*program, str(folder / "paused"), "run", *map(str, arguments)],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            env=environment,
+            cwd=ROOT,
+            # mpirun leaves its ranks a second by default
+            env=os.environ | {"PRTE_MCA_odls_base_sigkill_timeout": "60"},
             start_new_session=True,
         )
 
-    def wait_for(self, what: Callable[[], bool]) -> None:
-        """Wait until something is so, which it must become while the program runs."""
-        end = time.monotonic() + PATIENCE
-        while not what():
-            assert self.process.poll() is None, self.process.communicate()
-            assert time.monotonic() < end
-            time.sleep(0.002)
-
-    def rank(self, number: int) -> int:
-        """Process of a rank."""
-        if self.ranks == 1:
-            return self.process.pid
-        # of all threads: OpenMPI 6 starts the ranks from another than the first
-        threads = Path(f"/proc/{self.process.pid}/task").glob("*/children")
-        return sorted(int(child) for some in threads for child in some.read_text().split())[number]
+    def wait(self) -> list[int]:
+        """Wait until the ranks are at the moment; their process numbers."""
+        while not all(path.exists() for path in self._paused):
+            assert self.process.poll() is None, "".join(self.process.communicate())
+            time.sleep(0.02)
+        numbers = [int(path.read_text()) for path in self._paused]
+        for path in self._paused:
+            path.unlink()
+        return numbers
 
     def ended(self) -> tuple[int, str]:
         """Exit status and standard error."""
         try:
-            _, err = self.process.communicate(timeout=PATIENCE)
+            _, err = self.process.communicate()
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(self.process.pid, signal.SIGKILL)
         return self.process.returncode, err
 
 
-def solved(folder: Path, levels: int) -> Callable[[], bool]:
-    """Whether a run has written so many levels."""
-    return lambda: (folder / NEWEST).exists() and len(path_of(folder)) >= levels
-
-
 def test_one_rank_is_ended_and_others_go_on(whole: tuple[Path, Path], tmp_path: Path) -> None:
     """kill -9 of a rank of three, SIGTERM to one of two, and one finishes."""
     case, folder = whole[0], tmp_path / "results"
-    run = Run(3, case, "-o", folder)
-    run.wait_for(solved(folder, 5))
-    os.kill(run.rank(1), signal.SIGKILL)
+    run = Run(3, Moment(6, ranks=(1,)), tmp_path, case, "-o", folder)
+    (rank,) = run.wait()
+    os.kill(rank, signal.SIGKILL)
     status, _ = run.ended()
     assert status != SOLVED
-    levels = len(path_of(folder))
-    assert 5 <= levels < LEVELS
+    assert len(path_of(folder)) == 5
 
-    run = Run(2, case, "--restart", folder)
-    run.wait_for(solved(folder, levels + 3))
-    os.kill(run.rank(1), signal.SIGTERM)
+    run = Run(2, Moment(3, ranks=(1,)), tmp_path, case, "--restart", folder)
+    (rank,) = run.wait()
+    os.kill(rank, signal.SIGTERM)
     status, err = run.ended()
     assert status == 128 + signal.SIGTERM
     assert f"perfplast run {case} --restart {folder}" in err
     assert "Traceback" not in err
-    assert levels + 3 <= len(path_of(folder)) < LEVELS
+    assert len(path_of(folder)) == 5 + 3  # the level that had been solved is kept
 
     assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
     same_path(folder, whole[1])
@@ -118,20 +136,21 @@ def test_one_rank_is_ended_and_others_go_on(whole: tuple[Path, Path], tmp_path: 
 def test_control_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
     """A terminal sends it to the launcher and to all ranks."""
     case, folder = whole[0], tmp_path / "results"
-    run = Run(1, case, "-o", folder)
-    run.wait_for(solved(folder, 4))
+    run = Run(1, Moment(4), tmp_path, case, "-o", folder)
+    run.wait()
     os.killpg(run.process.pid, signal.SIGINT)
     status, err = run.ended()
     assert status == 128 + signal.SIGINT
     assert err.count("\n") == 1
     assert f"perfplast run {case} --restart {folder}" in err
-    assert 4 <= len(path_of(folder)) < LEVELS
+    assert len(path_of(folder)) == 4
 
-    run = Run(2, case, "--restart", folder)
-    run.wait_for(solved(folder, len(path_of(folder)) + 2))
+    run = Run(2, Moment(2, ranks=(0, 1)), tmp_path, case, "--restart", folder)
+    run.wait()
     run.process.send_signal(signal.SIGINT)
     status, _ = run.ended()  # what mpirun makes of it
     assert status != SOLVED
+    assert len(path_of(folder)) < LEVELS
     if MPI.get_vendor()[1] < (6,):  # later an mpirun that is interrupted kills its ranks at once
         assert f"--restart {folder}" in (folder / "run.log").read_text().splitlines()[-2]
     assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
@@ -147,29 +166,58 @@ def test_killed_at_any_moment(whole: tuple[Path, Path], tmp_path: Path) -> None:
     moments = random.Random(8)
     begin: tuple[object, ...] = ("-o", folder)
     levels = 0
-    for _ in range(3):
-        run = Run(1, case, *begin)
-        run.wait_for(solved(folder, levels + 1 if levels else 0))
-        time.sleep(moments.uniform(0, 0.3))
-        shown = len(path_of(folder))
+    for call in (ITERATION, FLUSH, RENAME):
+        first = moments.randint(1, 3)
+        moment = Moment(first, call, str(moments.randint(1, 10)))
+        run = Run(1, moment, tmp_path, case, *begin)
+        run.wait()
         run.process.kill()
         run.ended()
-        levels = len(path_of(folder))
-        assert shown <= levels < LEVELS
+        before, levels = levels, len(path_of(folder))
+        assert before + first - 1 <= levels < LEVELS
         assert levels == 0 or len(fields_of(folder)) >= levels
         begin = ("--restart", folder)
     assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
     same_path(folder, whole[1])
 
 
+def is_whole(folder: Path, err: str, reason: str) -> None:
+    """What a run without room leaves behind: one sentence, and levels that can be gone on from."""
+    said = [line for line in err.splitlines() if line.startswith("perfplast")]
+    assert len(said) == 1
+    assert reason in said[0]
+    assert "--restart" in said[0]
+    assert "Traceback" not in err
+    levels = len(path_of(folder))
+    assert 0 < levels < LEVELS
+    assert len(fields_of(folder)) >= levels
+    assert not list(folder.rglob("*.part"))
+    with h5py.File(folder / NEWEST) as file:
+        assert len(file["header"]) > 0
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_files_may_grow_no_more(whole: tuple[Path, Path], tmp_path: Path, share: float) -> None:
+    """From the fifth level on, not at all or not to the size of a checkpoint."""
+    case, folder = whole[0], tmp_path / "results"
+    most = int(share * (whole[1] / NEWEST).stat().st_size)
+    moment = Moment(5, count=f"<{most}", ranks=(0, 1))
+    status, err = Run(2, moment, tmp_path, case, "-o", folder).ended()
+    assert status == BAD_INPUT
+    is_whole(folder, err, "File too large")
+    assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
+    same_path(folder, whole[1])
+
+
 SMALL_DISK = """
 set -u
-mount -t tmpfs -o size="$3" tmpfs "$2" || exit 77
+mount -t tmpfs -o size=32m tmpfs "$2" || exit 77
 trap 'umount "$2"' EXIT
+head -c $((32 * 1024 * 1024 - $3)) /dev/zero >"$2/filler"
 mpirun -n 2 "$5" -m perfplast_fenicsx run "$1" -o "$2/results" >"$4/out" 2>"$4/err"
 echo $? >"$4/status"
 cp -r "$2/results" "$4/full"
-mount -o remount,size=100m "$2" || exit 77
+rm "$2/filler"
 "$5" -m perfplast_fenicsx run "$1" --restart "$2/results" >"$4/out2" 2>"$4/err2"
 echo $? >"$4/status2"
 cp -r "$2/results" "$4/results"
@@ -177,30 +225,21 @@ cp -r "$2/results" "$4/results"
 
 
 def test_a_full_disk(whole: tuple[Path, Path], tmp_path: Path) -> None:
-    """A disk of 400 kB, in a mount namespace of its own, that grows later."""
+    """A disk with room for half of the results, in a mount namespace of its own."""
     case, disk, out = whole[0], tmp_path / "disk", tmp_path / "out"
     disk.mkdir()
     out.mkdir()
+    if not shutil.which("unshare"):
+        pytest.skip("no unshare")
     enter = ["unshare", "--mount", "--propagation", "unchanged"]  # a chroot can change none
     if os.geteuid() != 0:
         enter = ["unshare", "--map-root-user", "--mount"]
-    command = [*enter, "bash", "-c", SMALL_DISK, "bash", case, disk, "400k", out, sys.executable]
-    if not shutil.which("unshare"):
-        pytest.skip("no unshare")
-    done = subprocess.run(list(map(str, command)), capture_output=True, timeout=PATIENCE)
+    pages = sum(-(-path.stat().st_size // 4096) for path in whole[1].rglob("*"))
+    script = ["bash", "-c", SMALL_DISK, "bash", case, disk, pages // 2 * 4096, out, sys.executable]
+    done = subprocess.run(list(map(str, [*enter, *script])), capture_output=True)
     if not (out / "status").exists():
         pytest.skip(f"no mount here: {done.stderr.decode()}")
     assert (out / "status").read_text().strip() == str(BAD_INPUT)
-    err = [line for line in (out / "err").read_text().splitlines() if line.startswith("perfplast")]
-    assert len(err) == 1
-    assert "No space left on device" in err[0]
-    assert "--restart" in err[0]
-    assert "Traceback" not in (out / "err").read_text()
-    levels = len(path_of(out / "full"))
-    assert 0 < levels < LEVELS
-    assert len(fields_of(out / "full")) >= levels
-    assert not list((out / "full").rglob("*.part"))
-    with h5py.File(out / "full" / NEWEST) as file:
-        assert len(file["header"]) > 0
+    is_whole(out / "full", (out / "err").read_text(), "No space left on device")
     assert (out / "status2").read_text().strip() == str(SOLVED), (out / "err2").read_text()
     same_path(out / "results", whole[1])

@@ -65,7 +65,7 @@ def test_a_tube_in_a_tube_bursts_where_one_tube_does(shared_tmp_path: Path, orde
     limit = limit_load(tube(shared_tmp_path, order=order), rtol=1e-4)
     assert limit.levelled_off
     assert limit.upper is not None
-    assert limit.lower <= limit.upper
+    assert limit.lower <= limit.upper * (1 + 1e-9)
     assert limit.lower == pytest.approx(BURST, rel=1e-3)
     assert limit.upper == pytest.approx(BURST, rel=1e-3)
     for level in limit.levels:
@@ -116,7 +116,7 @@ def test_the_tangent_is_the_derivative_of_the_forces(shared_tmp_path: Path, dim:
         )
     )
     iterate = Iterate(problem)
-    fields, load = iterate.fields, problem.load
+    fields, load = iterate.fields, problem.loads.live
     random = np.random.default_rng(1)
     x = problem.V.tabulate_dof_coordinates()
     fixed = problem.fixed.ravel()
@@ -233,5 +233,5 @@ values = [40.0, 60.0]
     assert main(["run", str(case), "-o", str(results)]) == SOLVED
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
     assert [step["zeta"] for step in summary["steps"]] == [40.0, 60.0]
-    for name in ("fields.xdmf", "fields.h5", "fields.png", "path.png"):
+    for name in ("fields.vtkhdf.series", "fields/level_0002.vtkhdf", "fields.png", "path.png"):
         assert (results / name).stat().st_size > 0

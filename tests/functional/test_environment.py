@@ -1,12 +1,14 @@
 """The script ./fenicsx, as far as it can be tried inside the environment that it has made."""
 
 import os
+import re
 import subprocess
 from pathlib import Path
 
 import pytest
 
-SCRIPT = Path(__file__).parents[2] / "fenicsx"
+ROOT = Path(__file__).parents[2]
+SCRIPT = ROOT / "fenicsx"
 
 
 def fenicsx(*command: str, **variables: str) -> subprocess.CompletedProcess[str]:
@@ -47,3 +49,29 @@ def test_usage_names_the_suites() -> None:
     run = fenicsx("--help")
     assert run.returncode == 0
     assert "FENICSX_SUITE=trixie|sid" in run.stdout
+
+
+def test_the_image_sets_what_the_script_sets() -> None:
+    """Commands in the image need not go through the script."""
+    found = re.search(r"^defaults=\((.*?)^\)", SCRIPT.read_text(encoding="utf-8"), re.M | re.S)
+    assert found is not None
+    defaults = set(re.sub(r"#.*", "", found[1]).split())
+    dockerfile = (ROOT / "Dockerfile").read_text(encoding="utf-8")
+    found = re.search(r"^ENV (.*?[^\\])$", dockerfile, re.M | re.S)
+    assert found is not None
+    assert set(found[1].replace("\\\n", " ").split()) == defaults | {"LANG=C.UTF-8"}
+
+
+def test_what_chooses_instructions_reaches_the_command() -> None:
+    """The clean environment of the root file system has what the numbers may depend on."""
+    chosen = {"OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES", "PETSC_OPTIONS"}
+    found = re.search(r"^passed_on\(\) \{.*?^\}", SCRIPT.read_text(encoding="utf-8"), re.M | re.S)
+    assert found is not None
+    run = subprocess.run(
+        ["bash", "-c", f"{found[0]}\npassed_on"],
+        env=os.environ | dict.fromkeys([*chosen, "ANYTHING_ELSE"], ""),
+        capture_output=True,
+        text=True,
+    )
+    assert chosen <= set(run.stdout.split())
+    assert "ANYTHING_ELSE" not in run.stdout

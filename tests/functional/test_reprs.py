@@ -30,7 +30,7 @@ def test_a_problem_and_its_level(comm: MPI.Intracomm) -> None:
     assembly = short(problem.tagged_mesh)
     assert assembly.startswith("TaggedMesh(")
     assert "volumes base, punch; surfaces base_bottom" in assembly or "punch_bottom" in assembly
-    assert short(problem.pairs).startswith("ContactPairs(")
+    assert short(problem.constraints).startswith("Constraints(")
     solver = Newton(problem)
     level = solver.solve(100.0)
     assert short(level).startswith("Level(zeta=100, alpha=")

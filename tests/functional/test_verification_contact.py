@@ -2,8 +2,6 @@
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -27,8 +25,6 @@ from perfplast_fenicsx import (
     Contact,
     Cylinder,
     Elastic,
-    InputError,
-    Level,
     Newton,
     NewtonOptions,
     Plane,
@@ -41,54 +37,17 @@ from perfplast_fenicsx import (
     Traction,
     VonMises,
     WorkNewton,
-    read_gmsh,
     stacked_blocks,
     two_blocks,
 )
-from perfplast_fenicsx.contact.obstacles import Obstacle
-from perfplast_fenicsx.contact.surface_normals import face_nodes
 from perfplast_fenicsx.io.results.output_fields import OutputFields
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_assembly
-from perfplast_fenicsx.problem.spaces import make_spaces
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.solvers.active_set.condensed_qp import closed_pairs
+from tests.checks import assert_solved, largest
+from tests.models import STEEL, Read
 
-STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
 SYMMETRY = [Support("x0", "x"), Support("y0", "y")]
 FINE = 1e-11
-
-Read = Callable[..., TaggedMesh]
-
-
-@pytest.fixture
-def read(shared_tmp_path: Path) -> Read:
-    """Writes a mesh by a generator, and reads it on all ranks, or on each for itself."""
-
-    def read(
-        write: Callable[..., None], comm: MPI.Intracomm = MPI.COMM_WORLD, **arguments: Any
-    ) -> TaggedMesh:
-        path = shared_tmp_path / f"{write.__name__}.msh"
-        if MPI.COMM_WORLD.rank == 0:
-            write(path, **arguments)
-        MPI.COMM_WORLD.barrier()
-        return read_gmsh(comm, path)
-
-    return read
-
-
-def assert_solved(level: Level) -> None:
-    """The certificate is good."""
-    report = level.report
-    assert report.converged, report.reason
-    assert abs(report.duality_gap) < 1e-9
-    assert report.equilibrium < 1e-8
-    assert report.max_penetration < 1e-12
-    assert report.smallest_contact_force > -1e-8
-
-
-def largest(comm: MPI.Intracomm, values: npt.NDArray[np.float64]) -> float:
-    """Largest magnitude on all ranks."""
-    return float(comm.allreduce(float(np.abs(values).max(initial=0)), MPI.MAX))
-
 
 # --- the four algorithms ----------------------------------------------------------------------
 
@@ -315,7 +274,7 @@ def test_a_body_that_hovers_falls_on_the_obstacle_that_alone_holds_it(
     problem = blocks(comm, obstacles=[plane], degree=degree)
     zeta = 100.0
     alpha = distance + zeta / STEEL.young
-    level = method(problem).solve(zeta if method.control == "load" else alpha)
+    level = method(problem).solve(alpha if method.prescribes is Prescribed.WORK else zeta)
     assert_solved(level)
     assert level.report.zeta == pytest.approx(zeta, rel=1e-7)
     assert level.report.alpha == pytest.approx(alpha, rel=1e-9)
@@ -420,74 +379,6 @@ def test_block_on_a_rigid_cylinder(comm: MPI.Intracomm) -> None:
         assert abs(recovery.resultants[0, across]) < 1e-12
 
 
-def test_distances_and_directions_of_obstacles() -> None:
-    x = np.array([[3.0, 0.0, 4.0], [0.0, 6.0, 8.0]])
-    gap, into = Sphere("s", (0.0, 0.0, 0.0), 2.0).towards(x)
-    assert gap == pytest.approx([3.0, 8.0])
-    assert into == pytest.approx(-x / np.array([[5.0], [10.0]]))
-    gap, into = Sphere("s", (0.0, 0.0, 0.0), 12.0, hollow=True).towards(x)
-    assert gap == pytest.approx([7.0, 2.0])
-    assert into == pytest.approx(x / np.array([[5.0], [10.0]]))
-    gap, into = Cylinder("s", (0.0, 5.0, 0.0), (0.0, 7.0, 0.0), 1.0).towards(x)
-    assert gap == pytest.approx([4.0, 7.0])
-    assert into == pytest.approx(np.array([[-0.6, 0.0, -0.8], [0.0, 0.0, -1.0]]))
-    gap, into = Plane("s", (0.0, 0.0, 1.0), (0.0, 0.0, 5.0)).towards(x)
-    assert gap == pytest.approx([3.0, 7.0])
-    assert into == pytest.approx(np.array([[0.0, 0.0, -1.0]] * 2))
-    gap, _ = Plane("s", (0.0, 1.0), (3.0, 4.0)).towards(x[:, :2])
-    assert gap == pytest.approx([1.0, 4.0])
-
-
-ON = "upper_bottom"
-
-
-@pytest.mark.mpi3
-@pytest.mark.parametrize(
-    ("obstacle", "words"),
-    [
-        (Plane(ON, (0, 0, 1.01), (0, 0, 1)), ["obstacle 1", "overlap", "0.01", "move"]),
-        (Plane(ON, (0, 0, 0.5), (0, 0, -1)), ["obstacle 1", "overlap", "0.5"]),
-        (Sphere(ON, (0, 0, 0.5), 0.6), ["obstacle 1", "overlap", "0.1"]),
-        (Sphere(ON, (0, 0, 1.5), 0.6, hollow=True), ["obstacle 1", "overlap"]),
-        (Plane(ON, (0, 0), (0, 0, 1)), ["plane", "point = [", "3D"]),
-        (Plane(ON, (0, 0, 0), (0, 1)), ["plane", "normal = [", "3D"]),
-        (Plane(ON, (0, 0, 0), (0, 0, 0)), ["plane", "normal", "zero"]),
-        (Plane(ON, (0, 0, math.nan), (0, 0, 1)), ["plane", "point", "finite"]),
-        (Sphere(ON, (0, 0, 0, 0), 0.5), ["sphere", "centre", "3D"]),
-        (Sphere(ON, (0, 0, 0), 0.0), ["sphere", "radius = 0", "positive"]),
-        (Sphere(ON, (0, 0, 0), -1.0), ["sphere", "radius = -1", "positive"]),
-        (Sphere(ON, (0, 0, 0), math.inf), ["sphere", "radius = inf", "positive"]),
-        (Sphere(ON, (0, 0, 1), 5.0, hollow=True), ["sphere", "middle"]),
-        (Cylinder(ON, (0, 0, 0), (0, 0, 0), 0.5), ["cylinder", "axis", "zero"]),
-        (Cylinder(ON, (0, 0, 0), (0, 1, 0), math.nan), ["cylinder", "radius = nan"]),
-        (Cylinder(ON, (0, 0, 1), (0, 1, 0), 3.0, hollow=True), ["cylinder", "middle"]),
-        (Plane("upper_side", (0, 0, 0), (0, 0, 1)), ["'upper_side'", "lower_top"]),
-    ],
-)
-def test_an_obstacle_that_does_not_fit_is_refused_in_a_sentence(
-    comm: MPI.Intracomm, obstacle: Obstacle, words: Sequence[str]
-) -> None:
-    with pytest.raises(InputError) as refusal:
-        blocks(comm, obstacles=[obstacle])
-    sentence = str(refusal.value)
-    for word in words:
-        assert word in sentence
-    assert "\n" not in sentence
-    assert len(set(comm.allgather(sentence))) == 1
-
-
-def test_a_plane_mesh_has_no_cylinders(read: Read, comm: MPI.Intracomm) -> None:
-    with pytest.raises(InputError, match="plane mesh; give a sphere") as refusal:
-        Problem(
-            read(write_contact_patch, dim=2, size=0.5),
-            {"lower": STEEL, "upper": STEEL},
-            [Support("x0", "x"), Support("bottom", "y")],
-            [Pressure("top", 1.0)],
-            obstacles=[Cylinder("lower_seam", (0, 0, 0), (0, 0, 1), 1.0)],
-        )
-    assert len(set(comm.allgather(str(refusal.value)))) == 1
-
-
 def test_two_planes_hold_a_block_at_the_edge_they_share(read: Read) -> None:
     """Every node has two conditions; those on the edge are closed by both."""
     planes = [Plane("block_corner", (0.0, 0.0, 0.0), n) for n in ((1.0, 0, 0), (0, 1.0, 0))]
@@ -499,87 +390,13 @@ def test_two_planes_hold_a_block_at_the_edge_they_share(read: Read) -> None:
         obstacles=planes,
         degree=2,
     )
-    on_edge = problem.pairs.gap == 0
+    on_edge = problem.constraints.gap == 0
     assert problem.num_pairs % 2 == 0
     assert problem.comm.allreduce(int(on_edge.sum())) < problem.num_pairs
     level = Newton(problem).solve(100.0)
     assert_solved(level)
     exact = 100 * (1 + 0.25 - STEEL.poisson) / STEEL.young
     assert level.report.alpha == pytest.approx(exact, rel=1e-10)
-
-
-# --- gaps -------------------------------------------------------------------------------------
-
-
-def cylinders(assembly: TaggedMesh, gap: float | str | None = None, degree: int = 1) -> Problem:
-    """Two elastic cylinders, one the mirror image of the other."""
-    return Problem(
-        assembly,
-        {"upper": STEEL, "lower": Elastic(7e4, 0.3)},
-        [Support("x0", "x"), Support("bottom", "y")],
-        [Pressure("top", 1.0)],
-        [Contact("upper_arc", "lower_arc", gap)],
-        degree=degree,
-    )
-
-
-@pytest.mark.mpi3
-@pytest.mark.parametrize(("size", "degree"), [(0.03, 1), (0.03, 2), (0.006, 2)])
-def test_the_gap_of_mirror_images_is_twice_the_height(read: Read, size: float, degree: int) -> None:
-    """Also where the mesh is much finer than the gap, and the nearest node is no partner."""
-    problem = cylinders(
-        read(write_hertz_line, bodies=2, contact_size=size, order=degree), None, degree
-    )
-    y = np.abs(problem.V.tabulate_dof_coordinates()[problem.pairs.host, 1])
-    assert problem.num_pairs >= 10
-    assert problem.pairs.gap == pytest.approx(2 * y, abs=1e-12)
-    assert np.abs(problem.pairs.normal[:, 0]).max(initial=0) < 1e-12
-    assert problem.has_gaps
-
-
-def test_a_formula_gives_the_gap_that_would_be_measured(read: Read) -> None:
-    assembly = read(write_hertz_line, bodies=2, contact_size=0.03)
-    levels = [
-        Newton(cylinders(assembly, gap)).solve(30.0) for gap in (None, "2*(1 - sqrt(1 - x**2))")
-    ]
-    assert_solved(levels[0])
-    assert levels[1].report.alpha == pytest.approx(levels[0].report.alpha, rel=1e-9)
-    closed = Newton(cylinders(assembly, 0.0)).solve(30.0)
-    assert closed.report.alpha < 0.9 * levels[0].report.alpha
-
-
-def test_a_gap_between_parallel_faces_is_measured_and_closed(comm: MPI.Intracomm) -> None:
-    def apart(distance: float) -> Problem:
-        boxes = [
-            Box("lower", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (2, 2, 2)),
-            Box("upper", (0.0, 0.0, 1.0 + distance), (1.0, 1.0, 2.0 + distance), (2, 2, 2)),
-        ]
-        both, top = ("lower", "upper"), 2.0 + distance
-        surfaces = [
-            Surface("bottom", ("lower",), lambda x: np.isclose(x[2], 0)),
-            Surface("top", ("upper",), lambda x: np.isclose(x[2], top)),
-            Surface("lower_top", ("lower",), lambda x: np.isclose(x[2], 1)),
-            Surface("upper_bottom", ("upper",), lambda x: np.isclose(x[2], 1 + distance)),
-            Surface("x0", both, lambda x: np.isclose(x[0], 0)),
-            Surface("y0", both, lambda x: np.isclose(x[1], 0)),
-        ]
-        return Problem(
-            structured_assembly(comm, boxes, surfaces),
-            dict.fromkeys(both, STEEL),
-            [*SYMMETRY, Support("bottom", "z")],
-            [Pressure("top", 1.0)],
-            [Contact("upper_bottom", "lower_top")],
-            degree=2,
-        )
-
-    problem = apart(0.02)
-    assert problem.pairs.gap == pytest.approx(0.02)
-    level = Newton(problem).solve(100.0)
-    assert_solved(level)
-    assert level.report.alpha == pytest.approx(0.02 + 2 * 100 / STEEL.young, rel=1e-9)
-    with pytest.raises(InputError, match=r"overlap at first, by up to 0\.1; move one") as refusal:
-        apart(-0.1)
-    assert len(set(comm.allgather(str(refusal.value)))) == 1
 
 
 # --- dense programs ---------------------------------------------------------------------------
@@ -621,64 +438,7 @@ def test_closed_pairs_of_extreme_programs() -> None:
     assert closed_pairs(np.ones((2, 2)), np.array([-1.0, 1.0])).tolist() == [True, False]
 
 
-# --- normals ----------------------------------------------------------------------------------
-
-
-@pytest.mark.mpi3
-@pytest.mark.parametrize("degree", [1, 2])
-def test_nodes_on_the_edges_of_a_cube_have_a_normal_for_each_face(
-    comm: MPI.Intracomm, degree: int
-) -> None:
-    skin = Surface("skin", ("cube",), lambda x: np.full(x.shape[1], True))
-    assembly = structured_assembly(
-        comm, [Box("cube", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (2, 3, 4))], [skin]
-    )
-    V = make_spaces(assembly.mesh, degree).V
-    faces = face_nodes(V, assembly, "skin")
-    x = V.tabulate_dof_coordinates()[faces.node]
-    sides = (np.isclose(x, 0) | np.isclose(x, 1)).sum(axis=1)
-    times = np.bincount(faces.node)[faces.node]
-    assert (times == sides).all()
-    counts = [comm.allreduce(int((sides == k).sum())) for k in (1, 2, 3)]
-    nodes = [degree * n - 1 for n in (2, 3, 4)]  # inside each edge
-    pairs = list(itertools.combinations(nodes, 2))
-    assert counts == [2 * sum(a * b for a, b in pairs), 2 * 4 * sum(nodes), 3 * 8]
-    # every normal is an axis, out of the face the node lies on
-    along = np.argmax(np.abs(faces.normal), axis=1)
-    every = np.arange(len(along))
-    outward = np.where(np.isclose(x[every, along], 1), 1.0, -1.0)
-    assert faces.normal[every, along] == pytest.approx(outward)
-    assert np.abs(faces.normal).sum(axis=1) == pytest.approx(1.0)
-
-
-@pytest.mark.mpi3
-def test_a_curved_surface_has_one_normal_at_each_node_and_curved_elements_a_better_one(
-    read: Read, comm: MPI.Intracomm
-) -> None:
-    errors = []
-    for order in (1, 2):
-        assembly = read(write_thick_sphere, size=0.3, order=order)
-        V = make_spaces(assembly.mesh, 2).V
-        faces = face_nodes(V, assembly, "outer")
-        assert len(np.unique(faces.node)) == len(faces.node)
-        x = V.tabulate_dof_coordinates()[faces.node]
-        radial = x / np.linalg.norm(x, axis=1, keepdims=True)
-        errors.append(largest(comm, np.linalg.norm(faces.normal - radial, axis=1)))
-    assert errors[0] < 0.3
-    assert errors[1] < errors[0] / 5
-
-
-@pytest.mark.mpi3
-def test_a_corner_in_the_plane_has_two_normals(read: Read, comm: MPI.Intracomm) -> None:
-    assembly = read(write_corner_seat, dim=2, size=0.25)
-    V = make_spaces(assembly.mesh, 2).V
-    for surface, side in (("block_corner", -1.0), ("seat_corner", 1.0)):
-        faces = face_nodes(V, assembly, surface)
-        x = V.tabulate_dof_coordinates()[faces.node]
-        in_corner = np.linalg.norm(x[:, :2], axis=1) < 1e-9
-        found = np.concatenate(comm.allgather(faces.normal[in_corner]))
-        order = np.argsort(side * found[:, 0])
-        assert found[order] == pytest.approx(np.array([[0.0, side], [side, 0.0]]))
+# --- corners ----------------------------------------------------------------------------------
 
 
 @pytest.mark.mpi3

@@ -65,7 +65,7 @@ def test_the_skin_is_whole_and_outward(comm: MPI.Intracomm) -> None:
         assert np.isclose(np.linalg.norm(areas[own], axis=1).sum(), 14.0)
         volume = np.einsum("ij,ij->", areas[own], a[own]) / 3
         assert np.isclose(volume, 3.0)  # positive: the triangles are outward
-        assert surface.points[surface.triangles[own]][..., 2].min() == height
+        assert surface.points[surface.triangles[own]][..., 2].min() == pytest.approx(height)
     assert np.allclose(surface.normals, areas)
     assert np.allclose(surface.areas, np.linalg.norm(areas, axis=1))
     assert np.allclose(areas[surface.marks["top"]].sum(axis=0), [0, 0, 1.5])

@@ -15,9 +15,9 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.io.case.scene import Scene, write_scene
+from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.output_fields import OutputFields
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
-from perfplast_fenicsx.io.results.xdmf import FieldsFile
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import read_gmsh
 from perfplast_fenicsx.pictures.boundary_surface import Surface, gather_surface
@@ -69,13 +69,14 @@ def test_the_skin_is_that_of_the_run(
         assembly, dict.fromkeys(assembly.volumes, STEEL), supports, [load], contacts, (), degree
     )
     folder.on_root(lambda: write_scene(model, assembly, folder.file("scene.json")))
-    results, file = Results(folder, problem, where, "1", "newton"), FieldsFile(folder, assembly)
+    results = Results(folder, problem, where, "1", "newton")
+    series = FieldSeries(folder, problem, "zeta")
     recovery, newton = OutputFields(problem), Newton(problem)
     for zeta in (0.5, 1.0):
         level = newton.solve(zeta)
         assert level.report.converged
         fields = recovery.update(level)
-        file.write(fields, zeta)
+        series.write(fields, level.report)
         results.add(level.report)
         nodal = {name: fields[name] for name in ("displacement", "contact_pressure")}
         cellwise = {"yield_ratio": fields["yield_ratio"]}
@@ -160,19 +161,19 @@ def test_reading_while_a_level_is_written(comm: MPI.Intracomm, shared_tmp_path: 
     folder = ResultFolder(comm, shared_tmp_path / "results")
     folder.create()
     folder.on_root(lambda: write_scene(Scene(""), assembly, folder.file("scene.json")))
-    results, file = Results(folder, problem, "", "1", "newton"), FieldsFile(folder, assembly)
+    results = Results(folder, problem, "", "1", "newton")
+    series = FieldSeries(folder, problem, "zeta")
     recovery, newton = OutputFields(problem), Newton(problem)
 
     def go_on(zeta: float) -> None:
         level = newton.solve(zeta)
-        file.write(recovery.update(level), zeta)
+        series.write(recovery.update(level), level.report)
         results.add(level.report)
 
     go_on(1.0)
     archive = ResultReader(folder.path)
-    name, _, place = archive.levels[0].places["displacement"].partition(":")
-    with h5py.File(folder.file(name), locking=False) as data:
-        displacement = data[place]
+    with h5py.File(folder.file(archive.levels[0].file), locking=False) as data:
+        displacement = data["VTKHDF/PointData/displacement"]
         before = displacement[:]
         comm.barrier()
         go_on(2.0)
@@ -184,6 +185,32 @@ def test_reading_while_a_level_is_written(comm: MPI.Intracomm, shared_tmp_path: 
     assert np.allclose(2 * first.at_points[u], second.at_points[u], rtol=1e-9, atol=1e-15)
 
 
+def test_levels_of_prescribed_work(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    """Levels are known by their numbers, whatever was prescribed; the mechanism by its file."""
+    control = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-2'
+    text = CASE.replace("values = [50.0, 80.0]", control) + "[element]\ndegree = 2\n"
+    case, folder = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(folder), "--quiet"]) == SOLVED
+    archive = ResultReader(folder)
+    assert [level.number for level in archive.levels] == list(range(1, len(archive.reports) + 1))
+    assert [level.report for level in archive.levels] == archive.reports
+    for level in archive.levels:
+        with h5py.File(folder / level.file, locking=False) as file:
+            facts = {name: values[0] for name, values in file["VTKHDF/FieldData"].items()}
+        assert facts["prescribed"] == b"alpha"
+        assert facts["alpha"] == pytest.approx(level.report.alpha, rel=1e-14)
+        assert facts["zeta"] == pytest.approx(level.report.zeta, rel=1e-14)
+    last = archive.surface(archive.levels[-1])
+    found = archive.mechanism(last)
+    assert found is not None
+    moving, largest = found
+    assert 0 <= moving.at_cells["dissipation"].max() <= largest
+    velocity = moving.at_points["displacement"]
+    assert velocity.shape == moving.points.shape
+    assert velocity[:, 2].min() < 0  # the load presses down
+    assert np.array_equal(moving.at_points["contact_pressure"], last.at_points["contact_pressure"])
+
+
 @pytest.mark.parametrize(
     ("command", "spoil", "part"),
     [
@@ -191,7 +218,11 @@ def test_reading_while_a_level_is_written(comm: MPI.Intracomm, shared_tmp_path: 
         ("animate", lambda path: (path / "scene.json").unlink(), "has no scene.json"),
         ("plot", lambda path: (path / "scene.json").write_text("{}"), "'title' is missing"),
         ("plot", lambda path: (path / "path.csv").write_text("a,b\n1,2\n"), "cannot be read"),
-        ("animate", lambda path: (path / "fields.h5").write_text("HDF"), "cannot be read"),
+        ("animate", lambda path: (path / "fields/mesh.vtkhdf").write_text("a"), "cannot be read"),
+        ("plot", lambda path: (path / "fields/level_0001.vtkhdf").unlink(), "cannot be read"),
+        ("plot", lambda path: (path / "fields.vtkhdf.series").write_text("[]"), "cannot be read"),
+        ("plot", lambda path: (path / "fields.xdmf").touch(), "are of an earlier version"),
+        ("animate", lambda path: (path / "model.json").touch(), "has model.json, so its results"),
         ("plot", lambda path: (path / "path.csv").write_text(""), "no level yet"),
         ("animate", lambda path: (path / "path.csv").write_text(""), "no fields on file"),
     ],

@@ -151,16 +151,22 @@ def _case(path: Path, table: Table) -> Case:
         _, shape, rest = choose(obstacle, "shape", OBSTACLES, place)
         obstacles.append(convert(rest, shape, place))
     place = f"{name}, [loading]"
-    control, schema, rest = choose(top.loading, "control", LOADINGS, place, default="load")
+    _, schema, rest = choose(top.loading, "control", LOADINGS, place, default="load")
     loading: LoadControl | WorkControl = convert(rest, schema, place)
-    method, options = _algorithm(top.solve, control, loading, f"{name}, [solve]")
+    method, options = _algorithm(top.solve, loading, f"{name}, [solve]")
+    held = [convert(support, Support, place) for place, support in supports]
+    if loading.values is None and any(support.value for support in held):
+        raise InputError(
+            f"{place}: until = 'limit' goes with supports at rest, but one has a value; leave it"
+            " out, for the limit load is the same without, or give values = [...] of the work."
+        )
     return Case(
         path=path,
         table=table,
         title=top.title or path.stem,
         mesh=_mesh(top.mesh, f"{name}, [mesh]"),
         materials=materials,
-        supports=[convert(support, Support, place) for place, support in supports],
+        supports=held,
         loads=loads,
         contacts=[convert(contact, Contact, place) for place, contact in contacts],
         obstacles=obstacles,
@@ -173,18 +179,18 @@ def _case(path: Path, table: Table) -> Case:
     )
 
 
-def _algorithm(
-    table: Table, control: str, loading: LoadControl | WorkControl, place: str
-) -> tuple[str, Any]:
+def _algorithm(table: Table, loading: LoadControl | WorkControl, place: str) -> tuple[str, Any]:
     """Method and options; ALG1 for loads and ALG3 for works where none is named."""
-    default = "newton" if control == "load" else "work-newton"
-    method, algorithm, rest = choose(table, "method", METHODS, place, default=default)
-    if algorithm.solver.control != control:
-        fitting = [name for name, entry in METHODS.items() if entry.solver.control == control]
+    wanted = loading.prescribes
+    fitting = [name for name, entry in METHODS.items() if entry.solver.prescribes is wanted]
+    method, algorithm, rest = choose(table, "method", METHODS, place, default=fitting[0])
+    if method not in fitting:
+        control = {schema.prescribes: name for name, schema in LOADINGS.items()}
+        other = control[algorithm.solver.prescribes]
         raise InputError(
-            f"{place}: method = '{method}' prescribes the {algorithm.solver.control}, but [loading]"
-            f" has control = '{control}'; use method = {' or '.join(map(repr, fitting))}, or"
-            f" control = '{algorithm.solver.control}'."
+            f"{place}: method = '{method}' prescribes the {other}, but [loading] has control ="
+            f" '{control[wanted]}'; use method = {' or '.join(map(repr, fitting))}, or"
+            f" control = '{other}'."
         )
     if isinstance(loading, WorkControl) and loading.limit_tolerance is not None:
         rest = limit_options(loading.limit_tolerance) | rest

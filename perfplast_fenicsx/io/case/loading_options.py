@@ -2,9 +2,10 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.problem.prescribed import Prescribed
 
 
 @dataclass(frozen=True)
@@ -17,6 +18,8 @@ class LoadControl:
     Raises:
         InputError: No value at all, or values that are not finite, negative or not increasing.
     """
+
+    prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
 
     values: list[float]
 
@@ -38,6 +41,8 @@ class WorkControl:
         InputError: Not exactly one of ``values`` and ``until``, ``until`` without a tolerance, or
             values out of their range.
     """
+
+    prescribes: ClassVar[Prescribed] = Prescribed.WORK
 
     values: list[float] | None = None
     until: Literal["limit"] | None = None
@@ -75,4 +80,4 @@ def _check_values(values: list[float], what: str) -> None:
             )
 
 
-LOADINGS = {"load": LoadControl, "work": WorkControl}
+LOADINGS: dict[str, type[LoadControl | WorkControl]] = {"load": LoadControl, "work": WorkControl}

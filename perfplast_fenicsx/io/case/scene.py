@@ -96,7 +96,7 @@ def write_scene(model: Scene, assembly: TaggedMesh, path: Path) -> None:
 
 @dataclass(frozen=True)
 class NamedScene:
-    """What is in ``scene.json``: a model, and the tag of each name in ``fields.h5``."""
+    """What is in ``scene.json``: a model, and the tag of each name in ``fields/mesh.vtkhdf``."""
 
     model: Scene
     volumes: dict[str, int]

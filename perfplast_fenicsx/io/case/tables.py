@@ -51,7 +51,7 @@ class OutputOptions:
     """What is written beside ``summary.json`` and ``path.csv``.
 
     Args:
-        fields: Write ``fields.xdmf`` and ``fields.h5``.
+        fields: Write ``fields.vtkhdf.series`` and the folder ``fields``.
         pictures: Draw ``fields.png`` and ``path.png``.
     """
 

@@ -23,7 +23,7 @@ from perfplast_fenicsx.io.results.fingerprint import first_difference
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of what stands in a checkpoint."""
 
 NEWEST, BEFORE = "checkpoint.h5", "checkpoint_before.h5"

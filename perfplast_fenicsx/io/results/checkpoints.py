@@ -2,9 +2,9 @@
 
 ``checkpoint.h5`` is written after each level, and the one before stays as ``checkpoint_before.h5``.
 Both have the order of the input. What loading by chosen steps depends on, the state of the level
-before and what the search for the limit load has found, is part of it. The algorithms keep nothing
-else from level to level: the law has no history, and ALG2 begins each level with σ = Σ(ε(u)) and a
-new penalty.
+before and what the search for the limit load has found, is part of it, and so are the internal
+variables of the laws, each under its name. The algorithms keep nothing else from level to level:
+ALG2 begins each with σ = Σ(ε(u)) and a new penalty.
 """
 
 import dataclasses
@@ -33,7 +33,7 @@ from perfplast_fenicsx.io.results.checkpoint_header import (
     read_header,
 )
 from perfplast_fenicsx.io.results.fingerprint import case_hash, mesh_hash
-from perfplast_fenicsx.io.results.global_ordering import cell_ordering, node_ordering
+from perfplast_fenicsx.io.results.global_ordering import Ordering, cell_ordering, node_ordering
 from perfplast_fenicsx.io.results.parallel_hdf5 import (
     Block,
     block,
@@ -46,11 +46,18 @@ from perfplast_fenicsx.limit_analysis.limit_search import Search
 from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.problem.certificate import contact_forces
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.spaces import space_at_points
 from perfplast_fenicsx.problem.state import Level, LevelReport, State
 from perfplast_fenicsx.solvers.load_stepping import Reached
 
 GENERIC = np.array([0.5377, 0.8319, 0.1379])
 """Along this direction the normals of the faces that meet at a node are all different."""
+
+HISTORY = "history"
+"""Group of the internal variables, arrays of numbers at the points of each cell."""
+
+BEFORE_LAST = "_before"
+"""What the names of arrays and groups of the level before the last end with."""
 
 log = logging.getLogger(__name__)
 
@@ -119,8 +126,7 @@ class Checkpoints:
             arrays["strain"] = self._of_points(self._strain)
             arrays["stress"] = self._of_points(saved.level.stress)
             if saved.before is not None:
-                of_before = self._of_state(saved.before)
-                arrays |= {f"{name}_before": rows for name, rows in of_before.items()}
+                arrays |= self._of_state(saved.before, BEFORE_LAST)
         header = Header(
             schema=SCHEMA,
             version=self._version,
@@ -171,17 +177,14 @@ class Checkpoints:
         fault = None
         try:
             for name in header.checksums:
-                ordering = self._cells if name in ("strain", "stress") else self._nodes
-                arrays[name] = read_rows(path, name, ordering)
+                arrays[name] = read_rows(path, name, self._ordering(name))
         except OSError as error:
             fault = damaged(path, error)
         raise_together(comm, fault)
         for name, values in arrays.items():
-            ordering = self._cells if name in ("strain", "stress") else self._nodes
-            if (
-                checksum(comm, Block(values, ordering.first, ordering.total))
-                != (header.checksums[name])
-            ):
+            ordering = self._ordering(name)
+            found = checksum(comm, Block(values, ordering.first, ordering.total))
+            if found != header.checksums[name]:
                 raise InputError(damaged(path, f"{name} is not what was written"))
         reports = [LevelReport(**report) for report in header.reports]
         search = Search(**header.search) if header.search else None
@@ -193,45 +196,71 @@ class Checkpoints:
             self._to_points(arrays["stress"], stress)
             forces = contact_forces(problem, stress, reports[-1].zeta)
             level = Level(self._to_state(arrays, "", reports[-1]), stress, forces, reports[-1])
-            if "displacement_before" in arrays:
-                before = self._to_state(arrays, "_before", reports[-2])
+            if "displacement" + BEFORE_LAST in arrays:
+                before = self._to_state(arrays, BEFORE_LAST, reports[-2])
         return Saved(reports, level, before, search, header.timings)
 
-    def _of_state(self, state: State) -> dict[str, Block]:
-        """Displacement; a byte for each node whose bits tell which of its pairs are closed."""
+    def _of_state(self, state: State, end: str = "") -> dict[str, Block]:
+        """Displacement, history, and a byte a node whose bits tell which of its pairs are closed.
+
+        ``end`` is what the names of the level before the last end with.
+        """
         width = self._problem.V.dofmap.index_map_bs
         u = state.u.x.array.reshape(-1, width)[: self._owned_nodes]
         bits = np.where(state.active, self._bit, 0)
-        closed = np.bincount(self._problem.pairs.host, bits, self._owned_nodes).astype(np.uint8)
-        return {"displacement": block(self._nodes, u), "active": block(self._nodes, closed)}
+        closed = np.bincount(self._problem.constraints.host, bits, self._owned_nodes).astype(
+            np.uint8
+        )
+        return {
+            f"displacement{end}": block(self._nodes, u),
+            f"active{end}": block(self._nodes, closed),
+            **{f"{HISTORY}{end}/{name}": self._of_points(f) for name, f in state.history.items()},
+        }
 
     def _to_state(self, arrays: dict[str, npt.NDArray], end: str, report: LevelReport) -> State:
         u = fem.Function(self._problem.V, name="displacement")
         nodal = self._nodes.from_blocks(arrays["displacement" + end])
         u.x.array[: nodal.size] = nodal.ravel()
         u.x.scatter_forward()
-        closed = self._nodes.from_blocks(arrays["active" + end])[self._problem.pairs.host]
-        return State(u, report.zeta, report.alpha, (closed & self._bit).astype(bool))
+        closed = self._nodes.from_blocks(arrays["active" + end])[self._problem.constraints.host]
+        active = (closed & self._bit).astype(bool)
+        return State(u, report.zeta, report.alpha, active, self._to_history(arrays, end))
+
+    def _to_history(self, arrays: dict[str, npt.NDArray], end: str) -> dict[str, fem.Function]:
+        """Internal variables by name. Collective."""
+        history, mesh = {}, self._problem.tagged_mesh.mesh
+        for array, values in arrays.items():
+            group, _, name = array.partition("/")
+            if group == HISTORY + end:
+                shape = values.shape[2:] if values.shape[2] > 1 else ()
+                space = space_at_points(mesh, self._problem.degree, shape)
+                history[name] = fem.Function(space, name=name)
+                self._to_points(values, history[name])
+        return history
+
+    def _ordering(self, name: str) -> Ordering:
+        at_points = name in ("strain", "stress") or "/" in name
+        return self._cells if at_points else self._nodes
 
     def _of_points(self, function: fem.Function) -> Block:
-        """Mandel vectors of each cell, shape (num_cells, points, size)."""
-        points = self._problem.S.dofmap.list[: self._owned_cells]
-        width = self._problem.S.dofmap.index_map_bs
-        return block(self._cells, function.x.array.reshape(-1, width)[points])
+        """Vectors or numbers at the points of each cell, shape (num_cells, points, size)."""
+        dofmap = function.function_space.dofmap
+        points = dofmap.list[: self._owned_cells]
+        return block(self._cells, function.x.array.reshape(-1, dofmap.index_map_bs)[points])
 
     def _to_points(self, values: npt.NDArray, function: fem.Function) -> None:
-        points = self._problem.S.dofmap.list[: self._owned_cells]
-        width = self._problem.S.dofmap.index_map_bs
-        function.x.array.reshape(-1, width)[points] = self._cells.from_blocks(values)
+        dofmap = function.function_space.dofmap
+        at_points = function.x.array.reshape(-1, dofmap.index_map_bs)
+        at_points[dofmap.list[: self._owned_cells]] = self._cells.from_blocks(values)
         function.x.scatter_forward()
 
 
 def _bits(problem: Problem) -> npt.NDArray[np.uint8]:
     """A bit for each pair hosted here, another one for each pair of the same host."""
-    pairs = problem.pairs
-    along = pairs.normal @ GENERIC[: pairs.normal.shape[1]]
-    order = np.lexsort([along, pairs.contact, pairs.host])
-    _, first, counts = np.unique(pairs.host[order], return_index=True, return_counts=True)
+    constraints = problem.constraints
+    along = constraints.normal @ GENERIC[: constraints.normal.shape[1]]
+    order = np.lexsort([along, constraints.surface, constraints.host])
+    _, first, counts = np.unique(constraints.host[order], return_index=True, return_counts=True)
     slot = np.empty(len(order), dtype=np.uint8)
     slot[order] = np.arange(len(order)) - np.repeat(first, counts)
     return np.left_shift(np.uint8(1), slot)

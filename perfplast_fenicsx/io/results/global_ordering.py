@@ -6,8 +6,6 @@ of any other. Each rank keeps a block of consecutive numbers; values travel betw
 that own the cells and nodes by all-to-all.
 """
 
-import math
-
 from mpi4py import MPI
 
 import numpy as np
@@ -16,9 +14,8 @@ from dolfinx import la
 from dolfinx.common import IndexMap
 from dolfinx.mesh import Mesh
 
-from perfplast_fenicsx.parallel import send_rows
-
-Longs = npt.NDArray[np.int64]
+from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.parallel import exchange_rows, send_rows
 
 UNSEEN = np.iinfo(np.int64).max
 
@@ -46,35 +43,30 @@ class Ordering:
         self._owned = np.bincount(keeper, minlength=comm.size)
         self._kept = np.empty_like(self._owned)
         comm.Alltoall(self._owned, self._kept)
-        self._sorting = np.argsort(self._send(keys[self._by_keeper], self._owned, self._kept))
+        self._sorting = np.argsort(self._to_keepers(keys))
         self.count = len(self._sorting)
         self.first: int = comm.exscan(self.count) or 0
         self.total: int = comm.allreduce(self.count)
 
     def to_blocks(self, values: npt.NDArray) -> npt.NDArray:
         """Values of owned things, shape (n, ...), as those of this rank's block. Collective."""
-        return self._send(values[self._by_keeper], self._owned, self._kept)[self._sorting]
+        return self._to_keepers(values)[self._sorting]
 
     def from_blocks(self, values: npt.NDArray) -> npt.NDArray:
         """Values of this rank's block, shape (count, ...), as those of owned things. Collective."""
         kept = np.empty_like(values)
         kept[self._sorting] = values
         owned = np.empty((len(self._by_keeper), *values.shape[1:]), dtype=values.dtype)
-        owned[self._by_keeper] = self._send(kept, self._kept, self._owned)
+        owned[self._by_keeper] = exchange_rows(self._comm, kept, self._kept, self._owned)
         return owned
 
     def numbers(self) -> Longs:
         """Numbers of the owned things. Collective."""
         return self.from_blocks(np.arange(self.first, self.first + self.count))
 
-    def _send(self, values: npt.NDArray, sent: Longs, received: Longs) -> npt.NDArray:
-        """Rows, sorted by the rank they go to, as those that arrive. Collective."""
-        values = np.ascontiguousarray(values)
-        arrived = np.empty((int(received.sum()), *values.shape[1:]), dtype=values.dtype)
-        row = MPI.BYTE.Create_contiguous(values.itemsize * math.prod(values.shape[1:])).Commit()
-        self._comm.Alltoallv([values, sent, row], [arrived, received, row])
-        row.Free()
-        return arrived
+    def _to_keepers(self, values: npt.NDArray) -> npt.NDArray:
+        """Rows of owned things on the ranks that keep their keys. Collective."""
+        return exchange_rows(self._comm, values[self._by_keeper], self._owned, self._kept)
 
 
 def cell_ordering(mesh: Mesh) -> Ordering:

@@ -1,7 +1,6 @@
 """Fields people look at: stress tensor, plastic zone, contact pressure of a level."""
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import basix.ufl
 import numpy as np
@@ -11,8 +10,8 @@ from dolfinx import fem, la
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.contact.node_pairs import RIGID
 from perfplast_fenicsx.materials.mandel import strain, tensor
+from perfplast_fenicsx.problem.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.spaces import by_cell
 from perfplast_fenicsx.problem.state import Level
@@ -24,9 +23,10 @@ class OutputFields:
     Attributes:
         fields: name → function, brought up to date by :meth:`update`: ``displacement`` (length),
             ``stress`` (3×3, mean of each cell), ``plastic`` (share of each cell's points that are
-            plastic), ``yield_ratio`` (‖dev σ‖/γ, the largest of each cell's points, 0 in elastic
-            bodies), ``contact_pressure`` (linear on the contact surfaces, 0 elsewhere, positive
-            where bodies push each other; at an edge of two contact faces the mean of both).
+            plastic), ``yield_ratio`` (of σ by the law, for von Mises ‖dev σ‖/γ, the largest of each
+            cell's points, 0 in elastic bodies), ``contact_pressure`` (linear on the contact
+            surfaces, 0 elsewhere, positive where bodies push each other; at an edge of two contact
+            faces the mean of both).
         resultants: Force of each contact on its primary surface, and of each obstacle on its
             surface behind them, shape (num_contacts, gdim), the same on every rank.
     """
@@ -34,7 +34,7 @@ class OutputFields:
     def __init__(self, problem: Problem) -> None:
         """Compile the expressions. Collective."""
         self._problem, self._e = problem, fem.Function(problem.S)
-        mesh, law, e = problem.tagged_mesh.mesh, problem.moduli, self._e
+        mesh, e, s = problem.tagged_mesh.mesh, self._e, fem.Function(problem.S)
         cell, size = mesh.basix_cell(), problem.S.dofmap.index_map_bs
 
         def piecewise_constant(*shape: int) -> fem.FunctionSpace:
@@ -58,52 +58,52 @@ class OutputFields:
         self._mean = fem.Function(piecewise_constant(size))
         self._tensor = fem.Expression(tensor(self._mean), interpolation_points(tensors.element))
         self._at_points = fem.Function(problem.Q)
-        points = interpolation_points(problem.Q.element)
-        self._plastic = fem.Expression(law.plastic(e), points)
-        self._ratio = fem.Expression(law.secant(e) * law.overstress(e), points)
+        self._stress = s
+        laws, Q = problem.laws, problem.Q
+        self._plastic = LawExpression(laws, Q, lambda on: on.law.plastic(e, on.old))
+        self._ratio = LawExpression(laws, Q, lambda on: on.law.yield_ratio(s))
         self._to_nodes = fem_petsc.interpolation_matrix(vertices, self._nodes)
         self._to_nodes.assemble()
+        self._magnitudes = problem.constraints.nodal_magnitudes(problem.V)
         self._areas = self._contact_areas(vertices)
 
     def update(self, level: Level) -> dict[str, fem.Function]:
         """Bring all fields to a level. Collective."""
         self.fields["displacement"].x.array[:] = level.state.u.x.array
         self._e.interpolate(self._strain, self._problem.cells)
-        stress, size = level.stress, self._mean.function_space.dofmap.index_map_bs
+        stress, size = self._stress.x.array, self._mean.function_space.dofmap.index_map_bs
+        stress[:] = level.stress.x.array
         points = self._problem.S.dofmap.list
-        self._mean.x.array[:] = stress.x.array.reshape(-1, size)[points].mean(axis=1).ravel()
+        self._mean.x.array[:] = stress.reshape(-1, size)[points].mean(axis=1).ravel()
         self.fields["stress"].interpolate(self._tensor)
-        self._at_points.interpolate(self._plastic)
+        self._plastic.interpolate(self._at_points)
         self.fields["plastic"].x.array[:] = by_cell(self._at_points).mean(axis=1)
-        self._at_points.interpolate(self._ratio)
+        self._ratio.interpolate(self._at_points)
         self.fields["yield_ratio"].x.array[:] = by_cell(self._at_points).max(axis=1)
         self._contact(level.contact_forces)
         return self.fields
 
     def _contact(self, forces: npt.NDArray[np.float64]) -> None:
-        """Pressure p and resultants of the nodal forces λ.
+        """Pressure p and resultants of the forces λ of the contact pairs.
 
-        Each vertex j gets Σ_i λ_i ψ_j(x_i) / ∫ψ_j, with ψ_j the linear shape functions: forces of
-        midsides go to the ends of their edges in equal parts. So p is nowhere negative where no
-        force is, it is exact for a constant pressure, and ∫p is Σλ.
+        The nodal force of node k is f_k = Σ_i ‖B_ik‖ λ_i. Each vertex j gets Σ_k f_k ψ_j(x_k) /
+        ∫ψ_j, with ψ_j the linear shape functions: forces of midsides go to the ends of their edges
+        in equal parts. So p is nowhere negative where no force is, it is exact for a constant
+        pressure, and on either side ∫p is Σλ.
         """
-        pairs, comm = self._problem.pairs, self._problem.comm
-        first = self._problem.V.dofmap.index_map.local_range[0]
-        on_nodes = fem.Function(self._nodes)
-        vector = on_nodes.x.petsc_vec
-        moves = pairs.guest_body != RIGID
-        nodes = np.concatenate([pairs.host + first, pairs.guest[moves]]).astype(PETSc.IntType)
-        values = np.concatenate([forces, forces[moves]])
-        vector.setValues(nodes, values, addv=PETSc.InsertMode.ADD_VALUES)
-        vector.assemble()
+        constraints, comm = self._problem.constraints, self._problem.comm
+        on_pairs, on_nodes = self._magnitudes.createVecLeft(), fem.Function(self._nodes)
+        on_pairs.array[:] = forces
+        self._magnitudes.multTranspose(on_pairs, on_nodes.x.petsc_vec)
+        on_pairs.destroy()
         pressure = self.fields["contact_pressure"].x
-        self._to_nodes.multTranspose(vector, pressure.petsc_vec)
+        self._to_nodes.multTranspose(on_nodes.x.petsc_vec, pressure.petsc_vec)
         pressure.petsc_vec.array[:] /= self._areas
         pressure.scatter_forward()
 
-        count = comm.allreduce(int(pairs.contact.max(initial=-1)) + 1, MPI.MAX)
-        resultants = np.zeros((count, pairs.normal.shape[1]))
-        np.add.at(resultants, pairs.contact, -forces[:, None] * pairs.normal)
+        count = comm.allreduce(int(constraints.surface.max(initial=-1)) + 1, MPI.MAX)
+        resultants = np.zeros((count, constraints.normal.shape[1]))
+        np.add.at(resultants, constraints.surface, -forces[:, None] * constraints.normal)
         self.resultants = comm.allreduce(resultants)
 
     def _contact_areas(self, vertices: fem.FunctionSpace) -> npt.NDArray[np.float64]:
@@ -119,15 +119,17 @@ class OutputFields:
 
 
 def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
-    """γ‖dev ε(v)‖, the mean of each cell: the plastic work of a velocity; 0 in elastic bodies.
+    """The plastic work of a velocity as its law has it, the mean of each cell.
+
+    For von Mises it is γ‖dev ε(v)‖, and 0 in elastic bodies.
 
     Args:
         problem: The bodies.
         v: The velocity, its ghosts up to date.
     """
-    rate = problem.moduli.dissipation(strain(v))
-    at_points = fem.Function(problem.Q)
-    at_points.interpolate(fem.Expression(rate, interpolation_points(problem.Q.element)))
+    rate, at_points = strain(v), fem.Function(problem.Q)
+    work = LawExpression(problem.laws, problem.Q, lambda on: on.law.dissipation(rate))
+    work.interpolate(at_points)
     cells = fem.functionspace(problem.tagged_mesh.mesh, ("DG", 0))
     mean = fem.Function(cells, name="dissipation")
     mean.x.array[:] = by_cell(at_points).mean(axis=1)

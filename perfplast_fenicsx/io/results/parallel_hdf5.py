@@ -7,7 +7,7 @@ of the system that all ranks can be told of.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -54,15 +54,22 @@ def block(ordering: Ordering, values: npt.NDArray) -> Block:
 
 
 def write_arrays(
-    folder: ResultFolder, path: Path, blocks: Mapping[str, Block], before: Path | None = None
+    folder: ResultFolder,
+    path: Path,
+    blocks: Mapping[str, Block],
+    before: Path | None = None,
+    describe: Callable[[h5py.File], None] | None = None,
 ) -> None:
     """Write a file, or replace it. Collective.
 
     Args:
         folder: Tells which ranks, and what to say where the system refuses.
         path: The file; its folder exists.
-        blocks: Arrays by name; those that only rank 0 has are whole there.
+        blocks: Arrays by name, with the groups they are in; those that only rank 0 has are whole
+            there.
         before: What the older file of that name is called from then on; it is replaced if None.
+        describe: Called on rank 0 with the file while it is laid out, to add what is small:
+            groups, attributes, links, names. There is room for :data:`LAYOUT` bytes.
 
     Raises:
         InputError: On every rank, where the system refuses; the file is then as it was.
@@ -72,7 +79,7 @@ def write_arrays(
 
     def lay_out() -> None:
         _reserve(part, LAYOUT + sum(_bytes(block) for block in blocks.values()))
-        offsets.update(_lay_out(part, blocks))
+        offsets.update(_lay_out(part, blocks, describe))
         _reserve(part, part.stat().st_size)
 
     def fill() -> None:
@@ -145,7 +152,9 @@ def _bytes(rows: Block) -> int:
     return int(np.prod(rows.shape)) * rows.values.itemsize
 
 
-def _lay_out(part: Path, blocks: Mapping[str, Block]) -> dict[str, int]:
+def _lay_out(
+    part: Path, blocks: Mapping[str, Block], describe: Callable[[h5py.File], None] | None
+) -> dict[str, int]:
     """Make a file whose arrays have their places, but no values yet; tell the places (bytes)."""
     early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
@@ -153,6 +162,8 @@ def _lay_out(part: Path, blocks: Mapping[str, Block]) -> dict[str, int]:
     offsets = {}
     try:
         with h5py.File(part, "w", libver="v110", locking=False) as file:
+            if describe is not None:
+                describe(file)
             for name, rows in blocks.items():
                 made = file.create_dataset(name, rows.shape, rows.values.dtype, dcpl=early.copy())
                 offsets[name] = made.id.get_offset() or 0

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -23,18 +24,17 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import raise_together
+from perfplast_fenicsx.io.results.result_files import EARLIER, FIELDS, MECHANISM, SERIES
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import LevelReport
 
 RESULT_FILES = (
-    *("summary.json", "path.csv", "run.log", "scene.json", "fields.xdmf", "fields.h5"),
-    *("path.png", "fields.png", "loading.gif"),
-    *("mechanism.xdmf", "mechanism.h5", "mechanism.png"),
-    *("checkpoint.h5", "checkpoint_before.h5"),
+    *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
+    *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png"),
+    *("checkpoint.h5", "checkpoint_before.h5", *EARLIER),
 )
-
-FIELDS = "fields"
-"""Folder of the arrays that ``fields.h5`` refers to, a file for each level."""
+"""What a run looks for before it writes, and removes when it is told to."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says where there is no room."""
@@ -92,10 +92,12 @@ class ResultFolder:
             self.path.mkdir(parents=True, exist_ok=True)
             for name in RESULT_FILES:
                 self.file(name).unlink(missing_ok=True)
-            for rest in (*self.path.glob("*.part"), *self.file(FIELDS).glob("*.h5*")):
+            fields = self.file(FIELDS)
+            rests = (fields.glob(f"*{end}*") for end in (".vtkhdf", ".h5"))
+            for rest in chain(self.path.glob("*.part"), *rests):
                 rest.unlink()
-            if self.file(FIELDS).is_dir() and not any(self.file(FIELDS).iterdir()):
-                self.file(FIELDS).rmdir()
+            if fields.is_dir() and not any(fields.iterdir()):
+                fields.rmdir()
             self.file("path.csv").touch()
 
         self.on_root(create)
@@ -159,6 +161,7 @@ class Summary:
     """What ``summary.json`` says; its fields are the keys.
 
     Attributes:
+        prescribed: What each level prescribes, "zeta" or "alpha"; the other one is found.
         mesh: Numbers of cells, vertices and displacement unknowns (dofs).
         steps: A :data:`STEP_KEYS` table for each level.
         limit: Limit load, where one was asked for.
@@ -169,6 +172,7 @@ class Summary:
     title: str
     version: str
     method: str
+    prescribed: str
     ranks: int
     mesh: dict[str, int]
     steps: list[dict[str, Any]] = field(default_factory=list)
@@ -188,6 +192,7 @@ class Results:
         version: str,
         method: str,
         reports: Sequence[LevelReport] = (),
+        prescribed: Prescribed = Prescribed.LOAD_FACTOR,
     ) -> None:
         """Write a summary without levels, or with those of an earlier run. Collective."""
         mesh = problem.tagged_mesh.mesh
@@ -196,6 +201,7 @@ class Results:
             title=title,
             version=version,
             method=method,
+            prescribed=prescribed.value,
             ranks=folder.comm.size,
             mesh={
                 "cells": mesh.topology.index_map(mesh.topology.dim).size_global,

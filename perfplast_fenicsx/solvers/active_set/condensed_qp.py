@@ -1,13 +1,12 @@
 """Which of a few pairs are closed, everything else given: a dense quadratic program with bounds."""
 
-from mpi4py import MPI
-from petsc4py import PETSc
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import nnls
 
-from perfplast_fenicsx.solvers.active_set.equality_qp import EqualityProgram, Flags
+from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.solvers.active_set.equality_qp import EqualityProgram, QuadraticModel
 
 TOLERANCE = 1e-6
 """Relative tolerance of the linear solves that condense."""
@@ -16,58 +15,65 @@ REGULARISATION = 1e-13
 """Smallest eigenvalue of the scaled matrix, lest rounding make it indefinite."""
 
 
+@dataclass(frozen=True)
+class Condensed:
+    """Solution of a contact QP for a few pairs alone.
+
+    Attributes:
+        closed: Which of them stay closed, False elsewhere, shape (num_pairs,).
+        solves: Systems solved for it.
+    """
+
+    closed: PairFlags
+    solves: int
+
+
 def condense(
-    comm: MPI.Intracomm,
-    system: EqualityProgram,
-    index: npt.NDArray[np.int32],
-    closed: Flags,
-    chosen: Flags,
-    room: npt.NDArray[np.float64],
-    r: PETSc.Vec,
-    work: float | None,
-) -> Flags:
-    """Solve the contact quadratic program for the chosen pairs alone. Collective.
+    program: EqualityProgram, model: QuadraticModel, *, held: PairFlags, undecided: PairFlags
+) -> Condensed:
+    """Solve the contact QP for the undecided pairs alone. Collective.
 
     With all of them held, each gets a unit jump in turn: one solve a pair, with one set-up.
 
     Args:
-        comm: The ranks.
-        system: Linear systems with held pairs.
-        index: Local index of each pair's jump, shape (num_pairs,), as all that follows.
-        closed: Other pairs that are closed.
-        chosen: The few pairs to decide on.
-        room: How far each pair may still close.
-        r: Gradient at δ = 0.
-        work: ℓᵀδ if it is prescribed.
+        program: Equality-constrained QPs of the operator.
+        model: What is minimised, with ``jumps`` the room of each pair.
+        held: Other pairs that are held closed, shape (num_pairs,).
+        undecided: The few pairs to decide on, shape (num_pairs,).
 
-    Returns:
-        Which of the chosen pairs stay closed; False elsewhere.
+    Raises:
+        LinearFailure: If a linear system cannot be solved.
     """
-    local = np.flatnonzero(chosen)
-    last = comm.scan(len(local))
-    count, mine = comm.allreduce(len(local)), slice(last - len(local), last)
-    delta, gradient, nothing = r.duplicate(), r.duplicate(), r.duplicate()
+    local = np.flatnonzero(undecided)
+    last = program.comm.scan(len(local))
+    count, mine = program.comm.allreduce(len(local)), slice(last - len(local), last)
+    delta, gradient, nothing = (model.r.duplicate() for _ in range(3))
+    unit = QuadraticModel(
+        nothing, np.zeros_like(model.jumps), None if model.work is None else 0.0, TOLERANCE
+    )
     columns = np.zeros((count, count + 1))
-    for number in range(count + 1):
-        if number < count:
-            values = np.zeros_like(room)
-            if mine.start <= number < mine.stop:
-                values[local[number - mine.start]] = 1.0
-            load, prescribed = nothing, None if work is None else 0.0
-        else:
-            values, load, prescribed = room, r, work
-        multiplier = system.minimise(closed | chosen, values, load, prescribed, TOLERANCE, delta)
-        system.gradient(delta, load, multiplier, gradient)
-        columns[mine, number] = gradient.array_r[index[local]]
-    for vector in (delta, gradient, nothing):
-        vector.destroy()
-    columns = comm.allreduce(columns)
-    stay: Flags = np.zeros_like(chosen)
-    stay[local] = closed_pairs(columns[:, :count], columns[:, count])[mine]
-    return stay
+    try:
+        for number in range(count + 1):
+            if number < count:
+                jumps = np.zeros_like(model.jumps)
+                if mine.start <= number < mine.stop:
+                    jumps[local[number - mine.start]] = 1.0
+                column = replace(unit, jumps=jumps)
+            else:
+                column = replace(model, rtol=TOLERANCE)
+            solution = program.minimise(column, held | undecided, delta)
+            program.gradient(solution, gradient)
+            columns[mine, number] = gradient.array_r[program.index[local]]
+    finally:
+        for vector in (delta, gradient, nothing):
+            vector.destroy()
+    columns = program.comm.allreduce(columns)
+    closed: PairFlags = np.zeros_like(undecided)
+    closed[local] = closed_pairs(columns[:, :count], columns[:, count])[mine]
+    return Condensed(closed, solves=count + 1)
 
 
-def closed_pairs(stiffness: npt.NDArray[np.float64], forces: npt.NDArray[np.float64]) -> Flags:
+def closed_pairs(stiffness: Floats, forces: Floats) -> PairFlags:
     """Pairs that stay closed where z ≥ 0 minimises ½ zᵀSz − gᵀz.
 
     With S = R Rᵀ this is the least-squares problem min ‖Rᵀz − R⁻¹g‖ over z ≥ 0, which the method of
@@ -87,5 +93,5 @@ def closed_pairs(stiffness: npt.NDArray[np.float64], forces: npt.NDArray[np.floa
     values, vectors = np.linalg.eigh(S / np.outer(scale, scale))
     roots = np.sqrt(np.maximum(values, REGULARISATION))
     openings, _ = nnls(roots[:, None] * vectors.T, (vectors.T @ (forces / scale)) / roots)
-    closed: Flags = openings <= 0
+    closed: PairFlags = openings <= 0
     return closed

@@ -1,4 +1,4 @@
-"""Quadratic minimisation with some jumps held at given values, with or without a prescribed work.
+"""The equality-constrained QP: some jumps given, the others free, with or without a given work.
 
     minimise ½ δᵀAδ + rᵀδ  where δ_s = given at held pairs and, where asked,  ℓᵀδ = work
 
@@ -10,42 +10,81 @@ Where nothing but the held pairs change, the solution with the last ones is corr
 disturb it little, so that not much accuracy is left to be won.
 """
 
+from dataclasses import dataclass
+
 from petsc4py import PETSc
 
-import numpy as np
-import numpy.typing as npt
-
+from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
 
-Flags = npt.NDArray[np.bool_]
+ROUNDING = 1e-12
+"""Contact forces below this share of the largest force decide nothing, and so for lengths."""
+
+
+@dataclass(frozen=True)
+class QuadraticModel:
+    """What is minimised, apart from A, and what the equalities ask.
+
+    Attributes:
+        r: Gradient at δ = 0, in the jump basis.
+        jumps: Jump of each pair hosted here where it is held (length), shape (num_pairs,).
+        work: ℓᵀδ (energy) if it is prescribed, where ℓ are the loads.
+        rtol: Relative tolerance of the linear solves.
+    """
+
+    r: PETSc.Vec
+    jumps: Floats
+    work: float | None
+    rtol: float
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Solution of an equality-constrained QP.
+
+    Attributes:
+        model: What it minimises.
+        delta: δ in the jump basis. A correction turns it into the corrected one.
+        held: Pairs hosted here that are held, shape (num_pairs,).
+        multiplier: ζ of the work equality; 0 without it.
+        accuracy: Euclidean norm of the residual that was allowed; corrections keep to it.
+        force_tolerance: Contact forces that are no larger are what the linear solver leaves, or
+            rounding, and decide nothing.
+        solves: Sets of held pairs solved with, from the last minimisation on.
+    """
+
+    model: QuadraticModel
+    delta: PETSc.Vec
+    held: PairFlags
+    multiplier: float
+    accuracy: float
+    force_tolerance: float
+    solves: int
 
 
 class EqualityProgram:
-    """The linear systems of one operator, whatever pairs are held.
+    """The equality-constrained QPs of one operator, whatever pairs are held.
 
     Attributes:
-        held: Pairs hosted here that were held in the last solve, shape (num_pairs,).
-        sets: Systems solved since it was last set to zero.
-        size: Largest entry of the last right-hand side that was not a correction's.
+        comm: The ranks.
+        index: Local index of each pair's jump, shape (num_pairs,).
     """
 
     def __init__(self, problem: Problem, linear: LinearSolver) -> None:
         """Keep what all systems share. Collective."""
+        self.comm, self.index = problem.comm, problem.basis.index
         self._linear = linear
-        self._index = problem.basis.index
         self._A: ContactOperator | None = None
         self._border, self._rhs, self._change, self._response = (
             problem.create_vector() for _ in range(4)
         )
-        problem.basis.T.multTranspose(problem.load, self._border)
+        problem.basis.T.multTranspose(problem.loads.live, self._border)
         self._responded = self._response_is_new = False
-        self.held: Flags = np.zeros(len(self._index), dtype=bool)
-        self.sets, self.size, self._accuracy = 0, 0.0, 0.0
 
     def set_operator(self, A: ContactOperator) -> None:
-        """Take a new operator A in the contact basis, or the same one with new values."""
+        """Take a new operator A in the jump basis, or the same one with new values."""
         self._A = A
         self._linear.set_operator(A)
         self._responded = self._response_is_new = False
@@ -56,89 +95,102 @@ class EqualityProgram:
         assert self._A is not None
         return self._A
 
-    def minimise(
-        self,
-        held: Flags,
-        values: npt.NDArray[np.float64],
-        r: PETSc.Vec,
-        work: float | None,
-        rtol: float,
-        delta: PETSc.Vec,
-        multiplier: float | None = None,
-    ) -> float:
-        """Solve for δ. Collective.
+    def minimise(self, model: QuadraticModel, held: PairFlags, delta: PETSc.Vec) -> Solution:
+        """Solve with these pairs held. Collective.
 
         Args:
+            model: What is minimised.
             held: Pairs hosted here that are held, shape (num_pairs,).
-            values: Their jumps; entries of other pairs do not matter.
-            r: Gradient at δ = 0.
-            work: ℓᵀδ if it is prescribed.
-            rtol: Relative tolerance of the linear solves.
-            delta: Takes the solution.
-            multiplier: Of the solution with other pairs held, if ``delta`` is that. It is then
-                corrected until the residual is what ``rtol`` allowed in the first place.
-
-        Returns:
-            Multiplier of the work equality; 0 without it.
+            delta: Takes δ.
 
         Raises:
             LinearFailure: If the system cannot be solved.
         """
-        closed, afresh = self._index[held], multiplier is None
-        if afresh:
-            delta.set(0)
-        delta.array[closed] = values[held]
-        self.gradient(delta, r, multiplier or 0.0, self._rhs)
-        self._rhs.scale(-1)
-        self._rhs.array[closed] = 0
-        if afresh:
-            self.size = self._rhs.norm(PETSc.NormType.NORM_INFINITY)
-            self._accuracy = rtol * self._rhs.norm()
-        self._hold(held)
-        self._solve(self._rhs, self._accuracy, self._change, afresh)
-        delta.axpy(1.0, self._change)
-        return 0.0 if work is None else (multiplier or 0.0) + self.shift(delta, work, rtol)
+        delta.set(0)
+        self._set_rhs(model, held, delta, 0.0)
+        largest = self._rhs.norm(PETSc.NormType.NORM_INFINITY)
+        noise = max(model.rtol * largest, ROUNDING * model.r.norm(PETSc.NormType.NORM_INFINITY))
+        accuracy = model.rtol * self._rhs.norm()
+        return self._solve(Solution(model, delta, held, 0.0, accuracy, noise, 0), held, False)
 
-    def correct(self, held: Flags, rhs: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Solve A x = rhs on the unknowns that are not held, to the accuracy of the last solution.
+    def correct(self, previous: Solution, held: PairFlags) -> Solution:
+        """Solve with other pairs held, from a solution that becomes the new one. Collective.
+
+        It is corrected until the residual is what was allowed in the first place.
 
         Args:
+            previous: Solution with other pairs held; its δ is overwritten.
             held: Pairs hosted here that are held, shape (num_pairs,).
-            rhs: What the solution with other pairs held leaves; zero at held unknowns.
-            x: Takes its correction.
+
+        Raises:
+            LinearFailure: If the system cannot be solved; δ then is none.
         """
-        self._hold(held)
-        self._solve(rhs, self._accuracy, x, False)
+        self._set_rhs(previous.model, held, previous.delta, previous.multiplier)
+        return self._solve(previous, held, True)
 
-    def _hold(self, held: Flags) -> None:
-        if self._linear.hold(self._index[held]):
+    def gradient(self, solution: Solution, f: PETSc.Vec) -> None:
+        """Set f to Aδ + r − ζℓ, which at held pairs is minus the contact force. Collective."""
+        self._set_gradient(solution.model, solution.delta, solution.multiplier, f)
+
+    def _set_gradient(
+        self, model: QuadraticModel, delta: PETSc.Vec, multiplier: float, f: PETSc.Vec
+    ) -> None:
+        self.operator.mult_add(delta, model.r, f)
+        f.axpy(-multiplier, self._border)
+
+    def _set_rhs(
+        self, model: QuadraticModel, held: PairFlags, delta: PETSc.Vec, multiplier: float
+    ) -> None:
+        """Give held pairs their jumps in δ; what that leaves is the right-hand side."""
+        closed = self.index[held]
+        delta.array[closed] = model.jumps[held]
+        self._set_gradient(model, delta, multiplier, self._rhs)
+        self._rhs.scale(-1)
+        self._rhs.array[closed] = 0
+
+    def _solve(self, start: Solution, held: PairFlags, correction: bool) -> Solution:
+        """Change δ by what the right-hand side asks, and by what makes the work right."""
+        if self._linear.hold(self.index[held]):
             self._response_is_new = False
-        self.held = held.copy()
-        self.sets += 1
+        self._reduce(self._rhs, start.accuracy, self._change, correction)
+        start.delta.axpy(1.0, self._change)
+        multiplier = start.multiplier
+        work, rtol = start.model.work, start.model.rtol
+        if work is not None:
+            multiplier += self._shift(start.delta, held, work, rtol)
+        return Solution(
+            model=start.model,
+            delta=start.delta,
+            held=held.copy(),
+            multiplier=multiplier,
+            accuracy=start.accuracy,
+            force_tolerance=start.force_tolerance,
+            solves=start.solves + 1,
+        )
 
-    def _solve(self, rhs: PETSc.Vec, atol: float, x: PETSc.Vec, afresh: bool) -> None:
+    def _reduce(self, rhs: PETSc.Vec, atol: float, x: PETSc.Vec, correction: bool) -> None:
         """Solve A x = rhs until no more than ``atol`` is left; less than that is left as it is."""
         size = rhs.norm()
         if size > atol:
-            self._linear.solve(rhs, x, atol / size, correction=not afresh)
+            self._linear.solve(rhs, x, atol / size, correction=correction)
         else:
             x.set(0)
 
-    def shift(self, delta: PETSc.Vec, work: float, rtol: float) -> float:
+    def _shift(self, delta: PETSc.Vec, held: PairFlags, work: float, rtol: float) -> float:
         """Add the multiple of A⁻¹ℓ that makes the work right, and return it. Collective."""
         missing = work - self._border.dot(delta)
         if not self._response_is_new:
-            self._respond(rtol)
+            self._respond(self.index[held], rtol)
         compliance = self._border.dot(self._response)
         if not compliance > 0:
             raise LinearFailure("the loads do no work on this active set, so it carries none")
         delta.axpy(missing / compliance, self._response)
         return float(missing / compliance)
 
-    def _respond(self, rtol: float) -> None:
+    def _respond(self, closed: Ints, rtol: float) -> None:
         """Solve A w = ℓ for the response w, or correct that with other pairs held."""
-        closed, afresh = self._index[self.held], not self._responded
-        if afresh:
+        correction = self._responded
+        if not correction:
             self._response.set(0)
         self._response.array[closed] = 0
         self._border.copy(self._change)
@@ -148,11 +200,6 @@ class EqualityProgram:
         self.operator.mult_add(self._response, self._border, self._rhs)
         self._response.scale(-1)
         self._rhs.array[closed] = 0
-        self._solve(self._rhs, accuracy, self._change, afresh)
+        self._reduce(self._rhs, accuracy, self._change, correction)
         self._response.axpy(1.0, self._change)
         self._responded = self._response_is_new = True
-
-    def gradient(self, delta: PETSc.Vec, r: PETSc.Vec, multiplier: float, f: PETSc.Vec) -> None:
-        """Set f to Aδ + r − multiplier ℓ."""
-        self.operator.mult_add(delta, r, f)
-        f.axpy(-multiplier, self._border)

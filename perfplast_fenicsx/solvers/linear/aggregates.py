@@ -143,22 +143,23 @@ def aggregate(problem: Problem, stiffness: PETSc.Mat) -> list[Aggregates]:
     modes = _rigid_motions(problem)
     stiffness.setNearNullSpace(modes)
     modes.destroy()
-    ksp = PETSc.KSP().create(problem.comm)
     prefix = own_prefix(COARSE, AGGREGATION)
     PETSc.Options()[prefix + "pc_gamg_agg_nsmooths"] = 0  # Q itself, whatever a user says
+    ksp = PETSc.KSP().create(problem.comm)
     ksp.setOptionsPrefix(prefix)
-    ksp.setFromOptions()
-    ksp.setOperators(stiffness)
-    ksp.setUp()
     pc = ksp.getPC()
-    levels = [
-        Aggregates.of(pc.getMGInterpolation(level))
-        for level in reversed(range(1, pc.getMGLevels()))
-    ]
-    stiffness.setNearNullSpace(PETSc.NullSpace())
-    for thing in (pc, ksp):  # at once: what Python only lets go waits for a collective clean-up
-        thing.destroy()
-    return levels
+    try:
+        ksp.setFromOptions()
+        ksp.setOperators(stiffness)
+        ksp.setUp()
+        return [
+            Aggregates.of(pc.getMGInterpolation(level))
+            for level in reversed(range(1, pc.getMGLevels()))
+        ]
+    finally:
+        stiffness.setNearNullSpace(PETSc.NullSpace())
+        for thing in (pc, ksp):  # at once: what Python only lets go waits for a collective clean-up
+            thing.destroy()
 
 
 def _rigid_motions(problem: Problem) -> PETSc.NullSpace:

@@ -12,11 +12,23 @@ LINEAR = "perfplast_"
 COARSE = "perfplast_coarse_"
 """Prefix of the user's options for the aggregation that makes multigrid's coarse spaces."""
 
+SPECTRUM = "perfplast_spectrum_"
+"""Prefix of the user's options for the iteration that estimates the spectral radius by which
+multigrid's interpolations are smoothed."""
+
 ACTIVE_SET = "perfplast_vi_"
 """Prefix of the user's options for SNES-VI, which finds the active contact set."""
 
+BOUND = "perfplast_bound_"
+"""Prefix of the user's options for the projection that an upper bound of a limit load needs."""
+
 LIMIT = "perfplast_limit_"
-"""Prefix of the user's options for the factorisations of limit analysis."""
+"""Prefix of the user's options for the factorisations of the interior point method."""
+
+KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND, LIMIT}
+
+NAMES = {("preonly", "cholesky"): "MUMPS Cholesky", ("cg", "mg"): "CG + smoothed aggregation"}
+"""Linear solvers by the types of PETSc's KSP and PC."""
 
 _instances = itertools.count()
 _made: set[str] = set()
@@ -26,8 +38,7 @@ def own_prefix(prefix: str, preset: Mapping[str, object], heed: bool = True) -> 
     """Make an options prefix for one solver.
 
     Args:
-        prefix: :data:`LINEAR`, :data:`COARSE`, :data:`ACTIVE_SET` or :data:`LIMIT`, where users
-            put options for all of a kind.
+        prefix: One of :data:`KINDS`, where users put options for all solvers of a kind.
         preset: Options that hold where the user says nothing, without prefix.
         heed: Whether the user's options count.
 
@@ -36,9 +47,7 @@ def own_prefix(prefix: str, preset: Mapping[str, object], heed: bool = True) -> 
     """
     options = PETSc.Options()
     own = f"{prefix}{next(_instances)}_"
-    longer = {
-        other for other in {LINEAR, COARSE, ACTIVE_SET, LIMIT, *_made} if len(other) > len(prefix)
-    }
+    longer = {other for other in KINDS | _made if len(other) > len(prefix)}
     given = {
         key.removeprefix(prefix): value
         for key, value in options.getAll().items()
@@ -55,6 +64,11 @@ def own_prefix(prefix: str, preset: Mapping[str, object], heed: bool = True) -> 
                 own + key
             )  # counts as used, whether its solver ever gets to work or not
     return own
+
+
+def solver_name(ksp: str, pc: str) -> str:
+    """A linear solver for people, by the types of PETSc's KSP and PC."""
+    return NAMES.get((ksp, pc), f"{ksp} + {pc}")
 
 
 @contextmanager

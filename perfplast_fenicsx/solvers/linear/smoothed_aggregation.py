@@ -1,10 +1,10 @@
 """Coarse spaces of multigrid: smoothed aggregation, body by body, seen through closed contact.
 
-In the contact basis an operator couples the bodies, and aggregates that mix them need more than
+In the jump basis an operator couples the bodies, and aggregates that mix them need more than
 the rigid motions of one body (the in-plane slip of frictionless contact). So the aggregates are
 those of the stiffness K in nodal unknowns, where bodies do not see each other and 6 (3 in 2D)
 motions do. Their tentative interpolation Q is smoothed by one Jacobi step, P = Q - w D^-1 K Q. In
-the contact basis y = M u the finest one is M P, without its rows of held unknowns: at a closed pair
+the jump basis y = M u the finest one is M P, without its rows of held unknowns: at a closed pair
 the host takes the normal displacement of its guest, and slides along it. Coarser levels do the same
 with the operators that they have. A set-up forms the coarse operators PᵀAP.
 
@@ -23,7 +23,8 @@ import numpy.typing as npt
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.aggregates import Aggregates, aggregate
 from perfplast_fenicsx.solvers.linear.contact_rows import every_column
-from perfplast_fenicsx.solvers.linear.petsc_options import default
+from perfplast_fenicsx.solvers.linear.krylov import blocked
+from perfplast_fenicsx.solvers.linear.petsc_options import SPECTRUM, default, own_prefix
 
 DAMPING = 1.4
 """Of the Jacobi step that smooths, over the spectral radius."""
@@ -31,12 +32,16 @@ DAMPING = 1.4
 LARGE = 500_000
 """From so many unknowns on memory counts for more than a tenth of the time."""
 
-ITERATIONS = 10
-"""Iterations that estimate the spectral radius."""
+SPECTRAL_RADIUS = {
+    "ksp_type": "cg",
+    "ksp_norm_type": "none",
+    "ksp_max_it": 10,  # enough for an estimate
+    "pc_type": "jacobi",
+}
 
 
 class CoarseSpaces:
-    """Coarse spaces in the contact basis.
+    """Coarse spaces in the jump basis.
 
     Attributes:
         interpolations: Those made so far, finest first.
@@ -46,10 +51,11 @@ class CoarseSpaces:
         """Aggregate. Collective.
 
         Args:
-            problem: Whose contact basis is meant.
+            problem: Whose jump basis is meant.
             stiffness: K in nodal unknowns; only its pattern and strengths matter.
         """
         self._problem = problem
+        self._spectrum = own_prefix(SPECTRUM, SPECTRAL_RADIUS)
         self._rigid = aggregate(problem, stiffness)
         self.interpolations: list[PETSc.Mat] = []
         self._operators: list[PETSc.Mat] = []
@@ -73,7 +79,7 @@ class CoarseSpaces:
         """Make all levels anew, with one motion besides the rigid ones. Collective.
 
         Args:
-            motion: In the contact basis.
+            motion: In the jump basis.
             stiffness: Makes K in nodal unknowns, which is destroyed.
         """
         nodal = motion.duplicate()
@@ -93,7 +99,7 @@ class CoarseSpaces:
     def _set(self, levels: list[Aggregates], stiffness: PETSc.Mat) -> None:
         """Take these aggregates; the interpolations of coarser levels follow in a set-up."""
         self._aggregates = levels
-        nodal = _smoothed(stiffness, levels[0])
+        nodal = _smoothed(stiffness, levels[0], self._spectrum)
         self._put(0, self._problem.basis.M.matMult(nodal))
         nodal.destroy()
         self._rows = _rows(self.interpolations[0], self._problem.basis.index)
@@ -120,7 +126,7 @@ class CoarseSpaces:
         for depth, aggregates in enumerate(self._aggregates):
             level = len(self._aggregates) - depth
             if depth == self._made:
-                self._put(depth, _smoothed(A, aggregates))
+                self._put(depth, _smoothed(A, aggregates, self._spectrum))
             P = self.interpolations[depth]
             pc.setMGInterpolation(level, P)
             if depth == len(self._operators):
@@ -144,24 +150,19 @@ class CoarseSpaces:
         finest.assemble()
 
 
-def blocked(A: PETSc.Mat, copy: PETSc.Mat | None) -> PETSc.Mat:
-    """A symmetric matrix as one that keeps the blocks of its upper triangle. Collective.
+def _smoothed(A: PETSc.Mat, aggregates: Aggregates, prefix: str) -> PETSc.Mat:
+    """Q - w D^-1 A Q, for the tentative interpolation Q, with D the diagonal of A. Collective.
 
     Args:
-        A: The matrix.
-        copy: Of an earlier A with the same pattern, to be filled anew.
+        A: Of the finer level.
+        aggregates: Of its nodes.
+        prefix: Of the options for the spectral radius of D^-1 A.
     """
-    A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    return A.convert("sbaij", copy or PETSc.Mat())
-
-
-def _smoothed(A: PETSc.Mat, aggregates: Aggregates) -> PETSc.Mat:
-    """Q - w D^-1 A Q, for the tentative interpolation Q, with D the diagonal of A."""
     Q = aggregates.interpolation(A.comm)
     P = A.matMult(Q)
     diagonal = A.getDiagonal()
     diagonal.reciprocal()
-    diagonal.scale(-DAMPING / _spectral_radius(A))
+    diagonal.scale(-DAMPING / _spectral_radius(A, prefix))
     P.diagonalScale(diagonal)
     P.axpy(1.0, Q, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
     P.setBlockSizes(*Q.getBlockSizes())
@@ -170,21 +171,21 @@ def _smoothed(A: PETSc.Mat, aggregates: Aggregates) -> PETSc.Mat:
     return P
 
 
-def _spectral_radius(A: PETSc.Mat) -> float:
-    """Of D^-1 A, from a few iterations of CG."""
+def _spectral_radius(A: PETSc.Mat, prefix: str) -> float:
+    """Of D^-1 A, from a few iterations of CG. Collective."""
     ksp = PETSc.KSP().create(A.comm)
-    ksp.setType("cg")
-    ksp.getPC().setType("jacobi")
-    ksp.setNormType(PETSc.KSP.NormType.NONE)
-    ksp.setTolerances(max_it=ITERATIONS)
-    ksp.setComputeSingularValues(True)
-    ksp.setOperators(A)
     x, b = A.createVecs()
-    b.setRandom()
-    ksp.solve(b, x)
-    largest, _ = ksp.computeExtremeSingularValues()
-    for thing in (ksp, x, b):
-        thing.destroy()
+    try:
+        ksp.setOptionsPrefix(prefix)
+        ksp.setComputeSingularValues(True)
+        ksp.setFromOptions()
+        ksp.setOperators(A)
+        b.setRandom()
+        ksp.solve(b, x)
+        largest, _ = ksp.computeExtremeSingularValues()
+    finally:
+        for thing in (ksp, x, b):
+            thing.destroy()
     return float(largest)
 
 

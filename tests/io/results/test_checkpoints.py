@@ -7,11 +7,12 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+import ufl
 from dolfinx import fem
 
 from demos.verification.corner_seat import in_elastic_seat, in_rigid_seat
 from meshes.corner_seat import write_corner_seat
-from perfplast_fenicsx import Level, Problem, State, read_gmsh
+from perfplast_fenicsx import Level, Problem, State, interpolation_points, read_gmsh
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.global_ordering import Ordering
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, checksum, set_checksum
@@ -19,6 +20,7 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.limit_search import Search
 from perfplast_fenicsx.problem.certificate import contact_forces
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.spaces import space_at_points
 from tests.io.results.test_result_folder import report
 
 SEATS = {"elastic": in_elastic_seat, "rigid": in_rigid_seat}
@@ -30,9 +32,10 @@ def displacement(x: np.ndarray, gdim: int, size: float) -> np.ndarray:
 
 def closed(problem: Problem, shift: float) -> np.ndarray:
     """Flags of the pairs, the same on any rank: at each node some of its faces."""
-    x, pairs = problem.V.tabulate_dof_coordinates()[problem.pairs.host], problem.pairs
-    along = pairs.normal @ np.array([4.0, 7.0, 5.0])[: pairs.normal.shape[1]]
-    flags: np.ndarray = np.sin(31 * x @ [1.0, 0.7, 0.3] + along + 2 * pairs.contact + shift) > 0
+    rows = problem.constraints
+    x = problem.V.tabulate_dof_coordinates()[rows.host]
+    along = rows.normal @ np.array([4.0, 7.0, 5.0])[: rows.normal.shape[1]]
+    flags: np.ndarray = np.sin(31 * x @ [1.0, 0.7, 0.3] + along + 2 * rows.surface + shift) > 0
     return flags
 
 
@@ -40,7 +43,27 @@ def state(problem: Problem, size: float) -> State:
     u = fem.Function(problem.V)
     gdim = problem.tagged_mesh.mesh.geometry.dim
     u.interpolate(lambda x: displacement(x, gdim, size))
-    return State(u, size, 2 * size, closed(problem, size))
+    return State(u, size, 2 * size, closed(problem, size), history(problem, size))
+
+
+def history(problem: Problem, size: float) -> dict[str, fem.Function]:
+    """Internal variables of no law: a number, a Mandel vector and another vector at the points."""
+    mesh = problem.tagged_mesh.mesh
+    spaces = {
+        "hardening": problem.Q,
+        "plastic_strain": problem.S,
+        "of_seven": space_at_points(mesh, problem.degree, (7,)),
+    }
+    variables = {name: fem.Function(space, name=name) for name, space in spaces.items()}
+    for number, f in enumerate(variables.values()):
+        width = f.function_space.dofmap.index_map_bs
+        x = ufl.SpatialCoordinate(mesh)[0]
+        values = [size * (number + 1 + x) ** (power + 1) for power in range(width)]
+        points = interpolation_points(f.function_space.element)
+        value = ufl.as_vector(values) if width > 1 else values[0]
+        f.interpolate(fem.Expression(value, points))
+        f.x.scatter_forward()
+    return variables
 
 
 def stress(problem: Problem, state: State) -> fem.Function:
@@ -65,7 +88,7 @@ def test_other_ranks_read_what_was_written(
     together = SEATS[seat](read_gmsh(comm, file), degree)
     alone = SEATS[seat](read_gmsh(MPI.COMM_SELF, file), degree)
     assert 0 < together.num_pairs == alone.num_pairs
-    assert len(np.unique(alone.pairs.host)) < alone.num_pairs  # nodes with two normals
+    assert len(np.unique(alone.constraints.host)) < alone.num_pairs  # nodes with two normals
     source, target = (together, alone) if gather else (alone, together)
 
     case = {"mesh": {"file": "corner.msh"}}
@@ -95,6 +118,11 @@ def test_other_ranks_read_what_was_written(
         assert (read.zeta, read.alpha) == (size, 2 * size)
         np.testing.assert_allclose(read.u.x.array, expected.u.x.array, rtol=0, atol=1e-15)
         assert np.array_equal(read.active, expected.active)
+        assert list(read.history) == list(expected.history)
+        for name, f in expected.history.items():
+            values = read.history[name].x.array
+            assert np.abs(values).max(initial=0) > 0 or not values.size
+            np.testing.assert_allclose(values, f.x.array, rtol=0, atol=1e-15)
     of_state = stress(target, saved.level.state)
     largest = target.comm.allreduce(np.abs(of_state.x.array).max(initial=0), MPI.MAX)
     difference = np.abs(saved.level.stress.x.array - of_state.x.array).max(initial=0)

@@ -6,14 +6,10 @@ import json
 import math
 import os
 from pathlib import Path
-from xml.etree import ElementTree
 
 from mpi4py import MPI
 
-import h5py
-import numpy as np
 import pytest
-from dolfinx import fem
 
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.errors import InputError
@@ -24,7 +20,6 @@ from perfplast_fenicsx.io.results.result_folder import (
     Results,
     to_json,
 )
-from perfplast_fenicsx.io.results.xdmf import FieldsFile
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.problem.loads import Traction
@@ -33,7 +28,7 @@ from perfplast_fenicsx.problem.state import LevelReport
 from perfplast_fenicsx.problem.supports import Support
 
 SUMMARY_KEYS = [
-    *("title", "version", "method", "ranks", "mesh", "steps", "limit", "timings"),
+    *("title", "version", "method", "prescribed", "ranks", "mesh", "steps", "limit", "timings"),
     "peak_memory_mb",
 ]
 
@@ -96,6 +91,19 @@ def test_results_are_not_overwritten(comm: MPI.Intracomm, shared_tmp_path: Path)
     assert other.read_text() == "mine"
 
 
+def test_results_of_an_earlier_version_are_replaced_too(
+    comm: MPI.Intracomm, shared_tmp_path: Path
+) -> None:
+    if comm.rank == 0:
+        (shared_tmp_path / "fields").mkdir()
+        for name in ("model.json", "fields.xdmf", "fields.h5", "fields/0001.h5"):
+            (shared_tmp_path / name).write_text("old")
+    comm.barrier()
+    assert "(model.json, fields.xdmf, fields.h5)" in refused(comm, shared_tmp_path)
+    ResultFolder(comm, shared_tmp_path, force=True).create()
+    assert [path.name for path in shared_tmp_path.iterdir()] == ["path.csv"]
+
+
 @pytest.mark.parametrize("below", ["", "deep/er"])
 def test_a_file_is_no_folder(comm: MPI.Intracomm, shared_tmp_path: Path, below: str) -> None:
     file = shared_tmp_path / "file"
@@ -139,6 +147,7 @@ def test_summary_and_path(comm: MPI.Intracomm, shared_tmp_path: Path, problem: P
         "newton",
         comm.size,
     )
+    assert summary["prescribed"] == "zeta"
     assert summary["mesh"] == {"cells": 36, "vertices": 32, "dofs": 96}
     assert (summary["steps"], summary["limit"]) == ([], None)
     assert summary["peak_memory_mb"] > 10
@@ -173,53 +182,3 @@ def test_summary_and_path(comm: MPI.Intracomm, shared_tmp_path: Path, problem: P
 def test_json_of_numbers_that_are_not_finite() -> None:
     text = to_json({"a": [math.inf, -math.inf, (math.nan, 1.5)], "b": True, "c": None, "d": 3})
     assert json.loads(text) == {"a": [None, None, [None, 1.5]], "b": True, "c": None, "d": 3}
-
-
-def test_fields_of_two_levels(comm: MPI.Intracomm, shared_tmp_path: Path, problem: Problem) -> None:
-    mesh = problem.tagged_mesh.mesh
-    folder = ResultFolder(comm, shared_tmp_path / "results")
-    folder.create()
-    file = FieldsFile(folder, problem.tagged_mesh)
-    u, q = fem.Function(problem.V), fem.Function(problem.Q)
-    sigma = fem.Function(fem.functionspace(mesh, ("DG", 0, (3, 3))))
-    for zeta in (0.5, 20.0):
-        u.interpolate(lambda x, zeta=zeta: zeta * np.array([x[0], 2 * x[1], x[2] - x[0]]))
-        q.x.array[:] = zeta
-        sigma.x.array[:] = np.tile(zeta * np.arange(9.0), len(sigma.x.array) // 9)
-        file.write({"displacement": u, "plastic": q, "stress": sigma}, zeta)
-
-    root = ElementTree.parse(folder.file("fields.xdmf")).getroot()
-    (series,) = root.findall("Domain/Grid")
-    assert series.get("CollectionType") == "Temporal"
-    steps = series.findall("Grid")
-    times = [time.get("Value") for time in series.findall("Grid/Time")]
-    assert [float(time or "nan") for time in times] == [0.5, 20.0]
-    with h5py.File(folder.file("fields.h5"), "r") as data:
-
-        def read(grid: ElementTree.Element, what: str) -> np.ndarray:
-            item = grid.find(f"{what}/DataItem")
-            assert item is not None
-            name, _, place = (item.text or "").strip().partition(":")
-            with h5py.File(folder.file(name), "r") as own:  # VTK's reader follows no links
-                assert isinstance(own.get(place, getlink=True), h5py.HardLink)
-                values = np.asarray(own[place])
-            assert list(values.shape) == [int(n) for n in (item.get("Dimensions") or "").split()]
-            return values
-
-        for grid, zeta in zip(steps, (0.5, 20.0), strict=True):
-            x, cells = read(grid, "Geometry"), read(grid, "Topology")
-            assert x.shape == (32, 3)
-            assert cells.shape == (36, 4)
-            expected = zeta * np.column_stack([x[:, 0], 2 * x[:, 1], x[:, 2] - x[:, 0]])
-            displacement = read(grid, "Attribute[@Name='displacement']")
-            assert np.allclose(displacement, expected, atol=1e-14 * zeta)
-            assert np.all(read(grid, "Attribute[@Name='plastic']") == zeta)
-            stress = read(grid, "Attribute[@Name='stress']")
-            assert np.allclose(stress, zeta * np.arange(9.0))
-            body = read(grid, "Attribute[@Name='body']").ravel()
-            upper = x[cells].mean(axis=1)[:, 2] > 1
-            assert np.array_equal(body, np.where(upper, 2, 1))
-        joined = np.asarray(data["Function/displacement/20_0"])  # by a link
-        assert np.array_equal(joined, displacement)
-        kinds = [attribute.get("AttributeType") for attribute in steps[0].findall("Attribute")]
-        assert kinds == ["Scalar", "Vector", "Scalar", "Tensor"]

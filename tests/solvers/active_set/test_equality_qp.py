@@ -1,19 +1,25 @@
-"""Systems with held pairs: a correction for other pairs is as good as a solution, and cheaper."""
+"""QPs with held pairs: a correction for other pairs is as good as a solution, and cheaper."""
 
 from petsc4py import PETSc
 
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
-from perfplast_fenicsx.problem.stiffness import Stiffness
-from perfplast_fenicsx.solvers.active_set.equality_qp import EqualityProgram
-from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
-from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
+from perfplast_fenicsx import Problem
+from perfplast_fenicsx.solvers.active_set.equality_qp import EqualityProgram, QuadraticModel
+from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
 from perfplast_fenicsx.solvers.linear.petsc_options import default
-from tests.models import two_blocks_problem
+from tests.models import stack_problem, two_blocks_problem
+from tests.solvers.linear.systems import elastic_operator
 
 RTOL = 1e-6
+
+
+def loads(problem: Problem) -> PETSc.Vec:
+    """Loads in the jump basis."""
+    border = problem.create_vector()
+    problem.basis.T.multTranspose(problem.loads.live, border)
+    return border
 
 
 @pytest.mark.mpi3
@@ -22,63 +28,103 @@ RTOL = 1e-6
 def test_a_correction_is_as_good_as_a_solution(kind: str, work: float | None) -> None:
     """The pair in one corner is let go."""
     problem = two_blocks_problem(4)
-    fields = QuadratureFields(problem)
-    fields.update()
-    K = Stiffness(fields).assemble(1.0)
+    operator = elastic_operator(problem)
     with (
         default("perfplast_pc_type", kind),
         default("perfplast_coarse_pc_gamg_coarse_eq_limit", "60"),
     ):
         linear = LinearSolver(problem)
-        system = EqualityProgram(problem, linear)
-        operator = ContactOperator(problem, K)
-        system.set_operator(operator)
+        program = EqualityProgram(problem, linear)
+        program.set_operator(operator)
     index = problem.basis.index
     before = np.ones(len(index), dtype=bool)
     x = problem.V.tabulate_dof_coordinates()[index // 3]
     after = (x[:, 0] < 2.9) | (x[:, 1] < 0.9)
-    room = np.zeros(len(index))
-    r, afresh, corrected, gradient = (problem.load.duplicate() for _ in range(4))
-    problem.basis.T.multTranspose(problem.load, r)
+    r = loads(problem)
     r.scale(-100.0)
+    model = QuadraticModel(r, np.zeros(len(index)), work, RTOL)
+    gradient = problem.create_vector()
 
-    multiplier = system.minimise(after, room, r, work, RTOL, afresh)
+    afresh = program.minimise(model, after, problem.create_vector())
     dear = linear.iterations
-    system.set_operator(operator)
-    first = system.minimise(before, room, r, work, RTOL, corrected)
+    program.set_operator(operator)
+    first = program.minimise(model, before, problem.create_vector())
     linear.iterations = 0
-    again = system.minimise(after, room, r, work, RTOL, corrected, first)
+    corrected = program.correct(first, after)
     if kind == "mg":
         assert 0 < linear.iterations < dear
-    assert again == pytest.approx(multiplier, rel=1e-5)
+    assert corrected.multiplier == pytest.approx(afresh.multiplier, rel=1e-5)
     if work is not None:
-        border = problem.load.duplicate()
-        problem.basis.T.multTranspose(problem.load, border)
-        assert border.dot(corrected) == pytest.approx(work, rel=1e-12)
-    system.gradient(corrected, r, again, gradient)
+        assert loads(problem).dot(corrected.delta) == pytest.approx(work, rel=1e-12)
+    program.gradient(corrected, gradient)
     gradient.array[index[after]] = 0
     allowed = RTOL * r.norm() * (1 if work is None else 3)
     assert gradient.norm() <= 1.1 * allowed
-    assert not corrected.array_r[index[after]].any()
-    corrected.axpy(-1.0, afresh)
-    assert corrected.norm() < 1e-4 * afresh.norm()
+    assert not corrected.delta.array_r[index[after]].any()
+    difference = corrected.delta - afresh.delta
+    assert difference.norm() < 1e-4 * afresh.delta.norm()
+
+
+@pytest.mark.mpi3
+def test_a_correction_keeps_what_its_solution_was_allowed() -> None:
+    problem = two_blocks_problem(2)
+    program = EqualityProgram(problem, LinearSolver(problem))
+    program.set_operator(elastic_operator(problem))
+    held = np.ones(len(problem.basis.index), dtype=bool)
+    model = QuadraticModel(loads(problem), np.zeros(held.size), None, RTOL)
+    delta = problem.create_vector()
+    first = program.minimise(model, held, delta)
+    corrected = program.correct(first, ~held)
+    assert (first.solves, corrected.solves) == (1, 2)
+    assert corrected.delta is first.delta is delta
+    assert first.held.all()
+    assert not corrected.held.any()
+    assert corrected.accuracy == first.accuracy > 0
+    assert corrected.force_tolerance == first.force_tolerance > 0
+    held[:] = False
+    assert first.held.all(), "a solution should keep its flags, whatever becomes of the array"
 
 
 @pytest.mark.mpi3
 def test_what_is_right_already_is_left_alone() -> None:
     problem = two_blocks_problem(2)
-    fields = QuadratureFields(problem)
-    fields.update()
-    K = Stiffness(fields).assemble(1.0)
     linear = LinearSolver(problem)
-    system = EqualityProgram(problem, linear)
-    system.set_operator(ContactOperator(problem, K))
+    program = EqualityProgram(problem, linear)
+    program.set_operator(elastic_operator(problem))
     held = np.ones(len(problem.basis.index), dtype=bool)
-    r, delta = problem.load.duplicate(), problem.load.duplicate()
-    problem.basis.T.multTranspose(problem.load, r)
-    multiplier = system.minimise(held, np.zeros(held.size), r, None, RTOL, delta)
-    solution = delta.copy()
-    system.minimise(held, np.zeros(held.size), r, None, RTOL, delta, multiplier)
+    model = QuadraticModel(loads(problem), np.zeros(held.size), None, RTOL)
+    solution = program.minimise(model, held, problem.create_vector())
+    before = solution.delta.copy()
+    again = program.correct(solution, held)
     assert linear.solves == 1
-    solution.axpy(-1.0, delta)
-    assert solution.norm(PETSc.NormType.NORM_INFINITY) == 0.0
+    assert again.solves == 2
+    largest = before.norm(PETSc.NormType.NORM_INFINITY)
+    before.axpy(-1.0, again.delta)
+    assert before.norm(PETSc.NormType.NORM_INFINITY) <= 1e-14 * largest
+
+
+@pytest.mark.mpi3
+def test_held_pairs_have_the_jumps_they_are_given() -> None:
+    problem = two_blocks_problem(2)
+    program = EqualityProgram(problem, LinearSolver(problem))
+    program.set_operator(elastic_operator(problem))
+    index = problem.basis.index
+    jumps = -1e-3 * (1.0 + np.arange(len(index)))
+    held = np.ones(len(index), dtype=bool)
+    held[::2] = False
+    model = QuadraticModel(loads(problem), jumps, None, RTOL)
+    solution = program.minimise(model, held, problem.create_vector())
+    given = solution.delta.array_r[index[held]]
+    np.testing.assert_allclose(given, jumps[held], rtol=1e-14)
+
+
+@pytest.mark.mpi3
+def test_no_solution_without_any_held_pair() -> None:
+    """The blocks of the stack stand on each other, and nothing else keeps them."""
+    problem = stack_problem(2)
+    program = EqualityProgram(problem, LinearSolver(problem))
+    program.set_operator(elastic_operator(problem))
+    none = np.zeros(len(problem.basis.index), dtype=bool)
+    model = QuadraticModel(loads(problem), np.zeros(none.size), None, RTOL)
+    with pytest.raises(LinearFailure, match=r"MUMPS Cholesky: .*singular"):
+        program.minimise(model, none, problem.create_vector())

@@ -1,267 +1,25 @@
-"""Linear solvers: multigrid against a factorisation, its coarse spaces, and what users choose."""
+"""The policy: which way of solving is chosen, when it is renewed, what takes over."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
-import numpy as np
 import pytest
 
-from perfplast_fenicsx import (
-    BodyForce,
-    Contact,
-    Newton,
-    NewtonOptions,
-    Problem,
-    Support,
-    Traction,
-    punch,
-    two_blocks,
+from perfplast_fenicsx import Newton, Problem
+from perfplast_fenicsx.solvers.linear import linear_solver
+from perfplast_fenicsx.solvers.linear.factorisation import Factorisation
+from perfplast_fenicsx.solvers.linear.linear_solver import (
+    LinearFailure,
+    LinearSolver,
+    SetUp,
+    chosen_solver,
 )
-from perfplast_fenicsx.contact.obstacles import Plane
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
-from perfplast_fenicsx.problem.stiffness import Stiffness
-from perfplast_fenicsx.solvers.linear import linear_solver as linear
-from perfplast_fenicsx.solvers.linear import smoothed_aggregation as coarse
-from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
-from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
+from perfplast_fenicsx.solvers.linear.multigrid import Multigrid
+from perfplast_fenicsx.solvers.linear.outcome import Outcome
 from perfplast_fenicsx.solvers.linear.petsc_options import default
-from perfplast_fenicsx.solvers.linear.smoothed_aggregation import CoarseSpaces
-from perfplast_fenicsx.solvers.load_stepping import load_path
-from tests.models import STEEL, l_plate_problem, punch_problem, stack_problem, two_blocks_problem
-
-TIGHT = NewtonOptions(tolerance=1e-10)
-
-
-@pytest.fixture
-def multigrid() -> Iterator[None]:
-    """Coarse levels for problems that would be factorised."""
-    options = PETSc.Options()
-    given = {"perfplast_pc_type": "mg", "perfplast_coarse_pc_gamg_coarse_eq_limit": "60"}
-    for key, value in given.items():
-        options[key] = value
-    yield
-    for key in given:
-        options.delValue(key)
-
-
-def corner_problem() -> Problem:
-    """A punch on a block, both in a corner of two rigid planes: its edge has two normals a node."""
-    return Problem(
-        punch(MPI.COMM_WORLD, 4),
-        {"base": STEEL, "punch": STEEL},
-        [Support("y0", "y")],
-        [Traction("top", (-0.2, 0.0, -1.0)), BodyForce("base", (-0.1, 0.0, 0.0))],
-        [Contact("punch_bottom", "base_top", 0.0)],
-        [
-            Plane("x0", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
-            Plane("bottom", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
-        ],
-    )
-
-
-def quadratic_problem() -> Problem:
-    return Problem(
-        two_blocks(MPI.COMM_WORLD, 2),
-        {"lower": STEEL, "upper": STEEL},
-        [Support("left")],
-        [Traction("top", (0.0, 0.0, -1.0))],
-        [Contact("upper_bottom", "lower_top", 0.0)],
-        degree=2,
-    )
-
-
-@pytest.mark.mpi3
-@pytest.mark.parametrize(
-    ("make", "levels", "most"),
-    [
-        (lambda: two_blocks_problem(4), (60.0, 120.0), 20),
-        (lambda: two_blocks_problem(4, gap="0.001 + 0.002*x"), (60.0,), 20),
-        (lambda: punch_problem(4), (450.0,), 25),
-        (lambda: stack_problem(4), (200.0,), 20),
-        (lambda: l_plate_problem(1), (0.9,), 45),
-        (corner_problem, (200.0, 400.0), 30),
-        (quadratic_problem, (60.0, 80.0), 45),
-    ],
-    ids=["two blocks", "gap", "punch", "held by contact", "plate", "two normals", "quadratic"],
-)
-def test_multigrid_gives_what_a_factorisation_gives(
-    multigrid: None, make: Callable[[], Problem], levels: tuple[float, ...], most: int
-) -> None:
-    problem = make()
-    iterative = Newton(problem, TIGHT)
-    assert iterative.linear.name == "CG + smoothed aggregation"
-    PETSc.Options().delValue("perfplast_pc_type")
-    direct = Newton(problem, TIGHT)
-    assert direct.linear.name == "MUMPS Cholesky"
-    for one, other in zip(load_path(iterative, levels), load_path(direct, levels), strict=True):
-        assert one.report.converged
-        assert other.report.converged
-        assert one.state.alpha == pytest.approx(other.state.alpha, rel=1e-9)
-        difference = one.state.u.x.petsc_vec - other.state.u.x.petsc_vec
-        assert difference.norm() < 1e-8 * other.state.u.x.petsc_vec.norm()
-        assert abs(one.report.duality_gap) < 1e-8
-    solves, _, iterations = iterative.linear.counts()
-    assert iterations / solves < most
-
-
-@pytest.mark.mpi3
-def test_iterations_hardly_grow_as_the_mesh_is_refined(multigrid: None) -> None:
-    """All contact closed, elastic bodies, relative residual 1e-8."""
-    counts = []
-    for n in (4, 8):
-        problem = two_blocks_problem(n)
-        operator = _operator(problem)
-        solver = LinearSolver(problem)
-        solver.set_operator(operator)
-        solver.hold(problem.basis.index)
-        b = problem.load.duplicate()
-        problem.basis.T.multTranspose(problem.load, b)
-        b.array[problem.basis.index] = 0
-        x = b.duplicate()
-        solver.solve(b, x, 1e-8)
-        operator.matrix.mult(x, b)
-        counts.append(solver.iterations)
-    assert counts[0] <= 16
-    assert counts[1] <= 20
-
-
-@pytest.mark.mpi3
-def test_coarse_spaces_hold_what_is_held(multigrid: None) -> None:
-    problem = two_blocks_problem(4)
-    operator = _operator(problem)
-    spaces = CoarseSpaces(problem, operator.nodal())
-    finest = spaces.interpolations[0]
-    index = problem.basis.index
-    before = _row_sizes(finest, index)
-    pc = PETSc.PC().create(problem.comm)
-    pc.setType("mg")
-    pc.setMGLevels(spaces.levels)
-    held = index[::2]
-    operator.hold(held)
-    spaces.project(operator.matrix, held, pc)
-    sizes = _row_sizes(finest, index)
-    assert (sizes[::2] == 0).all()
-    assert np.array_equal(sizes[1::2], before[1::2])
-    operator.hold(index[:0])
-    spaces.project(operator.matrix, index[:0], pc)
-    assert np.array_equal(_row_sizes(finest, index), before)
-
-
-@pytest.mark.mpi3
-@pytest.mark.parametrize("large", [10**9, 0], ids=["small", "large"])
-@pytest.mark.parametrize("flow", ["none", "some"])
-def test_coarse_spaces_have_the_motion_that_they_are_given(
-    multigrid: None, flow: str, large: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A motion of no size adds nothing."""
-    monkeypatch.setattr(coarse, "LARGE", large)
-    problem = two_blocks_problem(4)
-    operator = _operator(problem)
-    held = problem.basis.index[::3]
-    operator.hold(held)
-    motion = problem.load.duplicate()
-    nodes = problem.V.tabulate_dof_coordinates()[: motion.getLocalSize() // 3]
-    if flow == "some":
-        motion.array[:] = np.sin(4 * nodes).ravel()
-    motion.array[held] = 0.0
-    spaces = CoarseSpaces(problem, operator.nodal())
-    left = []
-    for _ in range(3):  # the third time in the place of the second
-        pc = PETSc.PC().create(problem.comm)
-        pc.setType("mg")
-        pc.setMGLevels(spaces.levels)
-        spaces.project(operator.matrix, held, pc)
-        left.append(_energy_beyond(operator.matrix, spaces.interpolations[0], motion))
-        spaces.add(motion, operator.nodal)
-    if flow == "some":
-        assert left[1] < 0.5 * left[0]
-        assert left[2] == pytest.approx(left[1], rel=1e-6)
-    else:
-        assert left == [0.0, 0.0, 0.0]
-
-
-def _energy_beyond(A: PETSc.Mat, P: PETSc.Mat, y: PETSc.Vec) -> float:
-    """Energy of what is best left of y by the columns of P."""
-    coarse, image = P.createVecs()
-    ksp = PETSc.KSP().create(A.comm)
-    ksp.setType("cg")
-    ksp.getPC().setType("jacobi")
-    ksp.setTolerances(rtol=1e-12, max_it=2000)
-    operator = A.PtAP(P)
-    diagonal = operator.getDiagonal()
-    diagonal.array[:] = diagonal.array == 0
-    operator.setDiagonal(diagonal, PETSc.InsertMode.ADD_VALUES)
-    ksp.setOperators(operator)
-    A.mult(y, image)
-    P.multTranspose(image, coarse)
-    best = coarse.duplicate()
-    ksp.solve(coarse, best)
-    assert ksp.getConvergedReason() > 0
-    P.mult(best, image)
-    image.aypx(-1.0, y)
-    product = image.duplicate()
-    A.mult(image, product)
-    return float(image.dot(product))
-
-
-@pytest.mark.mpi3
-def test_flow_makes_fewer_iterations_where_coarse_spaces_follow_it(
-    multigrid: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """About a sixth, more or less with the partition."""
-    counts, alphas = [], []
-    for worth in (np.inf, 1.0):
-        monkeypatch.setattr(linear, "WORTH_A_MOTION", worth)
-        solver = Newton(two_blocks_problem(8), TIGHT)
-        levels = list(load_path(solver, (100.0, 150.0)))
-        assert all(level.report.converged for level in levels)
-        alphas.append(levels[-1].report.alpha)
-        counts.append(solver.linear.iterations)
-    assert alphas[1] == pytest.approx(alphas[0], rel=1e-9)
-    assert counts[1] < counts[0]  # by 5 to 17 %, as the mesh is partitioned
-
-
-@pytest.mark.mpi3
-def test_a_set_up_serves_corrections_too(multigrid: None) -> None:
-    """Its first solve may be one, which says nothing of what a digit costs."""
-    problem = two_blocks_problem(4)
-    index = problem.basis.index
-    solver = LinearSolver(problem)
-    solver.set_operator(_operator(problem))
-    b, x = problem.load.duplicate(), problem.load.duplicate()
-    problem.basis.T.multTranspose(problem.load, b)
-    b.array[index] = 0
-    for held in (index, index[1:], index):
-        solver.hold(held)
-        solver.solve(b, x, 1e-3, correction=True)
-    assert (solver.solves, solver.setups) == (3, 1)
-
-
-def _operator(problem: Problem) -> ContactOperator:
-    fields = QuadratureFields(problem)
-    fields.update()
-    return ContactOperator(problem, Stiffness(fields).assemble(1.0))
-
-
-def _row_sizes(A: PETSc.Mat, local: np.ndarray) -> np.ndarray:
-    first = A.getOwnershipRange()[0]
-    return np.array([np.abs(A.getRow(first + i)[1]).sum() for i in local])
-
-
-@pytest.mark.mpi3
-def test_products_with_the_operator_are_those_with_its_matrix() -> None:
-    problem = two_blocks_problem(3)
-    operator = _operator(problem)
-    operator.hold(problem.basis.index[:0])
-    y, r, f, image = (problem.load.duplicate() for _ in range(4))
-    y.array[:] = np.sin(np.arange(*y.getOwnershipRange()))
-    r.array[:] = np.cos(np.arange(*y.getOwnershipRange()))
-    operator.mult_add(y, r, f)
-    operator.matrix.multAdd(y, r, image)
-    image.axpy(-1.0, f)
-    assert image.norm() < 1e-12 * f.norm()
+from tests.models import stack_problem, two_blocks_problem
+from tests.solvers.linear.systems import elastic_operator, loads
 
 
 def test_a_small_problem_has_one_level() -> None:
@@ -274,32 +32,207 @@ def test_a_small_problem_has_one_level() -> None:
     assert level.report.converged
 
 
-def test_a_default_option_gives_way_to_the_users_and_is_gone_afterwards() -> None:
-    options = PETSc.Options()
-    with default("matptap_via", "allatonce"):
-        assert options.getString("matptap_via") == "allatonce"
-    assert not options.hasName("matptap_via")
-    options["matptap_via"] = "scalable"
-    with default("matptap_via", "allatonce"):
-        assert options.getString("matptap_via") == "scalable"
-    assert options.getString("matptap_via") == "scalable"
-    options.delValue("matptap_via")
+@pytest.mark.mpi3
+def test_a_set_up_serves_corrections_too(multigrid: None) -> None:
+    """Its first solve may be one, which says nothing of what a digit costs."""
+    problem = two_blocks_problem(4)
+    index = problem.basis.index
+    solver = LinearSolver(problem)
+    solver.set_operator(elastic_operator(problem))
+    b, x = loads(problem), problem.create_vector()
+    for held in (index, index[1:], index):
+        solver.hold(held)
+        solver.solve(b, x, 1e-3, correction=True)
+    assert (solver.solves, solver.setups) == (3, 1)
+
+
+@pytest.fixture
+def problem() -> Problem:
+    return two_blocks_problem(4)
+
+
+@pytest.fixture
+def solver(problem: Problem, multigrid: None) -> LinearSolver:
+    """Multigrid, with all pairs held and one system solved."""
+    solver = LinearSolver(problem)
+    solver.set_operator(elastic_operator(problem))
+    solver.hold(problem.basis.index)
+    solver.solve(loads(problem), problem.create_vector(), 1e-8)
+    assert (solver.solves, solver.setups, solver.direct) == (1, 1, False)
+    return solver
+
+
+def failing(monkeypatch: pytest.MonkeyPatch, times: int) -> list[str]:
+    """Let multigrid fail so many times; collects what is asked of the ways of solving."""
+    asked: list[str] = []
+    left = iter(range(times))
+    ways = {Multigrid: Multigrid.solve, Factorisation: Factorisation.solve}
+
+    def watched(way: type[Multigrid | Factorisation]) -> None:
+        def solve(self: object, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
+            asked.append(way.__name__)
+            if way is Multigrid and next(left, None) is not None:
+                return Outcome(5, "diverged its")
+            return ways[way](self, b, x, rtol)
+
+        monkeypatch.setattr(way, "solve", solve)
+
+    for way in ways:
+        watched(way)
+    return asked
+
+
+def residual(solver: LinearSolver, b: PETSc.Vec, x: PETSc.Vec) -> float:
+    """Relative to b."""
+    image = b.duplicate()
+    solver._current.matrix.mult(x, image)
+    image.axpy(-1.0, b)
+    return float(image.norm() / b.norm())
 
 
 @pytest.mark.mpi3
 @pytest.mark.parametrize(
-    "make",
-    [lambda: two_blocks_problem(3), corner_problem, quadratic_problem],
-    ids=["two blocks", "two normals", "quadratic"],
+    ("failures", "kept", "ways"),
+    [
+        (0, True, ["Multigrid"]),
+        (1, True, ["Multigrid", "Multigrid"]),  # renewed
+        (2, True, ["Multigrid", "Multigrid", "Factorisation"]),
+        (1, False, ["Multigrid", "Factorisation"]),  # nothing to renew
+    ],
 )
-def test_the_matrix_is_that_of_the_whole_product(make: Callable[[], Problem]) -> None:
-    """Only rows near contact are formed anew; held pairs come and go."""
-    problem = make()
-    operator = _operator(problem)
-    index, T = problem.basis.index, problem.basis.T
-    for held in (index[::2], index, index[:0]):
-        operator.hold(held)
-    whole = operator.nodal().PtAP(T)
-    difference = operator.matrix.copy()
-    difference.axpy(-1.0, whole)
-    assert difference.norm() < 1e-14 * whole.norm()
+def test_what_fails_is_renewed_and_then_factorised(
+    solver: LinearSolver,
+    problem: Problem,
+    failures: int,
+    kept: bool,
+    ways: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    index, b, x = problem.basis.index, loads(problem), problem.create_vector()
+    if kept:
+        assert solver.hold(index[1:])
+        assert solver.setups == 1
+    asked = failing(monkeypatch, failures)
+    before = solver.iterations
+    solver.solve(b, x, 1e-8)
+    assert asked == ways
+    assert residual(solver, b, x) < 1.01e-8
+    assert solver.direct == (ways[-1] == "Factorisation")
+    assert solver.name == ("MUMPS Cholesky" if solver.direct else "CG + smoothed aggregation")
+    assert solver.setups == len(ways)
+    assert solver.solves == 2
+    assert solver.iterations > before + 5 * failures
+
+
+@pytest.mark.mpi3
+def test_too_large_a_problem_is_not_factorised(
+    solver: LinearSolver, problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(linear_solver, "FALLBACK_LIMIT", 10)
+    asked = failing(monkeypatch, 9)
+    message = r"\(CG \+ smoothed aggregation: diverged its\)"
+    with pytest.raises(LinearFailure, match=message):
+        solver.solve(loads(problem), problem.create_vector(), 1e-8)
+    assert asked == ["Multigrid"]
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("kept", [True, False])
+def test_what_is_slow_is_improved_for_the_next_solve(
+    solver: LinearSolver, problem: Problem, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(linear_solver, "SLOW", 1)
+    asked = failing(monkeypatch, 0)
+    if kept:
+        solver.hold(problem.basis.index[1:])
+    b, x = loads(problem), problem.create_vector()
+    solver.solve(b, x, 1e-8)
+    assert asked == ["Multigrid"]
+    assert residual(solver, b, x) < 1.01e-8
+    assert solver.setups == 2
+    assert solver.direct != kept
+    solver.solve(b, x, 1e-8)
+    assert residual(solver, b, x) < 1.01e-8
+
+
+@pytest.mark.mpi3
+def test_multigrid_that_ends_too_early_gives_way(problem: Problem, multigrid: None) -> None:
+    """By PETSc's own verdict."""
+    with default("perfplast_ksp_max_it", "2"):
+        solver = LinearSolver(problem)
+    solver.set_operator(elastic_operator(problem))
+    solver.hold(problem.basis.index)
+    b, x = loads(problem), problem.create_vector()
+    solver.solve(b, x, 1e-8)
+    assert solver.direct
+    assert residual(solver, b, x) < 1e-10
+    assert solver.counts() == (1, 2, 3)
+
+
+@pytest.mark.mpi3
+def test_a_singular_system_has_a_reason() -> None:
+    """The upper block has come off the lower one, and nothing keeps it."""
+    problem = stack_problem(2)
+    solver = LinearSolver(problem)
+    solver.set_operator(elastic_operator(problem))
+    solver.hold(problem.basis.index[:0])
+    b = problem.create_vector()
+    problem.basis.T.multTranspose(problem.loads.live, b)
+    with pytest.raises(LinearFailure, match=r"MUMPS Cholesky: .*; it is singular or nearly so"):
+        solver.solve(b, problem.create_vector(), 1e-8)
+
+
+@pytest.mark.mpi3
+def test_a_set_up_is_kept_until_it_has_cost_more_than_another(
+    solver: LinearSolver, problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    index = problem.basis.index
+    assert solver.hold(index[1:])
+    assert not solver.hold(index[1:])
+    assert solver.setups == 1
+    solver.solve(loads(problem), problem.create_vector(), 1e-8)
+    monkeypatch.setattr(linear_solver, "SET_UP_WORTH", -100)
+    assert solver.hold(index)
+    assert solver.setups == 2
+
+
+def test_the_cost_of_a_set_up_is_counted_against_its_first_full_solve() -> None:
+    setup = SetUp()
+    setup.note(16, 1e-8)
+    assert setup.rate == pytest.approx(2.0)
+    assert setup.excess == pytest.approx(0.0, abs=1e-12)
+    setup.note(11, 1e-3)
+    assert setup.rate == pytest.approx(2.0)
+    assert setup.excess == pytest.approx(5.0)
+
+
+@pytest.fixture
+def asked(request: pytest.FixtureRequest) -> Iterator[dict[str, str]]:
+    options = PETSc.Options()
+    for key, value in request.param.items():
+        options["perfplast_" + key] = value
+    yield request.param
+    for key in request.param:
+        options.delValue("perfplast_" + key)
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize(
+    ("asked", "name"),
+    [
+        ({}, "MUMPS Cholesky"),
+        ({"pc_type": "mg"}, "CG + smoothed aggregation"),
+        ({"ksp_type": "cg", "pc_type": "jacobi"}, "cg + jacobi"),
+        ({"pc_type": "lu"}, "preonly + lu"),
+    ],
+    indirect=["asked"],
+)
+def test_users_choose(problem: Problem, asked: dict[str, str], name: str) -> None:
+    solver = LinearSolver(problem)
+    assert solver.name == name == chosen_solver(problem)
+    assert solver.direct == (name in ("MUMPS Cholesky", "preonly + lu"))
+    solver.set_operator(elastic_operator(problem))
+    solver.hold(problem.basis.index)
+    b, x = loads(problem), problem.create_vector()
+    solver.solve(b, x, 1e-8)
+    assert residual(solver, b, x) < 1e-7  # CG's own norm may be another one

@@ -1,0 +1,56 @@
+"""Sparse matrices and the entries of the rows that a rank owns."""
+
+from collections.abc import Sequence
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from scipy.sparse import coo_array
+
+from perfplast_fenicsx.arrays import Floats, Longs
+
+Sizes = tuple[int, int]
+"""How many rows, or columns, this rank owns, and how many there are on all ranks."""
+
+Entries = tuple[npt.NDArray[np.integer], npt.NDArray[np.integer], Floats]
+"""Local rows, global columns and values, shape (n,) each."""
+
+
+def matrix_of_entries(
+    comm: PETSc.Comm,
+    rows: Sizes,
+    columns: Sizes,
+    entries: Sequence[Entries],
+    block_size: int = 1,
+) -> PETSc.Mat:
+    """A matrix of entries that may come in any order, without zeros. Collective.
+
+    Args:
+        comm: The ranks.
+        rows: Of the matrix.
+        columns: Of the matrix.
+        entries: In any number of parts; what comes twice is added.
+        block_size: Of rows and columns.
+    """
+    none: Entries = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+    row, column, value = (np.concatenate(parts) for parts in zip(none, *entries, strict=True))
+    kept = value != 0
+    place = (row[kept].astype(np.int64), column[kept].astype(np.int64))
+    A = coo_array((value[kept], place), shape=(rows[0], columns[1])).tocsr()
+    csr = (A.indptr.astype(PETSc.IntType), A.indices.astype(PETSc.IntType), A.data)
+    return PETSc.Mat().createAIJ((rows, columns), bsize=block_size, csr=csr, comm=comm)
+
+
+def entries_of(A: PETSc.Mat) -> tuple[Longs, Longs, Floats]:
+    """The owned entries, row by row."""
+    pointer, column, value = A.getValuesCSR()
+    row = np.repeat(np.arange(len(pointer) - 1), np.diff(pointer))
+    return row, column.astype(np.int64), value
+
+
+def unknowns(V: fem.FunctionSpace) -> Sizes:
+    """Displacement unknowns, which are rows or columns."""
+    index_map, gdim = V.dofmap.index_map, V.dofmap.index_map_bs
+    return index_map.size_local * gdim, index_map.size_global * gdim

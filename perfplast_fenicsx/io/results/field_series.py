@@ -1,0 +1,110 @@
+"""The fields of all levels: a VTKHDF file each, and the list that ParaView opens as a time series.
+
+Each file gets its name when it is whole, then the list is replaced as a whole. So no crash harms
+the levels that are there, and a restart goes on with them.
+
+ParaView opens ``fields.vtkhdf.series``; PyVista shows a level by one line::
+
+    pyvista.HDFReader("results/fields/level_0001.vtkhdf").read().plot(scalars="yield_ratio")
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+
+from dolfinx import fem
+
+from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.io.results.result_files import FIELDS, MECHANISM, MESH, SERIES, level_file
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.io.results.vtkhdf import FieldWriter
+from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.state import LevelReport
+
+
+class FieldSeries:
+    """Writes fields of load levels, with what is prescribed, ζ or α, as the time."""
+
+    def __init__(
+        self,
+        folder: ResultFolder,
+        problem: Problem,
+        prescribed: Prescribed,
+        kept: Sequence[LevelReport] = (),
+    ) -> None:
+        """Write the mesh, and take over the levels of an earlier run. Collective.
+
+        Args:
+            folder: Where the files are.
+            problem: Whose levels are written.
+            prescribed: What a level is told, and the other one is found.
+            kept: The levels that an earlier run has written, from the first one on; files of later
+                ones are removed.
+
+        Raises:
+            InputError: If the files cannot be written.
+        """
+        self._folder, self._prescribed = folder, prescribed
+        self._times = [prescribed.of(report) for report in kept]
+        folder.on_root(lambda: folder.file(FIELDS).mkdir(exist_ok=True))
+        self._writer = FieldWriter(folder, problem, folder.file(MESH))
+        self._list_levels()
+        folder.on_root(self._remove_others)
+
+    def __repr__(self) -> str:
+        return f"FieldSeries({str(self._folder.file(SERIES))!r}: {len(self._times)} levels)"
+
+    def write(self, fields: Mapping[str, fem.Function], report: LevelReport) -> None:
+        """Append a level that is solved. Collective.
+
+        Args:
+            fields: Nodal or piecewise constant functions by name (:meth:`FieldWriter.write`).
+            report: The level.
+
+        Raises:
+            InputError: If the files cannot be written; what was there before is whole.
+        """
+        number = len(self._times) + 1
+        facts = {"level": number, "prescribed": self._prescribed.value}
+        path = self._folder.file(level_file(number))
+        self._writer.write(path, fields, facts | {"zeta": report.zeta, "alpha": report.alpha})
+        self._times.append(self._prescribed.of(report))
+        self._list_levels()
+
+    def write_mechanism(
+        self, mechanism: fem.Function, dissipation: fem.Function, zeta: float, alpha: float
+    ) -> None:
+        """Write ``mechanism.vtkhdf``. Collective.
+
+        Args:
+            mechanism: A velocity of unit work.
+            dissipation: Its plastic work, piecewise constant.
+            zeta: The load factor it belongs to.
+            alpha: The work α that has been reached.
+
+        Raises:
+            InputError: If the file cannot be written.
+        """
+        fields = {"mechanism": mechanism, "dissipation": dissipation}
+        facts = {"zeta": zeta, "alpha": alpha}
+        self._writer.write(self._folder.file(MECHANISM), fields, facts)
+
+    def _list_levels(self) -> None:
+        """Replace the list of the levels. Collective."""
+
+        def write() -> None:
+            files = [
+                {"name": level_file(number), "time": time}
+                for number, time in enumerate(self._times, start=1)
+            ]
+            text = json.dumps({"file-series-version": "1.0", "files": files}, indent=1)
+            replace(self._folder.file(SERIES), f"{text}\n".encode())
+
+        self._folder.on_root(write)
+
+    def _remove_others(self) -> None:
+        """Remove the files of levels that are not listed."""
+        ours = {self._folder.file(level_file(i + 1)) for i in range(len(self._times))}
+        for path in self._folder.file(FIELDS).glob("level_*.vtkhdf"):
+            if path not in ours:
+                path.unlink()

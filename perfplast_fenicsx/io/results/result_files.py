@@ -1,0 +1,23 @@
+"""Names of the files with fields in a result folder, and of what is in them.
+
+``fields.vtkhdf.series`` lists the levels for ParaView, each a file in the folder ``fields``. What
+VTK knows nothing of lies outside the group that it reads.
+"""
+
+SERIES, FIELDS, MECHANISM = "fields.vtkhdf.series", "fields", "mechanism.vtkhdf"
+MESH = f"{FIELDS}/mesh.vtkhdf"
+
+EARLIER = ("model.json", "fields.xdmf", "fields.h5", "mechanism.xdmf", "mechanism.h5")
+"""Files of versions whose results this one does not read."""
+
+GRID = "VTKHDF"
+POINT_DATA, CELL_DATA, FIELD_DATA = f"{GRID}/PointData", f"{GRID}/CellData", f"{GRID}/FieldData"
+POINTS, CONNECTIVITY, OFFSETS = f"{GRID}/Points", f"{GRID}/Connectivity", f"{GRID}/Offsets"
+TYPES, BODY = f"{GRID}/Types", f"{CELL_DATA}/body"
+SURFACES, SURFACE_TAGS = "perfplast/surfaces/facets", "perfplast/surfaces/tags"
+"""Of the facets with a name: the points at their vertices, and their tags."""
+
+
+def level_file(number: int) -> str:
+    """The file of a level, counted from 1."""
+    return f"{FIELDS}/level_{number:04}.vtkhdf"

@@ -1,0 +1,215 @@
+"""VTKHDF files, the format of VTK for ParaView and PyVista: a mesh, and fields on it.
+
+The mesh is a file of its own. A file of fields has the mesh by links of HDF5, so that each is a
+whole data set for VTK and none repeats the mesh. Everything is in the order of the input, whatever
+the number of ranks.
+
+The points are the nodes of the displacements, so that quadratic ones keep the values at the
+midsides, where the edges are straight too; of fields of lower degree these are interpolated. Where
+the edges are curved, linear displacements are shown on the curved mesh.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import basix.ufl
+import h5py
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from dolfinx.io.utils import cell_perm_vtk
+
+from perfplast_fenicsx.compat import coordinate_map, entity_nodes, geometry_dofmap
+from perfplast_fenicsx.io.results.global_ordering import (
+    cell_ordering,
+    node_ordering,
+    with_ghosts,
+)
+from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
+from perfplast_fenicsx.io.results.result_files import (
+    BODY,
+    CELL_DATA,
+    CONNECTIVITY,
+    FIELD_DATA,
+    GRID,
+    OFFSETS,
+    POINT_DATA,
+    POINTS,
+    SURFACE_TAGS,
+    SURFACES,
+    TYPES,
+)
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.problem.problem import Problem
+
+CELL_TYPES = {(2, 1): 5, (2, 2): 22, (3, 1): 10, (3, 2): 24}
+"""VTK's numbers of simplices by dimension and degree."""
+
+VERSION, TYPE = (2, 0), b"UnstructuredGrid"
+"""Of the format, and of what is in the files; VTK wants a string of fixed length."""
+
+COUNTS = ("NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds")
+BODY_TAGS, BODY_NAMES = f"{FIELD_DATA}/body_tags", f"{FIELD_DATA}/body_names"
+
+LINKED = (
+    *(f"{GRID}/{name}" for name in COUNTS),
+    *(POINTS, CONNECTIVITY, OFFSETS, TYPES, BODY, BODY_TAGS, BODY_NAMES),
+)
+"""What files of fields have from the mesh."""
+
+
+class FieldWriter:
+    """Writes the mesh of a problem, and fields on it."""
+
+    def __init__(self, folder: ResultFolder, problem: Problem, mesh_file: Path) -> None:
+        """Number nodes and cells, and write the mesh. Collective.
+
+        Args:
+            folder: Tells which ranks, and what to say where the system refuses.
+            problem: Whose nodes are the points.
+            mesh_file: The file of the mesh; its folder exists.
+
+        Raises:
+            InputError: If the file cannot be written.
+        """
+        self._folder, self._mesh_file = folder, mesh_file
+        self._mesh = mesh = problem.tagged_mesh.mesh
+        self._degree, self._space = problem.degree, problem.V
+        if coordinate_map(mesh).degree > self._degree:
+            self._degree = coordinate_map(mesh).degree
+            self._space = fem.functionspace(mesh, ("P", self._degree))
+        dofmap = self._space.dofmap
+        self._cells = cell_ordering(mesh)
+        self._nodes = node_ordering(mesh, dofmap.list, dofmap.index_map)
+        self._interpolated: dict[str, fem.Function] = {}
+        self._write_mesh(problem)
+
+    def write(
+        self,
+        path: Path,
+        fields: Mapping[str, fem.Function],
+        facts: Mapping[str, float | int | str],
+    ) -> None:
+        """Write fields on the mesh. Collective.
+
+        Args:
+            path: The file, which is replaced if it is there.
+            fields: Nodal or piecewise constant functions by name, their ghosts up to date. Vectors
+                in the plane get a third component, 0.
+            facts: What else is known, by name; VTK's field data.
+
+        Raises:
+            InputError: If the file cannot be written; what was there before is whole.
+        """
+        arrays = dict(self._array(name, function) for name, function in fields.items())
+        mesh_file = os.path.relpath(self._mesh_file, path.parent)
+
+        def describe(file: h5py.File) -> None:
+            _make_grid(file)
+            for name in LINKED:
+                file[name] = h5py.ExternalLink(mesh_file, f"/{name}")
+            for name, fact in facts.items():
+                _add_row(file, f"{FIELD_DATA}/{name}", [fact])
+
+        write_arrays(self._folder, path, arrays, describe=describe)
+
+    def _write_mesh(self, problem: Problem) -> None:
+        """Points, cells, tags and names of the bodies; facets with names, in the ranks' order."""
+        assembly, mesh, cells = problem.tagged_mesh, self._mesh, self._cells
+        tdim, comm, dofmap = mesh.topology.dim, mesh.comm, self._space.dofmap
+        owned = mesh.topology.index_map(tdim).size_local
+        number = with_ghosts(dofmap.index_map, self._nodes.numbers())
+        per_cell = dofmap.list.shape[1]
+        to_vtk = np.argsort(cell_perm_vtk(mesh.topology.cell_type, per_cell))
+        corners = block(cells, number[dofmap.list[:owned]][:, to_vtk])
+        body = np.zeros(len(dofmap.list), dtype=np.int32)
+        body[assembly.cell_tags.indices] = assembly.cell_tags.values
+        last = comm.rank == comm.size - 1  # of the offsets there is one more than of the cells
+        offsets = per_cell * np.arange(cells.first, cells.first + cells.count + last)
+        kind = np.full(cells.count, CELL_TYPES[tdim, self._degree], dtype=np.uint8)
+        points = self._space.tabulate_dof_coordinates()[: dofmap.index_map.size_local]
+        facets, tags = self._named_facets(problem, number)
+        first, total = comm.exscan(len(facets)) or 0, comm.allreduce(len(facets))
+        arrays = {
+            POINTS: block(self._nodes, points.astype(np.float64)),
+            CONNECTIVITY: Block(
+                corners.values.ravel(), per_cell * cells.first, per_cell * cells.total
+            ),
+            OFFSETS: Block(offsets, cells.first, cells.total + 1),
+            TYPES: Block(kind, cells.first, cells.total),
+            BODY: block(cells, body[:owned]),
+            SURFACES: Block(facets, first, total),
+            SURFACE_TAGS: Block(tags, first, total),
+        }
+        counts = (self._nodes.total, cells.total, per_cell * cells.total)
+        volumes = sorted(assembly.volumes, key=lambda name: assembly.volumes[name])
+
+        def describe(file: h5py.File) -> None:
+            _make_grid(file)
+            for name, count in zip(COUNTS, counts, strict=True):
+                _add_row(file, f"{GRID}/{name}", [count])
+            _add_row(file, BODY_TAGS, [assembly.volumes[a] for a in volumes])
+            _add_row(file, BODY_NAMES, volumes)
+
+        write_arrays(self._folder, self._mesh_file, arrays, describe=describe)
+
+    def _named_facets(
+        self, problem: Problem, number: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:
+        """Points at the vertices of the owned facets with a name, shape (n, tdim); their tags."""
+        mesh, tags = self._mesh, problem.tagged_mesh.facet_tags
+        tdim, nodes = mesh.topology.dim, geometry_dofmap(mesh)
+        at_node = np.zeros(len(mesh.geometry.x), dtype=np.int64)
+        at_node[nodes[:, : tdim + 1]] = number[self._space.dofmap.list[:, : tdim + 1]]
+        ours = tags.indices < mesh.topology.index_map(tdim - 1).size_local
+        vertices = entity_nodes(mesh, tdim - 1, tags.indices[ours])[:, :tdim]
+        return np.ascontiguousarray(at_node[vertices]), tags.values[ours].astype(np.int32)
+
+    def _array(self, name: str, function: fem.Function) -> tuple[str, Block]:
+        """Values at the points or of the cells, and where they belong in a file. Collective."""
+        nodal = self._nodal(name, function)
+        V, shape = nodal.function_space, nodal.ufl_shape
+        values = nodal.x.array.reshape(-1, V.dofmap.index_map_bs)
+        place, ordering = f"{CELL_DATA}/{name}", self._cells
+        if V.element.basix_element.degree == 0:
+            rows = values[V.dofmap.list[:, 0]]
+            rows = rows[: self._mesh.topology.index_map(self._mesh.topology.dim).size_local]
+        else:
+            place, ordering = f"{POINT_DATA}/{name}", self._nodes
+            index_map = self._space.dofmap.index_map
+            rows = np.zeros((index_map.size_local + index_map.num_ghosts, values.shape[1]))
+            rows[self._space.dofmap.list] = values[V.dofmap.list]
+            rows = rows[: index_map.size_local]
+        if shape == (2,):
+            rows = np.column_stack([rows, np.zeros(len(rows))])
+        return place, block(ordering, rows if shape else rows[:, 0])
+
+    def _nodal(self, name: str, function: fem.Function) -> fem.Function:
+        """The function, of the points' degree if it is a nodal one of another degree."""
+        if function.function_space.element.basix_element.degree in (0, self._degree):
+            return function
+        if name not in self._interpolated:
+            element = basix.ufl.element(
+                "P", self._mesh.basix_cell(), self._degree, shape=function.ufl_shape or None
+            )
+            space = fem.functionspace(self._mesh, element)
+            self._interpolated[name] = fem.Function(space)
+        self._interpolated[name].interpolate(function)
+        return self._interpolated[name]
+
+
+def _make_grid(file: h5py.File) -> None:
+    """Make the group that VTK looks for."""
+    grid = file.create_group(GRID)
+    grid.attrs["Version"] = VERSION
+    grid.attrs.create("Type", TYPE, dtype=h5py.string_dtype("ascii", len(TYPE)))
+
+
+def _add_row(file: h5py.File, name: str, values: Sequence[float | int | str]) -> None:
+    """Add a small array; of strings, which VTK reads if they say that they are ASCII, as UTF-8."""
+    if isinstance(values[0], str):
+        texts = np.array([str(value).encode() for value in values], dtype=object)
+        file.create_dataset(name, data=texts, dtype=h5py.string_dtype("ascii"))
+    else:
+        file[name] = np.array(values)

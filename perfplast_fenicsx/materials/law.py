@@ -1,0 +1,111 @@
+"""What a material law has to say, in UFL at a point, and what a material has to say of its law.
+
+A law is one class, in one file with the material that names it. :class:`Problem` evaluates it by
+its expressions alone, bodies of the same law together. The class is called with the parameters of
+the materials as keywords, each a function over the mesh.
+"""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
+from perfplast_fenicsx.materials.mandel import Expr
+
+Old = Mapping[str, Expr]
+"""The history at a point by name, as it was after the last accepted level; {} where a law has
+none."""
+
+
+class Law(Protocol):
+    """A law that derives from a convex potential: Σ = Dψ is monotone.
+
+    Strains e, rates and stresses s are Mandel vectors, shape (m,) with m = 6, or 4 in plane strain
+    (:mod:`mandel`); ``old`` is the history. :meth:`history` and :meth:`updated`
+    are here as laws without a history (those of Hencky) have them, if they derive from this class.
+
+    Attributes:
+        projects: Whether Σ(e) is the projection of Ce on the yield set in the norm of C⁻¹, as it is
+            in perfect plasticity without a history; ALG2 is built on that.
+    """
+
+    projects: ClassVar[bool]
+
+    @property
+    def elastic(self) -> IsotropicElasticity:
+        """C, which makes the norms ‖e‖_C of strains and ‖σ‖_E of stresses."""
+        ...
+
+    def history(self, m: int) -> Mapping[str, tuple[int, ...]]:
+        """Shape at a point of each internal variable by name, for vectors of m components."""
+        return {}
+
+    def stress(self, e: Expr, old: Old) -> Expr:
+        """Σ(e), the derivative of the potential, shape (m,)."""
+        ...
+
+    def potential(self, e: Expr, old: Old) -> Expr:
+        """ψ(e), energy per volume; of the step where there is a history."""
+        ...
+
+    def conjugate(self, s: Expr, old: Old) -> Expr:
+        """ψ*(s) of an admissible stress, energy per volume; ψ(e) + ψ*(Σ(e)) = Σ(e):e.
+
+        It is ½ s:C⁻¹s in perfect plasticity. Its integral is the S of the duality gap.
+        """
+        ...
+
+    def plastic(self, e: Expr, old: Old) -> Expr:
+        """1 where e is outside the elastic range, else 0."""
+        ...
+
+    def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
+        """What :meth:`tangent` needs of the strain, to be stored at the points; any shapes.
+
+        Args:
+            e: The strain.
+            old: The history.
+            rho: ρ in [0, 1] of Σ^{o,ρ} = ρC + (1 − ρ)Σ°, with Σ° in the derivative of Σ at e.
+        """
+        ...
+
+    def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
+        """Σ^{o,ρ}(e)[d], shape (m,), symmetric and not negative, from the stored fields."""
+        ...
+
+    def updated(self, e: Expr, old: Old) -> Mapping[str, Expr]:
+        """The history after a level that was accepted with the strain e."""
+        return {}
+
+    def yield_ratio(self, s: Expr) -> Expr:
+        """The gauge of the first yield set: 1 on its surface, and t times as much for t s.
+
+        Greater than 1 where a law has hardened; 0 for bodies that never yield.
+        """
+        ...
+
+    def dissipation(self, rate: Expr) -> Expr:
+        """Sup of s:rate over the yield set, power per volume, for a rate that is admissible."""
+        ...
+
+    def inadmissible(self, rate: Expr) -> Expr:
+        """The part of a strain rate, shape (k,) and linear in it, that has to vanish, or None.
+
+        Where it does :meth:`dissipation` is finite. None where no linear condition says so, as for
+        a yield set that is a cone, or where hardening makes it infinite: no upper bound is known.
+        """
+        ...
+
+
+@runtime_checkable
+class Material(Protocol):
+    """What a user gives of a body: a few numbers, the law that they belong to.
+
+    Attributes:
+        law: The class of the law, a :class:`Law` when called with the parameters as keywords.
+    """
+
+    law: ClassVar[type[Any]]
+
+    def parameters(self) -> Mapping[str, float]:
+        """Numbers of the law, by the names of its arguments."""
+        ...

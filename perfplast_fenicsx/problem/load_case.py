@@ -1,0 +1,52 @@
+"""The loads as vectors: L₀, which is there at any ζ, and L₁, which ζ multiplies.
+
+The energy of (P)_ζ is J_ζ(v) = Ψ(ε(v)) − L₀(v) − ζL₁(v). What follows from its last two terms is
+written here and nowhere else.
+"""
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """Dead and live loads; all methods are collective.
+
+    Attributes:
+        dead: L₀ as a vector in V's dual, zero at supported unknowns (ghosts summed).
+        live: L₁, the same of the loads of ζ = 1.
+    """
+
+    dead: PETSc.Vec
+    live: PETSc.Vec
+
+    def total(self, zeta: float, out: PETSc.Vec) -> PETSc.Vec:
+        """Set ``out`` to L₀ + ζL₁, and return it."""
+        self.dead.copy(out)
+        out.axpy(zeta, self.live)
+        return out
+
+    def subtract_from(self, force: PETSc.Vec, zeta: float) -> None:
+        """Take L₀ + ζL₁ from the internal forces, which leaves the gradient of J_ζ."""
+        force.axpy(-zeta, self.live)
+        force.axpy(-1.0, self.dead)
+
+    def norm(self, zeta: float) -> float:
+        """Euclidean norm of L₀ + ζL₁ (force)."""
+        total = self.total(zeta, self.live.duplicate())
+        norm = float(total.norm())
+        total.destroy()
+        return norm
+
+    def alpha(self, u: PETSc.Vec) -> float:
+        """Work of the live loads α = L₁(u), which the work-controlled methods prescribe."""
+        return float(self.live.dot(u))
+
+    def work(self, u: PETSc.Vec, zeta: float) -> float:
+        """Work of all loads L₀(u) + ζL₁(u)."""
+        return float(self.dead.dot(u)) + zeta * self.alpha(u)
+
+    def is_proportional(self) -> bool:
+        """Whether nothing is loaded at ζ = 0."""
+        return float(self.dead.norm()) == 0

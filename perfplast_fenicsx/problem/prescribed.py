@@ -1,0 +1,33 @@
+"""What a level prescribes: the load factor ζ or the work of the loads α."""
+
+from enum import Enum
+from typing import Protocol
+
+
+class Loaded(Protocol):
+    """What has a load factor and a work: a state, the report of a level, an iteration."""
+
+    @property
+    def zeta(self) -> float:
+        """Load factor ζ."""
+        ...
+
+    @property
+    def alpha(self) -> float:
+        """Work α."""
+        ...
+
+
+class Prescribed(Enum):
+    """What an algorithm is given; the other one is what it finds.
+
+    The values are the names by which results are filed: an attribute of :class:`state.State` and
+    :class:`state.LevelReport`, a column of ``path.csv``, ``prescribed`` in ``summary.json``.
+    """
+
+    LOAD_FACTOR = "zeta"
+    WORK = "alpha"
+
+    def of(self, level: Loaded) -> float:
+        """The prescribed value of a state, a report or an iteration."""
+        return level.zeta if self is Prescribed.LOAD_FACTOR else level.alpha

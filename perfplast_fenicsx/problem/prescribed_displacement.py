@@ -1,0 +1,99 @@
+"""The displacement u_D of supports as arrays, and where contact could not see it."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
+
+from perfplast_fenicsx.contact.constraints import Constraints
+from perfplast_fenicsx.contact.surface_nodes import LEAST_COSINE
+from perfplast_fenicsx.contact.surface_normals import face_nodes
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.supports import AXES, Support
+
+
+def known_displacements(
+    V: fem.FunctionSpace, assembly: TaggedMesh, supports: Sequence[Support]
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+    """Which components the supports hold, and where. Collective.
+
+    Returns:
+        Flags, and displacements (length) that are 0 at other components; both of all local nodes,
+        ghosts too, shape (num_nodes, gdim).
+
+    Raises:
+        InputError: An unknown surface, wrong components, a value that is not finite, or two values
+            for the same component of a node.
+    """
+    fdim, gdim = assembly.mesh.topology.dim - 1, assembly.mesh.geometry.dim
+    index_map = V.dofmap.index_map
+    shape = (index_map.size_local + index_map.num_ghosts, gdim)
+    fixed, values, message = np.zeros(shape, dtype=bool), np.zeros(shape), None
+    for support in supports:
+        if not np.isfinite(support.value):
+            raise InputError(
+                f"value = {support.value} of the support on '{support.on}' is not finite; give a"
+                " length, or 0 for none."
+            )
+        nodes = fem.locate_dofs_topological(V, fdim, assembly.facets(support.on))
+        for axis in support.axes(gdim):
+            known = nodes[fixed[nodes, axis]]
+            other = values[known, axis][values[known, axis] != support.value]
+            if other.size:
+                message = (
+                    f"the support on '{support.on}' moves nodes by {support.value:g} along"
+                    f" {AXES[axis]} that another support moves by {other[0]:g}; leave the component"
+                    " out of one of them, or part their surfaces."
+                )
+            fixed[nodes, axis] = True
+            values[nodes, axis] = support.value
+    raise_together(assembly.mesh.comm, message)
+    return fixed, values
+
+
+def check_moved_surfaces(
+    V: fem.FunctionSpace,
+    assembly: TaggedMesh,
+    surfaces: Iterable[str],
+    constraints: Constraints,
+    fixed: npt.NDArray[np.bool_],
+    prescribed: npt.NDArray[np.float64],
+) -> None:
+    """Refuse supports that move nodes of contact surfaces along their normals, unseen by any pair.
+
+    Where neither node of a pair is free along the normal there is no pair. Collective.
+
+    Args:
+        V: Displacement space.
+        assembly: Mesh with names.
+        surfaces: Names of those in contact, with each other or with obstacles.
+        constraints: The rows of these surfaces.
+        fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+        prescribed: u_D, same shape.
+
+    Raises:
+        InputError: Naming the surface.
+    """
+    message = None
+    magnitudes = constraints.nodal_magnitudes(V)
+    nodes, rows = magnitudes.createVecs()
+    rows.set(1.0)
+    magnitudes.multTranspose(rows, nodes)
+    paired = la.vector(V.dofmap.index_map, 1)
+    paired.array[: nodes.getLocalSize()] = nodes.array_r
+    paired.scatter_forward()
+    for thing in (magnitudes, nodes, rows):
+        thing.destroy()
+    for name in surfaces:
+        faces = face_nodes(V, assembly, name)
+        along = np.abs(np.sum(faces.normal * prescribed[faces.node], axis=1))
+        freedom = (np.abs(faces.normal) * ~fixed[faces.node]).max(axis=1, initial=0)
+        unseen = (freedom < LEAST_COSINE) & (paired.array[faces.node] == 0)
+        if (unseen & (along > 0)).any():
+            message = (
+                f"supports move nodes of the contact surface '{name}' along its normal towards"
+                " others that cannot give way; leave these nodes out of the contact surface."
+            )
+    raise_together(assembly.mesh.comm, message)

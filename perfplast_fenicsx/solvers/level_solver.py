@@ -1,0 +1,162 @@
+"""The loop of a load level, the same for every algorithm, and what they share with each other.
+
+An algorithm is a :class:`LevelSolver` that says how a level begins, what a step is, and what shows
+that there is no solution. What fails, ends or is judged stands here.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.errors import check_finite
+from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.state import Iteration, Level, State
+from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
+from perfplast_fenicsx.solvers.iterate import Iterate
+from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
+from perfplast_fenicsx.solvers.newton_options import Monitor
+from perfplast_fenicsx.solvers.progress import Progress, Step
+from perfplast_fenicsx.solvers.verdicts import no_convergence
+
+MOST_DOUBTS = 60
+"""So many times a level goes on behind steps that have become small at no solution."""
+
+
+class Stepper(Protocol):
+    """What the loop asks of an algorithm.
+
+    Attributes:
+        iterate: u, which steps advance.
+        linear: The linear solver, for its counts.
+        max_iterations: Most steps of a level.
+        steps_called: What a message calls them.
+        criterion: What a message says of steps that have become small enough.
+    """
+
+    iterate: Iterate
+    linear: LinearSolver
+    max_iterations: int
+    steps_called: str
+    criterion: str
+
+    @abstractmethod
+    def begin(self, value: float, start: State | None) -> tuple[float, npt.NDArray[np.bool_]]:
+        """Go to where the level starts: ζ, and the active set to begin with. Collective."""
+        ...
+
+    @abstractmethod
+    def step(
+        self,
+        value: float,
+        zeta: float,
+        active: npt.NDArray[np.bool_],
+        history: Sequence[Iteration],
+    ) -> Step:
+        """Take a step. Collective.
+
+        Args:
+            value: What is prescribed.
+            zeta: Load factor before it.
+            active: Closed pairs before it.
+            history: The steps so far.
+
+        Raises:
+            LinearFailure: If a linear system cannot be solved; u is then as it was.
+        """
+        ...
+
+    @abstractmethod
+    def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
+        """Why there is no solution, if the steps so far show it. Collective."""
+        ...
+
+
+def solve_level(
+    stepper: Stepper, value: float, start: State | None = None, monitor: Monitor | None = None
+) -> Level:
+    """Take steps until the level is solved or known to have no solution. Collective.
+
+    Args:
+        stepper: The algorithm.
+        value: What it prescribes, ζ or α.
+        start: State to begin with; None for none.
+        monitor: Called on every rank after each step.
+
+    Returns:
+        The level. Where it has not converged its report says why, and its state is the last
+        iterate, which is not a solution.
+    """
+    zeta, active = stepper.begin(value, start)
+    progress = Progress(stepper.iterate, stepper.linear, monitor)
+    history, doubts = progress.history, 0
+    while len(history) < stepper.max_iterations:
+        try:
+            step = stepper.step(value, zeta, active, history)
+        except LinearFailure as failure:
+            return progress.level(zeta, active, False, str(failure))
+        zeta, active = step.zeta, step.active
+        progress.add(step)
+        if step.finished:
+            level = progress.level(zeta, active, True, stepper.criterion)
+            doubts += 1
+            last = doubts == MOST_DOUBTS or len(history) == stepper.max_iterations
+            if level.report.converged or last:
+                return level
+        reason = stepper.ended(zeta, history)
+        if reason is not None:
+            return progress.level(zeta, active, False, reason)
+    reason = no_convergence(stepper.max_iterations, stepper.steps_called)
+    return progress.level(zeta, active, False, reason)
+
+
+class LevelSolver(Stepper, ABC):
+    """One algorithm for one problem; keeps forms, matrices and solver set-ups from level to level.
+
+    Attributes:
+        method: Its name in case files.
+        prescribes: What it is given, ζ or α.
+        problem: What is solved.
+        linear: The linear solver and its counts.
+        iterate: u and its fields.
+        program: Solver of the contact quadratic programs.
+    """
+
+    method: ClassVar[str]
+    prescribes: ClassVar[Prescribed]
+    steps_called = "Newton steps"
+
+    def __init__(self, problem: Problem, max_iterations: int, criterion: str) -> None:
+        """Compile the forms and create the solvers. Collective."""
+        self.problem = problem
+        self.max_iterations, self.criterion = max_iterations, criterion
+        self.iterate = Iterate(problem)
+        self.linear = LinearSolver(problem)
+        self.program = ContactProgram(problem, self.linear)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.problem!r})"
+
+    def solve(
+        self, value: float, start: State | None = None, monitor: Monitor | None = None
+    ) -> Level:
+        """Solve a level. Collective.
+
+        Args:
+            value: Load factor ζ or work α (energy), as the algorithm prescribes.
+            start: State to begin with, as one of a smaller load or an extrapolation of such; what
+                penetrates is pushed back. None for u = 0 with all pairs of zero gap closed.
+            monitor: Called on every rank after each step.
+
+        Returns:
+            The level. Where it has not converged its report says why, and its state is the last
+            iterate, which is not a solution.
+
+        Raises:
+            InputError: If the value is not finite.
+        """
+        check_finite(self.prescribes.value, value)
+        return solve_level(self, value, start, monitor)

@@ -1,0 +1,88 @@
+"""Systems solved by a Krylov method with any preconditioner that PETSc has.
+
+The method multiplies with a copy of the matrix that stores the upper triangle in blocks, more than
+twice as fast; preconditioners are made of the matrix itself.
+"""
+
+from collections.abc import Mapping
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
+from perfplast_fenicsx.solvers.linear.outcome import Outcome, run
+from perfplast_fenicsx.solvers.linear.petsc_options import LINEAR, own_prefix, solver_name
+
+
+class Krylov:
+    """A Krylov method, and a preconditioner that may be older than the matrix.
+
+    Attributes:
+        name: What is used, for people.
+    """
+
+    def __init__(self, comm: MPI.Intracomm, preset: Mapping[str, object]) -> None:
+        """Create the solver from the preset and the user's options. Collective."""
+        prefix = own_prefix(LINEAR, preset)
+        self._ksp = PETSc.KSP().create(comm)
+        self._ksp.setOptionsPrefix(prefix)
+        self._ksp.setFromOptions()
+        self.name = solver_name(self._ksp.getType(), self.preconditioner.getType())
+        asked = PETSc.Options(prefix).hasName("ksp_rtol")
+        self._least_rtol = self._ksp.getTolerances()[0] if asked else 1.0
+        self._matrix: PETSc.Mat | None = None
+        self._blocked: PETSc.Mat | None = None
+
+    @property
+    def preconditioner(self) -> PETSc.PC:
+        """PETSc's object."""
+        return self._ksp.getPC()
+
+    def prepare(self, operator: ContactOperator) -> bool:
+        """Nothing is to be made of K alone; it always suits."""
+        return True
+
+    @phase("linear set-up")
+    def set_matrix(self, operator: ContactOperator, held: npt.NDArray[np.int32]) -> None:
+        """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
+        self._matrix = operator.matrix
+        self._blocked = blocked(self._matrix, self._blocked)
+        self.attach()
+
+    def attach(self) -> None:
+        """Give the matrices to PETSc's object, anew where its preconditioner has been reset."""
+        self._ksp.setOperators(self._blocked, self._matrix)
+
+    def renew(self, flow: PETSc.Vec | None) -> None:
+        """Make the preconditioner anew at the next solve."""
+        self.preconditioner.setReusePreconditioner(False)
+
+    def keep(self) -> None:
+        """Solve with the preconditioner there is."""
+        self.preconditioner.setReusePreconditioner(True)
+
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
+        """Solve for x, to ``rtol`` relative to b or to what the user asks if less. Collective."""
+        self._ksp.setTolerances(rtol=min(rtol, self._least_rtol))
+        return run(self._ksp, b, x)
+
+    def destroy(self) -> None:
+        """Give back memory at once. Collective."""
+        self._ksp.destroy()
+        if self._blocked is not None:
+            self._blocked.destroy()
+
+
+def blocked(A: PETSc.Mat, copy: PETSc.Mat | None) -> PETSc.Mat:
+    """A symmetric matrix as one that keeps the blocks of its upper triangle. Collective.
+
+    Args:
+        A: The matrix.
+        copy: Of an earlier A with the same pattern, to be filled anew.
+    """
+    A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    return A.convert("sbaij", copy or PETSc.Mat())

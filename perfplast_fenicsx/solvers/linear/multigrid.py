@@ -1,0 +1,103 @@
+"""Systems solved by CG with smoothed aggregation, whose coarse spaces see through closed contact.
+
+The coarse grids may be kept while the operator and the held unknowns change; the finest one is
+always up to date.
+"""
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
+from perfplast_fenicsx.solvers.linear.krylov import Krylov
+from perfplast_fenicsx.solvers.linear.outcome import Outcome
+from perfplast_fenicsx.solvers.linear.smoothed_aggregation import CoarseSpaces
+
+MULTIGRID = {
+    "ksp_type": "cg",
+    "ksp_norm_type": "unpreconditioned",
+    "ksp_max_it": 1000,
+    "pc_type": "mg",
+    "pc_mg_cycle_type": "w",
+    "pc_use_amat": None,  # the smoothers work with the blocked matrix, as CG does
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_ksp_max_it": 3,
+    "mg_levels_pc_type": "pbjacobi",
+    "mg_levels_esteig_ksp_type": "cg",
+    "mg_levels_ksp_chebyshev_esteig": "0,0.1,0,1.05",
+    "mg_coarse_pc_type": "redundant",
+    "mg_coarse_redundant_pc_type": "cholesky",
+}
+
+
+class Multigrid:
+    """A Krylov method with smoothed aggregation in the jump basis.
+
+    Attributes:
+        name: What is used, for people.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Create the solver; aggregates follow with the first operator. Collective."""
+        self._problem = problem
+        self._krylov = Krylov(problem.comm, MULTIGRID)
+        self.name = self._krylov.name
+        self._spaces: CoarseSpaces | None = None
+        self._operator: ContactOperator | None = None
+        self._held: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
+
+    @phase("linear set-up")
+    def prepare(self, operator: ContactOperator) -> bool:
+        """Make the aggregates, once: before other matrices, since it needs the most memory.
+
+        Returns:
+            Whether there are any; a small problem has none and is not for multigrid.
+        """
+        if self._spaces is None:
+            nodal = operator.nodal()
+            self._spaces = CoarseSpaces(self._problem, nodal)
+            nodal.destroy()
+            if self._spaces.levels > 1:
+                self._krylov.preconditioner.setMGLevels(self._spaces.levels)
+        return self._spaces.levels > 1
+
+    def set_matrix(self, operator: ContactOperator, held: npt.NDArray[np.int32]) -> None:
+        """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
+        self._operator, self._held = operator, held
+        self._krylov.set_matrix(operator, held)
+
+    @phase("linear set-up")
+    def renew(self, flow: PETSc.Vec | None) -> None:
+        """Form the coarse operators. Collective.
+
+        Args:
+            flow: A solution, in the jump basis, that becomes one more motion of every
+                aggregate; None to leave the aggregates as they are.
+        """
+        assert self._spaces is not None
+        assert self._operator is not None
+        self._krylov.renew(flow)
+        pc = self._krylov.preconditioner
+        if flow is not None:
+            pc.reset()  # its levels will have other sizes
+            pc.setMGLevels(self._spaces.levels)
+            self._krylov.attach()
+            self._spaces.add(flow, self._operator.nodal)
+        self._spaces.project(self._operator.matrix, self._held, pc)
+
+    def keep(self) -> None:
+        """Solve with the coarse grids there are."""
+        self._krylov.keep()
+
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
+        """Solve for x, to ``rtol`` relative to b or to what the user asks if less. Collective."""
+        return self._krylov.solve(b, x, rtol)
+
+    def destroy(self) -> None:
+        """Give back memory at once. Collective."""
+        self._krylov.destroy()
+        if self._spaces is not None:
+            self._spaces.destroy()

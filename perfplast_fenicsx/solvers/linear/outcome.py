@@ -1,0 +1,51 @@
+"""How one linear solve has ended: what every way of solving tells the policy over them."""
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+from perfplast_fenicsx.profiling import phase
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The end of one solve, alike on every rank.
+
+    Attributes:
+        iterations: Krylov iterations; 1 for a factorisation.
+        failure: Why x is no solution, for people; None if it is one.
+    """
+
+    iterations: int
+    failure: str | None = None
+
+    @property
+    def solved(self) -> bool:
+        """Whether x is a solution."""
+        return self.failure is None
+
+
+def run(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> Outcome:
+    """Set up what is due and solve, each as a phase of its own. Collective."""
+    _set_up(ksp)
+    _iterate(ksp, b, x)
+    reason = int(ksp.getConvergedReason())
+    failure = None if reason > 0 else _REASONS.get(reason, str(reason))
+    return Outcome(int(ksp.getIterationNumber()), failure)
+
+
+@phase("linear set-up")
+def _set_up(ksp: PETSc.KSP) -> None:
+    ksp.setUp()
+
+
+@phase("linear solve")
+def _iterate(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
+    ksp.solve(b, x)
+
+
+_REASONS = {
+    value: name.lower().replace("_", " ")
+    for name, value in vars(PETSc.KSP.ConvergedReason).items()
+    if isinstance(value, int)
+}

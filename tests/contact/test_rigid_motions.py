@@ -1,0 +1,73 @@
+"""Rigid motions of bodies: what contact says of them, and which are refused."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import Support, TaggedMesh
+from perfplast_fenicsx.contact.rigid_motions import RigidMotions, rigid_jumps
+from tests.checks import assert_refused
+from tests.models import stack_problem, touching_blocks, wedge_problem
+
+
+@pytest.mark.mpi3
+def test_jumps_of_one_body_that_moves(wedge: TaggedMesh) -> None:
+    """Column by column against B and a vector of that motion."""
+    problem = wedge_problem(wedge)
+    V, bodies = problem.V, problem.bodies
+    jumps = rigid_jumps(V, bodies, problem.constraints.B)
+    assert jumps.shape == (len(problem.constraints.host), 2 * 6)
+    owned = V.dofmap.index_map.size_local
+    modes = bodies.rigid_modes(V.tabulate_dof_coordinates()[:owned])
+    u = problem.create_vector()
+    for body in range(2):
+        for motion in range(6):
+            moved = (bodies.of_node[:owned] == body)[:, None] * modes[:, :, motion]
+            u.array[:] = moved.ravel()
+            expected = problem.constraints.jumps(u)
+            assert jumps[:, 6 * body + motion] == pytest.approx(expected, abs=1e-13)
+    # both bodies together: nothing opens
+    together = jumps[:, :6] + jumps[:, 6:]
+    assert np.abs(together).max(initial=0) < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"contacts": []}, ["rigid body", "translation in z", "add a support"]),
+        (
+            {"supports": [Support("x0", "x"), Support("bottom", "z")]},
+            ["rigid body", "translation in y"],
+        ),
+    ],
+)
+def test_a_body_that_can_move_is_refused(changes: dict[str, object], words: list[str]) -> None:
+    assert_refused(lambda: touching_blocks(**changes), words)
+
+
+@pytest.mark.mpi3
+def test_an_open_contact_is_closed_at_first_where_it_alone_holds_a_body(
+    comm: MPI.Intracomm,
+) -> None:
+    problem = stack_problem(2, gap=0.1, comm=comm)
+    assert problem.has_gaps
+    assert problem.first_active.all()
+
+
+@pytest.mark.mpi3
+def test_pairs_that_touch_are_closed_at_first(comm: MPI.Intracomm) -> None:
+    problem = stack_problem(2, gap="0.1*x**2", comm=comm)
+    touching = problem.constraints.gap < 1e-15
+    assert 0 < comm.allreduce(int(touching.sum())) < problem.num_pairs
+    assert (problem.first_active == touching).all()
+
+
+@pytest.mark.mpi3
+def test_without_rows_the_upper_block_flies(comm: MPI.Intracomm) -> None:
+    held, flying = stack_problem(1, comm=comm), ["rigid body", "translation in z"]
+    V, rows = held.V, held.constraints
+    none = type(rows)(rows.B.duplicate(), rows.host, rows.gap, rows.normal, rows.surface)
+    none.B.assemble()
+    motions = RigidMotions(V, held.bodies, held.fixed, none)
+    assert_refused(motions.check, flying)

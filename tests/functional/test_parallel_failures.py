@@ -1,0 +1,166 @@
+"""Tests that fail or hang under mpirun: the run ends soon, and says what happened on each rank."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+pytestmark = pytest.mark.skipif(
+    MPI.COMM_WORLD.size > 1, reason="a program that uses MPI cannot start another"
+)
+
+ROOT = Path(__file__).parents[2]
+BEGIN = """
+from mpi4py import MPI
+import pytest
+comm = MPI.COMM_WORLD
+"""
+GRACE = "from tests import parallel_plugin\nparallel_plugin.GRACE = 2.0\n"
+
+
+def run(folder: Path, tests: str, *options: str) -> str:
+    """What pytest shows of tests on two ranks that fail, in less than a minute."""
+    (folder / "test_here.py").write_text(BEGIN + tests)
+    (folder / "conftest.py").write_text(GRACE)
+    launch = ["mpirun", "-n", "2", str(ROOT / "scripts" / "rank0"), sys.executable, "-m", "pytest"]
+    done = subprocess.run(
+        [*launch, "-q", "-p", "tests.parallel_plugin", *options, "test_here.py"],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "PYTEST_ADDOPTS": ""},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode != 0, done.stdout
+    return done.stdout
+
+
+def line_of(text: str, what: str) -> int:
+    """Number of the first line with a text (1 to n)."""
+    return next(n for n, line in enumerate(text.splitlines(), start=1) if what in line)
+
+
+def test_others_wait_for_the_rank_that_failed(tmp_path: Path) -> None:
+    """Nobody can end a collective call: the run is ended, and says where the others are."""
+    tests = """
+def test_before():
+    assert comm.rank < 0, "the one before"
+
+def test_waits():
+    assert comm.rank == 0, "only here"
+    comm.allreduce(1)
+"""
+    shown = run(tmp_path, tests)
+    assert "AssertionError: only here" in shown
+    assert "AssertionError: the one before" in shown
+    place = line_of(BEGIN + tests, "allreduce")
+    assert re.search(rf"rank 0 is here.*\n.*\n.*test_here.py\", line {place} in test_waits", shown)
+    assert (
+        "the run is ended: rank 1 has failed and others wait in test_here.py::test_waits" in shown
+    )
+    assert re.search("2 failed in ", shown)
+
+
+def test_one_rank_fails_and_the_run_goes_on(tmp_path: Path) -> None:
+    shown = run(
+        tmp_path,
+        """
+def test_fails():
+    print("from rank", comm.rank)
+    assert comm.rank == 0, "only here"
+
+def test_both_fail():
+    assert comm.rank == 2
+
+@pytest.fixture
+def one_sided():
+    assert comm.rank == 0, "in set-up"
+
+def test_is_not_begun(one_sided):
+    comm.barrier()
+
+@pytest.mark.skipif(comm.rank == 1, reason="on this rank")
+def test_is_skipped_by_one():
+    comm.barrier()
+
+@pytest.mark.skip(reason="everywhere")
+def test_is_skipped():
+    comm.barrier()
+
+def test_goes_on():
+    assert comm.allreduce(1) == 2
+""",
+    )
+    closing = "2 failed, 1 passed, 1 skipped, 2 errors in "
+    (first,) = [line for line in shown.splitlines() if line.startswith(closing)]
+    (second,) = [line for line in shown.splitlines() if line.startswith(f"[rank 1] {closing}")]
+    assert first and second
+    rank0 = "\n".join(line for line in shown.splitlines() if not line.startswith("[rank 1] "))
+    assert "failed on rank 1:\n" in rank0
+    assert "AssertionError: only here" in rank0
+    assert "from rank 1" in rank0
+    assert "assert 0 == 2" in rank0
+    assert "assert 1 == 2" in rank0
+    assert "AssertionError: in set-up" in rank0
+    assert "skipped on rank 1:\n" in rank0
+
+
+def test_a_tear_down_that_fails(tmp_path: Path) -> None:
+    shown = run(
+        tmp_path,
+        """
+@pytest.fixture
+def resource():
+    yield
+    assert comm.rank == 1, "too late"
+
+def test_passes(resource):
+    comm.barrier()
+""",
+    )
+    assert "[rank 1] failed on rank 0:\n" in shown
+    assert "\n1 passed, 1 error in " in shown
+
+
+def test_all_ranks_wait_for_ever(tmp_path: Path) -> None:
+    tests = """
+def test_waits():
+    comm.recv(source=comm.rank)
+"""
+    shown = run(tmp_path, tests, "--timeout", "2")
+    place = line_of(BEGIN + tests, "recv")
+    for rank in range(2):
+        where = rf"rank {rank} is here.*\n(.*\n)*?.*test_here.py\", line {place} in test_waits"
+        assert re.search(where, shown)
+    assert "the run is ended: test_here.py::test_waits takes more than 2 s" in shown
+
+
+def test_nothing_runs_in_python_any_more(tmp_path: Path) -> None:
+    """A library that does not let go of the interpreter, as PETSc in a collective call."""
+    tests = """
+import ctypes
+from tests import parallel_plugin
+parallel_plugin.STUCK = 1.0
+
+def test_waits():
+    ctypes.PyDLL(None).sleep(100)
+"""
+    shown = run(tmp_path, tests, "--timeout", "2")
+    assert re.search(r"Timeout \(0:00:03\)!", shown)
+    assert f'test_here.py", line {line_of(BEGIN + tests, "sleep")} in test_waits' in shown
+
+
+def test_other_tests_on_each_rank(tmp_path: Path) -> None:
+    tests = "if comm.rank == 0:\n    def test_here():\n        comm.barrier()\n"
+    assert "the ranks have not collected the same tests" in run(tmp_path, tests)
+    tests = "assert comm.rank == 0, 'on import'\ndef test_here():\n    comm.barrier()\n"
+    shown = run(tmp_path, tests)
+    assert "the ranks have not collected the same tests" in shown
+    assert "AssertionError: on import" in shown

@@ -1,0 +1,121 @@
+"""The upper bound of the limit load: its value, why there is none, and what it leaves behind."""
+
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from dolfinx import fem
+
+from perfplast_fenicsx import (
+    Contact,
+    Elastic,
+    Newton,
+    Pressure,
+    Problem,
+    Support,
+    VonMises,
+    stacked_blocks,
+)
+from perfplast_fenicsx.limit_analysis import kinematic_bound
+from perfplast_fenicsx.materials import Material
+from tests.models import stack_problem
+
+WEAK = VonMises(2e5, 0.3, 300.0)
+
+
+def blocks(lower: Material, upper: Material, degree: int = 1) -> Problem:
+    return Problem(
+        stacked_blocks(MPI.COMM_WORLD, 2),
+        {"lower": lower, "upper": upper},
+        [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
+        [Pressure("top", 1.0)],
+        [Contact("lower_top", "upper_bottom")],
+        degree=degree,
+    )
+
+
+def bound(problem: Problem) -> kinematic_bound.UpperBound:
+    """From the elastic displacement."""
+    state = Newton(problem).solve(1.0).state
+    return kinematic_bound.dissipation_bound(problem, state.u, state)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_blocks_in_uniaxial_stress(degree: int) -> None:
+    found = bound(blocks(WEAK, WEAK, degree))
+    assert found.value == pytest.approx(300.0, rel=1e-9)
+    assert found.solves > 0
+    assert not found.reason
+
+
+def test_an_elastic_body_takes_no_part_in_the_mechanism() -> None:
+    found = bound(blocks(WEAK, Elastic(2e5, 0.3)))
+    assert found.value == pytest.approx(300.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("LARGEST_PROBLEM", 10, "more than 10 unknowns"),
+        ("EXACT", 0.0, "does not converge"),
+        ("ROUNDING", 1e9, "no work"),
+    ],
+)
+def test_why_there_is_none(
+    monkeypatch: pytest.MonkeyPatch, name: str, value: float, reason: str
+) -> None:
+    monkeypatch.setattr(kinematic_bound, name, value)
+    found = bound(blocks(WEAK, WEAK))
+    assert found.value is None
+    assert reason in found.reason
+
+
+def test_bodies_that_cannot_move_have_none() -> None:
+    found = bound(blocks(Elastic(2e5, 0.3), Elastic(2e5, 0.3)))
+    assert found.value is None
+    assert found.reason
+
+
+@pytest.mark.parametrize("exact", [1e-11, 0.0])
+def test_what_petsc_made_is_destroyed(monkeypatch: pytest.MonkeyPatch, exact: float) -> None:
+    """Whether there is a bound or not."""
+    made: list[Any] = []
+
+    def assemble(*arguments: Any) -> PETSc.Mat:
+        made.append(original(*arguments))
+        return made[-1]
+
+    def prefix(*arguments: Any) -> str:
+        prefixes.append(own_prefix(*arguments))
+        return prefixes[-1]
+
+    prefixes: list[str] = []
+    original, own_prefix = kinematic_bound.fem_petsc.assemble_matrix, kinematic_bound.own_prefix
+    problem = blocks(WEAK, WEAK)
+    monkeypatch.setattr(kinematic_bound, "EXACT", exact)
+    monkeypatch.setattr(kinematic_bound, "own_prefix", prefix)
+    state = Newton(problem).solve(1.0).state
+    monkeypatch.setattr(kinematic_bound.fem_petsc, "assemble_matrix", assemble)
+    kinematic_bound.dissipation_bound(problem, state.u, state)
+    assert made
+    assert all(matrix.handle == 0 for matrix in made)
+    assert prefixes
+    assert prefixes[0].startswith("perfplast_bound_")
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("bend", [0.0, 0.3])
+def test_a_velocity_near_a_mechanism_gives_a_bound(bend: float) -> None:
+    """Both blocks yield at the pressure 300; what is bent costs more."""
+    problem = stack_problem(2)
+    v = fem.Function(problem.V)
+    v.interpolate(lambda x: np.array([x[0], x[1], -2 * x[2] + bend * np.sin(9 * x[0]) * x[2]]))
+    found = kinematic_bound.dissipation_bound(problem, v, Newton(problem).solve(100.0).state)
+    assert found.value is not None
+    assert found.value >= 300 * (1 - 1e-9)
+    if bend == 0:
+        assert found.value == pytest.approx(300.0, rel=1e-9)
+    assert found.solves >= 1

@@ -1,0 +1,127 @@
+"""Limit loads against exact ones, and searches that find none."""
+
+import logging
+import math
+
+from mpi4py import MPI
+
+import pytest
+import ufl
+
+from perfplast_fenicsx import (
+    Contact,
+    Elastic,
+    InputError,
+    NewtonOptions,
+    Pressure,
+    Problem,
+    Support,
+    stacked_blocks,
+)
+from perfplast_fenicsx.limit_analysis.limit_search import extrapolated_limit, limit_load
+from perfplast_fenicsx.problem.integrals import Integral
+from perfplast_fenicsx.solvers.load_stepping import MOST_HALVINGS
+from perfplast_fenicsx.solvers.work_newton import BorderedNewton
+from tests.models import PUNCH_LIMIT, l_plate_problem, punch_problem, stack_problem
+from tests.solvers.levels import PLATE_LIMIT, SERIAL, Timid
+
+
+def test_loading_ends_where_no_step_is_short_enough(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Timid, "boldest", 1.0)
+    with caplog.at_level(logging.INFO, logger="perfplast_fenicsx.solvers.load_stepping"):
+        problem = punch_problem(4)
+        limit = limit_load(problem, 1e-3, Timid(problem))
+    assert caplog.text.count("half the step") == MOST_HALVINGS
+    assert not limit.levelled_off
+    assert limit.estimate is limit.upper is None
+    assert "too far" in limit.reason
+    assert limit.lower == pytest.approx(limit.levels[0].state.zeta)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_limit_load_of_a_plate(n: int) -> None:
+    limit = limit_load(l_plate_problem(n), 1e-4)
+    assert limit.levelled_off
+    assert PLATE_LIMIT * (1 - 1e-4) < limit.lower < PLATE_LIMIT
+    assert limit.estimate == pytest.approx(PLATE_LIMIT, rel=1e-4)
+    assert limit.upper is not None
+    assert limit.upper >= PLATE_LIMIT * (1 - 1e-9)
+    assert limit.linear_solves < 250
+
+
+@SERIAL
+def test_limit_load_of_a_fine_plate_in_few_solves() -> None:
+    limit = limit_load(l_plate_problem(4), 5e-3)
+    assert limit.levelled_off
+    assert limit.lower == pytest.approx(PLATE_LIMIT, rel=1e-3)
+    assert limit.estimate == pytest.approx(PLATE_LIMIT, rel=1e-3)
+    assert limit.lower < PLATE_LIMIT
+    assert limit.linear_solves <= 150
+
+
+@pytest.mark.mpi3
+def test_limit_load_of_a_punch() -> None:
+    limit = limit_load(punch_problem(8), 1e-4)
+    assert limit.levelled_off
+    assert limit.lower < PUNCH_LIMIT < limit.lower * (1 + 1e-4)
+    assert limit.estimate == pytest.approx(PUNCH_LIMIT, rel=1e-4)
+    assert limit.upper is None or limit.upper >= PUNCH_LIMIT * (1 - 1e-9)
+    assert limit.alpha == limit.levels[-1].state.alpha
+
+
+def test_limit_load_of_a_punch_by_bordered_newton() -> None:
+    problem = punch_problem(4)
+    solver = BorderedNewton(problem, NewtonOptions(stopping="stress", tolerance=1e-4))
+    limit = limit_load(problem, 1e-4, solver)
+    assert limit.lower == pytest.approx(PUNCH_LIMIT, rel=1e-4)
+
+
+def test_limit_load_of_a_block_held_by_contact_alone() -> None:
+    limit = limit_load(stack_problem(3), 1e-6)
+    assert limit.lower == pytest.approx(300.0, rel=1e-10)
+    assert limit.upper == pytest.approx(300.0, rel=1e-10)
+
+
+def test_collapse_mechanism_does_unit_work_and_keeps_volume() -> None:
+    problem = punch_problem(4)
+    v = limit_load(problem, 1e-6).mechanism
+    assert float(problem.loads.live.dot(v.x.petsc_vec)) == pytest.approx(1.0)
+    dx = problem.dx
+    volume, shape = (
+        Integral(problem.comm, form * dx)()
+        for form in (ufl.div(v) ** 2, ufl.inner(ufl.sym(ufl.grad(v)), ufl.sym(ufl.grad(v))))
+    )
+    assert volume < 1e-8 * shape
+
+
+def test_bodies_that_never_yield_have_no_limit_load() -> None:
+    problem = Problem(
+        stacked_blocks(MPI.COMM_WORLD, 1),
+        {"lower": Elastic(2e5, 0.3), "upper": Elastic(7e4, 0.2)},
+        [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
+        [Pressure("top", 1.0)],
+        [Contact("lower_top", "upper_bottom")],
+    )
+    limit = limit_load(problem, 1e-3)
+    assert not limit.levelled_off
+    assert limit.estimate is limit.upper is None
+    assert "does not level off" in limit.reason
+    assert limit.lower > 1e4
+
+
+def test_extrapolation_of_a_power_law_is_exact() -> None:
+    for p in (0.2, 0.5, 1.0, 2.0, 5.0):
+        found = [(a, 7.0 - 3.0 * a**-p) for a in (1.5, 4.0, 9.0)]
+        assert extrapolated_limit(found) == pytest.approx(7.0, rel=1e-9)
+    assert extrapolated_limit([(1.0, 1.0), (2.0, 2.0), (3.0, 3.0)]) is None
+    assert extrapolated_limit([(1.0, 1.0), (2.0, 1.5), (4.0, 2.2)]) is None
+    assert extrapolated_limit([(1.0, 1.0), (2.0, 1.5)]) is None
+    assert extrapolated_limit([(1.0, 1.0), (2.0, 3.0), (4.0, 3.0)]) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("rtol", [0.0, -1e-3, 1.0, math.nan])
+def test_a_limit_tolerance_out_of_range_is_refused(rtol: float) -> None:
+    with pytest.raises(InputError, match="between 0 and 1"):
+        limit_load(punch_problem(2), rtol)

@@ -1,0 +1,26 @@
+"""Mandel vectors: their products are those of the tensors."""
+
+from mpi4py import MPI
+
+import ufl
+from dolfinx import fem
+from dolfinx.mesh import create_unit_cube, create_unit_square
+
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.materials.mandel import deviator, strain, tensor
+
+
+def test_mandel_products_are_tensor_products() -> None:
+    for mesh in (create_unit_square(MPI.COMM_SELF, 1, 1), create_unit_cube(MPI.COMM_SELF, 1, 1, 1)):
+        gdim = mesh.geometry.dim
+        x = ufl.SpatialCoordinate(mesh)
+        u = ufl.as_vector([x[0] ** 2 + (i + 2) * x[0] * x[1] for i in range(gdim)])
+        e, full = strain(u), ufl.sym(ufl.grad(u))
+        for difference in (
+            ufl.dot(e, e) - ufl.inner(full, full),
+            ufl.inner(tensor(e), tensor(e)) - ufl.inner(full, full),
+            ufl.tr(tensor(deviator(e))),
+        ):
+            size = fem.assemble_scalar(fem.form(difference**2 * ufl.dx))
+            assert abs(size) < 1e-20
+    assert interpolation_points(fem.functionspace(mesh, ("DG", 0)).element).shape == (1, 3)

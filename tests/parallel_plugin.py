@@ -1,0 +1,191 @@
+"""Tests on several ranks: what fails on one fails on all, and nothing waits for long.
+
+After each phase of a test (set-up, call, tear-down) the ranks tell each other how it went, on a
+communicator of their own. Where it failed on some, it fails on all, with every traceback, and the
+next test follows; it may fail for what the failed one has left undone. A rank that has failed
+while others stay behind, perhaps in a collective call that nobody can end any more, waits
+:data:`GRACE` for them. Then it shows the summary so far and where they are, and ends the run. So
+does the limit of a test, which is pytest-timeout's ``timeout``, and on one rank its affair.
+"""
+
+import faulthandler
+import itertools
+import os
+import re
+import signal
+import tempfile
+import threading
+import time
+import zlib
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+GRACE = 20.0
+"""How long a rank that has failed waits for the others (s)."""
+
+STUCK = 10.0
+"""How long after its limit a test ends that lets no Python run, as inside of PETSc (s)."""
+
+PASSED, SKIPPED, FAILED = range(3)
+NAMES = ("passed", "skipped", "failed")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """One rank alone needs none of this."""
+    if MPI.COMM_WORLD.size > 1 and not config.pluginmanager.has_plugin("together"):
+        config.pluginmanager.register(Together(config), "together")
+
+
+class Together:
+    """The hooks."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        """Collective."""
+        self._config = config
+        self._comm = MPI.COMM_WORLD.Dup()
+        neighbours = MPI.COMM_WORLD.Split_type(MPI.COMM_TYPE_SHARED)
+        self._processes = dict(neighbours.allgather((self._comm.rank, os.getpid())))
+        neighbours.Free()
+        self._folder = Path(self._comm.bcast(tempfile.mkdtemp() if self._comm.rank == 0 else ""))
+        self._stack = self._stack_of(self._comm.rank).open("w")
+        self._stderr = os.dup(2)
+        self._timer: threading.Timer | None = None
+        faulthandler.register(signal.SIGUSR1, file=self._stack)
+        self._comm.barrier()
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_finish(self, session: pytest.Session) -> None:
+        """The ranks have the same tests before them."""
+        names = "\n".join(item.nodeid for item in session.items)
+        outcome = FAILED if session.testsfailed else PASSED
+        outcomes, same = self._exchange(names, outcome, "the collection of tests")
+        if not same or (FAILED in outcomes and outcome == PASSED):
+            raise pytest.UsageError("the ranks have not collected the same tests")
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_makereport(
+        self, item: pytest.Item
+    ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        """What has failed on another rank has failed here."""
+        report = yield
+        outcome = NAMES.index(report.outcome)
+        outcomes, same = self._exchange(item.nodeid + report.when, outcome, item.nodeid, report)
+        if not same:
+            self._give_up(f"the ranks are not all at {report.when} of {item.nodeid}")
+        # a test that some skip beforehand would begin on the others alone
+        if FAILED not in outcomes and (report.when == "call" or len(set(outcomes)) == 1):
+            return report
+        texts = self._comm.allgather(_text(report))
+        elsewhere = {
+            f"{NAMES[outcomes[rank]]} on rank {rank}": text
+            for rank, text in enumerate(texts)
+            if rank != self._comm.rank and outcomes[rank] != PASSED
+        }
+        if outcome == FAILED:
+            report.sections += elsewhere.items()
+        else:
+            report.outcome = "failed"
+            told = [f"{title}:\n{text}" for title, text in elsewhere.items()]
+            report.longrepr = "\n".join([*told, f"{NAMES[outcome]} here"])
+        return report
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_timeout_set_timer(self, item: pytest.Item, settings: Any) -> bool:
+        """A limit that takes all ranks along, and that ends what lets no Python run."""
+        reason = f"{item.nodeid} takes more than {settings.timeout:g} s"
+        self._timer = threading.Timer(settings.timeout, self._give_up, (reason,))
+        self._timer.daemon = True
+        self._timer.start()
+        faulthandler.dump_traceback_later(settings.timeout + STUCK, exit=True, file=self._stderr)
+        return True
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_timeout_cancel_timer(self) -> bool:
+        """This would be where a test fails, and what it tears down needs a limit too."""
+        return True
+
+    def pytest_runtest_logfinish(self) -> None:
+        """The test has ended."""
+        if self._timer is not None:
+            self._timer.cancel()
+        faulthandler.cancel_dump_traceback_later()
+
+    def pytest_unconfigure(self) -> None:
+        """Launchers end all ranks as soon as one has ended badly: nobody goes before the last."""
+        self._exchange("the end", PASSED, "the end of all tests")
+        self._stack.close()
+        self._stack_of(self._comm.rank).unlink()
+        self._comm.barrier()
+        if self._comm.rank == 0:
+            self._folder.rmdir()
+
+    def _exchange(
+        self, place: str, outcome: int, what: str, report: pytest.TestReport | None = None
+    ) -> tuple[list[int], bool]:
+        """Outcomes on all ranks, and whether all are at the same place. Ends if they never come."""
+        mine = np.array([outcome, zlib.crc32(place.encode())], dtype=np.int64)
+        all_ = np.empty((self._comm.size, 2), dtype=np.int64)
+        request = self._comm.Iallgather(mine, all_)
+        end, pause = time.monotonic() + GRACE, 5e-4
+        while not request.Test():  # without taking the core from those who still work
+            if outcome == FAILED and time.monotonic() > end:
+                self._give_up(
+                    f"rank {self._comm.rank} has failed and others wait in {what}", report
+                )
+            time.sleep(pause)
+            pause = min(2 * pause, 0.02)
+        return all_[:, 0].tolist(), bool((all_[:, 1] == all_[0, 1]).all())
+
+    def _give_up(self, reason: str, report: pytest.TestReport | None = None) -> None:
+        """Show what there is, and end this process, after which the launcher ends the others."""
+        faulthandler.dump_traceback_later(STUCK, exit=True, file=self._stderr)
+        self._config.pluginmanager.getplugin("capturemanager").suspend(in_=True)
+        for rank, process in self._processes.items():
+            if not self._stack_of(rank).stat().st_size:  # no other rank has asked it
+                os.kill(process, signal.SIGUSR1)
+        time.sleep(1)
+        reporter = self._config.pluginmanager.getplugin("terminalreporter")
+        if report is not None:
+            reporter.pytest_runtest_logreport(report)
+        reporter.summary_errors()
+        reporter.summary_failures()
+        for rank in self._processes:
+            reporter.write_sep("_", f"rank {rank} is here, the last call first")
+            reporter.write_line(_readable(self._stack_of(rank).read_text()))
+        reporter.short_test_summary()
+        reporter.write_sep("!", f"the run is ended: {reason}")
+        reporter.summary_stats()
+        reporter.flush()
+        os._exit(pytest.ExitCode.TESTS_FAILED)
+
+    def _stack_of(self, rank: int) -> Path:
+        return self._folder / f"stack{rank}"
+
+
+def _text(report: pytest.TestReport) -> str:
+    """What a rank shows of a test that it has not passed."""
+    if report.skipped:
+        return str(report.longrepr)
+    return "\n".join(
+        [report.longreprtext, *(f"[{name}]\n{text}" for name, text in report.sections)]
+    )
+
+
+def _readable(stacks: str) -> str:
+    """Stacks of a process without what is pytest's, and without threads that wait for the limit."""
+    ours = [
+        line
+        for line in stacks.splitlines()
+        if not re.search(r"/(_?pytest|pluggy)/|<frozen runpy>|/threading\.py", line)
+    ]
+    return "\n".join(
+        line
+        for line, below in itertools.pairwise([*ours, ""])
+        if line.startswith(" ") or below.startswith(" ")
+    )

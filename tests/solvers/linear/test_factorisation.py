@@ -1,0 +1,45 @@
+"""Factorisations: solved whatever is asked, kept where told, and doubted."""
+
+import pytest
+
+from perfplast_fenicsx.solvers.linear import factorisation
+from perfplast_fenicsx.solvers.linear.factorisation import Factorisation
+from tests.models import two_blocks_problem
+from tests.solvers.linear.systems import elastic_operator, loads
+
+pytestmark = pytest.mark.mpi3
+
+
+def test_factors_are_those_of_the_matrix_or_of_an_earlier_one() -> None:
+    problem = two_blocks_problem(2)
+    index, b, x = problem.basis.index, loads(problem), problem.create_vector()
+    operator, method = elastic_operator(problem), Factorisation(problem.comm)
+    assert method.prepare(operator)
+    operator.hold(index)
+    method.set_matrix(operator, index)
+    method.renew(None)
+    assert method.solve(b, x, 1e-3).solved
+    exact = x.copy()
+    operator.hold(index[:0])
+    method.set_matrix(operator, index[:0])
+    method.keep()
+    method.solve(b, x, 1e-3)
+    kept = (x - exact).norm() / exact.norm()
+    method.renew(None)
+    assert method.solve(b, x, 1e-3).solved
+    renewed = (x - exact).norm() / exact.norm()
+    assert kept < 1e-12
+    assert renewed > 1e-3
+    method.destroy()
+
+
+def test_a_solution_that_leaves_most_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = two_blocks_problem(2)
+    index, b, x = problem.basis.index, loads(problem), problem.create_vector()
+    operator, method = elastic_operator(problem), Factorisation(problem.comm)
+    operator.hold(index)
+    method.set_matrix(operator, index)
+    monkeypatch.setattr(factorisation, "USELESS", -1.0)
+    outcome = method.solve(b, x, 1e-3)
+    assert outcome.failure == "the solution leaves most of the right-hand side"
+    assert outcome.iterations == 1
