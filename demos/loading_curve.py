@@ -172,7 +172,7 @@ class Solved:
 
 def solve(example: Example, problem: Problem) -> Solved:
     """Find the limit load, then the curve. Collective."""
-    limit = limit_load(problem, RTOL)
+    limit = limit_load(problem, RTOL, method="path")
     solver = WorkNewton(problem, NewtonOptions(tolerance=1e-8))
     first = solver.first_yield()
     nearly = next(lv.state.alpha for lv in limit.levels if lv.state.zeta > 0.995 * limit.lower)
@@ -410,7 +410,8 @@ def main(argv: Sequence[str] | None = None) -> None:
             f"  limit load: lower bound {limit.lower:.8g}, estimate {limit.estimate:.8g}, upper"
             f" bound {upper}, exact {example.limit:.8g}\n"
             f"  after {len(limit.levels)} levels and {limit.linear_solves} linear solves, at"
-            f" {limit.alpha / first.alpha:.3g} times the work of first yield: {limit.reason}"
+            f" {limit.levels[-1].state.alpha / first.alpha:.3g} times the work of first yield:"
+            f" {limit.reason}"
         )
 
     picture = folder.file("loading_curve.png")

@@ -20,6 +20,8 @@ from perfplast_fenicsx.limit_analysis.conic_stiffness import SingularStiffness
 from perfplast_fenicsx.limit_analysis.discrete_bounds import lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.limit_program import LimitProgram
+from perfplast_fenicsx.materials.elastic import ElasticLaw
+from perfplast_fenicsx.materials.von_mises import VonMisesLaw
 from perfplast_fenicsx.problem.problem import Problem
 
 MOST_STEPS = 60
@@ -129,10 +131,21 @@ def interior_point(
         monitor: Called on every rank after each step.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1.
+        InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, or a
+            body has another law than those of von Mises and Hooke.
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
+    if problem.moves_supports or not problem.loads.is_proportional():
+        raise InputError(
+            "supports move or loads are constant, and a limit load is that of loads that all grow;"
+            " leave out what does not grow with the load factor."
+        )
+    if not can_bound(problem):
+        raise InputError(
+            "the interior point method knows perfect plasticity by von Mises and elastic bodies"
+            " alone; use method = 'path', or other materials."
+        )
     with ExitStack() as made:
         program = LimitProgram(problem)
         made.callback(program.destroy)
@@ -148,6 +161,11 @@ def interior_point(
         made.callback(iteration.destroy)
         verdict, reason = _iterate(iteration, rtol, steps, monitor)
         return _result(program, iteration, verdict, reason, steps)
+
+
+def can_bound(problem: Problem) -> bool:
+    """Whether the laws of all bodies are those that the method knows."""
+    return all(isinstance(on.law, VonMisesLaw | ElasticLaw) for on in problem.laws)
 
 
 def _iterate(
