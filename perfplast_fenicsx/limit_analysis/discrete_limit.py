@@ -26,6 +26,9 @@ from perfplast_fenicsx.problem.problem import Problem
 
 MOST_STEPS = 60
 
+NEARLY = 1e-6
+"""A mechanism that is less admissible, after it was projected, is none to estimate from."""
+
 CLOSER = 0.1
 """Share of the tolerance that the steps leave between static and kinematic load."""
 
@@ -209,7 +212,7 @@ def _iterate(
             )
             return Verdict.NO_RESISTANCE, reason
         if gap <= CLOSER * rtol * load:
-            return Verdict.FOUND, f"the bounds are within {rtol:g} of each other"
+            return Verdict.FOUND, f"static and kinematic load are within {rtol:g} of each other"
     return Verdict.STALLED, f"the bounds have not met in {MOST_STEPS} steps"
 
 
@@ -248,6 +251,9 @@ def _result(
         if verdict in (Verdict.FOUND, Verdict.STALLED):
             high = upper_bound(iteration)
             upper, inadmissible = high.value, high.inadmissible
+            if upper is None:
+                reason += "; no admissible mechanism was found, and so no upper bound"
+                verdict = verdict if inadmissible <= NEARLY else Verdict.STALLED
         if verdict is Verdict.FOUND:
             problem.basis.T.mult(iteration.velocity, mechanism.x.petsc_vec)
             mechanism.x.scatter_forward()
