@@ -36,8 +36,6 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
-import ufl
-from dolfinx import fem
 
 from perfplast_fenicsx import (
     Contact,
@@ -49,15 +47,14 @@ from perfplast_fenicsx import (
     Support,
     Traction,
     VonMises,
-    interpolation_points,
     l_plate,
     load_path,
     punch,
 )
-from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
 from perfplast_fenicsx.limit_analysis import LimitLoad, limit_load
-from perfplast_fenicsx.materials import deviator, strain
-from perfplast_fenicsx.pictures import Surface, gather_surface
+from perfplast_fenicsx.pictures import ResultReader, Surface
+from perfplast_fenicsx.problem import Load, Prescribed
 from perfplast_fenicsx.solvers import WorkNewton
 
 TITLE = "Loading curves and collapse mechanisms"
@@ -71,7 +68,9 @@ TITLE = "Loading curves and collapse mechanisms"
 # %%
 PUNCH_LIMIT = 400 * math.sqrt(1.5)
 STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
+PUNCH_LOADS, PUNCH_CONTACTS = [Pressure("top", 1.0)], [Contact("punch_bottom", "base_top")]
 PLATE_LIMIT = 2 / math.sqrt(3) * 450.0 / 200.0 * 5 / 10
+PLATE_LOADS = [Traction("top", (0, 200.0, 0))]
 
 
 def punch_problem(comm: MPI.Intracomm, n: int) -> Problem:
@@ -81,15 +80,15 @@ def punch_problem(comm: MPI.Intracomm, n: int) -> Problem:
         punch(comm, n),
         {"base": material, "punch": material},
         [Support("x0", "x"), Support("y0", "y"), Support("bottom")],
-        [Pressure("top", 1.0)],
-        [Contact("punch_bottom", "base_top")],
+        PUNCH_LOADS,
+        PUNCH_CONTACTS,
     )
 
 
 def plate_problem(comm: MPI.Intracomm, n: int) -> Problem:
     """The plate, held in its plane by rollers. Collective."""
     supports = [Support("x0", "x"), Support("y0", "y"), Support("z0", "z"), Support("z1", "z")]
-    return Problem(l_plate(comm, n), {"plate": STEEL}, supports, [Traction("top", (0, 200.0, 0))])
+    return Problem(l_plate(comm, n), {"plate": STEEL}, supports, PLATE_LOADS)
 
 
 @dataclass(frozen=True)
@@ -98,6 +97,8 @@ class Example:
 
     Attributes:
         title: Heading.
+        name: Of the folder with its results.
+        loads, contacts: Of the problem, for the pictures.
         build: Makes the problem from a communicator and the fineness of the mesh.
         fine, coarse: Cubes per unit length.
         limit: The exact limit load.
@@ -108,6 +109,9 @@ class Example:
     """
 
     title: str
+    name: str
+    loads: Sequence[Load]
+    contacts: Sequence[Contact]
     build: Callable[[MPI.Intracomm, int], Problem]
     fine: int
     coarse: int
@@ -121,6 +125,9 @@ class Example:
 EXAMPLES = (
     Example(
         "Punch on a block (a quarter of it)",
+        "punch",
+        PUNCH_LOADS,
+        PUNCH_CONTACTS,
         punch_problem,
         *(8, 4),
         PUNCH_LIMIT,
@@ -131,6 +138,9 @@ EXAMPLES = (
     ),
     Example(
         "L-shaped plate in plane strain",
+        "plate",
+        PLATE_LOADS,
+        (),
         plate_problem,
         *(2, 1),
         PLATE_LIMIT,
@@ -160,19 +170,24 @@ class Solved:
         first: The state at first yield.
         bend: Levels from zero to well on the plateau.
         limit: Limit load, bounds, mechanism.
-        skin: The surface with velocity and rate of strain; None but on rank 0.
+        folder: The mechanism on file.
     """
 
     example: Example
     first: State
     bend: list[Level]
     limit: LimitLoad
-    skin: Surface | None
+    folder: Path
 
 
-def solve(example: Example, problem: Problem) -> Solved:
-    """Find the limit load, then the curve. Collective."""
+def solve(example: Example, problem: Problem, folder: ResultFolder) -> Solved:
+    """Find the limit load, which is written, then the curve. Collective."""
     limit = limit_load(problem, RTOL, method="path")
+    scene = Scene(example.title, example.loads, example.contacts)
+    writer = ResultWriter(folder, problem, scene, WorkNewton.method, prescribed=Prescribed.WORK)
+    for level in limit.levels:
+        writer.write(level)
+    writer.write_limit(limit)
     solver = WorkNewton(problem, NewtonOptions(tolerance=1e-8))
     first = solver.first_yield()
     nearly = next(lv.state.alpha for lv in limit.levels if lv.state.zeta > 0.995 * limit.lower)
@@ -182,25 +197,22 @@ def solve(example: Example, problem: Problem) -> Solved:
     else:
         works = [1.2 * nearly * i / POINTS for i in range(1, POINTS + 1)]
     bend = list(load_path(solver, works))
-    return Solved(example, first, bend, limit, skin(problem, limit.mechanism))
+    return Solved(example, first, bend, limit, folder.path)
 
 
-def skin(problem: Problem, velocity: fem.Function) -> Surface | None:
-    """The surface of the bodies with the mechanism and where it strains. Collective."""
-    rate = fem.Function(problem.Q)
-    d = deviator(strain(velocity))
-    points = interpolation_points(problem.Q.element)
-    rate.interpolate(fem.Expression(ufl.sqrt(ufl.dot(d, d)), points))
-    covered = [name for name in ("base_top",) if name in problem.tagged_mesh.surfaces]
-    marks = {"load": ["top"], "covered": covered}
-    return gather_surface(problem.tagged_mesh, {"velocity": velocity}, {"rate": rate}, marks)
+def mechanism(folder: Path) -> Surface:
+    """The skin of the bodies with the velocity of collapse and its plastic work."""
+    reader = ResultReader(folder)
+    found = reader.mechanism(reader.surface(reader.levels[-1]))
+    assert found is not None, f"there is no mechanism in {folder}"
+    return found[0]
 
 
 # %% [markdown]
 # ## The picture
 #
 # Left the curve, right the mechanism: the bodies as they move at collapse (exaggerated; dashed:
-# their outline before), in colours that tell the rate of plastic strain.
+# their outline before), in colours that tell the rate of plastic work.
 
 # %%
 BLUE, RED, GREY = "#3b6ea5", "#d62020", "#707070"
@@ -265,14 +277,13 @@ def draw_mechanism(axes: Any, case: Solved) -> None:
     """The bodies, moved with the velocity of collapse; farther triangles first."""
     from matplotlib.collections import LineCollection, PolyCollection
 
-    surface, (towards, up) = case.skin, case.example.view
-    assert surface is not None
+    surface, (towards, up) = mechanism(case.folder), case.example.view
     eye = np.array(towards) / np.linalg.norm(towards)
     right = np.cross(up, eye)
     right /= np.linalg.norm(right)
     plane = np.array([right, np.cross(eye, right)]).T
 
-    velocity = surface.at_points["velocity"]
+    velocity = surface.at_points["displacement"]
     size = float(np.linalg.norm(np.ptp(surface.points, axis=0)))
     largest = float(np.linalg.norm(velocity, axis=1).max())
     moved = surface.points + SHOWN * size / largest * velocity
@@ -280,11 +291,11 @@ def draw_mechanism(axes: Any, case: Solved) -> None:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     depth = (corners @ eye).mean(axis=1)
-    rate = surface.at_cells["rate"] / surface.at_cells["rate"].max()
+    rate = surface.at_cells["dissipation"] / surface.at_cells["dissipation"].max()
     names = range(len(surface.names))
     for body in sorted(names, key=lambda k: float(depth[surface.body == k].mean())):
         seen = np.flatnonzero(
-            (normals @ eye > 1e-3) & (surface.body == body) & ~surface.marks["covered"]
+            (normals @ eye > 1e-3) & (surface.body == body) & ~surface.marks["contact"]
         )
         seen = seen[np.argsort(depth[seen])]
         faces = PolyCollection(
@@ -299,11 +310,11 @@ def draw_mechanism(axes: Any, case: Solved) -> None:
     before = list(surface.points[edges] @ plane)
     axes.add_collection(LineCollection(before, colors=BLUE, linestyles="--", zorder=3))
 
-    on = surface.triangles[surface.marks["load"]]
+    on = surface.triangles[surface.marks["load 0"]]
     centres = moved[on].mean(axis=1)
     pull = np.array(case.example.pull)
     length = 0.09 * size
-    outward = float(np.sign(normals[surface.marks["load"]].mean(axis=0) @ pull))
+    outward = float(np.sign(normals[surface.marks["load 0"]].mean(axis=0) @ pull))
     for centre in centres[:: max(1, len(centres) // 12)]:
         tail = centre if outward > 0 else centre - length * pull
         (x, y), (dx, dy) = tail @ plane, length * pull @ plane
@@ -318,7 +329,7 @@ def draw_mechanism(axes: Any, case: Solved) -> None:
     axes.set_axis_off()
     axes.set_title("Collapse mechanism (exaggerated; dashed: before)", fontsize=13)
     axes.figure.colorbar(
-        faces, ax=axes, shrink=0.7, label="rate of plastic strain, relative to the largest"
+        faces, ax=axes, shrink=0.7, label="rate of plastic work, relative to the largest"
     )
 
 
@@ -328,16 +339,8 @@ def sharp_edges(
     points: npt.NDArray[np.float64],
     eye: npt.NDArray[np.float64],
 ) -> npt.NDArray[np.int64]:
-    """Edges between chosen triangles that the eye may see, as pairs of points, shape (n, 2).
-
-    Points of several ranks are told to be the same by where they are, and by body.
-    """
-    size = float(np.linalg.norm(np.ptp(surface.points, axis=0)))
-    owner = np.zeros(len(points), dtype=np.int64)
-    owner[surface.triangles] = surface.body[:, None]
-    places = np.column_stack([np.rint(surface.points / (1e-7 * size)), owner])
-    _, first, same = np.unique(places, axis=0, return_index=True, return_inverse=True)
-    triangles = first[same.ravel()[surface.triangles[chosen]]]
+    """Edges between chosen triangles that the eye may see, as pairs of points, shape (n, 2)."""
+    triangles: Any = surface.triangles[chosen]
     corners = surface.points[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
@@ -400,7 +403,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     cases = []
     for example in EXAMPLES:
         problem = example.build(comm, example.coarse if arguments.coarse else example.fine)
-        case = solve(example, problem)
+        results = ResultFolder(comm, folder.file(example.name), force=True)
+        results.create()
+        case = solve(example, problem, results)
         cases.append(case)
         limit, first = case.limit, case.first
         say(f"{example.title}: {problem.num_dofs} dofs, {problem.num_pairs} contact pairs")

@@ -47,21 +47,12 @@ from perfplast_fenicsx import (
     Support,
     Traction,
     VonMises,
-    __version__,
     load_path,
     two_blocks,
 )
 from perfplast_fenicsx.cli import Terminal
-from perfplast_fenicsx.io import (
-    FieldSeries,
-    OutputFields,
-    ResultFolder,
-    Results,
-    Scene,
-    Units,
-    write_scene,
-)
-from perfplast_fenicsx.pictures import draw_fields, draw_path
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene, Units
+from perfplast_fenicsx.pictures import draw
 
 TITLE = "Two blocks in frictionless contact"
 
@@ -141,34 +132,23 @@ def main(argv: Sequence[str] | None = None) -> None:
     folder = ResultFolder(comm, arguments.output, force=True)
     problem = blocks(comm, n)
     newton = Newton(problem, NewtonOptions(stopping="displacement", tolerance=1e-8))
-    recovery = OutputFields(problem)
 
     folder.create()
-    model = Scene(TITLE, LOADS, CONTACTS, units=Units("mm", "MPa"))
-    model_file = folder.file("scene.json")  # for perfplast plot and animate
-    folder.on_root(lambda: write_scene(model, problem.tagged_mesh, model_file))
-    results = Results(folder, problem, TITLE, __version__, newton.method)
-    series = FieldSeries(folder, problem, "zeta")
+    scene = Scene(TITLE, LOADS, CONTACTS, units=Units("mm", "MPa"))
+    writer = ResultWriter(folder, problem, scene, newton.method)
     terminal = Terminal(comm)
     terminal.header(TITLE, newton.method, problem)
     for level in load_path(newton, ZETAS, terminal.iteration):
         terminal.level(level.report)
         assert level.report.converged, level.report.reason
-        with results.timed("output"):
-            series.write(recovery.update(level), level.report)
-            results.add(level.report)
+        writer.write(level)
 
     terminal.say(f"\nNewton steps at zeta = {level.report.zeta:g}:")
     terminal.say(convergence_table(level))
 
-    with results.timed("pictures"):
-        picture, path = folder.file("fields.png"), folder.file("path.png")
-        fields = recovery.update(level)
-        about = (level.report, TITLE, LOADS, CONTACTS, picture)
-        draw_fields(problem.tagged_mesh, fields, *about, units=model.units)
-        unit = model.units.of_work(3)
-        folder.on_root(lambda: draw_path(results.reports, TITLE, path, unit=unit))
-    results.write()
+    with writer.results.timed("pictures"):
+        draw(folder)
+    writer.results.write()
 
     # %% [markdown]
     # ## Is it right?
@@ -177,7 +157,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     # through the other body; and α is what it should be.
 
     # %%
-    for report in results.reports:
+    for report in writer.results.reports:
         assert abs(report.duality_gap) < 1e-10
         assert report.max_penetration < 1e-12
         if known := KNOWN[n].get(report.zeta):
@@ -187,7 +167,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     terminal.say("\nAll checks passed.")
     terminal.results(folder)
-    terminal.say(f"Look at {picture} and {path}; open fields.vtkhdf.series with ParaView.")
+    terminal.say("Look at fields.png and path.png there; open fields.vtkhdf.series with ParaView.")
 
 
 # %%

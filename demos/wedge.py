@@ -45,13 +45,12 @@ from perfplast_fenicsx import (
     Support,
     TaggedMesh,
     VonMises,
-    __version__,
     load_path,
     read_gmsh,
 )
 from perfplast_fenicsx.cli import Terminal
-from perfplast_fenicsx.io import FieldSeries, OutputFields, ResultFolder, Results
-from perfplast_fenicsx.pictures import draw_fields, draw_path
+from perfplast_fenicsx.io import OutputFields, ResultFolder, ResultWriter, Scene
+from perfplast_fenicsx.pictures import draw
 
 TITLE = "A block pressed down an incline"
 
@@ -109,18 +108,16 @@ def main(argv: Sequence[str] | None = None) -> None:
     problem = Problem(assembly, materials, SUPPORTS, LOADS, CONTACTS)
     newton, recovery = Newton(problem), OutputFields(problem)
 
-    results = Results(folder, problem, TITLE, __version__, newton.method)
-    series = FieldSeries(folder, problem, "zeta")
+    writer = ResultWriter(folder, problem, Scene(TITLE, LOADS, CONTACTS), newton.method)
     terminal = Terminal(comm)
     terminal.header(TITLE, newton.method, problem)
     forces = []
     for level in load_path(newton, ZETAS, terminal.iteration):
         terminal.level(level.report)
         assert level.report.converged, level.report.reason
-        fields = recovery.update(level)
-        forces.append(contact_force(assembly, fields["contact_pressure"]))
-        series.write(fields, level.report)
-        results.add(level.report)
+        pressure = recovery.update(level)["contact_pressure"]
+        forces.append(contact_force(assembly, pressure))
+        writer.write(level)
 
     # %% [markdown]
     # ## Is it right?
@@ -134,15 +131,12 @@ def main(argv: Sequence[str] | None = None) -> None:
         terminal.say(f"{zeta:>9g}  {force[0]:z12.6f}  {force[1]:z12.6f}  {force[2]:z12.6f}")
         expected = zeta * LENGTH * WIDTH * np.array([-rise, 0.0, 1.0])
         assert np.allclose(force, expected, rtol=0, atol=1e-8 * expected[2]), (force, expected)
-    assert all(abs(report.duality_gap) < 1e-10 for report in results.reports)
+    assert all(abs(report.duality_gap) < 1e-10 for report in writer.results.reports)
 
-    picture, path = folder.file("fields.png"), folder.file("path.png")
-    draw_fields(assembly, fields, level.report, TITLE, LOADS, CONTACTS, picture)
-    folder.on_root(lambda: draw_path(results.reports, TITLE, path))
-    results.write()
+    draw(folder)
     terminal.say("\nAll checks passed.")
     terminal.results(folder)
-    terminal.say(f"Look at {picture} and {path}; open fields.vtkhdf.series with ParaView.")
+    terminal.say("Look at fields.png and path.png there; open fields.vtkhdf.series with ParaView.")
 
 
 # %%

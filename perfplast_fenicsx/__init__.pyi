@@ -12,6 +12,7 @@ from .io.results.field_series import FieldSeries as FieldSeries
 from .io.results.output_fields import OutputFields as OutputFields
 from .io.results.result_folder import ResultFolder as ResultFolder
 from .io.results.result_folder import Results as Results
+from .io.results.result_writer import ResultWriter as ResultWriter
 from .limit_analysis.limit_methods import LimitLoad as LimitLoad
 from .limit_analysis.limit_search import limit_load as limit_load
 from .materials.elastic import Elastic as Elastic
@@ -23,15 +24,14 @@ from .mesh.sample_meshes import stacked_blocks as stacked_blocks
 from .mesh.sample_meshes import two_blocks as two_blocks
 from .mesh.tagged_mesh import TaggedMesh as TaggedMesh
 from .mesh.tagged_mesh import read_gmsh as read_gmsh
-from .pictures.run_figures import draw_fields as draw_fields
-from .pictures.run_figures import draw_path as draw_path
+from .pictures.drawing_process import draw as draw
 from .problem.loads import BodyForce as BodyForce
 from .problem.loads import Pressure as Pressure
 from .problem.loads import Traction as Traction
 from .problem.problem import Problem as Problem
-from .problem.state import Iteration as Iteration
+from .problem.report import Iteration as Iteration
+from .problem.report import LevelReport as LevelReport
 from .problem.state import Level as Level
-from .problem.state import LevelReport as LevelReport
 from .problem.state import State as State
 from .problem.supports import Support as Support
 from .solvers.augmented_lagrangian import AugmentedLagrangian as AugmentedLagrangian

@@ -18,7 +18,7 @@ from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.case import read_case
-from perfplast_fenicsx.pictures.plot_command import animate, plot
+from perfplast_fenicsx.pictures.drawing_process import animate, plot
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -74,7 +74,7 @@ def info(comm: MPI.Intracomm) -> int:
 
 
 def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) -> int:
-    """Draw pictures or an animation of results on rank 0. Collective.
+    """Draw pictures or an animation of results, in a process that rank 0 starts. Collective.
 
     Args:
         comm: The ranks; the others wait.
@@ -89,10 +89,7 @@ def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) ->
     if comm.rank == 0:
         terminal.status("drawing")
         try:
-            if command == "plot":
-                plot(results, output, terminal.say)
-            else:
-                terminal.say(str(animate(results, output)))
+            {"plot": plot, "animate": animate}[command](results, output, terminal.say)
         except InputError as error:
             fault = str(error)
         terminal.clear()

@@ -8,8 +8,10 @@ collective call.
 import difflib
 import math
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
-from mpi4py import MPI
+if TYPE_CHECKING:  # what reads results for pictures starts no MPI
+    from mpi4py import MPI
 
 LONGEST_MESSAGE = 3000
 """Characters of a message; of a longer one the middle is left out."""
@@ -84,7 +86,7 @@ def check_end(tolerance: float, max_iterations: int) -> None:
         raise InputError(f"max_iterations = {max_iterations} is less than 1; give at least one.")
 
 
-def raise_together(comm: MPI.Intracomm, message: str | None) -> None:
+def raise_together(comm: "MPI.Intracomm", message: str | None) -> None:
     """Raise on every rank if any rank has found a fault. Collective.
 
     Args:

@@ -5,7 +5,8 @@ communicator of their own. Where it failed on some, it fails on all, with every 
 next test follows; it may fail for what the failed one has left undone. A rank that has failed
 while others stay behind, perhaps in a collective call that nobody can end any more, waits
 :data:`GRACE` for them. Then it shows the summary so far and where they are, and ends the run. So
-does the limit of a test, which is pytest-timeout's ``timeout``, and on one rank its affair.
+does the limit of a test, which is pytest-timeout's ``timeout``, and on one rank its affair, as long
+as Python runs at all.
 """
 
 import faulthandler
@@ -37,13 +38,34 @@ NAMES = ("passed", "skipped", "failed")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """One rank alone needs none of this."""
-    if MPI.COMM_WORLD.size > 1 and not config.pluginmanager.has_plugin("together"):
+    """Register the hooks, most of which one rank alone does not need."""
+    if config.pluginmanager.has_plugin("watchdog"):
+        return
+    config.pluginmanager.register(Watchdog(), "watchdog")
+    if MPI.COMM_WORLD.size > 1:
         config.pluginmanager.register(Together(config), "together")
 
 
+class Watchdog:
+    """Ends what lets no Python run any more after its limit, and with it the run."""
+
+    def __init__(self) -> None:
+        """Not collective."""
+        self._stderr = os.dup(2)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_timeout_set_timer(self, settings: Any) -> Generator[None, bool, bool]:
+        """The limit, whoever else keeps it."""
+        faulthandler.dump_traceback_later(settings.timeout + STUCK, exit=True, file=self._stderr)
+        return (yield)
+
+    def pytest_runtest_logfinish(self) -> None:
+        """The test has ended."""
+        faulthandler.cancel_dump_traceback_later()
+
+
 class Together:
-    """The hooks."""
+    """What fails on one rank fails on all."""
 
     def __init__(self, config: pytest.Config) -> None:
         """Collective."""
@@ -54,7 +76,6 @@ class Together:
         neighbours.Free()
         self._folder = Path(self._comm.bcast(tempfile.mkdtemp() if self._comm.rank == 0 else ""))
         self._stack = self._stack_of(self._comm.rank).open("w")
-        self._stderr = os.dup(2)
         self._timer: threading.Timer | None = None
         faulthandler.register(signal.SIGUSR1, file=self._stack)
         self._comm.barrier()
@@ -97,12 +118,11 @@ class Together:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_timeout_set_timer(self, item: pytest.Item, settings: Any) -> bool:
-        """A limit that takes all ranks along, and that ends what lets no Python run."""
+        """A limit that takes all ranks along."""
         reason = f"{item.nodeid} takes more than {settings.timeout:g} s"
         self._timer = threading.Timer(settings.timeout, self._give_up, (reason,))
         self._timer.daemon = True
         self._timer.start()
-        faulthandler.dump_traceback_later(settings.timeout + STUCK, exit=True, file=self._stderr)
         return True
 
     @pytest.hookimpl(tryfirst=True)
@@ -114,7 +134,6 @@ class Together:
         """The test has ended."""
         if self._timer is not None:
             self._timer.cancel()
-        faulthandler.cancel_dump_traceback_later()
 
     def pytest_unconfigure(self) -> None:
         """Launchers end all ranks as soon as one has ended badly: nobody goes before the last."""
@@ -144,7 +163,7 @@ class Together:
 
     def _give_up(self, reason: str, report: pytest.TestReport | None = None) -> None:
         """Show what there is, and end this process, after which the launcher ends the others."""
-        faulthandler.dump_traceback_later(STUCK, exit=True, file=self._stderr)
+        faulthandler.dump_traceback_later(STUCK, exit=True)  # should this not come to its end
         self._config.pluginmanager.getplugin("capturemanager").suspend(in_=True)
         for rank, process in self._processes.items():
             if not self._stack_of(rank).stat().st_size:  # no other rank has asked it

@@ -28,7 +28,7 @@ BELOW: dict[str, set[str]] = {
         "solvers",
         "io.case",
     },
-    "pictures": {"mesh", "materials", "contact", "problem", "io.case", "io.results"},
+    "pictures": {"contact", "problem", "io.case", "io.results"},
     "cli": {
         *("pictures", "io.case", "io.results", "limit_analysis", "solvers", "solvers.linear"),
         "problem",

@@ -26,7 +26,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from demos.verification.study import Row, collapse, draw, mesh, run
+from demos.verification.study import Row, collapse, mesh, run
 from meshes.contact_patch import write_contact_patch
 from perfplast_fenicsx import (
     Contact,
@@ -38,7 +38,8 @@ from perfplast_fenicsx import (
     VonMises,
     WorkNewton,
 )
-from perfplast_fenicsx.io import OutputFields, ResultFolder
+from perfplast_fenicsx.io import OutputFields, ResultFolder, Scene
+from perfplast_fenicsx.pictures import draw
 from perfplast_fenicsx.problem import Integral
 
 TITLE = "Contact patch test"
@@ -172,7 +173,8 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
             )
             for quantity, computed, known, allowed, took in numbers
         ]
-    draw(folder, problem, found.limit, TITLE, LOADS, CONTACTS)
+    found.write(folder, Scene(TITLE, LOADS, CONTACTS))
+    draw(folder)
     return rows
 
 

@@ -37,8 +37,8 @@ from perfplast_fenicsx import (
     TaggedMesh,
     VonMises,
 )
-from perfplast_fenicsx.io import OutputFields, ResultFolder
-from perfplast_fenicsx.pictures import draw_fields
+from perfplast_fenicsx.io import OutputFields, ResultFolder, ResultWriter, Scene
+from perfplast_fenicsx.pictures import draw
 
 TITLE = "Block in a corner"
 STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
@@ -124,7 +124,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
                 seconds = time.perf_counter() - began
                 report = level.report
                 recovery = OutputFields(problem)
-                fields = recovery.update(level)
+                recovery.update(level)
                 side, below = recovery.resultants.sum(axis=0)[:2]
                 numbers = [("force from below", below, P), ("force from the side", side, Q)]
                 if rigid:
@@ -156,8 +156,9 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
                     for quantity, computed, exact in numbers
                 ]
                 if not rigid and dim == degree == 2:
-                    picture = folder.file("fields.png")
-                    draw_fields(assembly, fields, report, TITLE, LOADS, CONTACTS, picture)
+                    scene = Scene(TITLE, LOADS, CONTACTS)
+                    ResultWriter(folder, problem, scene, "newton").write(level)
+                    draw(folder)
     return rows
 
 

@@ -35,10 +35,11 @@ from dataclasses import dataclass
 from mpi4py import MPI
 
 from demos.verification.slip import Line, draw_slip, prandtl_lines, subfolder
-from demos.verification.study import Collapse, Row, collapse, draw, mesh, run
+from demos.verification.study import Collapse, Row, collapse, mesh, run
 from meshes.cracked_strip import write_cracked_strip
 from perfplast_fenicsx import Problem, Support, Traction, VonMises
-from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.io import ResultFolder, Scene
+from perfplast_fenicsx.pictures import draw
 
 TITLE = "Cracked strips, plane strain"
 MATERIAL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
@@ -128,9 +129,11 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
             certain += bounds(strip, problem, size, found)
         rows += certain
         pictures = subfolder(folder, strip.name.replace(" ", "_"))
+        title = f"Strip with {strip.name}"
+        found.write(pictures, Scene(title, LOADS))
         if strip is NOTCHED or not coarse:
-            draw(pictures, problem, found.limit, f"Strip with {strip.name}", LOADS)
-        draw_slip(pictures, problem, found.limit, f"Strip with {strip.name}", strip.lines)
+            draw(pictures)
+        draw_slip(pictures, title, strip.lines)
     if not coarse:
         problem = SHORT.problem(folder, 0.2)
         rows.append(collapse(problem).row(SHORT.name, 0.2, SHORT.exact, None))

@@ -34,10 +34,11 @@ from mpi4py import MPI
 from scipy.optimize import minimize
 
 from demos.verification.slip import draw_slip
-from demos.verification.study import Row, collapse, draw, mesh, run
+from demos.verification.study import Row, collapse, mesh, run
 from meshes.plate_with_hole import HOLE, WIDTH, write_plate_with_hole
 from perfplast_fenicsx import Problem, Support, Traction, VonMises, l_plate
-from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.io import ResultFolder, Scene
+from perfplast_fenicsx.pictures import draw
 
 TITLE = "Plate with a hole, plane strain"
 MATERIAL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
@@ -88,8 +89,9 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
             problem = plane(folder, size, degree)
             found = collapse(problem)
             rows.append(found.row("plate with hole", size, BOUND, ROUNDING, bound=True))
-    draw(folder, problem, found.limit, TITLE, LOADS)
-    draw_slip(folder, problem, found.limit, TITLE)
+    found.write(folder, Scene(TITLE, LOADS))
+    draw(folder)
+    draw_slip(folder, TITLE)
     rows += against_hinges([row for row in rows if row.element == "P2"])
     for cubes in (1,) if coarse else (1, 2):
         problem = slice_in_space(comm, cubes)

@@ -25,13 +25,14 @@ from dataclasses import dataclass
 from mpi4py import MPI
 
 from demos.verification.slip import draw_slip, subfolder
-from demos.verification.study import Row, collapse, draw, mesh, run
+from demos.verification.study import Row, collapse, mesh, run
 from meshes.contact_patch import write_contact_patch
 from meshes.platens import write_platens
 from perfplast_fenicsx import Contact, Elastic, Plane, Pressure, Problem, Support, VonMises
 from perfplast_fenicsx.contact import Obstacle
-from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.io import ResultFolder, Scene
 from perfplast_fenicsx.materials import Material
+from perfplast_fenicsx.pictures import draw
 
 TITLE = "Block between platens, plane strain"
 BLOCK = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
@@ -124,9 +125,10 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         if case is ROUGH or (case is BETWEEN and degree == 2 and not coarse):
             pictures = subfolder(folder, "rough" if case is ROUGH else "smooth")
             title = f"Platens: {case.name}"
-            draw(pictures, problem, found.limit, title, LOADS, case.contacts, case.obstacles)
+            found.write(pictures, Scene(title, LOADS, case.contacts, case.obstacles))
+            draw(pictures)
             if case is ROUGH:
-                draw_slip(pictures, problem, found.limit, title)
+                draw_slip(pictures, title)
     return rows
 
 

@@ -5,11 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from perfplast_fenicsx import LimitLoad, Problem
-from perfplast_fenicsx.io import ResultFolder, dissipation
-from perfplast_fenicsx.pictures import Surface, gather_surface
+from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.pictures import ResultReader
 
 Line = Sequence[tuple[float, float]]
 """Points (x, y) of a slip line."""
@@ -41,37 +39,29 @@ def subfolder(folder: ResultFolder, name: str) -> ResultFolder:
     return inside
 
 
-def draw_slip(
-    folder: ResultFolder,
-    problem: Problem,
-    limit: LimitLoad,
-    title: str,
-    exact: Sequence[Line] = (),
-) -> None:
+def draw_slip(folder: ResultFolder, title: str, exact: Sequence[Line] = ()) -> None:
     """Draw ``slip.png``: plastic work of a mechanism, and exact slip lines. Collective.
 
     Args:
-        folder: Where the picture goes.
-        problem: In the plane.
-        limit: Its limit load, with the mechanism.
+        folder: With the limit load of a problem in the plane; gets the picture.
         title: Heading.
         exact: Slip lines of the exact solution; the picture shows their neighbourhood.
     """
-    rates = {"rate": dissipation(problem, limit.mechanism)}
-    surface = gather_surface(problem.tagged_mesh, {}, rates, {})
-    if surface is not None:
-        _draw(surface, title, exact, folder.file("slip.png"))
+    folder.on_root(lambda: _draw(folder.path, title, exact))
 
 
-def _draw(surface: Surface, title: str, exact: Sequence[Line], path: Path) -> None:
+def _draw(folder: Path, title: str, exact: Sequence[Line]) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    reader = ResultReader(folder)
+    found = reader.mechanism(reader.surface(reader.levels[-1]))
+    assert found is not None, f"there is no mechanism in {folder}"
+    surface, _ = found
     x, y = surface.points[:, 0], surface.points[:, 1]
-    rate = surface.at_cells["rate"]
-    area = _areas(surface)
+    rate = surface.at_cells["dissipation"]
     order = np.argsort(-rate)
-    work = np.cumsum((rate * area)[order])
+    work = np.cumsum((rate * surface.areas)[order])
     shown = rate / rate[order[np.searchsorted(work, SHARPEST * work[-1])]]
 
     figure = Figure(figsize=(8, 6), dpi=130, layout="constrained")
@@ -96,11 +86,4 @@ def _draw(surface: Surface, title: str, exact: Sequence[Line], path: Path) -> No
     figure.suptitle(f"{title}: where the mechanism slips")
     label = "plastic work of the mechanism, relative"
     figure.colorbar(image, label=label, extend="max", shrink=0.7)
-    figure.savefig(path, bbox_inches="tight")
-
-
-def _areas(surface: Surface) -> npt.NDArray[np.float64]:
-    a, b, c = (surface.points[surface.triangles[:, i], :2] for i in range(3))
-    ab, ac = b - a, c - a
-    areas: npt.NDArray[np.float64] = np.abs(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]) / 2
-    return areas
+    figure.savefig(folder / "slip.png", bbox_inches="tight")

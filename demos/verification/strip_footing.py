@@ -32,10 +32,11 @@ from collections.abc import Sequence
 from mpi4py import MPI
 
 from demos.verification.slip import draw_slip, prandtl_lines, subfolder
-from demos.verification.study import Row, collapse, draw, mesh, run
+from demos.verification.study import Row, collapse, mesh, run
 from meshes.strip_footing import write_strip_footing
 from perfplast_fenicsx import Contact, Elastic, Pressure, Problem, Support, VonMises
-from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.io import ResultFolder, Scene
+from perfplast_fenicsx.pictures import draw
 
 TITLE = "Strip footing, plane strain"
 SOIL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
@@ -94,9 +95,10 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
                 )
             )
             pictures = subfolder(folder, names[punch])
+            found.write(pictures, Scene(TITLE, loads, contacts))
             if punch or not coarse:
-                draw(pictures, problem, found.limit, TITLE, loads, contacts)
-            draw_slip(pictures, problem, found.limit, TITLE, prandtl_lines(down=True))
+                draw(pictures)
+            draw_slip(pictures, TITLE, prandtl_lines(down=True))
     return rows
 
 

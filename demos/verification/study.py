@@ -10,8 +10,6 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from dolfinx import fem
-
 from perfplast_fenicsx import (
     InputError,
     LimitLoad,
@@ -22,10 +20,8 @@ from perfplast_fenicsx import (
     read_gmsh,
 )
 from perfplast_fenicsx.cli import Terminal
-from perfplast_fenicsx.contact import Contact, Obstacle
-from perfplast_fenicsx.io import OutputFields, ResultFolder, dissipation
-from perfplast_fenicsx.pictures import draw_fields, draw_path
-from perfplast_fenicsx.problem import Load
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
+from perfplast_fenicsx.problem import Prescribed
 
 
 @dataclass(frozen=True)
@@ -127,38 +123,21 @@ class Collapse:
         """The estimate of the limit load; where ζ does not level off, the largest ζ reached."""
         return self.limit.lower if self.limit.estimate is None else self.limit.estimate
 
+    def write(self, folder: ResultFolder, scene: Scene) -> None:
+        """Write levels, limit load and mechanism, for pictures. Collective."""
+        writer = ResultWriter(
+            folder, self.problem, scene, "work-newton", prescribed=Prescribed.WORK
+        )
+        for level in self.limit.levels:
+            writer.write(level)
+        writer.write_limit(self.limit)
+
 
 def collapse(problem: Problem, rtol: float = 1e-4) -> Collapse:
     """Find the limit load of a problem. Collective."""
     began = time.perf_counter()
     limit = limit_load(problem, rtol, method="path")
     return Collapse(problem, limit, limit.linear_solves, time.perf_counter() - began)
-
-
-def draw(
-    folder: ResultFolder,
-    problem: Problem,
-    limit: LimitLoad,
-    title: str,
-    loads: Sequence[Load],
-    contacts: Sequence[Contact] = (),
-    obstacles: Sequence[Obstacle] = (),
-) -> None:
-    """Draw plastic zone, mechanism and loading curve of a limit load. Collective."""
-    last = limit.levels[-1]
-    fields = OutputFields(problem).update(last)
-    about = (last.report, title, loads, contacts)
-
-    def fields_png(shown: dict[str, fem.Function], name: str, caption: str | None = None) -> None:
-        path = folder.file(name)
-        draw_fields(problem.tagged_mesh, shown, *about, path, caption, obstacles)
-
-    fields_png(fields, "fields.png")
-    work = dissipation(problem, limit.mechanism)
-    mechanism = fields | {"displacement": limit.mechanism, "dissipation": work}
-    fields_png(mechanism, "mechanism.png", f"collapse mechanism at ζ = {limit.lower:.6g}")
-    reports = [level.report for level in limit.levels]
-    folder.on_root(lambda: draw_path(reports, title, folder.file("path.png"), limit))
 
 
 HEADING = (

@@ -34,7 +34,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 
-from demos.verification.study import Row, collapse, draw, mesh, run
+from demos.verification.study import Row, collapse, mesh, run
 from meshes.thick_sphere import INNER, OUTER, write_thick_sphere
 from perfplast_fenicsx import (
     Contact,
@@ -47,8 +47,9 @@ from perfplast_fenicsx import (
     interpolation_points,
     load_path,
 )
-from perfplast_fenicsx.io import OutputFields, ResultFolder
+from perfplast_fenicsx.io import OutputFields, ResultFolder, Scene
 from perfplast_fenicsx.materials import deviator
+from perfplast_fenicsx.pictures import draw
 from perfplast_fenicsx.problem import Integral
 
 TITLE = "Thick sphere"
@@ -150,8 +151,8 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         rows += whole + seams + limits
         label = f"{case}, {element}, {problem.num_dofs} unknowns"
         curves[label] = [(level.state.alpha, level.state.zeta) for level in levels]
-    title = f"{TITLE}, divided"
-    draw(folder, problem, found.limit, title, LOADS, contacts)
+    found.write(folder, Scene(f"{TITLE}, divided", LOADS, contacts))
+    draw(folder)
     profile = equivalent_stress(problem, levels[HALF])
     folder.on_root(lambda: draw_curves(curves, profile, folder.file("curve.png")))
     return rows

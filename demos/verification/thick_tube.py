@@ -24,10 +24,11 @@ from collections.abc import Sequence
 
 from mpi4py import MPI
 
-from demos.verification.study import Row, collapse, draw, mesh, run
+from demos.verification.study import Row, collapse, mesh, run
 from meshes.thick_tube import OUTER, write_thick_tube
 from perfplast_fenicsx import Contact, Pressure, Problem, Support, VonMises
-from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.io import ResultFolder, Scene
+from perfplast_fenicsx.pictures import draw
 
 TITLE = "Thick tube, plane strain"
 MATERIAL = VonMises(young=70e3, poisson=0.3, yield_stress=250.0)
@@ -51,7 +52,8 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
             found = collapse(problem)
             case = "thick tube" if interface is None else "tube in a tube"
             rows.append(found.row(case, size, EXACT, 2e-3 if degree == 2 else None))
-    draw(folder, problem, found.limit, TITLE, LOADS, contacts)
+    found.write(folder, Scene(TITLE, LOADS, contacts))
+    draw(folder)
     return rows
 
 

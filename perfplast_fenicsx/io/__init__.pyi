@@ -12,3 +12,4 @@ from .results.output_fields import dissipation as dissipation
 from .results.result_folder import ResultFolder as ResultFolder
 from .results.result_folder import Results as Results
 from .results.result_folder import peak_memory as peak_memory
+from .results.result_writer import ResultWriter as ResultWriter

@@ -1,28 +1,24 @@
-"""The skin of the bodies, put together on rank 0 for a picture.
+"""The skin of the bodies, found in the arrays of a mesh. Single-process.
 
-Each rank extracts the triangles of its own exterior facets; only these travel, never whole fields.
 Of a plane mesh the skin is the mesh itself, and its exterior facets are the edges around it.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
-from dolfinx.mesh import exterior_facet_indices
 
-from perfplast_fenicsx.compat import entity_nodes, geometry_dofmap
-from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.io.case.scene import NamedScene
 
-Ints = npt.NDArray[np.int32]
+Ints = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles with values; points of different ranks are kept apart.
+    """Triangles with values.
 
     Attributes:
         points: Undeformed points, shape (num_points, 3).
@@ -37,9 +33,9 @@ class Surface:
     """
 
     points: Floats
-    triangles: npt.NDArray[np.int64]
-    edges: npt.NDArray[np.int64]
-    body: npt.NDArray[np.int64]
+    triangles: Ints
+    edges: Ints
+    body: Ints
     names: list[str]
     at_points: dict[str, Floats]
     at_cells: dict[str, Floats]
@@ -54,7 +50,7 @@ class Surface:
         return len(self.edges) > 0
 
     @property
-    def facets(self) -> npt.NDArray[np.int64]:
+    def facets(self) -> Ints:
         """Where loads and contact act: the triangles, of a plane mesh the edges."""
         return self.edges if self.plane else self.triangles
 
@@ -74,67 +70,102 @@ class Surface:
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
 
-def gather_surface(
-    assembly: TaggedMesh,
-    nodal: Mapping[str, fem.Function],
-    cellwise: Mapping[str, fem.Function],
-    marks: Mapping[str, Sequence[str]],
-) -> Surface | None:
-    """The skin of all bodies, on rank 0. Collective.
+@dataclass(frozen=True)
+class Skin:
+    """A surface without fields, and where its values are among those of the mesh.
+
+    Attributes:
+        surface: The surface.
+        nodes: Of its points, shape (num_points,).
+        cells: Below its triangles, shape (num_triangles,).
+    """
+
+    surface: Surface
+    nodes: Ints
+    cells: Ints
+
+
+def make_skin(
+    x: npt.NDArray[np.float64],
+    cells: npt.NDArray[np.integer[Any]],
+    body: npt.NDArray[np.integer[Any]],
+    tagged: npt.NDArray[np.integer[Any]],
+    tags: npt.NDArray[np.integer[Any]],
+    named: NamedScene,
+) -> Skin:
+    """Find the skin.
 
     Args:
-        assembly: Mesh with names.
-        nodal: Scalar or vector Lagrange functions of degree 1 or more; vertex values are taken.
-        cellwise: Piecewise constant scalars.
-        marks: Names of the surfaces with each mark.
-
-    Returns:
-        The surface on rank 0, None elsewhere.
+        x: Nodes, shape (num_nodes, 2 or 3).
+        cells: Nodes of triangles or tetrahedra, vertices first, shape (num_cells, nodes_per_cell).
+        body: Tag of each cell's volume.
+        tagged: Nodes of the facets with a tag, vertices first, shape (num_tagged, nodes_per_facet).
+        tags: Of these facets.
+        named: Names of the tags, and which surfaces are to be marked.
     """
-    mesh = assembly.mesh
-    facets, corners, cells = _exterior(assembly)
-    triangles: Ints = corners
-    edges: Ints = np.zeros((0, 2), dtype=np.int32)
-    if mesh.topology.dim == 2:
-        cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
-        triangles, edges = geometry_dofmap(mesh)[cells, :3], corners
-    nodes = np.concatenate([triangles.ravel(), edges.ravel()])
-    used, local = np.unique(nodes, return_inverse=True)
-    local = local.ravel().astype(np.int64)
-    tags = np.zeros(len(geometry_dofmap(mesh)), dtype=np.int64)
-    tags[assembly.cell_tags.indices] = assembly.cell_tags.values
-    names = sorted(assembly.volumes, key=lambda name: assembly.volumes[name])
-    body = np.searchsorted([assembly.volumes[name] for name in names], tags[cells])
-    piece = Surface(
-        points=mesh.geometry.x[used].astype(np.float64),
-        triangles=local[: triangles.size].reshape(-1, 3),
-        edges=local[triangles.size :].reshape(-1, 2),
-        body=body.astype(np.int64),
+    gdim = 2 if cells.shape[1] in (3, 6) else 3
+    points = np.zeros((len(x), 3))
+    points[:, : x.shape[1]] = x
+    corners = cells[:, : gdim + 1].astype(np.int64)
+    facets, inside = exterior(corners)
+    turn_outward(facets, points, points[corners[inside]].mean(axis=1))
+    triangles, below = (corners, np.arange(len(cells))) if gdim == 2 else (facets, inside)
+    nodes = np.unique(triangles)
+    number = np.full(len(points), -1)
+    number[nodes] = np.arange(len(nodes))
+    volumes, surfaces = named.volumes, named.surfaces
+    names = sorted(volumes, key=lambda name: volumes[name])
+    tag = facet_tags(facets, tagged[:, :gdim].astype(np.int64), tags)
+    surface = Surface(
+        points=points[nodes],
+        triangles=number[triangles],
+        edges=number[facets] if gdim == 2 else np.zeros((0, 2), dtype=np.int64),
+        body=np.searchsorted([volumes[name] for name in names], body[below]),
         names=names,
-        at_points={name: _at_nodes(function)[used] for name, function in nodal.items()},
-        at_cells={name: function.x.array[cells] for name, function in cellwise.items()},
+        at_points={},
+        at_cells={},
         marks={
-            mark: np.isin(facets, [facet for name in names for facet in assembly.facets(name)])
-            for mark, names in marks.items()
+            mark: np.isin(tag, [surfaces[name] for name in on if name in surfaces])
+            for mark, on in named.model.marks.items()
         },
     )
-    pieces = mesh.comm.gather(piece)
-    return None if pieces is None else _joined(pieces)
+    return Skin(surface, nodes, below)
 
 
-def _exterior(assembly: TaggedMesh) -> tuple[Ints, Ints, Ints]:
-    """The owned exterior facets: their indices, their vertices' geometry nodes, their cells."""
-    mesh = assembly.mesh
-    tdim = mesh.topology.dim
-    mesh.topology.create_connectivity(tdim - 1, tdim)
-    mesh.topology.create_connectivity(tdim, tdim - 1)
-    facets = exterior_facet_indices(mesh.topology)
-    corners: Ints = entity_nodes(mesh, tdim - 1, facets)[:, :tdim]
-    to_cell = mesh.topology.connectivity(tdim - 1, tdim)
-    cells = to_cell.array[to_cell.offsets[facets]]
-    x: Floats = mesh.geometry.x.astype(np.float64)
-    turn_outward(corners, x, x[geometry_dofmap(mesh)[cells, : tdim + 1]].mean(axis=1))
-    return facets, corners, cells
+def exterior(cells: Ints) -> tuple[Ints, Ints]:
+    """The facets that belong to one cell alone.
+
+    Args:
+        cells: Vertices of simplices, shape (num_cells, gdim + 1).
+
+    Returns:
+        Their vertices in rising order, shape (num_facets, gdim), and their cells.
+    """
+    size, number = cells.shape[1], int(cells.max(initial=0)) + 1
+    corners = np.array(list(combinations(range(size), size - 1)))
+    facets = np.sort(cells, axis=1)[:, corners].reshape(-1, size - 1)
+    key = facets[:, 0]
+    for column in facets.T[1:]:  # a number for each facet, the same of all that are the same one
+        _, first, key, count = np.unique(
+            key * number + column, return_index=True, return_inverse=True, return_counts=True
+        )
+    alone = np.sort(first[count == 1])
+    return facets[alone], alone // len(corners)
+
+
+def facet_tags(facets: Ints, tagged: Ints, tags: npt.NDArray[np.integer[Any]]) -> Ints:
+    """The tag of each facet, −1 of those without, however their vertices are ordered.
+
+    Args:
+        facets: Vertices, shape (num_facets, gdim).
+        tagged: The same of facets with a tag.
+        tags: Their tags.
+    """
+    rows = np.sort(np.concatenate([tagged, facets]), axis=1)
+    _, same = np.unique(rows, axis=0, return_inverse=True)
+    of_row = np.full(len(rows), -1, dtype=np.int64)
+    of_row[same.ravel()[: len(tagged)]] = tags
+    return of_row[same.ravel()[len(tagged) :]]
 
 
 def turn_outward(corners: npt.NDArray[Any], x: Floats, centres: Floats) -> None:
@@ -156,39 +187,3 @@ def _normals(points: Floats, facets: npt.NDArray[np.integer]) -> Floats:
     if facets.shape[1] == 2:
         return np.cross(along, [0.0, 0.0, 1.0])
     return np.cross(along, points[facets[:, 2]] - points[facets[:, 0]]) / 2
-
-
-def _at_nodes(function: fem.Function) -> Floats:
-    """Values at the local geometry nodes that are vertices, else 0; vectors with 3 components."""
-    V, mesh = function.function_space, function.function_space.mesh
-    vertices = mesh.topology.dim + 1
-    size = V.dofmap.index_map_bs
-    values = np.zeros((len(mesh.geometry.x), 3 if size > 1 else 1))
-    nodes = geometry_dofmap(mesh)[:, :vertices].ravel()
-    dofs = V.dofmap.list[:, :vertices].ravel()
-    values[nodes, :size] = function.x.array.reshape(-1, size)[dofs]
-    return values if size > 1 else values[:, 0]
-
-
-def _joined(pieces: list[Surface]) -> Surface:
-    offsets = np.cumsum([0] + [len(piece.points) for piece in pieces])
-
-    def shifted(part: str) -> npt.NDArray[np.int64]:
-        places = zip(pieces, offsets, strict=False)
-        return np.concatenate([getattr(piece, part) + offset for piece, offset in places])
-
-    together = {
-        part: {
-            name: np.concatenate([getattr(piece, part)[name] for piece in pieces])
-            for name in getattr(pieces[0], part)
-        }
-        for part in ("at_points", "at_cells", "marks")
-    }
-    return Surface(
-        points=np.concatenate([piece.points for piece in pieces]),
-        triangles=shifted("triangles"),
-        edges=shifted("edges"),
-        body=np.concatenate([piece.body for piece in pieces]),
-        names=pieces[0].names,
-        **together,
-    )

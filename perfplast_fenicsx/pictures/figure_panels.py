@@ -1,7 +1,4 @@
-"""What the panels of a picture of fields show, and the words and colour bars around them.
-
-Imported only to draw, since it needs matplotlib.
-"""
+"""What the panels of a picture of fields show, and the words and colour bars around them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,6 +20,9 @@ Floats = npt.NDArray[np.float64]
 
 HUES = ("#6c9bcd", "#b5945c", "#74b386", "#a587c4")
 """Colour of the highest elastic stress, for each body in turn."""
+
+MOST_LETTERS = 40
+"""Bodies whose names have more letters, or that are more than the hues, have one colour."""
 
 PLASTIC = "#b81414"
 """Darker than the hues, so that it can be told from them in grey."""
@@ -116,14 +116,19 @@ def _stress(frames: Sequence[Surface]) -> Panel:
     ratio = np.array([a.at_cells["yield_ratio"] for a in frames])
     colours = np.zeros((*ratio.shape, 3))
     bars: list[tuple[Colormap, Normalize, str]] = []
-    for body, name in enumerate(surface.names):
+    names = surface.names
+    groups = [(name, [body]) for body, name in enumerate(names)]
+    letters = len(names) * max(map(len, names))
+    if len(names) > len(HUES) or (len(names) > 1 and letters > MOST_LETTERS):
+        groups = [(f"all {len(names)} bodies", list(range(len(names))))]
+    for label, bodies in groups:
         # pale to the body's colour for elastic stress, then red at once
-        elastic = [(0.0, "#f6f6f2"), (PLASTIC_FROM, hue(body))]
+        elastic = [(0.0, "#f6f6f2"), (PLASTIC_FROM, hue(bodies[0]))]
         stops = [*elastic, (PLASTIC_FROM, PLASTIC), (1.0, PLASTIC)]
         colormap = LinearSegmentedColormap.from_list("stress", stops, N=20_000)
-        own = surface.body == body
+        own = np.isin(surface.body, bodies)
         colours[:, own] = colormap(ratio[:, own])[..., :3]
-        bars.append((colormap, Normalize(0, 100), name))
+        bars.append((colormap, Normalize(0, 100), label))
     return Panel("Stress in % of the yield stress (red: plastic)", colours, bars, loads=True)
 
 
@@ -152,7 +157,7 @@ def _from_zero(values: Floats) -> Normalize:
 
 def compose(
     shown: Sequence[Panel],
-    images: npt.NDArray[np.uint8],
+    images: Sequence[npt.NDArray[np.uint8]],
     words: tuple[str, str],
     dpi: float = 140,
     curve: Callable[[Axes], None] | None = None,
@@ -161,7 +166,7 @@ def compose(
 
     Args:
         shown: What the images are of.
-        images: Shape (num_panels, height, width, 3).
+        images: One of each panel, shape (height, width, 3).
         words: Title and subtitle.
         dpi: Pixels in 1/5.9 of the figure's height.
         curve: Draws something in a last panel.
@@ -180,7 +185,7 @@ def compose(
         share = 0.8 / len(panel.bars)
         for k, (colours, norm, label) in enumerate(panel.bars):
             left = (i + 0.1 + k * share + 0.03) * width
-            ticks = MaxNLocator(4 if len(panel.bars) > 1 else 6)
+            ticks = MaxNLocator({1: 6, 2: 4}.get(len(panel.bars), 2))
             bar = Colorbar(
                 figure.add_axes((left, 0.12, (share - 0.06) * width, 0.022)),
                 cmap=colours,

@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from perfplast_fenicsx.pictures.picture_file import replace_picture
-from perfplast_fenicsx.pictures.render_process import not_installed
-from perfplast_fenicsx.problem.state import LevelReport
+from perfplast_fenicsx.problem.report import LevelReport
 
 LINE, ELASTIC, LIMIT = "#3b6ea5", "#707070", "#d62020"
 
@@ -45,14 +47,8 @@ def save_curve(
         unit: Of α.
 
     Raises:
-        DrawingError: If matplotlib is not installed.
         OSError: If the file cannot be written.
     """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise not_installed("matplotlib") from error
     figure = Figure(figsize=(7, 5), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
@@ -62,7 +58,7 @@ def save_curve(
 
 
 def draw_curve(
-    axes: Any,
+    axes: Axes,
     reports: Sequence[LevelReport],
     limit: Bounds | None = None,
     unit: str = "",
@@ -71,7 +67,7 @@ def draw_curve(
     """Draw ζ over α of the converged levels; the last one that failed as a line.
 
     Args:
-        axes: Of matplotlib.
+        axes: Where.
         reports: Of all levels.
         limit: Limit load, to be marked with its bounds.
         unit: Of α.

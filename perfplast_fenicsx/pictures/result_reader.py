@@ -34,9 +34,8 @@ from perfplast_fenicsx.io.results.result_files import (
     SURFACE_TAGS,
     SURFACES,
 )
-from perfplast_fenicsx.pictures.boundary_surface import Surface
-from perfplast_fenicsx.pictures.surface_of_arrays import Skin, make_skin
-from perfplast_fenicsx.problem.state import LevelReport
+from perfplast_fenicsx.pictures.boundary_surface import Skin, Surface, make_skin
+from perfplast_fenicsx.problem.report import LevelReport
 
 Floats = npt.NDArray[np.float64]
 T = TypeVar("T")

@@ -10,8 +10,8 @@ from .loads import Traction as Traction
 from .prescribed import Prescribed as Prescribed
 from .problem import Problem as Problem
 from .quadrature_fields import Integral as Integral
-from .state import Iteration as Iteration
+from .report import Iteration as Iteration
+from .report import LevelReport as LevelReport
 from .state import Level as Level
-from .state import LevelReport as LevelReport
 from .state import State as State
 from .supports import Support as Support

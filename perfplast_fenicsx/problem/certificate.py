@@ -16,7 +16,7 @@ from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 
 @dataclass(frozen=True)
 class Certificate:
-    """The optimality conditions of (P)_ζ at a state; see :class:`state.LevelReport` for meanings.
+    """The optimality conditions of (P)_ζ at a state; see :class:`report.LevelReport` for meanings.
 
     ``forces`` are the contact forces of the pairs hosted by this rank, shape (num_pairs,), positive
     where the bodies push each other.

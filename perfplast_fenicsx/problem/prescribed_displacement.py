@@ -13,6 +13,9 @@ from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.supports import AXES, Support
 
+ROUNDING = 1e-9
+"""Movements along a normal below this share of u_D count as none."""
+
 
 def known_displacements(
     V: fem.FunctionSpace, assembly: TaggedMesh, supports: Sequence[Support]
@@ -91,7 +94,7 @@ def check_moved_surfaces(
         along = np.abs(np.sum(faces.normal * prescribed[faces.node], axis=1))
         freedom = (np.abs(faces.normal) * ~fixed[faces.node]).max(axis=1, initial=0)
         unseen = (freedom < LEAST_COSINE) & (paired.array[faces.node] == 0)
-        if (unseen & (along > 0)).any():
+        if (unseen & (along > ROUNDING * np.abs(prescribed).max(initial=0))).any():
             message = (
                 f"supports move nodes of the contact surface '{name}' along its normal towards"
                 " others that cannot give way; leave these nodes out of the contact surface."

@@ -134,10 +134,14 @@ class Problem:
     def history(self) -> dict[str, fem.Function]:
         """The internal variables of all laws by name, at the points; {} for Hencky's laws.
 
-        Solvers read them as they were after the last accepted level
-        (:meth:`quadrature_fields.QuadratureFields.accept`).
+        The laws read them as they were after the level before (:meth:`remember`).
         """
         return {name: function for on in self.laws for name, function in on.old.items()}
+
+    def remember(self, history: Mapping[str, fem.Function]) -> None:
+        """Let the laws start from a state's history; from none at all, from zero."""
+        for name, function in self.history.items():
+            function.x.array[:] = history[name].x.array if history else 0.0
 
     def create_vector(self) -> PETSc.Vec:
         """A vector of zeros with an entry for each displacement unknown. Collective."""

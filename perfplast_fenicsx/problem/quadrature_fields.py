@@ -58,7 +58,7 @@ class QuadratureFields:
         self._overstress = LawExpression(
             laws, Q, lambda on: on.law.yield_ratio(on.law.elastic.hooke(e))
         )
-        self._accepted = [self._updated(name) for name in problem.history]
+        self._history = {name: self._updated(name) for name in problem.history}
         self._force_form = fem.form(problem.internal_form(s))
         self._owned_cells = mesh.topology.index_map(mesh.topology.dim).size_local
         self.force: PETSc.Vec = problem.create_vector()
@@ -69,15 +69,16 @@ class QuadratureFields:
         self.e.interpolate(self._strain, self.problem.cells)
         self._stress.interpolate(self.stress)
 
-    def accept(self) -> None:
-        """Bring the problem's history to this level, which the next one starts from.
+    def updated_history(self) -> dict[str, fem.Function]:
+        """The internal variables by name after a level that ends here; {} for Hencky's laws.
 
-        There is nothing to do for Hencky's laws. Strain and stress must be up to date.
+        Strain and stress must be up to date. The problem's history stays as it was before.
         """
-        for _, after, expression in self._accepted:
-            expression.interpolate(after)
-        for old, after, _ in self._accepted:
-            old.x.array[:] = after.x.array
+        after = {}
+        for name, expression in self._history.items():
+            after[name] = fem.Function(self.problem.history[name].function_space, name=name)
+            expression.interpolate(after[name])
+        return after
 
     def largest_overstress(self) -> float:
         """Largest yield ratio of Ce, the stress without yielding, of all points. Collective."""
@@ -101,10 +102,8 @@ class QuadratureFields:
         assemble_force(self.force, self._force_form, self.problem.bcs)
         return self.force
 
-    def _updated(self, name: str) -> tuple[fem.Function, fem.Function, LawExpression]:
-        """A variable of the history, room for what it becomes, and what that is."""
-        old, e = self.problem.history[name], self.e
+    def _updated(self, name: str) -> LawExpression:
+        """What a variable of the history becomes."""
+        space, e = self.problem.history[name].function_space, self.e
         laws = [on for on in self.problem.laws if name in on.old]
-        space = old.function_space
-        after = LawExpression(laws, space, lambda on: on.law.updated(e, on.old)[name])
-        return old, fem.Function(space), after
+        return LawExpression(laws, space, lambda on: on.law.updated(e, on.old)[name])

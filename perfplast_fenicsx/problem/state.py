@@ -1,4 +1,4 @@
-"""A state of the assembly, and what is reported of it."""
+"""A state of the assembly, and the load level that ends with it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+
+from perfplast_fenicsx.problem.report import Iteration, LevelReport
 
 
 @dataclass(frozen=True)
@@ -29,115 +31,6 @@ class State:
 
     def __repr__(self) -> str:
         return f"State(zeta={self.zeta:.6g}, alpha={self.alpha:.6g})"
-
-
-@dataclass(frozen=True)
-class Iteration:
-    """One Newton step, or one iteration of ALG2.
-
-    Attributes:
-        number: From 1.
-        zeta: Load parameter.
-        alpha: L₁(u) after the step.
-        energy: J_ζ(u) after the step.
-        increment: Value of the chosen stopping criterion.
-        beta: Step length.
-        rho: Regularisation ρ of the tangent.
-        plastic_fraction: Share of the volume that is plastic after the step.
-        active_contacts: Closed pairs.
-        active_set_iterations: Linear solves of the contact quadratic program.
-        linear_iterations: Krylov iterations.
-        seconds: Wall time since the level began.
-        extra: What an algorithm has besides, by name: ALG2 the relative "primal" and "dual"
-            residual and the "penalty" r.
-    """
-
-    number: int
-    zeta: float
-    alpha: float
-    energy: float
-    increment: float
-    beta: float
-    rho: float
-    plastic_fraction: float
-    active_contacts: int
-    active_set_iterations: int
-    linear_iterations: int
-    seconds: float
-    extra: Mapping[str, float] = field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        return (
-            f"Iteration({self.number}: zeta={self.zeta:.6g}, alpha={self.alpha:.6g},"
-            f" increment={self.increment:.1e}, beta={self.beta:.2g})"
-        )
-
-
-@dataclass(frozen=True)
-class LevelReport:
-    """What is known of a load level; a step of ``summary.json``.
-
-    Attributes:
-        zeta: Load parameter ζ.
-        alpha: Work of the live loads α = L₁(u).
-        converged: Whether the level was solved.
-        reason: Why the iteration ended.
-        newton_iterations: Newton steps.
-        active_set_iterations: Linear solves of the contact quadratic programs.
-        linear_iterations: Krylov iterations.
-        linear_solves: Linear systems solved.
-        setups: Factorisations or multigrid set-ups.
-        damping_min: Smallest step length β.
-        plastic_fraction: Share of the volume that is plastic.
-        plastic_cells: Cells that are plastic, at one quadrature point at least.
-        active_contacts: Pairs that push.
-        contact_pairs: All pairs.
-        max_penetration: Largest (u_a − u_b)·n − g, at least 0 (length).
-        smallest_contact_force: Of all pairs (force); negative means an adhesive one. 0 without any.
-        complementarity: Σ force × remaining gap, relative to the same.
-        equilibrium: Norm of the forces that nothing balances (contact forces apart, which the three
-            numbers above judge), relative to that of the loads or, where supports move, of all
-            nodal forces if that is larger.
-        duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to |J_ζ| and, where
-            supports move, the work of their reactions.
-        max_displacement: Largest nodal displacement (length).
-        seconds: Wall time of the level.
-    """
-
-    zeta: float
-    alpha: float
-    converged: bool
-    reason: str
-    newton_iterations: int
-    active_set_iterations: int
-    linear_iterations: int
-    linear_solves: int
-    setups: int
-    damping_min: float
-    plastic_fraction: float
-    plastic_cells: int
-    active_contacts: int
-    contact_pairs: int
-    max_penetration: float
-    smallest_contact_force: float
-    complementarity: float
-    equilibrium: float
-    duality_gap: float
-    max_displacement: float
-    seconds: float
-
-    def __repr__(self) -> str:
-        return f"LevelReport({self.summary()})"
-
-    def summary(self) -> str:
-        """The level in a few words."""
-        if not self.converged:
-            return f"zeta={self.zeta:.6g}, no solution: {self.reason}"
-        return (
-            f"zeta={self.zeta:.6g}, alpha={self.alpha:.6g}, {self.newton_iterations} steps,"
-            f" {self.plastic_fraction:.1%} plastic, {self.active_contacts}/{self.contact_pairs}"
-            f" contacts, duality_gap={self.duality_gap:.1e}"
-        )
 
 
 @dataclass(frozen=True)

@@ -56,12 +56,14 @@ class Iterate:
     def begin(self, start: State | None) -> npt.NDArray[np.bool_]:
         """Start from a state, or from zero displacement, in K_h: what penetrates is pushed back.
 
-        Supported unknowns get their u_D, which no direction changes.
+        Supported unknowns get their u_D, which no direction changes, and the laws the state's
+        history.
 
         Returns:
             The active set to begin with, the state's or the problem's first one.
         """
         problem, basis, u = self.problem, self.problem.basis, self.fields.u
+        problem.remember(start.history if start else {})
         if start is None:
             u.x.array[:] = 0
         else:
@@ -200,7 +202,7 @@ class Iterate:
         self.fields.update()
 
     def state(self, zeta: float, active: npt.NDArray[np.bool_]) -> State:
-        """A copy of u that later steps leave alone."""
+        """A copy of u, and the history after it, which later steps leave alone."""
         u = fem.Function(self.problem.V, name="displacement")
         u.x.array[:] = self.fields.u.x.array
-        return State(u, zeta, self.work(), active.copy())
+        return State(u, zeta, self.work(), active.copy(), self.fields.updated_history())

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.problem.certificate import certify
-from perfplast_fenicsx.problem.state import Iteration, Level, LevelReport
+from perfplast_fenicsx.problem.report import Iteration, LevelReport
+from perfplast_fenicsx.problem.state import Level
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor

@@ -62,7 +62,6 @@ def test_completion(comm: MPI.Intracomm, tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         cwd=tmp_path,
-        timeout=60,
     )
     found = {line: set(words) for line, words in json.loads(done.stdout).items()}
     for line, expected in LINES.items():

@@ -499,7 +499,6 @@ def test_output_folders(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally
                 env=os.environ if ranks > 1 else environment_apart(),
                 capture_output=True,
                 text=True,
-                timeout=120,
                 check=False,
             )
             assert done.returncode == BAD_INPUT, (name, done.stderr)

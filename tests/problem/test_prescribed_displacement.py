@@ -1,5 +1,7 @@
 """Supports that move: by-hand stresses, reactions in the duality gap, gaps that they close."""
 
+from functools import cache
+
 from mpi4py import MPI
 
 import numpy as np
@@ -17,6 +19,7 @@ from perfplast_fenicsx import (
     Plane,
     Problem,
     Support,
+    TaggedMesh,
     VonMises,
     WorkNewton,
     limit_load,
@@ -33,11 +36,16 @@ ROLLERS = (Support("x0", "x"), Support("y0", "y"), Support("bottom", "z"))
 METHODS = [Newton, AugmentedLagrangian, WorkNewton, BorderedNewton]
 
 
+@cache
+def blocks() -> TaggedMesh:
+    return stacked_blocks(MPI.COMM_WORLD, 2, heights=STACK_HEIGHTS)
+
+
 def stack(*supports: Support, gap: float = 0.0, degree: int = 1) -> Problem:
     """Two blocks on rollers, on top of each other; ζ pulls the upper one aside."""
     material = VonMises(YOUNG, 0.3, YIELD)
     return Problem(
-        stacked_blocks(MPI.COMM_WORLD, 2, heights=STACK_HEIGHTS),
+        blocks(),
         {"lower": material, "upper": material},
         [*ROLLERS, *supports],
         [BodyForce("upper", (1.0, 0.0, 0.0))],

@@ -151,14 +151,19 @@ class Scripted(LevelSolver):
 
 
 @cache
+def plate() -> Problem:
+    return l_plate_problem(1)
+
+
+@cache
 def solved() -> Level:
-    [level] = converged([Newton(l_plate_problem(1), TIGHT).solve(1.0)])
+    [level] = converged([Newton(plate(), TIGHT).solve(1.0)])
     return level
 
 
 def test_a_level_ends_where_steps_have_become_small_at_a_solution() -> None:
     told: list[Iteration] = []
-    solver = Scripted(l_plate_problem(1), finished=[3])
+    solver = Scripted(plate(), finished=[3])
     level = solver.solve(1.0, solved().state, told.append)
     assert level.report.converged
     assert level.report.reason == "small enough"
@@ -184,7 +189,7 @@ def test_a_level_without_solution_tells_why(
     script: dict[str, Any], steps: int, reason: str
 ) -> None:
     """With size 2, u is twice the solution: steps that are small there tell nothing."""
-    level = Scripted(l_plate_problem(1), **script).solve(1.0, solved().state)
+    level = Scripted(plate(), **script).solve(1.0, solved().state)
     assert not level.report.converged
     assert reason in level.report.reason
     assert len(level.iterations) == level.report.newton_iterations == steps
@@ -193,7 +198,7 @@ def test_a_level_without_solution_tells_why(
 
 def test_small_steps_at_no_solution_are_not_looked_at_for_ever() -> None:
     most = 2 * MOST_DOUBTS
-    solver = Scripted(l_plate_problem(1), most, finished=range(most), size=2.0)
+    solver = Scripted(plate(), most, finished=range(most), size=2.0)
     level = solver.solve(1.0, solved().state)
     assert len(level.iterations) == MOST_DOUBTS
     assert "a state that is no solution" in level.report.reason

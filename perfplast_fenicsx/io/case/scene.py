@@ -7,14 +7,16 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
-from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.loads import LOADS, Load, Pressure, Traction
+
+if TYPE_CHECKING:  # what reads results for pictures starts no MPI
+    from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ class Scene:
         return marks | {"opposite": [contact.primary for contact in self.contacts]}
 
 
-def write_scene(model: Scene, assembly: TaggedMesh, path: Path) -> None:
+def write_scene(model: Scene, assembly: "TaggedMesh", path: Path) -> None:
     """Write ``scene.json``. Not collective."""
     loads = {load: kind for kind, load in LOADS.items()}
     shapes = {shape: name for name, shape in OBSTACLES.items()}

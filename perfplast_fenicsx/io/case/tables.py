@@ -52,7 +52,8 @@ class OutputOptions:
 
     Args:
         fields: Write ``fields.vtkhdf.series`` and the folder ``fields``.
-        pictures: Draw ``fields.png`` and ``path.png``.
+        pictures: Draw ``path.png``, and of the fields on file ``fields.png`` and
+            ``mechanism.png``; without fields ``path.png`` alone.
     """
 
     fields: bool = True

@@ -46,8 +46,9 @@ from perfplast_fenicsx.limit_analysis.limit_search import Search
 from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.problem.certificate import contact_forces
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.report import LevelReport
 from perfplast_fenicsx.problem.spaces import space_at_points
-from perfplast_fenicsx.problem.state import Level, LevelReport, State
+from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.load_stepping import Reached
 
 GENERIC = np.array([0.5377, 0.8319, 0.1379])

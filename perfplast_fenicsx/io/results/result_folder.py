@@ -27,7 +27,7 @@ from perfplast_fenicsx.errors import raise_together
 from perfplast_fenicsx.io.results.result_files import EARLIER, FIELDS, MECHANISM, SERIES
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import LevelReport
+from perfplast_fenicsx.problem.report import LevelReport
 
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", SERIES),

@@ -176,6 +176,18 @@ def test_each_method_has_its_solver(
     assert type(case.solver(case.problem(comm))) is solver
 
 
+def test_a_support_that_moves(read: Read, comm: MPI.Intracomm) -> None:
+    along = '[[support]]\non = "left"\ncomponents = "x"\nvalue = -1e-3\n'
+    moved = ('components = "xyz"\n', 'components = "yz"\n' + along)
+    case = read(replaced(*moved))
+    assert case.supports == [Support("left", "yz"), Support("left", "x", -1e-3)]
+    assert case.problem(comm).moves_supports
+    loading = WORK[1] + 'until = "limit"\nlimit_tolerance = 1e-5\n'
+    with pytest.raises(InputError, match="supports at rest") as refusal:
+        read(replaced(WORK[0], loading).replace(*moved))
+    assert "[loading]" in str(refusal.value)
+
+
 def test_limit_runs_have_options_that_suit_them(read: Read) -> None:
     loading = WORK[1] + 'until = "limit"\nlimit_tolerance = 1e-5\n'
     case = read(replaced(WORK[0], loading))

@@ -24,7 +24,7 @@ from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.problem.loads import Traction
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import LevelReport
+from perfplast_fenicsx.problem.report import LevelReport
 from perfplast_fenicsx.problem.supports import Support
 
 SUMMARY_KEYS = [

@@ -23,6 +23,7 @@ from perfplast_fenicsx.child_process import environment_apart
 from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from tests.io.results.test_result_folder import report
 
 SPANS = {5: 3, 22: 3, 10: 4, 24: 4}
@@ -113,7 +114,9 @@ def write(problem: Problem, path: Path) -> ResultFolder:
     """A series of one level."""
     folder = ResultFolder(problem.comm, path)
     folder.create()
-    FieldSeries(folder, problem, "alpha").write(some_fields(problem), report(0.25, alpha=0.5))
+    FieldSeries(folder, problem, Prescribed.WORK).write(
+        some_fields(problem), report(0.25, alpha=0.5)
+    )
     return folder
 
 
@@ -275,7 +278,7 @@ def test_a_list_of_levels(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
 
     names = [f"level_000{number}.vtkhdf" for number in (1, 2, 3)]
     reports = [report(zeta, alpha=zeta**2) for zeta in (1.0, 2.0, 3.0)]
-    series = FieldSeries(folder, problem, "zeta")
+    series = FieldSeries(folder, problem, Prescribed.LOAD_FACTOR)
     assert listed() == []
     for level in reports:
         series.write(fields, level)
@@ -283,7 +286,7 @@ def test_a_list_of_levels(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     assert on_file() == [*names, "mesh.vtkhdf"]
 
     # an earlier run is gone on with from its second level
-    series = FieldSeries(folder, problem, "zeta", reports[:2])
+    series = FieldSeries(folder, problem, Prescribed.LOAD_FACTOR, reports[:2])
     assert listed() == [(f"fields/{names[0]}", 1), (f"fields/{names[1]}", 2)]
     assert on_file() == [*names[:2], "mesh.vtkhdf"]
     series.write(fields, report(2.5, alpha=7.0))

@@ -22,7 +22,7 @@ from tests.models import stack_problem, two_blocks_problem
 from tests.solvers.linear.systems import elastic_operator, loads
 
 
-def test_a_small_problem_has_one_level() -> None:
+def test_a_small_problem_is_solved_by_multigrid_too() -> None:
     options = PETSc.Options()
     options["perfplast_pc_type"] = "mg"
     try:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import Newton, NewtonOptions, Problem
-from perfplast_fenicsx.solvers.linear import linear_solver
+from perfplast_fenicsx.solvers.linear import linear_solver, smoothed_aggregation
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
 from perfplast_fenicsx.solvers.linear.multigrid import Multigrid
 from perfplast_fenicsx.solvers.load_stepping import load_path
@@ -114,6 +114,15 @@ def test_a_system_is_solved_to_its_tolerance(multigrid: None) -> None:
     method.destroy()
 
 
-def test_a_small_problem_is_not_for_multigrid() -> None:
+@pytest.mark.mpi3
+def test_a_problem_without_aggregates_is_factorised(
+    multigrid: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(smoothed_aggregation, "aggregate", lambda *_: [])
     problem = two_blocks_problem(2)
-    assert not Multigrid(problem).prepare(elastic_operator(problem))
+    operator = elastic_operator(problem)
+    assert not Multigrid(problem).prepare(operator)
+    solver = LinearSolver(problem)
+    assert not solver.direct
+    solver.set_operator(operator)
+    assert solver.direct

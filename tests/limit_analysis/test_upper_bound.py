@@ -73,12 +73,6 @@ def test_why_there_is_none(
     assert reason in found.reason
 
 
-def test_bodies_that_cannot_move_have_none() -> None:
-    found = bound(blocks(Elastic(2e5, 0.3), Elastic(2e5, 0.3)))
-    assert found.value is None
-    assert found.reason
-
-
 @pytest.mark.parametrize("exact", [1e-11, 0.0])
 def test_what_petsc_made_is_destroyed(monkeypatch: pytest.MonkeyPatch, exact: float) -> None:
     """Whether there is a bound or not."""

@@ -1,0 +1,88 @@
+"""What a run leaves behind for whoever looks at it: the scene, its levels, its limit load."""
+
+from perfplast_fenicsx._version import __version__
+from perfplast_fenicsx.io.case.scene import Scene, write_scene
+from perfplast_fenicsx.io.results.checkpoints import Saved
+from perfplast_fenicsx.io.results.field_series import FieldSeries
+from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
+from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
+from perfplast_fenicsx.limit_analysis.limit_search import LimitLoad
+from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.state import Level
+
+LIMIT_KEYS = ("lower", "estimate", "upper", "alpha", "levelled_off", "reason", "linear_solves")
+"""Keys of ``limit`` in ``summary.json``."""
+
+
+class ResultWriter:
+    """Writes ``scene.json``, ``summary.json``, ``path.csv`` and the fields, level by level.
+
+    Attributes:
+        results: Summary and path.
+    """
+
+    def __init__(
+        self,
+        folder: ResultFolder,
+        problem: Problem,
+        scene: Scene,
+        method: str,
+        *,
+        prescribed: Prescribed = Prescribed.LOAD_FACTOR,
+        fields: bool = True,
+        saved: Saved | None = None,
+    ) -> None:
+        """Write what there is before the first level. Collective.
+
+        Args:
+            folder: Where the results go; it has been made.
+            problem: What is solved.
+            scene: What pictures show around the bodies.
+            method: Of the solver.
+            prescribed: What the loading prescribes: the time of the fields.
+            fields: Whether to write fields.
+            saved: What an earlier run has left, to go on with.
+
+        Raises:
+            InputError: On every rank, if the system refuses.
+        """
+        self._problem = problem
+        saved = saved or Saved()
+        scene_file = folder.file("scene.json")
+        folder.on_root(lambda: write_scene(scene, problem.tagged_mesh, scene_file))
+        self.results = Results(
+            folder, problem, scene.title, __version__, method, saved.reports, prescribed
+        )
+        self._output = OutputFields(problem) if fields else None
+        self._fields = FieldSeries(folder, problem, prescribed, saved.reports) if fields else None
+
+    def __repr__(self) -> str:
+        return (
+            f"ResultWriter({str(self.results.folder.path)!r}; {len(self.results.reports)} levels)"
+        )
+
+    def write(self, level: Level) -> None:
+        """Write a level; of one that is not solved no fields. Collective.
+
+        Raises:
+            InputError: On every rank, if the system refuses; what was there before is whole.
+        """
+        with self.results.timed("output"):
+            if level.report.converged and self._output is not None and self._fields is not None:
+                self._fields.write(self._output.update(level), level.report)
+            self.results.add(level.report)
+
+    def write_limit(self, limit: LimitLoad) -> None:
+        """Write a limit load and its mechanism. Collective.
+
+        Raises:
+            InputError: On every rank, if the system refuses; what was there before is whole.
+        """
+        with self.results.timed("output"):
+            if self._fields is not None:
+                work = dissipation(self._problem, limit.mechanism)
+                alpha = 0.0 if limit.alpha is None else limit.alpha
+                self._fields.write_mechanism(limit.mechanism, work, limit.lower, alpha)
+            self.results.summary.limit = {key: getattr(limit, key) for key in LIMIT_KEYS}
+            self.results.write()

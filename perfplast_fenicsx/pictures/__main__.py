@@ -1,0 +1,28 @@
+"""The drawing program: ``python3 -m perfplast_fenicsx.pictures plot DIR``, or ``animate``.
+
+:mod:`drawing_process` starts it, so that a graphics system that fails takes nothing with it.
+Nothing of MPI is imported here.
+"""
+
+import sys
+from collections.abc import Sequence
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.pictures.drawing_process import REFUSED
+from perfplast_fenicsx.pictures.result_figures import animate, plot
+
+
+def main(argv: Sequence[str]) -> int:
+    """Draw, and say what has been drawn, a line each."""
+    command, folder, *output = argv
+    try:
+        for line in {"plot": plot, "animate": animate}[command](folder, *output):
+            print(line, flush=True)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return REFUSED
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

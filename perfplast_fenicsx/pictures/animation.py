@@ -1,0 +1,92 @@
+"""The loading as an animation: plastic zone, contact pressure and loading curve, level by level."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from PIL import Image
+
+from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.pictures.field_figure import deformation_scale, in_words, level_caption
+from perfplast_fenicsx.pictures.figure_panels import compose, panels
+from perfplast_fenicsx.pictures.loading_curve import draw_curve
+from perfplast_fenicsx.pictures.renderer import Renderer
+from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
+
+MOST_FRAMES = 60
+"""Of more levels as many are shown, the last among them."""
+
+PIXELS, DPI = (700, 560), 80
+"""Of a panel."""
+
+LENGTH, FRAME, END = 8.0, (0.15, 1.0), 2.0
+"""An animation takes so long, but each frame between these times, and the last so much more (s)."""
+
+
+def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: Path) -> None:
+    """Show the loading, from the unloaded bodies on, with the same scales in all frames.
+
+    Args:
+        reader: Of the results.
+        levels: Its levels with fields.
+        target: A GIF or WebP file.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    chosen = np.unique(np.linspace(0, len(levels) - 1, min(len(levels), MOST_FRAMES)).round())
+    levels = [levels[int(i)] for i in chosen]
+    scene, unit = reader.model, reader.model.units.of_work(reader.gdim)
+    surfaces = [reader.surface(level) for level in levels]
+    surfaces.insert(0, _unloaded(surfaces[0]))
+    path = [(0.0, 0.0), *((level.report.alpha, level.report.zeta) for level in levels)]
+    shown = panels(surfaces, scene.units, middle=False)
+    scale = deformation_scale(surfaces)
+    renderer = Renderer(surfaces, scene, scale, PIXELS)
+    frames = []
+    for number, (alpha, zeta) in enumerate(path):
+
+        def curve(axes: Axes, now: tuple[float, float] = (alpha, zeta)) -> None:
+            draw_curve(axes, reader.reports, reader.limit, unit, now)
+
+        images = [renderer.draw(number, panel) for panel in shown]
+        words = (scene.title, f"{level_caption(zeta, alpha, unit)},   {in_words(scale)}")
+        canvas = FigureCanvasAgg(compose(shown, images, words, DPI, curve))
+        canvas.draw()
+        frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+    each = float(np.clip(LENGTH / len(frames), *FRAME))
+    times = [round(1000 * each)] * (len(frames) - 1) + [round(1000 * (each + END))]
+    if target.suffix.lower() == ".gif":
+        palette = Image.new("P", (1, 1))
+        palette.putpalette(_common_colours([np.asarray(a) for a in frames]).ravel().tolist())
+        frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    frames[0].save(target, save_all=True, append_images=frames[1:], duration=times, loop=0)
+
+
+def _unloaded(surface: Surface) -> Surface:
+    """The bodies before the loading."""
+    at_points = {name: np.zeros_like(values) for name, values in surface.at_points.items()}
+    at_cells = {name: np.zeros_like(values) for name, values in surface.at_cells.items()}
+    return dataclasses.replace(surface, at_points=at_points, at_cells=at_cells)
+
+
+def _common_colours(frames: Sequence[npt.NDArray[np.uint8]]) -> npt.NDArray[np.uint8]:
+    """One palette for all frames, so that colours do not flicker, shape (256, 3).
+
+    Each colour counts once however much of the pictures it fills, so that small gradients are
+    smooth; white is among them.
+    """
+    found: npt.NDArray[np.uint32] = np.zeros(0, dtype=np.uint32)
+    for frame in frames:
+        red, green, blue = (frame[..., i].astype(np.uint32) & 0xFC for i in range(3))
+        found = np.union1d(found, red << 16 | green << 8 | blue)
+    different = found[:, None] >> np.array([16, 8, 0], dtype=np.uint32) & 0xFF
+    sample = Image.fromarray(different.astype(np.uint8)[None])
+    palette = sample.quantize(255, Image.Quantize.MEDIANCUT, kmeans=2).getpalette() or []
+    colours = np.full((256, 3), 255, dtype=np.uint8)
+    colours[: min(len(palette) // 3, 255)] = np.reshape(palette, (-1, 3))[:255]
+    return colours

@@ -1,0 +1,183 @@
+"""The drawing program's process, with an X server of its own.
+
+It reads the result folder, and is no rank: a graphics system that fails takes nothing with it.
+"""
+
+import logging
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+from perfplast_fenicsx.child_process import environment_apart
+from perfplast_fenicsx.errors import InputError
+
+if TYPE_CHECKING:
+    from perfplast_fenicsx.io.results.result_folder import ResultFolder
+
+PATIENCE = {"plot": 900.0, "animate": 2400.0}
+"""Longest time for what a command draws (s)."""
+
+REFUSED = 2
+"""Exit status of the program where its last words are a sentence that says what is wrong."""
+
+ROOT = Path(__file__).parents[2]
+"""Where the package is."""
+
+log = logging.getLogger(__name__)
+
+
+def draw(folder: "ResultFolder") -> bool:
+    """Draw the pictures of a result folder into it. Collective.
+
+    Without a graphics system a warning is logged on rank 0: a picture is no reason to stop.
+
+    Args:
+        folder: With its results on file.
+
+    Returns:
+        Whether all is drawn that there is to draw, on every rank alike.
+    """
+    drawn = False
+    if folder.comm.rank == 0:
+        try:
+            plot(folder.path)
+            drawn = True
+        except Exception as error:  # the other ranks wait
+            log.warning("%s", error)
+    return bool(folder.comm.bcast(drawn))
+
+
+def plot(
+    folder: str | Path,
+    output: str | Path | None = None,
+    say: Callable[[str], None] = lambda line: None,
+) -> None:
+    """Draw loading curve, plastic zone, mechanism and contact pressure of a run. Not collective.
+
+    Args:
+        folder: Its results; it may still be going on.
+        output: Folder for the pictures; by default that of the results.
+        say: Called with the path of each picture, and with what cannot be drawn for lack of data.
+
+    Raises:
+        InputError: If the folder has no results, nothing can be drawn, or not written.
+    """
+    _run("plot", folder, output, say)
+
+
+def animate(
+    folder: str | Path,
+    output: str | Path | None = None,
+    say: Callable[[str], None] = lambda line: None,
+) -> None:
+    """Show the loading level by level, with the same scales in all frames. Not collective.
+
+    Args:
+        folder: The results of a run; it may still be going on.
+        output: A GIF or WebP file; by default ``loading.gif`` in the folder.
+        say: Called with the path of the file.
+
+    Raises:
+        InputError: If the folder has no fields, the file cannot be written, or nothing be drawn.
+    """
+    _run("animate", folder, output, say)
+
+
+def _run(
+    command: str, folder: str | Path, output: str | Path | None, say: Callable[[str], None]
+) -> None:
+    """Run :mod:`perfplast_fenicsx.pictures.__main__`, and pass on what it says."""
+    program = [sys.executable, "-P", "-m", "perfplast_fenicsx.pictures", command, str(folder)]
+    program += [str(output)] if output else []
+    with _display() as environment, tempfile.TemporaryFile("w+", encoding="utf-8") as complaints:
+        try:
+            child = subprocess.Popen(
+                program,
+                env=environment,
+                encoding="utf-8",
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=complaints,
+            )
+        except OSError as error:
+            raise InputError(f"the drawing program cannot be run ({error}).") from error
+        late = threading.Event()
+
+        def end() -> None:
+            late.set()
+            child.kill()
+
+        timer = threading.Timer(PATIENCE[command], end)
+        timer.start()
+        try:
+            with child:
+                for line in child.stdout or ():
+                    say(line.rstrip("\n"))
+        except BaseException:
+            child.kill()
+            raise
+        finally:
+            timer.cancel()
+        if child.returncode:
+            waited = PATIENCE[command] if late.is_set() else None
+            display = "DISPLAY" in environment
+            raise InputError(_cause(child.returncode, complaints, waited, display))
+
+
+def _cause(status: int, complaints: IO[str], waited: float | None, display: bool) -> str:
+    """What was wrong, by the last words of the program."""
+    complaints.seek(0)
+    last = (complaints.read().strip().splitlines() or [f"exit status {status}"])[-1]
+    if status == REFUSED:
+        return last
+    if waited is not None:
+        last = f"the drawing program was ended after {waited:g} s"
+    elif not display and "Error" not in last:
+        last = (
+            "there is no X server to draw with; install Xvfb (Debian's package xvfb), or set"
+            " DISPLAY"
+        )
+    return f"not all pictures were drawn: {last}."
+
+
+@contextmanager
+def _display() -> Iterator[dict[str, str]]:
+    """An environment to draw in: with an X server of its own where Xvfb is installed.
+
+    The variables of MPI launchers are left out, so that the child is no rank.
+    """
+    environment = environment_apart() | {"PYTHONIOENCODING": "utf-8:backslashreplace"}
+    places = [environment.get("PYTHONPATH"), str(ROOT)]
+    environment["PYTHONPATH"] = os.pathsep.join(filter(None, places))
+    program = shutil.which("Xvfb")
+    if program is None:
+        yield environment
+        return
+    reader, writer = os.pipe()
+    # a number by lot: Xvfb's own choice goes by lock files, which it takes for left over where they
+    # are those of a process that it cannot see, as in another container with the same /tmp
+    number = f":{random.SystemRandom().randrange(100, 60_000)}"
+    command = [program, number, "-displayfd", str(writer), "-screen", "0", "1280x1024x24"]
+    with subprocess.Popen(
+        [*command, "-nolisten", "tcp"],
+        pass_fds=[writer],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+    ) as server:
+        os.close(writer)
+        with os.fdopen(reader) as pipe:
+            if pipe.readline().strip():
+                environment["DISPLAY"] = number
+        try:
+            yield environment
+        finally:
+            server.terminate()

@@ -1,0 +1,205 @@
+"""Images of the deformed bodies and what is around them, by VTK.
+
+A graphics system that fails may end the process: only the drawing process imports this
+(:mod:`drawing_process`).
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyvista as pv
+
+from perfplast_fenicsx.io.case.scene import Scene
+from perfplast_fenicsx.pictures.annotations import best_view, load_arrows, sample_obstacles
+from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.pictures.figure_panels import Panel, hue
+
+Floats = npt.NDArray[np.float64]
+Paint = dict[str, Any]
+"""How pyvista is to draw a mesh."""
+
+SHARP = 30.0
+"""Edges between facets that differ by more degrees are drawn."""
+
+MOST_EDGES = 40_000
+"""The mesh is drawn where it has no more triangles than this."""
+
+IN_FRONT = 1e-3
+"""In the plane, what is drawn upon the bodies is so far before them, relative to their size."""
+
+GLASS = {True: 0.2, False: 0.12}
+"""Opacity of bodies in the plane, and of their skins in space."""
+
+HATCHES = 60
+"""Hatching has so many lines across the picture."""
+
+
+class Renderer:
+    """The bodies and their surroundings, seen from one direction.
+
+    The frames of an animation differ in the deformation, the arrows and the colours. They have one
+    camera, which sees all of them.
+    """
+
+    def __init__(
+        self, frames: Sequence[Surface], scene: Scene, scale: float, pixels: tuple[int, int]
+    ) -> None:
+        """Set the scene.
+
+        Args:
+            frames: One skin with one or more states.
+            scene: What is around the bodies.
+            scale: Of the displacements.
+            pixels: Width and height of each image.
+        """
+        self._skin = skin = frames[-1]
+        self._pixels, self._flat, self._size = pixels, skin.plane, skin.size
+        self._frames = np.array([a.points + scale * a.at_points["displacement"] for a in frames])
+        # of the same facets in all frames, so that arrows move with the bodies and do not jump
+        self._arrows = [load_arrows(skin, moved, scene.on_surfaces) for moved in self._frames]
+        self._view = np.array(best_view(skin))
+        bodies = range(len(skin.names))
+        self._sharp = [] if self._flat else [self._sharp_edges(body) for body in bodies]
+        near = sample_obstacles(skin, self._frames.reshape(-1, 3), scene.obstacles)
+        self._obstacles = [
+            part
+            for distances in near.distances
+            for part in self._obstacle(distances, near.corner, near.spacing)
+        ]
+
+    def __repr__(self) -> str:
+        return f"Renderer({self._skin!r}, {len(self._frames)} frames)"
+
+    def draw(self, frame: int, panel: Panel) -> npt.NDArray[np.uint8]:
+        """An image of a panel, shape (height, width, 3)."""
+        plotter = pv.Plotter(off_screen=True, window_size=list(self._pixels))
+        plotter.set_background("white")
+        points, colours = self._frames[frame], panel.colours[frame]
+        if panel.facets is None:
+            self._add_bodies(plotter, points, colours)
+        else:
+            self._add_contact(plotter, points, colours, panel.facets)
+        for before, after in self._outlines(points):
+            plotter.add_mesh(before, color="#b0b0b0", line_width=1.5, lighting=False)
+            plotter.add_mesh(after, color="#202020", line_width=2.5, lighting=False)
+        for mesh, paint in self._obstacles:
+            plotter.add_mesh(mesh, lighting=not self._flat, **paint)
+        plotter.view_vector(self._view, viewup=(0, 1, 0) if self._flat else (0, 0, 1))
+        plotter.enable_parallel_projection()
+        arrows = self._arrows[frame]
+        if panel.loads and len(arrows.starts):
+            plotter.add_arrows(arrows.starts, arrows.vectors, color="#111111", lighting=False)
+        self._aim(plotter)
+        plotter.enable_anti_aliasing("ssaa")
+        image = plotter.screenshot(return_img=True)
+        plotter.close()
+        return np.asarray(image)
+
+    def _add_bodies(self, plotter: pv.Plotter, points: Floats, colours: Floats) -> None:
+        plotter.add_mesh(
+            _mesh(points, self._skin.triangles),
+            scalars=colours,
+            rgb=True,
+            lighting=not self._flat,
+            ambient=0.6,
+            diffuse=0.45,
+            show_edges=len(self._skin.triangles) <= MOST_EDGES,
+            edge_color="#404040",
+            edge_opacity=0.2,
+            line_width=0.5,
+        )
+
+    def _add_contact(
+        self, plotter: pv.Plotter, points: Floats, colours: Floats, chosen: npt.NDArray[np.bool_]
+    ) -> None:
+        """The chosen facets over bodies of glass: triangles, or thick lines with a rim."""
+        skin = self._skin
+        for body in range(len(skin.names)):
+            glass = skin.body == body
+            if not self._flat:  # two skins at the same place would be mixed up
+                glass &= ~(chosen | skin.marks["opposite"])
+            if glass.any():
+                mesh = _mesh(points, skin.triangles[glass])
+                plotter.add_mesh(mesh, color=hue(body), opacity=GLASS[self._flat], lighting=False)
+        if not self._flat:
+            mesh = _mesh(points, skin.facets[chosen])
+            plotter.add_mesh(mesh, scalars=colours, rgb=True, lighting=False)
+            return
+        rim: Paint = {"color": "#404040", "line_width": 30}
+        line: Paint = {"scalars": colours, "rgb": True, "line_width": 24}
+        for layer, paint in enumerate((rim, line), start=1):
+            lifted = points + np.array([0, 0, layer * IN_FRONT * self._size])
+            plotter.add_mesh(_mesh(lifted, skin.facets[chosen]), lighting=False, **paint)
+
+    def _obstacle(
+        self, distances: Floats, corner: Floats, spacing: Floats
+    ) -> list[tuple[pv.DataSet, Paint]]:
+        """Meshes of an obstacle near the bodies, from distances on a grid, and how to draw them."""
+        if distances.min() >= 0:
+            return []
+        grid = pv.ImageData(dimensions=distances.shape, spacing=spacing, origin=corner)
+        grid.point_data["distance"] = distances.ravel(order="F")
+        # in space a little inside, since it would be mixed up with the surface that touches it
+        depth = 0.0 if self._flat else IN_FRONT * self._size
+        skin = grid.contour([-depth], scalars="distance")
+        if not self._flat:
+            parts = [(skin, {"color": "#808080", "opacity": 0.25, "smooth_shading": True})]
+        else:
+            inside = grid.clip_scalar("distance", value=0.0)
+            inside.translate((0, 0, -IN_FRONT * self._size), inplace=True)
+            across = inside.points[:, :2].sum(axis=1)
+            inside.point_data["across"] = across
+            step = self._size / HATCHES
+            lines = np.arange(across.min(), across.max() + step, step)
+            parts = [
+                (inside, {"color": "#eeeeee"}),
+                (inside.contour(lines, scalars="across"), {"color": "#b0b0b0", "line_width": 1}),
+                (skin, {"color": "#606060", "line_width": 2.5}),
+            ]
+        return [(mesh, paint) for mesh, paint in parts if mesh.n_points]
+
+    def _aim(self, plotter: pv.Plotter) -> None:
+        """Fill the image with what there is to see, loads included, alike in all panels."""
+        towards = self._view / np.linalg.norm(self._view)
+        right = np.cross(plotter.camera.up, towards)
+        right /= np.linalg.norm(right)
+        axes = np.array([right, np.cross(towards, right)])
+        around = [mesh.points for mesh, _ in self._obstacles]
+        arrows = [end for a in self._arrows for end in (a.starts, a.starts + a.vectors)]
+        seen = np.concatenate([*self._frames, self._skin.points, *arrows, *around])
+        low, high = (seen @ axes.T).min(axis=0), (seen @ axes.T).max(axis=0)
+        half = (high - low) / 2
+        centre = (low + high) / 2 @ axes + (seen.mean(axis=0) @ towards) * towards
+        plotter.camera.focal_point = centre
+        plotter.camera.position = centre + 3 * self._size * towards
+        width, height = self._pixels
+        plotter.camera.parallel_scale = 1.04 * max(half[1], half[0] * height / width)
+        plotter.reset_camera_clipping_range()
+
+    def _outlines(self, points: Floats) -> list[tuple[pv.PolyData, pv.PolyData]]:
+        """Edges of the bodies before and after a deformation."""
+        if self._flat:
+            return [(_mesh(self._skin.points, self._skin.facets), _mesh(points, self._skin.facets))]
+        found = []
+        for before in self._sharp:
+            after = before.copy()
+            after.points = points[before.point_data["number"]]
+            found.append((before, after))
+        return found
+
+    def _sharp_edges(self, body: int) -> pv.PolyData:
+        """Sharp edges of a body; found before it bends, where an edge is sharp all along."""
+        mesh = _mesh(self._skin.points, self._skin.triangles[self._skin.body == body])
+        mesh.point_data["number"] = np.arange(len(self._skin.points))
+        return mesh.clean().extract_feature_edges(
+            SHARP, boundary_edges=False, manifold_edges=False, non_manifold_edges=False
+        )
+
+
+def _mesh(points: Floats, cells: npt.NDArray[np.int64]) -> pv.PolyData:
+    """Of triangles or lines."""
+    size = cells.shape[1]
+    numbers = np.column_stack([np.full(len(cells), size), cells]).ravel()
+    return pv.PolyData(points, faces=numbers) if size == 3 else pv.PolyData(points, lines=numbers)

@@ -1,0 +1,140 @@
+"""Which pictures are made of a result folder: ``path.png``, ``fields.png``, ``mechanism.png``.
+
+What needs matplotlib or VTK is imported when it is needed, so that the loading curve is drawn where
+there is no VTK, and a sentence says what is missing.
+"""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
+
+FORMATS = (".gif", ".webp")
+"""Of animations."""
+
+
+def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
+    """Draw loading curve, plastic zone, mechanism and contact pressure of a run.
+
+    Args:
+        folder: Its results; it may still be going on.
+        output: Folder for the pictures; by default that of the results.
+
+    Yields:
+        The path of each picture once it is drawn, and what cannot be drawn for lack of data.
+
+    Raises:
+        InputError: If the folder has no results, nothing can be drawn, or not written.
+    """
+    reader, target = ResultReader(folder), Path(output or folder)
+    if not reader.reports:
+        raise InputError(f"the run in '{folder}' has solved no level yet; wait for its first one.")
+    scene, levels = reader.model, reader.levels
+    unit = scene.units.of_work(reader.gdim) if levels else ""
+    with _drawing(target / "path.png") as path:
+        from perfplast_fenicsx.pictures.loading_curve import save_curve
+
+        save_curve(reader.reports, scene.title, path, reader.limit, unit)
+    yield str(path)
+    if not any(report.converged for report in reader.reports):
+        yield "No level is solved: there are no fields to draw."
+        return
+    if not levels:
+        yield "The run has written no fields: fields.png and mechanism.png need [output] fields."
+        return
+    report = levels[-1].report
+    surface = reader.surface(levels[-1])
+    with _drawing(target / "fields.png") as path:
+        from perfplast_fenicsx.pictures.field_figure import draw_fields, level_caption
+
+        draw_fields(surface, scene, level_caption(report.zeta, report.alpha, unit), path)
+    yield str(path)
+    found = _mechanism(reader, levels, surface)
+    if found is not None:
+        moving, largest, caption = found
+        with _drawing(target / "mechanism.png") as path:
+            draw_fields(moving, scene, caption, path, largest)
+        yield str(path)
+
+
+def animate(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
+    """Show the loading level by level, with the same scales in all frames.
+
+    Args:
+        folder: The results of a run; it may still be going on.
+        output: A GIF or WebP file; by default ``loading.gif`` in the folder.
+
+    Yields:
+        The path of the file once it is drawn.
+
+    Raises:
+        InputError: If the folder has no fields, the file cannot be written, or nothing be drawn.
+    """
+    reader = ResultReader(folder)
+    target = Path(output) if output else reader.path / "loading.gif"
+    if target.suffix.lower() not in FORMATS:
+        raise InputError(
+            f"the animation '{target}' ends in '{target.suffix}', which is no format for it; use"
+            f" {' or '.join(FORMATS)}."
+        )
+    levels = reader.levels
+    if not levels:
+        raise InputError(
+            f"the run in '{folder}' has no fields on file; wait for its first level, or run the"
+            " case with fields = true under [output]."
+        )
+    with _drawing(target) as path:
+        from perfplast_fenicsx.pictures.animation import save_animation
+
+        save_animation(reader, levels, path)
+    yield str(path)
+
+
+def _mechanism(
+    reader: ResultReader, levels: Sequence[StoredLevel], surface: Surface
+) -> tuple[Surface, float, str] | None:
+    """The mechanism: that of the limit load, else the increment between the last two levels.
+
+    Returns:
+        The velocity and stress of the last level, the largest dissipation and a caption; None
+        where there is but one level, or no plastic cell.
+    """
+    found = reader.mechanism(surface)
+    if found is not None:
+        assert reader.limit is not None
+        zeta = f"{reader.limit.lower:.6g}"
+        return *found, f"collapse mechanism at ζ = {zeta}, velocity of unit work"
+    if len(levels) < 2 or levels[-1].report.plastic_cells == 0:
+        return None
+    before, last = levels[-2:]
+    work = last.report.alpha - before.report.alpha
+    earlier = reader.surface(before).at_points["displacement"]
+    velocity = (surface.at_points["displacement"] - earlier) * (1 / work if work else 1.0)
+    moving = dataclasses.replace(surface, at_points=surface.at_points | {"displacement": velocity})
+    zetas = f"ζ = {before.report.zeta:.6g} and {last.report.zeta:.6g}"
+    return moving, 0.0, f"velocity between {zetas}, of unit work"
+
+
+@contextmanager
+def _drawing(path: Path) -> Iterator[Path]:
+    """Make the folder of a picture; what goes wrong with the picture as a sentence.
+
+    Raises:
+        InputError: That says what.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield path
+    except ImportError as error:
+        package = (error.name or str(error)).split(".")[0]
+        raise InputError(
+            f"'{path}' was not drawn: {package} is not installed; install Debian's package"
+            f" python3-{package}, or use pip install {package}."
+        ) from error
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"'{path}' cannot be written ({reason}); give another -o.") from error

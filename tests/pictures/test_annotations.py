@@ -1,0 +1,69 @@
+"""Arrows of loads, and rigid obstacles around the bodies."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx.contact.obstacles import Cylinder, Obstacle, Plane, Sphere
+from perfplast_fenicsx.io.case.scene import Scene
+from perfplast_fenicsx.mesh.sample_meshes import build
+from perfplast_fenicsx.pictures.annotations import load_arrows, sample_obstacles
+from perfplast_fenicsx.problem.loads import Pressure, Traction
+from tests.pictures.skins import skin, square
+
+NEARBY: dict[str, list[Obstacle]] = {
+    "plane": [Sphere("side", (0.5, 0.5), 0.75, hollow=True), Plane("side", (0.0, -0.02), (0, 2))],
+    "space": [
+        Cylinder("top", (0.0, 0.5, 3.0), (1, 0, 0), 1.0),
+        Plane("top", (0, 0, 2.1), (0, 0, -1)),
+    ],
+}
+"""Obstacles near the square, and near two blocks."""
+
+
+@pytest.mark.parametrize("plane", [False, True])
+def test_arrows_end_on_their_surface_or_pull_at_it(plane: bool) -> None:
+    on, axis, end = ("side", 0, 1.0) if plane else ("top", 2, 2.0)
+    out = np.eye(3)[axis]
+    inward = (-2.0 * out)[: 2 if plane else 3]
+    along = np.roll(out, 1)[: 2 if plane else 3]
+    loads = [Traction(on, inward), Pressure(on, -3.0), Pressure(on, 1.0), Traction(on, along)]
+    assembly = square(MPI.COMM_SELF) if plane else build(MPI.COMM_SELF, "two_blocks", n=2)
+    for load, points_along in zip(loads, (-1, 1, -1, 0), strict=True):
+        surface = skin(assembly, Scene("", [load]))
+        arrows = load_arrows(surface, surface.points, [load])
+        assert 5 < len(arrows.starts) < 40
+        length = 0.1 * surface.size
+        assert np.allclose(np.linalg.norm(arrows.vectors, axis=1), length)
+        assert np.allclose(arrows.vectors[:, axis], points_along * length)
+        pushes = points_along < 0
+        touching = arrows.starts + arrows.vectors * pushes
+        assert np.allclose(touching[:, axis], end)
+        assert len(np.unique(np.round(touching, 9), axis=0)) == len(touching)
+
+
+def test_no_arrows_of_a_load_that_is_zero() -> None:
+    loads = [Traction("side", (0.0, 0.0)), Pressure("nowhere", 1.0)]
+    surface = skin(square(MPI.COMM_SELF), Scene("", loads))
+    assert load_arrows(surface, surface.points, loads).starts.shape == (0, 3)
+
+
+@pytest.mark.parametrize("where", NEARBY)
+def test_obstacles_are_sampled_around_the_bodies(where: str) -> None:
+    comm = MPI.COMM_SELF
+    assembly = square(comm) if where == "plane" else build(comm, "two_blocks", n=1)
+    surface = skin(assembly, Scene(""))
+    near = sample_obstacles(surface, surface.points, NEARBY[where])
+    shape = near.distances[0].shape
+    assert shape[2] == 1 or where == "space"
+    far = near.corner + near.spacing * (np.array(shape) - 1)
+    assert np.all(near.corner <= surface.points.min(axis=0))
+    assert np.all(far >= surface.points.max(axis=0))
+    for obstacle, distances in zip(NEARBY[where], near.distances, strict=True):
+        assert distances.shape == shape
+        assert distances.min() < 0 < distances.max()  # part of it is in the picture
+        i, j, k = 3, 2, min(shape[2] - 1, 1)
+        x = near.corner + near.spacing * [i, j, k]
+        gdim = 2 if where == "plane" else 3
+        assert np.isclose(distances[i, j, k], obstacle.towards(x[None, :gdim])[0][0])

@@ -1,0 +1,184 @@
+"""The process that draws: what it makes of a result folder, and what becomes of its faults."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.child_process import environment_apart
+from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.obstacles import Sphere
+from perfplast_fenicsx.io.case.scene import Scene, write_scene
+from perfplast_fenicsx.io.results.field_series import FieldSeries
+from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
+from perfplast_fenicsx.materials.elastic import Elastic
+from perfplast_fenicsx.mesh.sample_meshes import build
+from perfplast_fenicsx.pictures import drawing_process
+from perfplast_fenicsx.pictures.drawing_process import draw
+from perfplast_fenicsx.problem.loads import Pressure, Traction
+from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.supports import Support
+from tests.functional.test_command_line import CASE, one_line, write
+from tests.io.results.test_result_folder import report
+from tests.pictures.skins import fields_of, put_before, square
+from tests.pictures.test_annotations import NEARBY
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+needs_xvfb = pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no Xvfb to draw with")
+
+
+def results(comm: MPI.Intracomm, path: Path, where: str, limit: bool = False) -> ResultFolder:
+    """A folder with two levels whose fields are made up, in the plane or in space."""
+    plane = where == "plane"
+    assembly = square(comm) if plane else build(comm, "two_blocks", n=1)
+    contacts = [] if plane else [Contact("upper_bottom", "lower_top")]
+    loads = [Traction("top", (0.0, 0.0, -1.0)), Pressure("left", -1.0)]
+    if plane:
+        loads = [Traction("side", (1.0, 1.0)), Pressure("bottom", 1.0)]
+    far = Sphere(NEARBY[where][0].on, [1e3] * (2 if plane else 3), 1.0)  # nothing of it is seen
+    scene = Scene("$Two „blocks“", loads, contacts, [*NEARBY[where], far])
+    materials = dict.fromkeys(assembly.volumes, Elastic(1.0, 0.3))
+    supports = [Support("bottom" if plane else "left")]
+    problem = Problem(assembly, materials, supports, loads)
+    folder = ResultFolder(comm, path)
+    folder.create()
+    folder.on_root(lambda: write_scene(scene, assembly, folder.file("scene.json")))
+    written = Results(folder, problem, scene.title, "1", "newton")
+    series = FieldSeries(folder, problem, Prescribed.LOAD_FACTOR)
+    fields = fields_of(assembly)
+    for zeta in (1.0, 2.0):
+        level = report(zeta, plastic_cells=0)
+        series.write(fields, level)
+        written.add(level)
+    if limit:
+        work = fields["yield_ratio"].copy()
+        series.write_mechanism(fields["displacement"], work, 2.0, 1.0)
+        written.summary.limit = {"lower": 2.0, "estimate": 2.1, "upper": None}
+        written.write()
+    return folder
+
+
+@needs_xvfb
+@pytest.mark.parametrize("limit", [False, True])
+@pytest.mark.parametrize("where", NEARBY)
+def test_draw(comm: MPI.Intracomm, shared_tmp_path: Path, where: str, limit: bool) -> None:
+    folder = results(comm, shared_tmp_path / "results", where, limit)
+    assert draw(folder)
+    names = ["fields.png", *(["mechanism.png"] if limit else []), "path.png"]
+    assert sorted(path.name for path in folder.path.glob("*.png")) == names
+    assert all(folder.file(name).read_bytes().startswith(PNG) for name in names)
+
+
+def test_the_drawing_process_starts_no_mpi(comm: MPI.Intracomm) -> None:
+    if comm.rank > 0:
+        return
+    pytest.importorskip("pyvista")
+    modules = ("__main__", "animation", "field_figure", "loading_curve", "renderer")
+    imports = ", ".join(f"perfplast_fenicsx.pictures.{name}" for name in modules)
+    program = f"import sys, {imports}; print(*sys.modules)"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, env=environment_apart(), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = {name.split(".")[0] for name in done.stdout.split()}
+    assert "perfplast_fenicsx" in found
+    assert not found & {"mpi4py", "petsc4py", "dolfinx", "ufl", "basix"}
+
+
+def test_a_run_without_fields_draws_its_curve_and_says_so(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib")
+    text = CASE.replace("pictures = false", "fields = false")
+    case, folder = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(folder), "--quiet"]) == SOLVED
+    assert capsys.readouterr().err == ""
+    assert [path.name for path in folder.glob("*.png")] == ["path.png"]
+    assert not (folder / "fields").exists()
+    assert "path.png alone is drawn" in (folder / "run.log").read_text(encoding="utf-8")
+
+
+def warnings(comm: MPI.Intracomm, caplog: pytest.LogCaptureFixture) -> str:
+    """The one warning, which rank 0 alone has logged."""
+    messages = [record.getMessage() for record in caplog.records]
+    assert len(messages) == (1 if comm.rank == 0 else 0)
+    return str(comm.bcast(messages[0] if messages else ""))
+
+
+def test_without_graphics_there_is_a_warning(
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    pytest.importorskip("pyvista")
+    folder = results(comm, shared_tmp_path / "results", "space")
+    monkeypatch.setenv("PATH", str(shared_tmp_path))
+    monkeypatch.delenv("DISPLAY", raising=False)
+    assert not draw(folder)
+    assert "install Xvfb" in warnings(comm, caplog)
+    assert folder.file("path.png").exists()
+    assert not folder.file("fields.png").exists()
+
+
+def test_a_picture_that_fails_stops_nothing(
+    comm: MPI.Intracomm, shared_tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = ResultFolder(comm, shared_tmp_path / "none")
+    assert not draw(folder)
+    assert "does not exist" in warnings(comm, caplog)
+
+
+@pytest.mark.parametrize(
+    ("package", "text", "part"),
+    [
+        ("pyvista", "import os; os.abort()", "not all pictures were drawn: "),
+        ("pyvista", "import nothing_of_the_kind", "nothing_of_the_kind is not installed"),
+        (
+            "pyvista",
+            "raise ModuleNotFoundError(name='pyvista')",
+            "fields.png' was not drawn: pyvista is not installed; install Debian's package",
+        ),
+        ("pyvista", "raise RuntimeError('no canvas')", "RuntimeError: no canvas"),
+        ("matplotlib", "raise ModuleNotFoundError(name='matplotlib')", "python3-matplotlib"),
+    ],
+)
+def test_faults_are_one_sentence(
+    package: str,
+    text: str,
+    part: str,
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = results(comm, shared_tmp_path / "results", "plane")
+    put_before(package, text, shared_tmp_path / "packages", monkeypatch)
+    comm.barrier()
+    assert main(["plot", str(folder.path)]) == BAD_INPUT
+    out = comm.bcast(capsys.readouterr())
+    assert out.err.count("\n") == 1
+    assert part in out.err
+    drawn = [] if package == "matplotlib" else ["path.png"]
+    assert out.out.splitlines() == [str(folder.file(name)) for name in drawn]
+    assert [path.name for path in folder.path.glob("*.png")] == drawn
+
+
+def test_patience_ends(
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = results(comm, shared_tmp_path / "results", "plane")
+    put_before("pyvista", "import time; time.sleep(600)", shared_tmp_path / "p", monkeypatch)
+    monkeypatch.setitem(drawing_process.PATIENCE, "animate", 0.5)
+    assert main(["animate", str(folder.path)]) == BAD_INPUT
+    assert "was ended after 0.5 s" in one_line(comm, capsys)

@@ -1,0 +1,99 @@
+"""Colours and colour bars, and how much of a deformation is shown."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx.io.case.scene import Units
+from perfplast_fenicsx.pictures.boundary_surface import Surface
+
+figure_panels = pytest.importorskip("perfplast_fenicsx.pictures.figure_panels")
+
+
+def triangles(names: list[str], ratios: list[float]) -> Surface:
+    """A body for each name, a triangle each, with the yield ratios, and the last one in contact."""
+    count = len(names)
+    corners = np.arange(3 * count).reshape(-1, 3)
+    points = np.tile([[0.0, 0, 0], [1.0, 0, 0], [0, 1.0, 0]], (count, 1))
+    points[:, 2] = np.repeat(np.arange(count), 3)
+    return Surface(
+        points=points,
+        triangles=corners,
+        edges=np.zeros((0, 2), dtype=np.int64),
+        body=np.arange(count),
+        names=names,
+        at_points={"displacement": 0.1 * points, "contact_pressure": points[:, 2]},
+        at_cells={"yield_ratio": np.array(ratios)},
+        marks={"contact": np.arange(count) == count - 1},
+    )
+
+
+def labels_of(names: list[str]) -> list[str]:
+    """The words below the stress, once it is made sure that no words of a picture overlap."""
+    surface = triangles(names, [0.5] * len(names))
+    shown = figure_panels.panels([surface], Units("mm", "MPa"))
+    blank = np.zeros((8, 10, 3), dtype=np.uint8)
+    figure = figure_panels.compose(shown, [blank] * len(shown), ("A title", "a caption"))
+    figure.canvas.draw()
+    bars = [axes for axes in figure.axes if axes.get_xlabel()]
+    words = [axes.xaxis.label for axes in bars]
+    numbers = [text for axes in bars for text in axes.get_xticklabels() if text.get_text()]
+    for texts in (words, numbers):
+        boxes = sorted((text.get_window_extent() for text in texts), key=lambda box: box.x0)
+        assert all(a.x1 < b.x0 for a, b in pairwise(boxes))
+        assert 0 <= boxes[0].x0
+        assert boxes[-1].x1 <= figure.bbox.x1
+    return [text.get_text() for text in words[:-2]]
+
+
+@pytest.mark.parametrize(
+    "names",
+    [["lower", "upper"], ["a"], ["a body with a long name, as one may have it"], list("abcd")],
+    ids=len,
+)
+def test_a_colour_bar_for_each_of_few_bodies(names: list[str]) -> None:
+    assert labels_of(names) == names
+
+
+@pytest.mark.parametrize(
+    "names",
+    [[f"body_{i}" for i in range(10)], list("abcde"), [f"body_number_{i}" for i in range(4)]],
+    ids=len,
+)
+def test_one_colour_bar_for_many_bodies(names: list[str]) -> None:
+    assert labels_of(names) == [f"all {len(names)} bodies"]
+
+
+@pytest.mark.parametrize("count", [2, 6])
+def test_colours_of_stress(count: int) -> None:
+    ratios = [0.0, 1.0, 0.5, 0.5, 1.0, 0.5][:count]
+    surface = triangles([f"{i}" for i in range(count)], ratios)
+    stress, displacement, contact = figure_panels.panels([surface], Units())
+    (colours,) = stress.colours
+    assert colours[0].min() > 0.9  # pale
+    red = np.array([int(figure_panels.PLASTIC[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+    assert np.allclose(colours[np.array(ratios) == 1], red, atol=0.01)
+    if count > 2:
+        assert np.allclose(colours[2], colours[5])  # all bodies have one scale
+    assert stress.loads
+    assert displacement.colours.shape == (1, 3 * count, 3)
+    assert contact.facets is not None
+    assert contact.facets.tolist() == [False] * (count - 1) + [True]
+    assert displacement.bars[0][1].vmax == pytest.approx(
+        np.linalg.norm(surface.at_points["displacement"], axis=1).max()
+    )
+
+
+@pytest.mark.parametrize(
+    ("largest", "scale"),
+    [(0.1, 1.0), (0.099, 1.0), (0.05, 2.0), (3e-5, 2000.0), (40.0, 0.002), (0, 1)],
+)
+def test_deformation_scale(largest: float, scale: float) -> None:
+    field_figure = pytest.importorskip("perfplast_fenicsx.pictures.field_figure")
+    points = np.array([[0.0, 0, 0], [1.0, 0, 0], [0, 0, 0]])
+    moved = {"displacement": np.array([[0.0, 0, 0], [0, largest, 0], [0, 0, 0]])}
+    none = np.zeros(1, dtype=np.int64)
+    no_edges = np.zeros((0, 2), dtype=np.int64)
+    surface = Surface(points, np.array([[0, 1, 2]]), no_edges, none, ["a"], moved, {}, {})
+    assert field_figure.deformation_scale([surface]) == pytest.approx(scale, rel=1e-12)
