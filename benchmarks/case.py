@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.elastic import Elasticity, Unit
 from benchmarks.platform_facts import libraries
-from benchmarks.problems import MODELS, Scene
+from benchmarks.problems import MODELS, Model
 from perfplast_fenicsx import (
     Iteration,
     Level,
@@ -49,7 +49,7 @@ class Run:
     def __init__(self, comm: MPI.Intracomm, arguments: argparse.Namespace) -> None:
         """Note what to run; nothing is run yet."""
         self.comm, self.arguments = comm, arguments
-        self.model: Scene = MODELS[arguments.model]
+        self.model: Model = MODELS[arguments.model]
         self.first_step: float | None = None
         self._clock = time.perf_counter()
 

@@ -23,7 +23,7 @@ PUNCH_METAL = VonMises(young=2e5, poisson=0.3, yield_stress=400 * math.sqrt(1.5)
 
 
 @dataclass(frozen=True)
-class Scene:
+class Model:
     """A problem in any size.
 
     Attributes:
@@ -78,7 +78,7 @@ def _l_plate(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
 
 
 MODELS = {
-    "two_blocks": Scene(_two_blocks, (60.0, 80.0, 100.0), 2, STEEL),
-    "punch": Scene(_punch, (450.0,), 2, PUNCH_METAL, [Support("punch_bottom", "z")]),
-    "l_plate": Scene(_l_plate, (1.0,), 1, STEEL),
+    "two_blocks": Model(_two_blocks, (60.0, 80.0, 100.0), 2, STEEL),
+    "punch": Model(_punch, (450.0,), 2, PUNCH_METAL, [Support("punch_bottom", "z")]),
+    "l_plate": Model(_l_plate, (1.0,), 1, STEEL),
 }

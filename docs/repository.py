@@ -1,8 +1,7 @@
 """Pages of the site that refer to, or consist of, files of the repository outside of ``docs/``.
 
-``<!-- include PATH -->`` stands for a file, ``<!-- include PATH, HEADING -->`` for its section of
-the second level under that heading. Links to what is no page of the site become its path: the pages
-are also read in the repository, where the links lead there.
+``<!-- include PATH -->`` stands for a file. Links to what is no page of the site become its path:
+the pages are also read in the repository, where the links lead there, and the mark is not seen.
 """
 
 import os
@@ -12,20 +11,8 @@ from typing import Any
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
-INCLUDE = re.compile(r"<!-- include ([^,\n]+?)(?:, ([^\n]+?))? -->")
+INCLUDE = re.compile(r"<!-- include (\S+) -->")
 LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#\s]+)(#[^)\s]*)?\)")
-
-
-def section(text: str, heading: str) -> str:
-    """The part of a text under a heading of the second level, without it.
-
-    Raises:
-        LookupError: If there is no such heading.
-    """
-    found = re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^## |\Z)", text, re.M | re.S)
-    if not found:
-        raise LookupError(f"no section '{heading}'")
-    return found[1]
 
 
 def with_local_links(text: str, page: Path, origin: Path) -> str:
@@ -60,9 +47,7 @@ def _read(app: Any, docname: str, source: list[str]) -> None:
 
     def included(match: re.Match[str]) -> str:
         origin = ROOT / match[1]
-        text = origin.read_text(encoding="utf-8")
-        text = section(text, match[2]) if match[2] else text
-        return with_local_links(text, page, origin)
+        return with_local_links(origin.read_text(encoding="utf-8"), page, origin)
 
     text = with_local_links(source[0], page, page)
     source[0] = INCLUDE.sub(included, text)

@@ -14,11 +14,12 @@ return value), whose checks stop one rank and leave the others waiting.
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx.mesh import Mesh, entities_to_geometry
 
+from perfplast_fenicsx.arrays import Floats, Ints
 
-def interpolation_points(element: Any) -> npt.NDArray[np.float64]:
+
+def interpolation_points(element: Any) -> Floats:
     """Points of the reference cell where an ``Expression`` for ``element`` is evaluated.
 
     Args:
@@ -31,7 +32,7 @@ def interpolation_points(element: Any) -> npt.NDArray[np.float64]:
     return points() if callable(points) else points
 
 
-def geometry_dofmap(mesh: Mesh) -> npt.NDArray[np.int32]:
+def geometry_dofmap(mesh: Mesh) -> Ints:
     """Local geometry nodes of each local cell, shape (num_cells, nodes_per_cell).
 
     ``geometry.dofmap`` up to 0.10; the first of the list ``geometry.dofmaps`` in 0.11, which still
@@ -50,7 +51,7 @@ def coordinate_map(mesh: Mesh) -> Any:
     return cmaps[0] if isinstance(cmaps, list) else mesh.geometry.cmap
 
 
-def entity_nodes(mesh: Mesh, dim: int, entities: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+def entity_nodes(mesh: Mesh, dim: int, entities: Ints) -> Ints:
     """Local geometry nodes of entities, shape (num_entities, nodes_per_entity). Not collective.
 
     ``entities_to_geometry``, which in 0.9 ends the process when ``entities`` is empty, as it often

@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import LARGEST, InputError
 
 VARIABLES = ("x", "y", "z", "pi")
@@ -62,9 +62,7 @@ _FAILURES = (
 """What Python's parser and NumPy raise for text that is no formula."""
 
 
-def evaluate(
-    formula: float | str, x: npt.NDArray[np.float64], place: str
-) -> npt.NDArray[np.float64]:
+def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
     """Values of a formula in x, y, z at points.
 
     Not collective: a formula is refused on every rank alike, but a value that is not finite is seen

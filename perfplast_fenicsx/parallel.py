@@ -58,7 +58,7 @@ def _bytes(rows: npt.NDArray) -> npt.NDArray[np.uint8]:
 
 
 def bounding_box(comm: MPI.Intracomm, points: Floats) -> tuple[Floats, Floats]:
-    """Smallest and largest coordinates of the points of all ranks."""
+    """Smallest and largest coordinates of the points of all ranks. Collective."""
     low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
     comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)

@@ -38,6 +38,7 @@ def read(shared_tmp_path: Path) -> Read:
         write: Callable[..., None], comm: MPI.Intracomm = MPI.COMM_WORLD, **arguments: Any
     ) -> TaggedMesh:
         path = shared_tmp_path / f"{write.__name__}.msh"
+        MPI.COMM_WORLD.barrier()  # another rank may still read what is replaced
         if MPI.COMM_WORLD.rank == 0:
             write(path, **arguments)
         MPI.COMM_WORLD.barrier()

@@ -19,15 +19,7 @@ BELOW: dict[str, set[str]] = {
     "solvers": {"materials", "problem", "solvers.linear", "solvers.active_set"},
     "limit_analysis": {"contact", "materials", "problem", "solvers", "solvers.linear"},
     "io.case": {"mesh", "materials", "contact", "problem", "solvers", "limit_analysis"},
-    "io.results": {
-        "mesh",
-        "materials",
-        "contact",
-        "problem",
-        "limit_analysis",
-        "solvers",
-        "io.case",
-    },
+    "io.results": {"mesh", "materials", "problem", "limit_analysis", "solvers", "io.case"},
     "pictures": {"contact", "problem", "io.case", "io.results"},
     "cli": {
         *("pictures", "io.case", "io.results", "limit_analysis", "solvers", "solvers.linear"),

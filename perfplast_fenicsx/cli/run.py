@@ -12,7 +12,6 @@ from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.io.case.case import read_case
-from perfplast_fenicsx.io.case.loading_options import WorkControl
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
@@ -93,7 +92,7 @@ def run(
 def _solve(context: RunContext, solver: Any) -> int:
     case, saved, recorder = context.case, context.saved, Recorder(context)
     limit = None
-    if isinstance(case.loading, WorkControl) and case.loading.limit_tolerance is not None:
+    if case.loading.limit_tolerance is not None:
         limit = limit_load(
             context.problem,
             case.loading.limit_tolerance,

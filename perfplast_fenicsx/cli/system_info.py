@@ -9,10 +9,10 @@ from petsc4py import PETSc
 
 import dolfinx
 import numpy as np
-import numpy.typing as npt
 from threadpoolctl import threadpool_info
 
 from perfplast_fenicsx._version import __version__
+from perfplast_fenicsx.arrays import Longs
 
 LIBRARIES = {
     "basix": "fenics-basix",
@@ -80,7 +80,7 @@ def threads() -> str:
 def ranks(comm: MPI.Intracomm) -> str:
     """The number of ranks, and where they are. Collective."""
     hosts = comm.allgather(MPI.Get_processor_name())
-    counts: npt.NDArray[np.int64]
+    counts: Longs
     names, counts = np.unique(hosts, return_counts=True)
     return ", ".join(f"{n} on {host}" for host, n in zip(names, counts, strict=True))
 

@@ -174,7 +174,7 @@ def _choose(comm: MPI.Intracomm, host: Ints, coefficient: Floats) -> tuple[Longs
 
 
 def _resolve(Q: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """T with T = Q + P T: the sum of P^k Q, which ends because chains of contact end."""
+    """T with T = Q + P T: the sum of P^k Q, which ends as chains of contact do. Collective."""
     T, term = Q.copy(), Q
     for _ in range(LONGEST_CHAIN):
         following = P.matMult(term)

@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -94,8 +92,10 @@ class Cylinder:
 
 
 Obstacle = Plane | Sphere | Cylinder
+"""All of them."""
 
 OBSTACLES = {"plane": Plane, "sphere": Sphere, "cylinder": Cylinder}
+"""Obstacles by their ``shape`` in case files."""
 
 
 def _round(obstacle: Sphere | Cylinder, r: Floats) -> tuple[Floats, Floats]:

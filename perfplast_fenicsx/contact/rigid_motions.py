@@ -130,7 +130,10 @@ def null_space(gram: Floats) -> Floats:
 
 
 def _support_gram(V: fem.FunctionSpace, bodies: Bodies, fixed: npt.NDArray[np.bool_]) -> Floats:
-    """Σ over supported components of their square, as a quadratic form in the rigid motions."""
+    """Σ over supported components of their square, as a quadratic form in the rigid motions.
+
+    Collective.
+    """
     nodes, axes = np.nonzero(fixed[: V.dofmap.index_map.size_local])
     x = V.tabulate_dof_coordinates()[nodes]
     rows = bodies.functionals(bodies.of_node[nodes], x, np.eye(fixed.shape[1])[axes])

@@ -254,7 +254,10 @@ def locking(points: Sequence[tuple[float, float]], plastic_cells: int, degree: i
 
 
 def collapse_mechanism(problem: Problem, before: State | None, last: State | None) -> fem.Function:
-    """The last increment of displacement, normalised to L(v) = 1 (zero without any level)."""
+    """The last increment of displacement, normalised to L(v) = 1 (zero without any level).
+
+    Collective.
+    """
     v = fem.Function(problem.V, name="mechanism")
     if last is not None:
         v.x.array[:] = last.u.x.array

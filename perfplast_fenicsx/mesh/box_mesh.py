@@ -20,6 +20,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx.mesh import create_mesh, locate_entities_boundary, meshtags
 
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
@@ -63,7 +64,7 @@ class Box:
         """Number of vertices of all cubes, kept or not."""
         return math.prod(count + 1 for count in self.counts)
 
-    def points(self, vertices: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+    def points(self, vertices: Longs) -> Floats:
         """Coordinates of vertices by number, the x axis fastest, shape (num_vertices, 3)."""
         shape = [count + 1 for count in self.counts]
         steps = np.stack(np.unravel_index(vertices, shape, order="F"), axis=1)
@@ -71,7 +72,7 @@ class Box:
         inner = lower + (upper - lower) * steps / self.counts
         return np.where(steps == self.counts, upper, inner)
 
-    def tetrahedra(self, cubes: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    def tetrahedra(self, cubes: Longs) -> Longs:
         """Vertex numbers of the tetrahedra of those of ``cubes`` that are kept, shape (·, 4)."""
         steps = np.stack(np.unravel_index(cubes, self.counts, order="F"))
         if self.keep is not None:
@@ -96,7 +97,7 @@ class Surface:
     where: Marker
 
 
-def structured_assembly(
+def structured_mesh(
     comm: MPI.Intracomm, boxes: Sequence[Box], surfaces: Sequence[Surface]
 ) -> TaggedMesh:
     """Mesh boxes that share no vertices, and name their surfaces. Collective.
@@ -172,7 +173,7 @@ def _check_size(comm: MPI.Intracomm, boxes: Sequence[Box]) -> None:
         )
 
 
-def _shares(comm: MPI.Intracomm, sizes: Sequence[int]) -> list[npt.NDArray[np.int64]]:
+def _shares(comm: MPI.Intracomm, sizes: Sequence[int]) -> list[Longs]:
     """This rank's part of consecutive ranges of these sizes, as local numbers in each range."""
     total = sum(sizes)
     start, stop = total * comm.rank // comm.size, total * (comm.rank + 1) // comm.size

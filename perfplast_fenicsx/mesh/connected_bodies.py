@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem, la
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.parallel import bounding_box
 
 
@@ -18,14 +18,14 @@ class Bodies:
     Attributes:
         count: Number of bodies on all ranks together.
         of_node: Body index of each local (owned and ghost) block dof, shape (num_nodes,).
-        centre: Centre of the assembly, shape (3,).
-        size: Diagonal of the box around the assembly (length).
+        centre: Centre of the bodies, shape (3,).
+        size: Diagonal of the box around the bodies (length).
         gdim: Geometric dimension.
     """
 
     count: int
-    of_node: npt.NDArray[np.int32]
-    centre: npt.NDArray[np.float64]
+    of_node: Ints
+    centre: Floats
     size: float
     gdim: int
 
@@ -34,7 +34,7 @@ class Bodies:
         """Rigid motions a body has: 6 in 3D, 3 in 2D."""
         return 6 if self.gdim == 3 else 3
 
-    def rigid_modes(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def rigid_modes(self, x: Floats) -> Floats:
         """Rigid motions at points: translations, then rotations about the centre, of unit size.
 
         Args:
@@ -53,10 +53,10 @@ class Bodies:
 
     def functionals(
         self,
-        body: npt.NDArray[np.int32],
-        x: npt.NDArray[np.float64],
-        rows: npt.NDArray[np.float64],
-    ) -> npt.NDArray[np.float64]:
+        body: Ints,
+        x: Floats,
+        rows: Floats,
+    ) -> Floats:
         """Functionals ``rows``·u(x) as functionals of all bodies' rigid motions.
 
         Args:
@@ -75,7 +75,7 @@ class Bodies:
 
 
 def find_bodies(V: fem.FunctionSpace) -> Bodies:
-    """Label the bodies of V's mesh and measure the assembly. Collective."""
+    """Label the bodies of V's mesh and measure them. Collective."""
     comm = V.mesh.comm
     count, of_node = _components(V)
     x = V.tabulate_dof_coordinates()
@@ -84,7 +84,7 @@ def find_bodies(V: fem.FunctionSpace) -> Bodies:
     return Bodies(count, of_node, (low + high) / 2, size, V.mesh.geometry.dim)
 
 
-def _components(V: fem.FunctionSpace) -> tuple[int, npt.NDArray[np.int32]]:
+def _components(V: fem.FunctionSpace) -> tuple[int, Ints]:
     """Number of bodies, and the body of each local node.
 
     Each rank finds its own pieces. A ghost node ties the piece it lies in here to the piece it lies

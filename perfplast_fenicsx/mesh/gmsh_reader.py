@@ -7,8 +7,8 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
-import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.errors import LARGEST, InputError
 from perfplast_fenicsx.mesh.gmsh_subprocess import NO_GMSH, Content, read_content
 
@@ -37,11 +37,11 @@ class GmshMesh:
 
     gdim: int
     degree: int
-    points: npt.NDArray[np.float64]
-    cells: npt.NDArray[np.int64]
-    cell_values: npt.NDArray[np.int32]
-    facets: npt.NDArray[np.int64]
-    facet_values: npt.NDArray[np.int32]
+    points: Floats
+    cells: Longs
+    cell_values: Ints
+    facets: Longs
+    facet_values: Ints
     facet_count: int
     volumes: dict[str, int]
     surfaces: dict[str, int]
@@ -141,9 +141,7 @@ FLAT = 1e-12
 """Cells are flat whose volume is less than this share of that of a cube of their longest edge."""
 
 
-def _check_cells(
-    path: str | Path, points: npt.NDArray[np.float64], cells: npt.NDArray[np.int64], gdim: int
-) -> None:
+def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> None:
     """Refuse nodes that are nowhere and cells without volume."""
     wrong = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))  # NaN is not either
     if wrong.size:
@@ -193,9 +191,7 @@ def _names(content: Content, path: str | Path, dim: int) -> dict[str, int]:
     return names
 
 
-def _elements(
-    content: Content, path: str | Path, dim: int
-) -> tuple[int, npt.NDArray[np.int64], npt.NDArray[np.int32]]:
+def _elements(content: Content, path: str | Path, dim: int) -> tuple[int, Longs, Ints]:
     """Degree, nodes (gmsh's tags) and physical tags (0 for none) of the elements of a dimension."""
     blocks = [block for block in content.blocks if block.dim == dim]
     for block in blocks:

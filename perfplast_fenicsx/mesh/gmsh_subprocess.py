@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.child_process import environment_apart
 from perfplast_fenicsx.errors import InputError
 
@@ -26,7 +26,7 @@ class Block:
     entity: int
     groups: list[int]
     kind: int
-    nodes: npt.NDArray[np.int64]
+    nodes: Longs
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class Content:
     blocks: list[Block]
     groups: list[tuple[int, int, str]]
     types: dict[int, tuple[str, int]]
-    tags: npt.NDArray[np.int64]
-    coordinates: npt.NDArray[np.float64]
+    tags: Longs
+    coordinates: Floats
 
 
 def read_content(path: Path) -> Content:

@@ -13,8 +13,9 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.errors import InputError, nearest
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_assembly
+from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
@@ -33,7 +34,7 @@ def two_blocks(comm: MPI.Intracomm, n: int) -> TaggedMesh:
     """
     _check_n("two_blocks", n)
     counts = (3 * n, n, n)
-    return structured_assembly(
+    return structured_mesh(
         comm,
         [
             Box("lower", (0.0, 0.0, 0.0), (3.0, 1.0, 1.0), counts),
@@ -66,7 +67,7 @@ def punch(comm: MPI.Intracomm, n: int) -> TaggedMesh:
     if n % 2:
         raise InputError(f"builder 'punch' has n = {n}; n must be even, as the punch is ½ wide")
     half = n // 2
-    return structured_assembly(
+    return structured_mesh(
         comm,
         [
             Box("base", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (n, n, n)),
@@ -97,10 +98,10 @@ def l_plate(comm: MPI.Intracomm, n: int) -> TaggedMesh:
     """
     _check_n("l_plate", n)
 
-    def in_plate(cube: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    def in_plate(cube: Longs) -> npt.NDArray[np.bool_]:
         return (cube[0] >= 5 * n) | (cube[1] >= 5 * n)
 
-    return structured_assembly(
+    return structured_mesh(
         comm,
         [Box("plate", (0.0, 0.0, 0.0), (10.0, 10.0, 1.0), (10 * n, 10 * n, n), in_plate)],
         [
@@ -140,7 +141,7 @@ def stacked_blocks(
             " 1e-6 and 1e6, as the blocks are 1 wide"
         )
     middle, top = float(heights[0]), float(heights[0]) + float(heights[1])
-    return structured_assembly(
+    return structured_mesh(
         comm,
         [
             Box("lower", (0.0, 0.0, 0.0), (1.0, 1.0, middle), (n, n, n)),
@@ -164,7 +165,7 @@ BUILDERS: dict[str, Callable[..., TaggedMesh]] = {
 
 
 def build(comm: MPI.Intracomm, name: str, **arguments: object) -> TaggedMesh:
-    """Build an assembly by the name and arguments of a case file. Collective.
+    """Build a mesh by the name and arguments of a case file. Collective.
 
     Args:
         comm: Communicator of the mesh.

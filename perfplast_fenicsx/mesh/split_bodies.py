@@ -12,6 +12,7 @@ import gmsh
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 
 
@@ -117,7 +118,7 @@ def _write(
     dim: int,
     parts: list[_Part],
     tags: npt.NDArray[np.uint64],
-    coordinates: npt.NDArray[np.float64],
+    coordinates: Floats,
 ) -> None:
     """Write the parts as discrete entities of a model of their own."""
     model = gmsh.model.getCurrent()

@@ -8,12 +8,12 @@ from mpi4py import MPI
 import basix
 import basix.ufl
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx.graph import adjacencylist
 from dolfinx.io.utils import cell_perm_gmsh, distribute_entity_data
 from dolfinx.mesh import CellType, Mesh, MeshTags, create_mesh, meshtags_from_entities
 
+from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.gmsh_reader import GmshMesh, read_msh
 
@@ -49,7 +49,7 @@ class TaggedMesh:
             f" surfaces {', '.join(sorted(self.surfaces)) or 'none'})"
         )
 
-    def cells(self, name: str) -> npt.NDArray[np.int32]:
+    def cells(self, name: str) -> Ints:
         """Local indices of the cells of a volume, sorted; empty on ranks without any.
 
         Raises:
@@ -57,7 +57,7 @@ class TaggedMesh:
         """
         return self.cell_tags.find(_tag("volume", name, self.volumes))
 
-    def facets(self, name: str) -> npt.NDArray[np.int32]:
+    def facets(self, name: str) -> Ints:
         """Local indices of the facets of a surface, sorted; empty on ranks without any.
 
         Raises:
@@ -125,33 +125,31 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) ->
     points = np.ascontiguousarray(data.points[:, :gdim])
     mesh = create_mesh(comm, cells, x=points, e=ufl.Mesh(element))
     facets = _reordered(data.facets, gdim - 1)
-    assembly = TaggedMesh(
+    tagged_mesh = TaggedMesh(
         mesh=mesh,
         cell_tags=_distributed_tags(mesh, gdim, cells, data.cell_values),
         facet_tags=_distributed_tags(mesh, gdim - 1, facets, data.facet_values),
         volumes=data.volumes,
         surfaces=data.surfaces,
     )
-    assembly.check_tagged()
+    tagged_mesh.check_tagged()
     owned = mesh.topology.index_map(gdim - 1).size_local
-    found = comm.allreduce(np.count_nonzero(assembly.facet_tags.indices < owned))
+    found = comm.allreduce(np.count_nonzero(tagged_mesh.facet_tags.indices < owned))
     if found != data.facet_count:
         raise InputError(
             f"{data.facet_count - found} of the {data.facet_count} named surface elements of "
             f"'{path}' are no facets of cells, or named twice; save the whole of one mesh"
         )
-    return assembly
+    return tagged_mesh
 
 
-def _reordered(nodes: npt.NDArray[np.int64], dim: int) -> npt.NDArray[np.int64]:
+def _reordered(nodes: Longs, dim: int) -> Longs:
     """The nodes of simplices from gmsh's order to DOLFINx's."""
     order = np.asarray(cell_perm_gmsh(_CELLS[dim], nodes.shape[1]))
     return np.ascontiguousarray(nodes[:, order])
 
 
-def _distributed_tags(
-    mesh: Mesh, dim: int, nodes: npt.NDArray[np.int64], values: npt.NDArray[np.int32]
-) -> MeshTags:
+def _distributed_tags(mesh: Mesh, dim: int, nodes: Longs, values: Ints) -> MeshTags:
     """Tags of entities given by their input nodes on any rank. Collective."""
     entities, local_values = distribute_entity_data(mesh, dim, nodes, values)
     mesh.topology.create_connectivity(dim, 0)

@@ -40,7 +40,7 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
     """
     chosen = np.unique(np.linspace(0, len(levels) - 1, min(len(levels), MOST_FRAMES)).round())
     levels = [levels[int(i)] for i in chosen]
-    scene, unit = reader.model, reader.model.units.of_work(reader.gdim)
+    scene, unit = reader.scene, reader.scene.units.of_work(reader.gdim)
     surfaces = [reader.surface(level) for level in levels]
     surfaces.insert(0, _unloaded(surfaces[0]))
     path = [(0.0, 0.0), *((level.report.alpha, level.report.zeta) for level in levels)]

@@ -5,13 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.problem.loads import Pressure, Traction
-
-Floats = npt.NDArray[np.float64]
 
 VIEWS = np.array([(1.1, -1.9, 1.0), (-1.1, -1.9, 1.0), (1.1, 1.9, 1.0), (-1.1, 1.9, 1.0)])
 
@@ -19,10 +17,10 @@ ARROWS = 24
 """At most about so many arrows show a load."""
 
 ARROW, APART = 0.1, 0.06
-"""Their length, and how near each other they may be, relative to the size of the assembly."""
+"""Their length, and how near each other they may be, relative to the size of the bodies."""
 
 MARGIN = 0.08
-"""Obstacles are drawn so far around the assembly, relative to its size."""
+"""Obstacles are drawn so far around the bodies, relative to their size."""
 
 SAMPLES = {2: 400, 3: 80}
 """Points in each direction where the distance to an obstacle is taken."""
@@ -66,7 +64,7 @@ def load_arrows(surface: Surface, points: Floats, loads: Sequence[Traction | Pre
     return Arrows(np.concatenate(starts), np.concatenate(vectors))
 
 
-def _spread(corners: Floats, spacing: float) -> tuple[Floats, npt.NDArray[np.int64]]:
+def _spread(corners: Floats, spacing: float) -> tuple[Floats, Longs]:
     """Points on facets about so far apart, those nearest the middles of boxes.
 
     Returns:

@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.io.case.scene import NamedScene
-
-Ints = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -33,9 +31,9 @@ class Surface:
     """
 
     points: Floats
-    triangles: Ints
-    edges: Ints
-    body: Ints
+    triangles: Longs
+    edges: Longs
+    body: Longs
     names: list[str]
     at_points: dict[str, Floats]
     at_cells: dict[str, Floats]
@@ -50,7 +48,7 @@ class Surface:
         return len(self.edges) > 0
 
     @property
-    def facets(self) -> Ints:
+    def facets(self) -> Longs:
         """Where loads and contact act: the triangles, of a plane mesh the edges."""
         return self.edges if self.plane else self.triangles
 
@@ -81,12 +79,12 @@ class Skin:
     """
 
     surface: Surface
-    nodes: Ints
-    cells: Ints
+    nodes: Longs
+    cells: Longs
 
 
 def make_skin(
-    x: npt.NDArray[np.float64],
+    x: Floats,
     cells: npt.NDArray[np.integer[Any]],
     body: npt.NDArray[np.integer[Any]],
     tagged: npt.NDArray[np.integer[Any]],
@@ -126,13 +124,13 @@ def make_skin(
         at_cells={},
         marks={
             mark: np.isin(tag, [surfaces[name] for name in on if name in surfaces])
-            for mark, on in named.model.marks.items()
+            for mark, on in named.scene.marks.items()
         },
     )
     return Skin(surface, nodes, below)
 
 
-def exterior(cells: Ints) -> tuple[Ints, Ints]:
+def exterior(cells: Longs) -> tuple[Longs, Longs]:
     """The facets that belong to one cell alone.
 
     Args:
@@ -153,7 +151,7 @@ def exterior(cells: Ints) -> tuple[Ints, Ints]:
     return facets[alone], alone // len(corners)
 
 
-def facet_tags(facets: Ints, tagged: Ints, tags: npt.NDArray[np.integer[Any]]) -> Ints:
+def facet_tags(facets: Longs, tagged: Longs, tags: npt.NDArray[np.integer[Any]]) -> Longs:
     """The tag of each facet, −1 of those without, however their vertices are ordered.
 
     Args:

@@ -13,7 +13,7 @@ from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.pictures.renderer import Renderer
 
 SHOWN_DEFORMATION, SHOWN_MECHANISM = 0.1, 0.04
-"""The largest displacement is drawn about so large, relative to the size of the assembly."""
+"""The largest displacement is drawn about so large, relative to the size of the bodies."""
 
 PIXELS = (1000, 800)
 """Of a panel."""

@@ -13,10 +13,9 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normal
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.pictures.boundary_surface import Surface
-
-Floats = npt.NDArray[np.float64]
 
 HUES = ("#6c9bcd", "#b5945c", "#74b386", "#a587c4")
 """Colour of the highest elastic stress, for each body in turn."""

@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 import pyvista as pv
 
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.pictures.annotations import best_view, load_arrows, sample_obstacles
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.figure_panels import Panel, hue
 
-Floats = npt.NDArray[np.float64]
 Paint = dict[str, Any]
 """How pyvista is to draw a mesh."""
 
@@ -198,7 +198,7 @@ class Renderer:
         )
 
 
-def _mesh(points: Floats, cells: npt.NDArray[np.int64]) -> pv.PolyData:
+def _mesh(points: Floats, cells: Longs) -> pv.PolyData:
     """Of triangles or lines."""
     size = cells.shape[1]
     numbers = np.column_stack([np.full(len(cells), size), cells]).ravel()

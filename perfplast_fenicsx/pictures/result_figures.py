@@ -33,7 +33,7 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
     reader, target = ResultReader(folder), Path(output or folder)
     if not reader.reports:
         raise InputError(f"the run in '{folder}' has solved no level yet; wait for its first one.")
-    scene, levels = reader.model, reader.levels
+    scene, levels = reader.scene, reader.levels
     unit = scene.units.of_work(reader.gdim) if levels else ""
     with _drawing(target / "path.png") as path:
         from perfplast_fenicsx.pictures.loading_curve import save_curve

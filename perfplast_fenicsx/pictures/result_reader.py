@@ -37,7 +37,6 @@ from perfplast_fenicsx.io.results.result_files import (
 from perfplast_fenicsx.pictures.boundary_surface import Skin, Surface, make_skin
 from perfplast_fenicsx.problem.report import LevelReport
 
-Floats = npt.NDArray[np.float64]
 T = TypeVar("T")
 
 DISPLACEMENT, PRESSURE = f"{POINT_DATA}/displacement", f"{POINT_DATA}/contact_pressure"
@@ -46,8 +45,8 @@ VELOCITY, DISSIPATION = f"{POINT_DATA}/mechanism", f"{CELL_DATA}/dissipation"
 
 
 @dataclass(frozen=True)
-class Bounds:
-    """What is known of the limit load (:class:`limit_search.LimitLoad`)."""
+class StoredLimit:
+    """What is known of the limit load (:class:`limit_methods.LimitLoad`)."""
 
     lower: float
     estimate: float | None
@@ -96,7 +95,7 @@ class ResultReader:
                 )
 
     def __repr__(self) -> str:
-        return f"ResultReader({str(self.path)!r}: {self.model.title}; {len(self.reports)} levels)"
+        return f"ResultReader({str(self.path)!r}: {self.scene.title}; {len(self.reports)} levels)"
 
     @cached_property
     def named(self) -> NamedScene:
@@ -104,15 +103,15 @@ class ResultReader:
         return read_scene(self._json("scene.json"), str(self.path / "scene.json"))
 
     @property
-    def model(self) -> Scene:
+    def scene(self) -> Scene:
         """What is drawn around the bodies."""
-        return self.named.model
+        return self.named.scene
 
     @cached_property
-    def limit(self) -> Bounds | None:
+    def limit(self) -> StoredLimit | None:
         """The limit load, where it has been found."""
         found = self._json("summary.json").get("limit")
-        return found and Bounds(found["lower"], found["estimate"], found["upper"])
+        return found and StoredLimit(found["lower"], found["estimate"], found["upper"])
 
     @cached_property
     def reports(self) -> list[LevelReport]:

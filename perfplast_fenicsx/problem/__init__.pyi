@@ -1,5 +1,6 @@
 from .certificate import Certificate as Certificate
 from .certificate import certify as certify
+from .integrals import Integral as Integral
 from .law_on_cells import LawOnCells as LawOnCells
 from .load_case import LoadCase as LoadCase
 from .loads import LOADS as LOADS
@@ -9,7 +10,6 @@ from .loads import Pressure as Pressure
 from .loads import Traction as Traction
 from .prescribed import Prescribed as Prescribed
 from .problem import Problem as Problem
-from .quadrature_fields import Integral as Integral
 from .report import Iteration as Iteration
 from .report import LevelReport as LevelReport
 from .state import Level as Level

@@ -6,9 +6,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.problem.integrals import assemble_force
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
@@ -22,7 +22,7 @@ class Certificate:
     where the bodies push each other.
     """
 
-    forces: npt.NDArray[np.float64]
+    forces: Floats
     max_penetration: float
     smallest_contact_force: float
     complementarity: float
@@ -69,7 +69,7 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     return certificate
 
 
-def contact_forces(problem: Problem, stress: fem.Function, zeta: float) -> npt.NDArray[np.float64]:
+def contact_forces(problem: Problem, stress: fem.Function, zeta: float) -> Floats:
     """Contact forces that balance a stress and the loads, as a certificate has them. Collective.
 
     Returns:
@@ -105,6 +105,7 @@ def _moved(problem: Problem, fields: QuadratureFields) -> _Moved:
     return moved
 
 
-def _smallest(comm: MPI.Intracomm, forces: npt.NDArray[np.float64]) -> float:
+def _smallest(comm: MPI.Intracomm, forces: Floats) -> float:
+    """Of all ranks, 0 where there is none. Collective."""
     smallest = comm.allreduce(float(forces.min(initial=np.inf)), MPI.MIN)
     return smallest if np.isfinite(smallest) else 0.0

@@ -5,8 +5,9 @@ from dolfinx import default_scalar_type, fem
 
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.materials.mandel import Expr, strain
+from perfplast_fenicsx.problem.energy_norms import strain_norm2, stress_norm2
 from perfplast_fenicsx.problem.integrals import Integral
-from perfplast_fenicsx.problem.law_on_cells import LawOnCells, OfLaw, integrate
+from perfplast_fenicsx.problem.law_on_cells import LawOnCells, integrate
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.profiling import phase
 
@@ -28,7 +29,7 @@ class Direction:
     def __init__(self, fields: QuadratureFields) -> None:
         """Create a direction that is zero, and compile the integrals. Collective."""
         problem, e, s = fields.problem, fields.e, fields.stress
-        laws, comm, S = problem.laws, problem.comm, problem.S
+        S = problem.S
         self._cells = problem.cells
         self.du, self.de = fem.Function(problem.V), fem.Function(S)
         self.beta = fem.Constant(problem.tagged_mesh.mesh, default_scalar_type(1))
@@ -38,26 +39,14 @@ class Direction:
         def ended(on: LawOnCells) -> Expr:
             return on.law.stress(e + de, on.old)
 
-        def stress_norm2(stress: OfLaw) -> Integral:
-            def square(on: LawOnCells) -> Expr:
-                return ufl.dot(on.law.elastic.compliance(stress(on)), stress(on))
-
-            return Integral(comm, integrate(laws, square))
-
-        def strain_norm2(strain_: Expr) -> Integral:
-            def square(on: LawOnCells) -> Expr:
-                return ufl.dot(on.law.elastic.hooke(strain_), strain_)
-
-            return Integral(comm, integrate(laws, square))
-
         def power(on: LawOnCells) -> Expr:
             return ufl.dot(on.law.stress(e + self.beta * de, on.old), de)
 
-        self.slope = Integral(comm, integrate(laws, power))
-        self.change_norm2 = stress_norm2(lambda on: ended(on) - s)
-        self.moved_stress_norm2 = stress_norm2(ended)
-        self.du_norm2 = strain_norm2(de)
-        self.moved_norm2 = strain_norm2(e + de)
+        self.slope = Integral(problem.comm, integrate(problem.laws, power))
+        self.change_norm2 = stress_norm2(problem, lambda on: ended(on) - s)
+        self.moved_stress_norm2 = stress_norm2(problem, ended)
+        self.du_norm2 = strain_norm2(problem, de)
+        self.moved_norm2 = strain_norm2(problem, e + de)
 
     @phase("return map")
     def update(self) -> None:

@@ -10,10 +10,10 @@ from operator import add
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 
+from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Law, Material
@@ -35,7 +35,7 @@ class LawOnCells:
 
     law: Law
     old: Mapping[str, fem.Function]
-    cells: npt.NDArray[np.int32]
+    cells: Ints
     dx: ufl.Measure
 
 

@@ -22,7 +22,7 @@ class Prescribed(Enum):
     """What an algorithm is given; the other one is what it finds.
 
     The values are the names by which results are filed: an attribute of :class:`state.State` and
-    :class:`state.LevelReport`, a column of ``path.csv``, ``prescribed`` in ``summary.json``.
+    :class:`report.LevelReport`, a column of ``path.csv``, ``prescribed`` in ``summary.json``.
     """
 
     LOAD_FACTOR = "zeta"

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.surface_nodes import LEAST_COSINE
 from perfplast_fenicsx.contact.surface_normals import face_nodes
@@ -18,8 +19,8 @@ ROUNDING = 1e-9
 
 
 def known_displacements(
-    V: fem.FunctionSpace, assembly: TaggedMesh, supports: Sequence[Support]
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, supports: Sequence[Support]
+) -> tuple[npt.NDArray[np.bool_], Floats]:
     """Which components the supports hold, and where. Collective.
 
     Returns:
@@ -30,7 +31,7 @@ def known_displacements(
         InputError: An unknown surface, wrong components, a value that is not finite, or two values
             for the same component of a node.
     """
-    fdim, gdim = assembly.mesh.topology.dim - 1, assembly.mesh.geometry.dim
+    fdim, gdim = tagged_mesh.mesh.topology.dim - 1, tagged_mesh.mesh.geometry.dim
     index_map = V.dofmap.index_map
     shape = (index_map.size_local + index_map.num_ghosts, gdim)
     fixed, values, message = np.zeros(shape, dtype=bool), np.zeros(shape), None
@@ -40,7 +41,7 @@ def known_displacements(
                 f"value = {support.value} of the support on '{support.on}' is not finite; give a"
                 " length, or 0 for none."
             )
-        nodes = fem.locate_dofs_topological(V, fdim, assembly.facets(support.on))
+        nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(support.on))
         for axis in support.axes(gdim):
             known = nodes[fixed[nodes, axis]]
             other = values[known, axis][values[known, axis] != support.value]
@@ -52,17 +53,17 @@ def known_displacements(
                 )
             fixed[nodes, axis] = True
             values[nodes, axis] = support.value
-    raise_together(assembly.mesh.comm, message)
+    raise_together(tagged_mesh.mesh.comm, message)
     return fixed, values
 
 
 def check_moved_surfaces(
     V: fem.FunctionSpace,
-    assembly: TaggedMesh,
+    tagged_mesh: TaggedMesh,
     surfaces: Iterable[str],
     constraints: Constraints,
     fixed: npt.NDArray[np.bool_],
-    prescribed: npt.NDArray[np.float64],
+    prescribed: Floats,
 ) -> None:
     """Refuse supports that move nodes of contact surfaces along their normals, unseen by any pair.
 
@@ -70,7 +71,7 @@ def check_moved_surfaces(
 
     Args:
         V: Displacement space.
-        assembly: Mesh with names.
+        tagged_mesh: Mesh with names.
         surfaces: Names of those in contact, with each other or with obstacles.
         constraints: The rows of these surfaces.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
@@ -90,7 +91,7 @@ def check_moved_surfaces(
     for thing in (magnitudes, nodes, rows):
         thing.destroy()
     for name in surfaces:
-        faces = face_nodes(V, assembly, name)
+        faces = face_nodes(V, tagged_mesh, name)
         along = np.abs(np.sum(faces.normal * prescribed[faces.node], axis=1))
         freedom = (np.abs(faces.normal) * ~fixed[faces.node]).max(axis=1, initial=0)
         unseen = (freedom < LEAST_COSINE) & (paired.array[faces.node] == 0)
@@ -99,4 +100,4 @@ def check_moved_surfaces(
                 f"supports move nodes of the contact surface '{name}' along its normal towards"
                 " others that cannot give way; leave these nodes out of the contact surface."
             )
-    raise_together(assembly.mesh.comm, message)
+    raise_together(tagged_mesh.mesh.comm, message)

@@ -44,7 +44,7 @@ class Problem:
     """Elastic–perfectly plastic bodies with supports, loads and frictionless contact.
 
     Attributes:
-        assembly: The mesh and its names.
+        tagged_mesh: The mesh and its names.
         degree: 1 or 2, that of the displacements.
         V: Continuous displacements, one vector a node.
         S: Mandel vectors (strain, stress) at the quadrature points (:class:`spaces.Spaces`).
@@ -69,7 +69,7 @@ class Problem:
 
     def __init__(
         self,
-        assembly: TaggedMesh,
+        tagged_mesh: TaggedMesh,
         materials: Mapping[str, Material],
         supports: Sequence[Support] = (),
         loads: Sequence[Load] = (),
@@ -80,7 +80,7 @@ class Problem:
         """Declare the problem. Collective.
 
         Args:
-            assembly: Mesh with named volumes and surfaces.
+            tagged_mesh: Mesh with named volumes and surfaces.
             materials: Of each volume, anything that is a :class:`Material`.
             supports: Where the displacement is known.
             loads: What L₁(v) is the work of.
@@ -92,15 +92,15 @@ class Problem:
         Raises:
             InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
-        self.tagged_mesh = assembly
-        spaces = make_spaces(assembly.mesh, degree)
+        self.tagged_mesh = tagged_mesh
+        spaces = make_spaces(tagged_mesh.mesh, degree)
         self.degree, self.dx = degree, spaces.dx
         self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
-        topology = assembly.mesh.topology
+        topology = tagged_mesh.mesh.topology
         index_map = topology.index_map(topology.dim)
         self.cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         self.bodies: Bodies = find_bodies(self.V)
-        self.laws = lay_out(assembly, spaces, materials)
+        self.laws = lay_out(tagged_mesh, spaces, materials)
         self.bcs = self._supports(supports)
         self._contact(contacts, obstacles)
         self.loads = self._loads(loads)

@@ -6,11 +6,11 @@ All forms and Expressions are compiled once for a problem. Nothing here loops ov
 from mpi4py import MPI
 from petsc4py import PETSc
 
-import ufl
 from dolfinx import default_scalar_type, fem
 
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.materials.mandel import strain
+from perfplast_fenicsx.problem.energy_norms import strain_norm2, stress_norm2
 from perfplast_fenicsx.problem.integrals import Integral, assemble_force
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, OfLaw, integrate
 from perfplast_fenicsx.problem.problem import Problem
@@ -48,8 +48,8 @@ class QuadratureFields:
         self._stress = LawExpression(laws, S, lambda on: on.law.stress(e, on.old))
         self.potential = integral(lambda on: on.law.potential(e, on.old))
         self.conjugate = integral(lambda on: on.law.conjugate(s, on.old))
-        self.stress_norm2 = integral(lambda on: ufl.dot(on.law.elastic.compliance(s), s))
-        self.u_norm2 = integral(lambda on: ufl.dot(on.law.elastic.hooke(e), e))
+        self.stress_norm2 = stress_norm2(problem, lambda on: s)
+        self.u_norm2 = strain_norm2(problem, e)
         self._plastic_volume = integral(lambda on: on.law.plastic(e, on.old))
         one = fem.Constant(mesh, default_scalar_type(1))
         self._volume = Integral(comm, one * problem.dx)()

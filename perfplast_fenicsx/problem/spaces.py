@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 
 import basix.ufl
-import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from dolfinx.mesh import Mesh
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.mandel import mandel_size
 
@@ -73,6 +72,6 @@ def _accuracy(degree: int) -> int:
     return 2 * (degree - 1)
 
 
-def by_cell(function: fem.Function) -> npt.NDArray[np.float64]:
+def by_cell(function: fem.Function) -> Floats:
     """Values of a function of Q by local cell and point, shape (num_cells, points_per_cell)."""
     return function.x.array[function.function_space.dofmap.list]

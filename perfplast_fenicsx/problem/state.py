@@ -1,12 +1,11 @@
-"""A state of the assembly, and the load level that ends with it."""
+"""A state of the bodies, and the load level that ends with it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
+from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
 
 
@@ -26,7 +25,7 @@ class State:
     u: fem.Function
     zeta: float
     alpha: float
-    active: npt.NDArray[np.bool_]
+    active: PairFlags
     history: Mapping[str, fem.Function] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -48,7 +47,7 @@ class Level:
 
     state: State
     stress: fem.Function
-    contact_forces: npt.NDArray[np.float64]
+    contact_forces: Floats
     report: LevelReport
     iterations: list[Iteration] = field(default_factory=list)
 

@@ -101,7 +101,9 @@ def create_stiffness(problem: Problem) -> PETSc.Mat:
     K.setType("baij")
     K.setBlockSize(bs)
     K.setPreallocationCSR((pointer, columns))
-    K.setLGMap(PETSc.LGMap().create(numbers.astype(PETSc.IntType), bsize=bs, comm=T.comm))
+    to_global = PETSc.LGMap().create(numbers.astype(PETSc.IntType), bsize=bs, comm=T.comm)
+    K.setLGMap(to_global)
+    to_global.destroy()
     return K
 
 

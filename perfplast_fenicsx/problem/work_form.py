@@ -11,7 +11,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.loads import BodyForce, Load, Pressure
 
 
-def work_form(assembly: TaggedMesh, loads: Sequence[Load], v: ufl.Argument) -> ufl.Form:
+def work_form(tagged_mesh: TaggedMesh, loads: Sequence[Load], v: ufl.Argument) -> ufl.Form:
     """The linear form L(v) of all loads.
 
     Raises:
@@ -19,9 +19,9 @@ def work_form(assembly: TaggedMesh, loads: Sequence[Load], v: ufl.Argument) -> u
     """
     if not loads:
         raise InputError("no load is given, so nothing can be increased; give at least one load.")
-    mesh = assembly.mesh
-    ds = ufl.Measure("ds", domain=mesh, subdomain_data=assembly.facet_tags)
-    dx = ufl.Measure("dx", domain=mesh, subdomain_data=assembly.cell_tags)
+    mesh = tagged_mesh.mesh
+    ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged_mesh.facet_tags)
+    dx = ufl.Measure("dx", domain=mesh, subdomain_data=tagged_mesh.cell_tags)
     terms = []
     for load in loads:
         kind = type(load).__name__.lower()
@@ -33,12 +33,12 @@ def work_form(assembly: TaggedMesh, loads: Sequence[Load], v: ufl.Argument) -> u
                 f" number{'s are' if expected > 1 else ' is'} needed; correct its value."
             )
         if isinstance(load, BodyForce):
-            assembly.cells(load.on)
-            tag = assembly.volumes[load.on]
+            tagged_mesh.cells(load.on)
+            tag = tagged_mesh.volumes[load.on]
             terms.append(ufl.inner(fem.Constant(mesh, value), v) * dx(tag))
         else:
-            assembly.facets(load.on)
-            tag = assembly.surfaces[load.on]
+            tagged_mesh.facets(load.on)
+            tag = tagged_mesh.surfaces[load.on]
             density = (
                 -fem.Constant(mesh, value[0]) * ufl.FacetNormal(mesh)
                 if isinstance(load, Pressure)

@@ -3,14 +3,14 @@
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, OfLaw
 from perfplast_fenicsx.problem.problem import Problem
 
-Strains = npt.NDArray[np.float64]
+Strains = Floats
 
 MEMORY = 8
 """Differences kept."""
@@ -22,7 +22,7 @@ REGULARISATION = 1e-12
 """Added to the normal equations, relative to their trace."""
 
 
-Weights = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+Weights = tuple[Floats, Floats]
 """Of the spherical and the deviatoric part of the strains, at each point owned by this rank."""
 
 
@@ -32,7 +32,7 @@ def elastic_weights(problem: Problem) -> Weights:
     owned = Q.dofmap.index_map.size_local
     volume = fem.assemble_vector(fem.form(ufl.TestFunction(Q) * problem.dx)).array[:owned]
 
-    def root(modulus: OfLaw) -> npt.NDArray[np.float64]:
+    def root(modulus: OfLaw) -> Floats:
         at_points = fem.Function(Q)
         LawExpression(problem.laws, Q, modulus).interpolate(at_points)
         return np.sqrt(at_points.x.array[:owned] * volume)

@@ -18,17 +18,18 @@ from typing import Literal
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
-import ufl
 from dolfinx import default_scalar_type, fem
 
+from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.errors import InputError, check_choice, check_end
 from perfplast_fenicsx.materials.mandel import Expr
-from perfplast_fenicsx.problem.integrals import Integral, assemble_force
-from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells, OfLaw, integrate
+from perfplast_fenicsx.problem.energy_norms import strain_norm2, stress_norm2
+from perfplast_fenicsx.problem.integrals import assemble_force
+from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells, OfLaw
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Iteration, State
+from perfplast_fenicsx.problem.report import Iteration
+from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.solvers.anderson import Anderson, elastic_weights
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.progress import Step
@@ -111,7 +112,7 @@ class AugmentedLagrangian(LevelSolver):
         self.program.set_operator(self.iterate.operator(rho=1.0))
         self._first_work = 0.0
 
-        mesh, S, comm = problem.tagged_mesh.mesh, problem.S, problem.comm
+        mesh, S = problem.tagged_mesh.mesh, problem.S
         self._q, self._next_q = fem.Function(S), fem.Function(S)
         self._sigma, self._trial = fem.Function(S), fem.Function(S)
         self._r = fem.Constant(mesh, default_scalar_type(1))
@@ -135,19 +136,13 @@ class AugmentedLagrangian(LevelSolver):
         self._force = problem.create_vector()
         self._gradient = problem.create_vector()
 
-        def integral(density: OfLaw) -> Integral:
-            return Integral(comm, integrate(problem.laws, density))
+        self._primal2 = strain_norm2(problem, e - self._next_q)
+        self._dual2 = strain_norm2(problem, self._next_q - q)
+        self._stress2 = stress_norm2(problem, lambda on: sigma)
+        self._anderson = Anderson(problem.comm, elastic_weights(problem))
 
-        def norm2(strain: Expr) -> Integral:
-            return integral(lambda on: ufl.dot(on.law.elastic.hooke(strain), strain))
-
-        self._primal2, self._strain2 = norm2(e - self._next_q), norm2(e)
-        self._dual2 = norm2(self._next_q - q)
-        self._stress2 = integral(lambda on: ufl.dot(on.law.elastic.compliance(sigma), sigma))
-        self._anderson = Anderson(comm, elastic_weights(problem))
-
-    def begin(self, value: float, start: State | None) -> tuple[float, npt.NDArray[np.bool_]]:
-        """Go to the state, in K_h, with e = ε(u), σ = Σ(e) and the first penalty."""
+    def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
+        """Go to the state, in K_h, with e = ε(u), σ = Σ(e) and the first penalty. Collective."""
         options, active = self.options, self.iterate.begin(start)
         self._r.value = FIRST_PENALTY if options.penalty == "adaptive" else options.penalty
         self._q.x.array[:] = self.iterate.fields.e.x.array
@@ -159,10 +154,10 @@ class AugmentedLagrangian(LevelSolver):
         self,
         value: float,
         zeta: float,
-        active: npt.NDArray[np.bool_],
+        active: PairFlags,
         history: Sequence[Iteration],
     ) -> Step:
-        """Do the steps 1 to 3, with an extrapolation of e."""
+        """Do the steps 1 to 3, with an extrapolation of e. Collective."""
         options, iterate = self.options, self.iterate
         if history and len(history) % CHECK_EVERY == 0:
             self._balance(history[-1].extra["primal"], history[-1].extra["dual"])
@@ -177,7 +172,7 @@ class AugmentedLagrangian(LevelSolver):
         self._q.x.array[:] = self._next_q.x.array
         self._step_3.interpolate(self._sigma)
         r = float(self._r.value)
-        primal = _ratio(primal2, self._strain2())
+        primal = _ratio(primal2, iterate.fields.u_norm2())
         dual = r * _ratio(dual2, self._stress2())
         if not history:
             self._first_work = iterate.total_work(zeta)
@@ -191,7 +186,7 @@ class AugmentedLagrangian(LevelSolver):
         )
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Whether J_ζ falls on for ever."""
+        """Whether J_ζ falls on for ever. Collective."""
         due = len(history) % CHECK_EVERY == 0
         if not due or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None

@@ -4,16 +4,16 @@ What ALG1 and the work-controlled methods do alike stands here; they differ in t
 
 Vectors with an entry for each unknown are of two kinds, both of type ``PETSc.Vec``. Those in nodal
 unknowns have names of u: displacements, their change δu (:attr:`direction.Direction.du`), forces.
-Those in jump unknowns, of the contact basis, have names of y: y = M u, and ``delta_y`` with
+Those in jump unknowns, of the jump basis, have names of y: y = M u, and ``delta_y`` with
 δu = T δy; forces there are Tᵀ times the nodal ones.
 """
 
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
+from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.problem.direction import Direction
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
@@ -32,7 +32,7 @@ ROUNDING = 1e-13
 
 
 class Iterate:
-    """u ∈ K_h, its fields, and a direction δu.
+    """u ∈ K_h, its fields, and a direction δu. All methods but :meth:`room` are collective.
 
     Attributes:
         fields: u (nodal) with its strain, stress, integrals.
@@ -53,7 +53,7 @@ class Iterate:
         self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
         self._operator = ContactOperator(problem, self._stiffness.matrix)
 
-    def begin(self, start: State | None) -> npt.NDArray[np.bool_]:
+    def begin(self, start: State | None) -> PairFlags:
         """Start from a state, or from zero displacement, in K_h: what penetrates is pushed back.
 
         Supported unknowns get their u_D, which no direction changes, and the laws the state's
@@ -79,7 +79,7 @@ class Iterate:
         self.fields.update()
         return problem.first_active.copy() if start is None else start.active.copy()
 
-    def room(self) -> npt.NDArray[np.float64]:
+    def room(self) -> Floats:
         """Room g − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""
         basis = self.problem.basis
         room = basis.gap - self.y.array_r[basis.index]
@@ -201,7 +201,7 @@ class Iterate:
         self.y.axpy(beta, self._delta_y)
         self.fields.update()
 
-    def state(self, zeta: float, active: npt.NDArray[np.bool_]) -> State:
+    def state(self, zeta: float, active: PairFlags) -> State:
         """A copy of u, and the history after it, which later steps leave alone."""
         u = fem.Function(self.problem.V, name="displacement")
         u.x.array[:] = self.fields.u.x.array

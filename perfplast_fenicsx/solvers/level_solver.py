@@ -8,13 +8,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import ClassVar, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
+from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.errors import check_finite
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Iteration, Level, State
+from perfplast_fenicsx.problem.report import Iteration
+from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
@@ -44,7 +43,7 @@ class Stepper(Protocol):
     criterion: str
 
     @abstractmethod
-    def begin(self, value: float, start: State | None) -> tuple[float, npt.NDArray[np.bool_]]:
+    def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
         """Go to where the level starts: ζ, and the active set to begin with. Collective."""
         ...
 
@@ -53,7 +52,7 @@ class Stepper(Protocol):
         self,
         value: float,
         zeta: float,
-        active: npt.NDArray[np.bool_],
+        active: PairFlags,
         history: Sequence[Iteration],
     ) -> Step:
         """Take a step. Collective.

@@ -60,7 +60,7 @@ def load_path(
     monitor: Monitor | None = None,
     start: State | None = None,
 ) -> Iterator[Level]:
-    """Solve for each prescribed value in turn, each from the one before.
+    """Solve for each prescribed value in turn, each from the one before. Collective.
 
     Args:
         solver: One of the four algorithms.
@@ -83,7 +83,7 @@ def load_path(
 def work_path(
     solver: WorkNewton, monitor: Monitor | None = None, reached: Reached | None = None
 ) -> Iterator[Level]:
-    """Load by work without end, from first yield on; the caller stops it.
+    """Load by work without end, from first yield on; the caller stops it. Collective.
 
     α grows by a factor that shrinks where ζ(α) bends or a level has needed many steps, and grows
     on the plateau. Each level starts from the extrapolation of the two before. A level that fails

@@ -26,3 +26,4 @@ METHODS = {
     "work-newton": Method(NewtonOptions, WorkNewton),
     "bordered-newton": Method(NewtonOptions, BorderedNewton),
 }
+"""Algorithms by the name of ``method`` in case files."""

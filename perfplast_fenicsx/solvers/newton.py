@@ -9,12 +9,11 @@ then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu).
 
 from collections.abc import Sequence
 
-import numpy as np
-import numpy.typing as npt
-
+from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Iteration, State
+from perfplast_fenicsx.problem.report import Iteration
+from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactStep
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton_options import (
@@ -39,18 +38,18 @@ class Newton(LevelSolver):
         super().__init__(problem, self.options.max_iterations, criterion_met(self.options))
         self._first_work = 0.0
 
-    def begin(self, value: float, start: State | None) -> tuple[float, npt.NDArray[np.bool_]]:
-        """Go to the state, in K_h."""
+    def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
+        """Go to the state, in K_h. Collective."""
         return value, self.iterate.begin(start)
 
     def step(
         self,
         value: float,
         zeta: float,
-        active: npt.NDArray[np.bool_],
+        active: PairFlags,
         history: Sequence[Iteration],
     ) -> Step:
-        """Minimise the quadratic model, and go along δu as far as the energy falls."""
+        """Minimise the quadratic model, and go along δu as far as the energy falls. Collective."""
         options, iterate = self.options, self.iterate
         rho = regularisation(options, history)
         found = newton_direction(self, options, zeta, active, history, rho)
@@ -63,7 +62,7 @@ class Newton(LevelSolver):
         return Step(zeta, increment, found.active, found.iterations, finished, beta, rho)
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Whether J_ζ falls on for ever."""
+        """Whether J_ζ falls on for ever. Collective."""
         if len(history) < 3 or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None
         return above_limit(zeta, history)
@@ -73,7 +72,7 @@ def newton_direction(
     solver: LevelSolver,
     options: NewtonOptions,
     zeta: float,
-    active: npt.NDArray[np.bool_],
+    active: PairFlags,
     history: Sequence[Iteration],
     rho: float,
     work: float | None = None,

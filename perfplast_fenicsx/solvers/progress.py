@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
+from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.problem.certificate import certify
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
 from perfplast_fenicsx.problem.state import Level
@@ -31,12 +31,12 @@ class Step:
         beta: Step length.
         rho: Regularisation of the tangent.
         finished: Whether the stopping criterion is met.
-        extra: For :attr:`state.Iteration.extra`.
+        extra: For :attr:`report.Iteration.extra`.
     """
 
     zeta: float
     increment: float
-    active: npt.NDArray[np.bool_]
+    active: PairFlags
     active_set_iterations: int
     finished: bool
     beta: float = 1.0
@@ -82,9 +82,7 @@ class Progress:
         if self._monitor is not None:
             self._monitor(record)
 
-    def level(
-        self, zeta: float, active: npt.NDArray[np.bool_], converged: bool, reason: str
-    ) -> Level:
+    def level(self, zeta: float, active: PairFlags, converged: bool, reason: str) -> Level:
         """Judge the iterate and report it. Collective."""
         iterate, history = self._iterate, self.history
         problem, fields, comm = iterate.problem, iterate.fields, iterate.problem.comm

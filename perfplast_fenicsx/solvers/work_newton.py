@@ -17,12 +17,13 @@ the solution's. So both are one method here, which ALG3 damps and ALG4 does not.
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Iteration, Level, State
+from perfplast_fenicsx.problem.report import Iteration
+from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton import criterion_met, newton_direction
 from perfplast_fenicsx.solvers.newton_options import Monitor, NewtonOptions, regularisation
@@ -53,18 +54,21 @@ class WorkNewton(LevelSolver):
             raise InputError(f"the work alpha = {value} is negative; give zero or more.")
         return super().solve(value, start, monitor)
 
-    def begin(self, value: float, start: State | None) -> tuple[float, npt.NDArray[np.bool_]]:
-        """Go to the state, in K_h."""
+    def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
+        """Go to the state, in K_h. Collective."""
         return start.zeta if start else 0.0, self.iterate.begin(start)
 
     def step(
         self,
         value: float,
         zeta: float,
-        active: npt.NDArray[np.bool_],
+        active: PairFlags,
         history: Sequence[Iteration],
     ) -> Step:
-        """Minimise the quadratic model with the work equality; its multiplier changes ζ."""
+        """Minimise the quadratic model with the work equality, whose multiplier changes ζ.
+
+        Collective.
+        """
         options, iterate = self.options, self.iterate
         rho, missing = regularisation(options, history), value - iterate.work()
         found = newton_direction(self, options, zeta, active, history, rho, missing)

@@ -14,7 +14,7 @@ from dolfinx import fem
 from perfplast_fenicsx import Contact, Newton, OutputFields, Pressure, Problem, Support, TaggedMesh
 from perfplast_fenicsx.contact.constraints import Constraints, joined, make_constraints
 from perfplast_fenicsx.contact.surface_nodes import surface_nodes
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_assembly
+from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from perfplast_fenicsx.problem import problem as problem_module
 from tests.checks import assert_solved, largest
 from tests.contact.test_jump_basis import assert_inverse
@@ -26,7 +26,7 @@ COARSE = 3
 
 def unlike_blocks(comm: MPI.Intracomm) -> TaggedMesh:
     """Two unit cubes on each other, whose nodes do not match."""
-    return structured_assembly(
+    return structured_mesh(
         comm,
         [
             Box("lower", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (COARSE, COARSE, 2)),

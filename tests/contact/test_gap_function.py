@@ -16,7 +16,7 @@ from perfplast_fenicsx import (
     Support,
     TaggedMesh,
 )
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_assembly
+from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from tests.checks import assert_solved
 from tests.models import STEEL, Read
 
@@ -74,7 +74,7 @@ def test_a_gap_between_parallel_faces_is_measured_and_closed(comm: MPI.Intracomm
             Surface("y0", both, lambda x: np.isclose(x[1], 0)),
         ]
         return Problem(
-            structured_assembly(comm, boxes, surfaces),
+            structured_mesh(comm, boxes, surfaces),
             dict.fromkeys(both, STEEL),
             [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
             [Pressure("top", 1.0)],

@@ -18,7 +18,7 @@ from perfplast_fenicsx import (
     read_gmsh,
     two_blocks,
 )
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_assembly
+from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from tests.checks import assert_refused
 from tests.contact.test_jump_basis import assert_inverse, body_of
 from tests.models import STEEL, touching_blocks, wedge_problem
@@ -85,7 +85,7 @@ def test_surfaces_that_look_the_same_way_are_refused() -> None:
     """Two bodies in the same place: the nodes of their top faces match, the normals do not."""
     corners, cubes = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), (2, 2, 2)
     names = ("one", "other")
-    assembly = structured_assembly(
+    assembly = structured_mesh(
         MPI.COMM_WORLD,
         [Box(name, *corners, cubes) for name in names],
         [Surface(f"{name}_top", (name,), lambda x: x[2] == 1) for name in names]

@@ -10,7 +10,7 @@ import pytest
 from meshes.corner_seat import write_corner_seat
 from meshes.thick_sphere import write_thick_sphere
 from perfplast_fenicsx.contact.surface_normals import face_nodes
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_assembly
+from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from perfplast_fenicsx.problem.spaces import make_spaces
 from tests.checks import largest
 from tests.models import Read
@@ -22,7 +22,7 @@ def test_nodes_on_the_edges_of_a_cube_have_a_normal_for_each_face(
     comm: MPI.Intracomm, degree: int
 ) -> None:
     skin = Surface("skin", ("cube",), lambda x: np.full(x.shape[1], True))
-    assembly = structured_assembly(
+    assembly = structured_mesh(
         comm, [Box("cube", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (2, 3, 4))], [skin]
     )
     V = make_spaces(assembly.mesh, degree).V

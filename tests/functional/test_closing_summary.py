@@ -51,7 +51,7 @@ def test_a_failure_ends_nothing_else(tmp_path: Path) -> None:
 echo '[rank 1] !! the run is ended: rank 1 has failed !!'
 echo '[rank 1] 1 error in 0.10s'
 exit 1"""
-    status, summary = run(tmp_path, alone, two, "exec sleep 100", LIMIT="1")
+    status, summary = run(tmp_path, alone, two, "exec sleep 100", LIMIT="5")
     assert status == 1
     assert summary == [
         "1 rank   FAILED  3 passed, 1 skipped in 1.20s (0:00:01)",
@@ -59,7 +59,7 @@ exit 1"""
         "2 ranks  FAILED  1 error in 0.10s",
         "         !! the run is ended: rank 1 has failed !!",
         "         ERROR tests/b.py::test_b",
-        "3 ranks  FAILED  ended after 1 s",
+        "3 ranks  FAILED  ended after 5 s",
     ]
 
 

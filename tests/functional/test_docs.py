@@ -1,4 +1,4 @@
-"""The documentation: the reference is whole, the site builds, the tutorial does what it shows."""
+"""The documentation: the reference is whole, the site builds, pages do what they show."""
 
 import dataclasses
 import importlib.util
@@ -13,11 +13,13 @@ from mpi4py import MPI
 import pytest
 
 from docs import api_pages, case_reference, command_reference, commands
+from docs.repository import LINK
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES
 from perfplast_fenicsx.io.case import tables as schemas
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.case.scene import Units
+from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.supports import Support
@@ -94,6 +96,22 @@ def test_every_room_has_a_page() -> None:
     assert sorted(named) == sorted({*BELOW, "ground"})
 
 
+def test_the_line_for_pyvista_is_shown() -> None:
+    """The one that a test of :mod:`field_series` runs."""
+    (line,) = re.findall(r"^    (pyvista\..+)$", field_series.__doc__ or "", re.MULTILINE)
+    for page in (DOCS / "howto" / "fields.md", DOCS.parent / "README.md"):
+        assert f"\n{line}\n" in page.read_text(encoding="utf-8")
+
+
+def test_links_lead_to_files() -> None:
+    """Of all pages, as they are read in the repository; the site's own are checked by Sphinx."""
+    pages = [*DOCS.parent.glob("*.md"), *DOCS.rglob("*.md"), *DOCS.parent.glob("benchmarks/*.md")]
+    links = [(page, match[2]) for page in pages for match in LINK.finditer(page.read_text("utf-8"))]
+    files = [(page, link) for page, link in links if ":" not in link]
+    assert len(files) > 50
+    assert [(page, link) for page, link in files if not (page.parent / link).exists()] == []
+
+
 def test_pictures_are_small() -> None:
     pictures = [*DOCS.glob("pictures/*")]
     assert pictures
@@ -114,14 +132,19 @@ def test_outputs_are_compared(shown: str, printed: str, equal: bool) -> None:
     assert commands.same(shown, printed) == equal
 
 
-def test_tutorial(comm: MPI.Intracomm, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "count"), [("tutorial.md", 5), ("extending.md", 4), ("howto/loading.md", 1)]
+)
+def test_pages_do_what_they_show(
+    comm: MPI.Intracomm, tmp_path: Path, name: str, count: int
+) -> None:
     alone(comm)
-    page = DOCS / "tutorial.md"
+    page = DOCS / name
     parts = list(commands.parts(page.read_text(encoding="utf-8")))
-    assert sum(isinstance(part, commands.Command) for part in parts) == 5
+    assert sum(isinstance(part, commands.Command) for part in parts) == count
     # without pictures: they take most of the time, and have tests of their own
     faults = commands.check(page, tmp_path / "clone", pictures=False)
-    assert not faults, "\n".join([*faults, f"docs/commands.py {page.name} --write refreshes it"])
+    assert not faults, "\n".join([*faults, f"docs/commands.py docs/{name} --write refreshes it"])
 
 
 def test_site(comm: MPI.Intracomm, tmp_path: Path) -> None:

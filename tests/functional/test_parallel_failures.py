@@ -20,13 +20,14 @@ from mpi4py import MPI
 import pytest
 comm = MPI.COMM_WORLD
 """
-GRACE = "from tests import parallel_plugin\nparallel_plugin.GRACE = 2.0\n"
+GRACE = "from tests import parallel_plugin\nparallel_plugin.GRACE = 5.0\n"
+"""Shorter, where a rank waits for others in vain; elsewhere they come, however slow they are."""
 
 
-def run(folder: Path, tests: str, *options: str, ranks: int = 2) -> str:
+def run(folder: Path, tests: str, *options: str, ranks: int = 2, settings: str = "") -> str:
     """What pytest shows of tests that fail."""
     (folder / "test_here.py").write_text(BEGIN + tests)
-    (folder / "conftest.py").write_text(GRACE)
+    (folder / "conftest.py").write_text(settings)
     launch = ["mpirun", "-n", str(ranks), str(ROOT / "scripts" / "rank0")] if ranks > 1 else []
     pytest_ = [sys.executable, "-m", "pytest", "-q", "-p", "tests.parallel_plugin"]
     done = subprocess.run(
@@ -58,7 +59,7 @@ def test_waits():
     assert comm.rank == 0, "only here"
     comm.allreduce(1)
 """
-    shown = run(tmp_path, tests)
+    shown = run(tmp_path, tests, settings=GRACE)
     assert "AssertionError: only here" in shown
     assert "AssertionError: the one before" in shown
     place = line_of(BEGIN + tests, "allreduce")

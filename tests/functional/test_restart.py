@@ -64,9 +64,6 @@ LOADINGS = {
 OTHERS = list(LOADINGS)[1:]
 LIMIT = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-3'
 
-TIMES = ("seconds", "linear_iterations", "linear_solves", "setups")
-"""What a restart may change in a level."""
-
 
 def case_text(method: str, loading: str, more: str = "") -> str:
     return f'{CASE}{more}\n[solve]\nmethod = "{method}"\n[loading]\n{loading}\n'

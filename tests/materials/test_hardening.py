@@ -50,7 +50,7 @@ from perfplast_fenicsx.materials import (
     deviator,
     spherical,
 )
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_assembly
+from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from tests.materials.properties import check_all
 from tests.models import STEEL
 
@@ -170,7 +170,7 @@ def tower(materials: dict[str, Material], degree: int) -> Problem:
         surfaces.append(Surface(f"{name}_bottom", (name,), at(z)))
         surfaces.append(Surface(f"{name}_top", (name,), at(z + 1)))
     return Problem(
-        structured_assembly(MPI.COMM_WORLD, boxes, surfaces),
+        structured_mesh(MPI.COMM_WORLD, boxes, surfaces),
         materials,
         [Support("x0", "x"), Support("y0", "y"), Support(f"{names[0]}_bottom", "z")],
         [Pressure(f"{names[-1]}_top", 1.0)],

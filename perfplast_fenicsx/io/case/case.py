@@ -61,7 +61,7 @@ class Case:
     units: Units
 
     @property
-    def model(self) -> Scene:
+    def scene(self) -> Scene:
         """What pictures need to know."""
         return Scene(self.title, self.loads, self.contacts, self.obstacles, self.units)
 
@@ -74,7 +74,7 @@ class Case:
             f" {self.method}, {levels})"
         )
 
-    def assembly(self, comm: MPI.Intracomm) -> TaggedMesh:
+    def tagged_mesh(self, comm: MPI.Intracomm) -> TaggedMesh:
         """Build or read the mesh. Collective.
 
         Raises:
@@ -91,10 +91,10 @@ class Case:
         Raises:
             InputError: If the names, materials, supports, loads and contacts do not fit the mesh.
         """
-        assembly = self.assembly(comm)
+        tagged_mesh = self.tagged_mesh(comm)
         with at(self.path.name):
             return Problem(
-                assembly,
+                tagged_mesh,
                 self.materials,
                 self.supports,
                 self.loads,
@@ -192,7 +192,7 @@ def _algorithm(table: Table, loading: LoadControl | WorkControl, place: str) -> 
             f" '{control[wanted]}'; use method = {' or '.join(map(repr, fitting))}, or"
             f" control = '{other}'."
         )
-    if isinstance(loading, WorkControl) and loading.limit_tolerance is not None:
+    if loading.limit_tolerance is not None:
         rest = limit_options(loading.limit_tolerance) | rest
     return method, convert(rest, algorithm.options, place)
 

@@ -20,6 +20,7 @@ class LoadControl:
     """
 
     prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
+    limit_tolerance: ClassVar[None] = None
 
     values: list[float]
 

@@ -71,7 +71,7 @@ class Scene:
 
     @property
     def marks(self) -> dict[str, list[str]]:
-        """Surfaces of each mark of a skin.
+        """Surfaces of each mark in a picture.
 
         ``load i`` for each load on surfaces, ``contact`` where its pressure is shown, ``opposite``
         for the other surface of each pair.
@@ -82,25 +82,25 @@ class Scene:
         return marks | {"opposite": [contact.primary for contact in self.contacts]}
 
 
-def write_scene(model: Scene, assembly: "TaggedMesh", path: Path) -> None:
+def write_scene(scene: Scene, tagged_mesh: "TaggedMesh", path: Path) -> None:
     """Write ``scene.json``. Not collective."""
     loads = {load: kind for kind, load in LOADS.items()}
     shapes = {shape: name for name, shape in OBSTACLES.items()}
-    table = asdict(model)
-    for entry, load in zip(table["loads"], model.loads, strict=True):
+    table = asdict(scene)
+    for entry, load in zip(table["loads"], scene.loads, strict=True):
         entry["kind"] = loads[type(load)]
-    for entry, obstacle in zip(table["obstacles"], model.obstacles, strict=True):
+    for entry, obstacle in zip(table["obstacles"], scene.obstacles, strict=True):
         entry["shape"] = shapes[type(obstacle)]
-    names = {"volumes": assembly.volumes, "surfaces": assembly.surfaces}
+    names = {"volumes": tagged_mesh.volumes, "surfaces": tagged_mesh.surfaces}
     text = json.dumps(names | table, indent=2, ensure_ascii=False, default=list)
     replace(path, f"{text}\n".encode())
 
 
 @dataclass(frozen=True)
 class NamedScene:
-    """What is in ``scene.json``: a model, and the tag of each name in ``fields/mesh.vtkhdf``."""
+    """What is in ``scene.json``: a scene, and the tag of each name in ``fields/mesh.vtkhdf``."""
 
-    model: Scene
+    scene: Scene
     volumes: dict[str, int]
     surfaces: dict[str, int]
 
@@ -138,11 +138,11 @@ def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
         return found
 
     with at(place):
-        model = Scene(
+        scene = Scene(
             top.title,
             chosen(top.loads, "kind", LOADS),
             [convert(contact, Contact, place) for contact in top.contacts],
             chosen(top.obstacles, "shape", OBSTACLES),
             convert(top.units, Units, place),
         )
-    return NamedScene(model, top.volumes, top.surfaces)
+    return NamedScene(scene, top.volumes, top.surfaces)

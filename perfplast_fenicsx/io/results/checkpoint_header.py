@@ -21,12 +21,11 @@ from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.schema import Table
 from perfplast_fenicsx.io.results.fingerprint import first_difference
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block
+from perfplast_fenicsx.io.results.result_files import BEFORE, NEWEST
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 
 SCHEMA = 2
 """Version of what stands in a checkpoint."""
-
-NEWEST, BEFORE = "checkpoint.h5", "checkpoint_before.h5"
 
 
 @dataclass(frozen=True)

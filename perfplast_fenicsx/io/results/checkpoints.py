@@ -17,12 +17,9 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.schema import Table
 from perfplast_fenicsx.io.results.checkpoint_header import (
-    BEFORE,
-    NEWEST,
     SCHEMA,
     Header,
     damaged,
@@ -41,9 +38,9 @@ from perfplast_fenicsx.io.results.parallel_hdf5 import (
     read_rows,
     write_arrays,
 )
+from perfplast_fenicsx.io.results.result_files import BEFORE, NEWEST
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.limit_search import Search
-from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.problem.certificate import contact_forces
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import LevelReport
@@ -109,9 +106,6 @@ class Checkpoints:
         self._owned_cells = mesh.topology.index_map(mesh.topology.dim).size_local
         self._owned_nodes = V.dofmap.index_map.size_local
         self._bit = _bits(problem)
-        self._u, self._strain = fem.Function(V), fem.Function(problem.S)
-        points = interpolation_points(problem.S.element)
-        self._expression = fem.Expression(strain(self._u), points)
 
     def write(self, saved: Saved) -> None:
         """Replace the checkpoint, and keep the one there is as the one before. Collective.
@@ -121,10 +115,7 @@ class Checkpoints:
         """
         arrays: dict[str, Block] = {}
         if saved.level is not None:
-            self._u.x.array[:] = saved.level.state.u.x.array
-            self._strain.interpolate(self._expression)
             arrays = self._of_state(saved.level.state)
-            arrays["strain"] = self._of_points(self._strain)
             arrays["stress"] = self._of_points(saved.level.stress)
             if saved.before is not None:
                 arrays |= self._of_state(saved.before, BEFORE_LAST)
@@ -240,7 +231,7 @@ class Checkpoints:
         return history
 
     def _ordering(self, name: str) -> Ordering:
-        at_points = name in ("strain", "stress") or "/" in name
+        at_points = name == "stress" or "/" in name
         return self._cells if at_points else self._nodes
 
     def _of_points(self, function: fem.Function) -> Block:

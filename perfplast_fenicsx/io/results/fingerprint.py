@@ -36,23 +36,23 @@ def first_difference(now: Table, then: Table) -> str | None:
     return None
 
 
-def mesh_hash(assembly: TaggedMesh, cells: Ordering) -> str:
+def mesh_hash(tagged_mesh: TaggedMesh, cells: Ordering) -> str:
     """A hash of points, cells and tags, the same on any number of ranks. Collective."""
-    mesh = assembly.mesh
+    mesh = tagged_mesh.mesh
     comm, tdim, dofs = mesh.comm, mesh.topology.dim, geometry_dofmap(mesh)
     index_map = mesh.geometry.index_map()
     owned = mesh.topology.index_map(tdim).size_local
     nodes = node_ordering(mesh, dofs, index_map)
     number = with_ghosts(index_map, nodes.numbers())
     body = np.zeros(len(dofs), dtype=np.int64)
-    body[assembly.cell_tags.indices] = assembly.cell_tags.values
+    body[tagged_mesh.cell_tags.indices] = tagged_mesh.cell_tags.values
     x = mesh.geometry.x[: index_map.size_local]
 
-    tags = assembly.facet_tags
+    tags = tagged_mesh.facet_tags
     ours = tags.indices < mesh.topology.index_map(tdim - 1).size_local
     corners = number[entity_nodes(mesh, tdim - 1, tags.indices[ours])[:, :tdim]]
     facets = np.column_stack([np.sort(corners, axis=1), tags.values[ours]]).astype(np.int64)
-    names = sorted(assembly.volumes.items()), sorted(assembly.surfaces.items())
+    names = sorted(tagged_mesh.volumes.items()), sorted(tagged_mesh.surfaces.items())
     sums = [
         checksum(comm, block(nodes, x)),
         checksum(comm, block(cells, number[dofs[:owned]])),

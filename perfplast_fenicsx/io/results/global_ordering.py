@@ -14,7 +14,7 @@ from dolfinx import la
 from dolfinx.common import IndexMap
 from dolfinx.mesh import Mesh
 
-from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.parallel import exchange_rows, send_rows
 
 UNSEEN = np.iinfo(np.int64).max
@@ -74,7 +74,7 @@ def cell_ordering(mesh: Mesh) -> Ordering:
     return Ordering(mesh.comm, _input_cells(mesh))
 
 
-def node_ordering(mesh: Mesh, cells: npt.NDArray[np.int32], index_map: IndexMap) -> Ordering:
+def node_ordering(mesh: Mesh, cells: Ints, index_map: IndexMap) -> Ordering:
     """The order of owned nodes by their first cell. Collective.
 
     Args:

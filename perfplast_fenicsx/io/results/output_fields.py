@@ -4,11 +4,11 @@ from mpi4py import MPI
 
 import basix.ufl
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from dolfinx.fem import petsc as fem_petsc
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.materials.mandel import strain, tensor
 from perfplast_fenicsx.problem.law_on_cells import LawExpression
@@ -51,7 +51,7 @@ class OutputFields:
             "contact_pressure": vertices,
         }
         self.fields = {name: fem.Function(space, name=name) for name, space in spaces.items()}
-        self.resultants: npt.NDArray[np.float64] = np.zeros((0, mesh.geometry.dim))
+        self.resultants: Floats = np.zeros((0, mesh.geometry.dim))
 
         u = self.fields["displacement"]
         self._strain = fem.Expression(strain(u), interpolation_points(problem.S.element))
@@ -83,7 +83,7 @@ class OutputFields:
         self._contact(level.contact_forces)
         return self.fields
 
-    def _contact(self, forces: npt.NDArray[np.float64]) -> None:
+    def _contact(self, forces: Floats) -> None:
         """Pressure p and resultants of the forces λ of the contact pairs.
 
         The nodal force of node k is f_k = Σ_i ‖B_ik‖ λ_i. Each vertex j gets Σ_k f_k ψ_j(x_k) /
@@ -106,12 +106,12 @@ class OutputFields:
         np.add.at(resultants, constraints.surface, -forces[:, None] * constraints.normal)
         self.resultants = comm.allreduce(resultants)
 
-    def _contact_areas(self, vertices: fem.FunctionSpace) -> npt.NDArray[np.float64]:
+    def _contact_areas(self, vertices: fem.FunctionSpace) -> Floats:
         """∫ψ_j over the contact surfaces for each owned vertex, 1 where it is none of theirs."""
-        assembly, tags = self._problem.tagged_mesh, self._problem.contact_tags
+        tagged_mesh, tags = self._problem.tagged_mesh, self._problem.contact_tags
         if not tags:
             return np.ones(vertices.dofmap.index_map.size_local)
-        ds = ufl.Measure("ds", domain=assembly.mesh, subdomain_data=assembly.facet_tags)
+        ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)
         vector = fem.assemble_vector(fem.form(ufl.TestFunction(vertices) * ds(tags)))
         vector.scatter_reverse(la.InsertMode.add)
         areas = vector.array[: vertices.dofmap.index_map.size_local].copy()
@@ -119,7 +119,7 @@ class OutputFields:
 
 
 def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
-    """The plastic work of a velocity as its law has it, the mean of each cell.
+    """The plastic work of a velocity as its law has it, the mean of each cell. Collective.
 
     For von Mises it is γ‖dev ε(v)‖, and 0 in elastic bodies.
 

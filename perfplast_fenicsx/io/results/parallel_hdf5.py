@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.atomic_files import put
 from perfplast_fenicsx.io.results.global_ordering import Ordering
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
@@ -133,7 +134,7 @@ def checksum(comm: MPI.Intracomm, rows: Block) -> int:
     return total % 2**64
 
 
-def set_checksum(comm: MPI.Intracomm, rows: npt.NDArray[np.int64]) -> int:
+def set_checksum(comm: MPI.Intracomm, rows: Longs) -> int:
     """A checksum of rows in no order, the same however they are distributed. Collective."""
     hashes: npt.NDArray[np.uint64] = np.full(len(rows), GOLDEN)
     for column in rows.T:

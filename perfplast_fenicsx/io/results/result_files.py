@@ -1,8 +1,11 @@
-"""Names of the files with fields in a result folder, and of what is in them.
+"""Names of files in a result folder: checkpoints, and fields with what is in them.
 
 ``fields.vtkhdf.series`` lists the levels for ParaView, each a file in the folder ``fields``. What
 VTK knows nothing of lies outside the group that it reads.
 """
+
+NEWEST, BEFORE = "checkpoint.h5", "checkpoint_before.h5"
+"""The checkpoint of the last level, and of the one before."""
 
 SERIES, FIELDS, MECHANISM = "fields.vtkhdf.series", "fields", "mechanism.vtkhdf"
 MESH = f"{FIELDS}/mesh.vtkhdf"

@@ -24,7 +24,14 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import raise_together
-from perfplast_fenicsx.io.results.result_files import EARLIER, FIELDS, MECHANISM, SERIES
+from perfplast_fenicsx.io.results.result_files import (
+    BEFORE,
+    EARLIER,
+    FIELDS,
+    MECHANISM,
+    NEWEST,
+    SERIES,
+)
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import LevelReport
@@ -32,7 +39,7 @@ from perfplast_fenicsx.problem.report import LevelReport
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
     *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png"),
-    *("checkpoint.h5", "checkpoint_before.h5", *EARLIER),
+    *(NEWEST, BEFORE, *EARLIER),
 )
 """What a run looks for before it writes, and removes when it is told to."""
 
@@ -140,9 +147,9 @@ class ResultFolder:
             found = self.found()
         except OSError as error:
             return self._unwritable(error.strerror or str(error))
-        if restart and not {"checkpoint.h5", "checkpoint_before.h5"} & set(found):
+        if restart and not {NEWEST, BEFORE} & set(found):
             return (
-                f"the folder '{self.path}' has no checkpoint.h5 to go on from; start anew with"
+                f"the folder '{self.path}' has no {NEWEST} to go on from; start anew with"
                 f" -o {self.path}."
             )
         if found and not (force or restart):

@@ -16,10 +16,10 @@ from pathlib import Path
 import basix.ufl
 import h5py
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 from dolfinx.io.utils import cell_perm_vtk
 
+from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.compat import coordinate_map, entity_nodes, geometry_dofmap
 from perfplast_fenicsx.io.results.global_ordering import (
     cell_ordering,
@@ -116,7 +116,7 @@ class FieldWriter:
 
     def _write_mesh(self, problem: Problem) -> None:
         """Points, cells, tags and names of the bodies; facets with names, in the ranks' order."""
-        assembly, mesh, cells = problem.tagged_mesh, self._mesh, self._cells
+        tagged_mesh, mesh, cells = problem.tagged_mesh, self._mesh, self._cells
         tdim, comm, dofmap = mesh.topology.dim, mesh.comm, self._space.dofmap
         owned = mesh.topology.index_map(tdim).size_local
         number = with_ghosts(dofmap.index_map, self._nodes.numbers())
@@ -124,7 +124,7 @@ class FieldWriter:
         to_vtk = np.argsort(cell_perm_vtk(mesh.topology.cell_type, per_cell))
         corners = block(cells, number[dofmap.list[:owned]][:, to_vtk])
         body = np.zeros(len(dofmap.list), dtype=np.int32)
-        body[assembly.cell_tags.indices] = assembly.cell_tags.values
+        body[tagged_mesh.cell_tags.indices] = tagged_mesh.cell_tags.values
         last = comm.rank == comm.size - 1  # of the offsets there is one more than of the cells
         offsets = per_cell * np.arange(cells.first, cells.first + cells.count + last)
         kind = np.full(cells.count, CELL_TYPES[tdim, self._degree], dtype=np.uint8)
@@ -143,20 +143,18 @@ class FieldWriter:
             SURFACE_TAGS: Block(tags, first, total),
         }
         counts = (self._nodes.total, cells.total, per_cell * cells.total)
-        volumes = sorted(assembly.volumes, key=lambda name: assembly.volumes[name])
+        volumes = sorted(tagged_mesh.volumes, key=lambda name: tagged_mesh.volumes[name])
 
         def describe(file: h5py.File) -> None:
             _make_grid(file)
             for name, count in zip(COUNTS, counts, strict=True):
                 _add_row(file, f"{GRID}/{name}", [count])
-            _add_row(file, BODY_TAGS, [assembly.volumes[a] for a in volumes])
+            _add_row(file, BODY_TAGS, [tagged_mesh.volumes[a] for a in volumes])
             _add_row(file, BODY_NAMES, volumes)
 
         write_arrays(self._folder, self._mesh_file, arrays, describe=describe)
 
-    def _named_facets(
-        self, problem: Problem, number: npt.NDArray[np.int64]
-    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:
+    def _named_facets(self, problem: Problem, number: Longs) -> tuple[Longs, Ints]:
         """Points at the vertices of the owned facets with a name, shape (n, tdim); their tags."""
         mesh, tags = self._mesh, problem.tagged_mesh.facet_tags
         tdim, nodes = mesh.topology.dim, geometry_dofmap(mesh)

@@ -74,7 +74,7 @@ class ContactProgram:
         self._r, self._delta, self._gradient = (problem.create_vector() for _ in range(3))
 
     def set_operator(self, A: ContactOperator) -> None:
-        """Take a new operator A in the jump basis, or the same one with new values."""
+        """Take a new operator A in the jump basis, or the same with new values. Collective."""
         self._equality.set_operator(A)
 
     def solve(

@@ -84,7 +84,7 @@ class EqualityProgram:
         self._responded = self._response_is_new = False
 
     def set_operator(self, A: ContactOperator) -> None:
-        """Take a new operator A in the jump basis, or the same one with new values."""
+        """Take a new operator A in the jump basis, or the same with new values. Collective."""
         self._A = A
         self._linear.set_operator(A)
         self._responded = self._response_is_new = False

@@ -11,8 +11,8 @@ from typing import Self
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.petsc_options import COARSE, own_prefix
 
@@ -44,9 +44,9 @@ class Aggregates:
             aggregate does to its unknowns.
     """
 
-    members: npt.NDArray[np.int64]
+    members: Longs
     count: int
-    motions: npt.NDArray[np.float64]
+    motions: Floats
 
     @classmethod
     def of(cls, tentative: PETSc.Mat) -> Self:
@@ -76,9 +76,7 @@ class Aggregates:
             comm=comm,
         )
 
-    def with_motion(
-        self, motion: npt.NDArray[np.float64], comm: PETSc.Comm
-    ) -> tuple["Aggregates", npt.NDArray[np.float64]]:
+    def with_motion(self, motion: Floats, comm: PETSc.Comm) -> tuple["Aggregates", Floats]:
         """Let each aggregate move as a whole body does, besides what it is capable of. Collective.
 
         Args:
@@ -108,23 +106,23 @@ class Aggregates:
         return Aggregates(self.members, self.count, richer), projected
 
 
-def _restrict(Q: PETSc.Mat, fine: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Qᵀ times the owned part of a vector."""
+def _restrict(Q: PETSc.Mat, fine: Floats) -> Floats:
+    """Qᵀ times the owned part of a vector. Collective."""
     coarse, image = Q.createVecs()
     image.array[:] = fine.ravel()
     Q.multTranspose(image, coarse)
-    product: npt.NDArray[np.float64] = coarse.array.copy()
+    product: Floats = coarse.array.copy()
     for thing in (coarse, image):
         thing.destroy()
     return product
 
 
-def _prolong(Q: PETSc.Mat, coarse: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Q times the owned part of a vector."""
+def _prolong(Q: PETSc.Mat, coarse: Floats) -> Floats:
+    """Q times the owned part of a vector. Collective."""
     unknowns, image = Q.createVecs()
     unknowns.array[:] = coarse
     Q.mult(unknowns, image)
-    product: npt.NDArray[np.float64] = image.array.copy()
+    product: Floats = image.array.copy()
     for thing in (unknowns, image):
         thing.destroy()
     return product

@@ -6,9 +6,7 @@ is solved with, in which rows and columns of held unknowns are those of the iden
 
 from petsc4py import PETSc
 
-import numpy as np
-import numpy.typing as npt
-
+from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.contact_rows import ContactRows
@@ -39,7 +37,7 @@ class ContactOperator:
         f.waxpy(1.0, self._y, r)
 
     @phase("basis change")
-    def hold(self, held: npt.NDArray[np.int32]) -> None:
+    def hold(self, held: Ints) -> None:
         """Form the matrix with the local (owned) unknowns ``held`` taken out. Collective."""
         self.stiffness.convert("aij", self.matrix)
         if self._rows is not None:
@@ -49,7 +47,7 @@ class ContactOperator:
         if self._rows is not None:
             self._take_out(held)
 
-    def _take_out(self, held: npt.NDArray[np.int32]) -> None:
+    def _take_out(self, held: Ints) -> None:
         """Make rows and columns of held unknowns those of the identity times a scale."""
         diagonal = self.matrix.getDiagonal()
         scale = diagonal.sum() / diagonal.getSize()

@@ -5,9 +5,7 @@ from collections.abc import Mapping
 from mpi4py import MPI
 from petsc4py import PETSc
 
-import numpy as np
-import numpy.typing as npt
-
+from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.outcome import Outcome, run
@@ -52,7 +50,7 @@ class Factorisation:
         return True
 
     @phase("linear set-up")
-    def set_matrix(self, operator: ContactOperator, held: npt.NDArray[np.int32]) -> None:
+    def set_matrix(self, operator: ContactOperator, held: Ints) -> None:
         """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
         self._matrix = operator.matrix
         self._ksp.setOperators(self._matrix)

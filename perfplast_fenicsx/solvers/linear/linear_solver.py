@@ -12,8 +12,8 @@ from typing import Protocol
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT, Factorisation
@@ -57,7 +57,7 @@ class Method(Protocol):
     def prepare(self, operator: ContactOperator) -> bool:
         """Make what outlives set-ups of an operator that is new; whether this way suits it."""
 
-    def set_matrix(self, operator: ContactOperator, held: npt.NDArray[np.int32]) -> None:
+    def set_matrix(self, operator: ContactOperator, held: Ints) -> None:
         """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
 
     def renew(self, flow: PETSc.Vec | None) -> None:
@@ -120,7 +120,7 @@ class LinearSolver:
         self._problem = problem
         self._method = _method(problem)
         self._operator: ContactOperator | None = None
-        self._held: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
+        self._held: Ints = np.zeros(0, dtype=np.int32)
         self._ready = False
         self._setup = SetUp()
         self._rate = 0.0
@@ -146,7 +146,7 @@ class LinearSolver:
         if not self._method.prepare(operator):
             self._replace(Factorisation(self._problem.comm, heed=False))
 
-    def hold(self, held: npt.NDArray[np.int32]) -> bool:
+    def hold(self, held: Ints) -> bool:
         """Hold the unknowns with these local (owned) indices at zero. Collective.
 
         Returns:

@@ -7,8 +7,8 @@ always up to date.
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
@@ -47,7 +47,7 @@ class Multigrid:
         self.name = self._krylov.name
         self._spaces: CoarseSpaces | None = None
         self._operator: ContactOperator | None = None
-        self._held: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
+        self._held: Ints = np.zeros(0, dtype=np.int32)
 
     @phase("linear set-up")
     def prepare(self, operator: ContactOperator) -> bool:
@@ -64,7 +64,7 @@ class Multigrid:
                 self._krylov.preconditioner.setMGLevels(self._spaces.levels)
         return self._spaces.levels > 1
 
-    def set_matrix(self, operator: ContactOperator, held: npt.NDArray[np.int32]) -> None:
+    def set_matrix(self, operator: ContactOperator, held: Ints) -> None:
         """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
         self._operator, self._held = operator, held
         self._krylov.set_matrix(operator, held)

@@ -26,6 +26,7 @@ LIMIT = "perfplast_limit_"
 """Prefix of the user's options for the factorisations of the interior point method."""
 
 KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND, LIMIT}
+"""All of them."""
 
 NAMES = {("preonly", "cholesky"): "MUMPS Cholesky", ("cg", "mg"): "CG + smoothed aggregation"}
 """Linear solvers by the types of PETSc's KSP and PC."""
@@ -59,10 +60,8 @@ def own_prefix(prefix: str, preset: Mapping[str, object], heed: bool = True) -> 
         preset = {k: v for k, v in preset.items() if not k.startswith(("pc_", "mg_", "mat_"))}
     for key, value in {**preset, **given}.items():
         options[own + key] = value
-        if key not in given:
-            options.hasName(
-                own + key
-            )  # counts as used, whether its solver ever gets to work or not
+        if key not in given:  # it counts as used, whether its solver ever gets to work or not
+            options.hasName(own + key)
     return own
 
 

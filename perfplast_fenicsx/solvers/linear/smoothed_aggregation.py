@@ -20,6 +20,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.aggregates import Aggregates, aggregate
 from perfplast_fenicsx.solvers.linear.contact_rows import every_column
@@ -97,7 +98,7 @@ class CoarseSpaces:
         K.destroy()
 
     def _set(self, levels: list[Aggregates], stiffness: PETSc.Mat) -> None:
-        """Take these aggregates; the interpolations of coarser levels follow in a set-up."""
+        """Take these aggregates; those of coarser levels follow in a set-up. Collective."""
         self._aggregates = levels
         nodal = _smoothed(stiffness, levels[0], self._spectrum)
         self._put(0, self._problem.basis.M.matMult(nodal))
@@ -113,7 +114,7 @@ class CoarseSpaces:
             P.destroy()
         self._made = depth + 1
 
-    def project(self, A: PETSc.Mat, held: npt.NDArray[np.int32], pc: PETSc.PC) -> None:
+    def project(self, A: PETSc.Mat, held: Ints, pc: PETSc.PC) -> None:
         """Form the operators PᵀAP of all levels. Collective.
 
         Args:
@@ -138,7 +139,7 @@ class CoarseSpaces:
                 blocked(_regular(A), self._copies[depth])
             pc.getMGSmoother(level - 1).setOperators(self._copies[depth], A)
 
-    def _hold(self, held: npt.NDArray[np.int32]) -> None:
+    def _hold(self, held: Ints) -> None:
         """Take the held unknowns out of the finest coarse space, and put back the others."""
         pointer, columns, values = self._rows
         index = self._problem.basis.index
@@ -190,7 +191,7 @@ def _spectral_radius(A: PETSc.Mat, prefix: str) -> float:
 
 
 def _coarse(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """PᵀAP for the first time."""
+    """PᵀAP for the first time. Collective."""
     if A.comm.size > 1:
         return A.PtAP(P)
     with default("matptap_via", "rap"):  # twice as fast, with more memory
@@ -209,9 +210,7 @@ def _regular(A: PETSc.Mat) -> PETSc.Mat:
     return A
 
 
-def _rows(
-    A: PETSc.Mat, local: npt.NDArray[np.int32]
-) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
+def _rows(A: PETSc.Mat, local: Ints) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
     """Rows with these local indices, as pointers, global columns and values. Collective."""
     first = A.getOwnershipRange()[0]
     chosen = PETSc.IS().createGeneral((local + first).astype(PETSc.IntType), comm=A.getComm())

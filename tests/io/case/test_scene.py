@@ -15,7 +15,7 @@ from perfplast_fenicsx.io.case.scene import Scene, Units, read_scene, write_scen
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction
 
-MODEL = Scene(
+SCENE = Scene(
     "A „title“",
     [Traction("top", [0.0, 0.0, -1.0]), BodyForce("upper", [0.0, 0.0, 1.0]), Pressure("left", 2.0)],
     [Contact("upper_bottom", "lower_top", gap="0.1*x")],
@@ -31,12 +31,12 @@ MODEL = Scene(
 def test_written_and_read(tmp_path: Path) -> None:
     assembly = build(MPI.COMM_SELF, "two_blocks", n=1)
     path = tmp_path / "scene.json"
-    write_scene(MODEL, assembly, path)
+    write_scene(SCENE, assembly, path)
     found = read_scene(json.loads(path.read_text(encoding="utf-8")), "scene.json")
-    assert found.model == MODEL
+    assert found.scene == SCENE
     assert found.volumes == {"lower": 1, "upper": 2}
     assert found.surfaces == assembly.surfaces
-    assert found.model.marks == {
+    assert found.scene.marks == {
         "load 0": ["top"],
         "load 1": ["left"],
         "contact": ["lower_top", "top", "left", "top"],

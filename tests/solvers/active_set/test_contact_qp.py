@@ -1,5 +1,7 @@
 """The contact QP: its conditions of optimality, and pairs that go in circles."""
 
+from petsc4py import PETSc
+
 import numpy as np
 import pytest
 
@@ -46,12 +48,13 @@ def test_the_conditions_of_optimality_hold(case: Case) -> None:
     force.axpy(-step.multiplier, border)
     largest = np.abs(problem.comm.allgather(np.abs(force.array_r).max(initial=0))).max()
     jumps, f = step.delta.array_r[index], force.array_r[index]
-    assert (jumps <= case.room).all()
-    assert np.array_equal(jumps[step.active], case.room[step.active])
+    rounding = 1e-14 * step.delta.norm(PETSc.NormType.NORM_INFINITY)
+    assert (jumps <= case.room + rounding).all()
+    assert jumps[step.active] == pytest.approx(case.room[step.active], rel=0, abs=rounding)
     assert (f[step.active] < 1e-6 * largest).all()
     assert np.abs(f[~step.active]).max(initial=0) < 1e-6 * largest
     if case.work is None:
-        assert step.multiplier == 0
+        assert step.multiplier == 0  # never computed
     else:
         assert border.dot(step.delta) == pytest.approx(case.work, rel=1e-9)
 
@@ -61,7 +64,8 @@ def test_one_set_is_solved_with_unless_it_must_be_exact(case: Case) -> None:
     while True:
         step = program.solve(case.r, case.room, active, RTOL, exact=False, work=case.work)
         assert step.iterations == 1
-        assert (step.delta.array_r[case.problem.basis.index] <= case.room).all()
+        rounding = 1e-14 * step.delta.norm(PETSc.NormType.NORM_INFINITY)
+        assert (step.delta.array_r[case.problem.basis.index] <= case.room + rounding).all()
         iterations += 1
         if step.settled:
             break
