@@ -144,11 +144,6 @@ def interior_point(
             "supports move or loads are constant, and a limit load is that of loads that all grow;"
             " leave out what does not grow with the load factor."
         )
-    if not can_bound(problem):
-        raise InputError(
-            "the interior point method knows perfect plasticity by von Mises and elastic bodies"
-            " alone; use method = 'path', or other materials."
-        )
     with ExitStack() as made:
         program = LimitProgram(problem)
         made.callback(program.destroy)

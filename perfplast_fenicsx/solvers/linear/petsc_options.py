@@ -23,7 +23,7 @@ BOUND = "perfplast_bound_"
 """Prefix of the user's options for the projection that an upper bound of a limit load needs."""
 
 LIMIT = "perfplast_limit_"
-"""Prefix of the user's options for the factorisations of the interior point method."""
+"""Prefix of the user's options for the factorisations of limit analysis."""
 
 KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND, LIMIT}
 """All of them."""
