@@ -182,7 +182,7 @@ class Solved:
 
 def solve(example: Example, problem: Problem, folder: ResultFolder) -> Solved:
     """Find the limit load, which is written, then the curve. Collective."""
-    limit = limit_load(problem, RTOL)
+    limit = limit_load(problem, RTOL, method="path")
     scene = Scene(example.title, example.loads, example.contacts)
     writer = ResultWriter(folder, problem, scene, WorkNewton.method, prescribed=Prescribed.WORK)
     for level in limit.levels:
@@ -415,7 +415,8 @@ def main(argv: Sequence[str] | None = None) -> None:
             f"  limit load: lower bound {limit.lower:.8g}, estimate {limit.estimate:.8g}, upper"
             f" bound {upper}, exact {example.limit:.8g}\n"
             f"  after {len(limit.levels)} levels and {limit.linear_solves} linear solves, at"
-            f" {limit.alpha / first.alpha:.3g} times the work of first yield: {limit.reason}"
+            f" {limit.levels[-1].state.alpha / first.alpha:.3g} times the work of first yield:"
+            f" {limit.reason}"
         )
 
     picture = folder.file("loading_curve.png")

@@ -136,7 +136,7 @@ class Collapse:
 def collapse(problem: Problem, rtol: float = 1e-4) -> Collapse:
     """Find the limit load of a problem. Collective."""
     began = time.perf_counter()
-    limit = limit_load(problem, rtol)
+    limit = limit_load(problem, rtol, method="path")
     return Collapse(problem, limit, limit.linear_solves, time.perf_counter() - began)
 
 

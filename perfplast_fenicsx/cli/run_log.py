@@ -19,7 +19,7 @@ from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.limit_analysis.limit_search import LimitLoad
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
 
 LEVELS = ("debug", "info", "warning", "error")

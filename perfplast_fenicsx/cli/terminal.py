@@ -12,7 +12,7 @@ from typing import TextIO
 from mpi4py import MPI
 
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.limit_analysis.limit_search import LimitLoad
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
 from perfplast_fenicsx.solvers.linear.linear_solver import chosen_solver

@@ -14,7 +14,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.stiffness import create_stiffness
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
-from perfplast_fenicsx.solvers.linear.linear_solver import DIRECT
+from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
 
 Floats = npt.NDArray[np.float64]

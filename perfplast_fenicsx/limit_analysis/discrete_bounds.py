@@ -21,7 +21,12 @@ Floats = npt.NDArray[np.float64]
 IN_BALANCE = 1e-8
 """Largest force without balance, relative to the largest load, that counts as none."""
 
-EXACT = 1e-11
+BALANCED = 1e-12
+"""The same that need not be corrected."""
+
+MOST_CORRECTIONS = 3
+
+EXACT = 1e-10
 """Volume change (and strain of elastic bodies) that counts as none, relative to ‖ε(v)‖."""
 
 ROUNDING = 1e-9
@@ -30,7 +35,7 @@ ROUNDING = 1e-9
 STIFF = 1e3
 """Regions that flow less than the mean are at most so many times stiffer in the projection."""
 
-PENALTY = 1e7
+PENALTY = 1e9
 """Weight of volume changes in the projection."""
 
 MOST_ITERATIONS = 20
@@ -66,7 +71,11 @@ class UpperBound:
 
 def lower_bound(iteration: InteriorIteration) -> LowerBound:
     """Scale the iterate's stress into the yield set. Collective."""
-    iteration.equilibrate()
+    for _ in range(MOST_CORRECTIONS):
+        unbalanced = iteration.unbalanced()
+        if unbalanced <= BALANCED:
+            break
+        iteration.equilibrate()
     program, now = iteration.program, iteration.now
     sizes = np.linalg.norm(now.S[:, 1:], axis=1)
     ratio = program.problem.comm.allreduce(float((sizes / now.S[:, 0]).max(initial=0)), MPI.MAX)

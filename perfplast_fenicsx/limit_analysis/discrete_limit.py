@@ -20,9 +20,14 @@ from perfplast_fenicsx.limit_analysis.conic_stiffness import SingularStiffness
 from perfplast_fenicsx.limit_analysis.discrete_bounds import lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.limit_program import LimitProgram
+from perfplast_fenicsx.materials.elastic import ElasticLaw
+from perfplast_fenicsx.materials.von_mises import VonMisesLaw
 from perfplast_fenicsx.problem.problem import Problem
 
 MOST_STEPS = 60
+
+NEARLY = 1e-6
+"""A mechanism that is less admissible, after it was projected, is none to estimate from."""
 
 CLOSER = 0.1
 """Share of the tolerance that the steps leave between static and kinematic load."""
@@ -129,10 +134,16 @@ def interior_point(
         monitor: Called on every rank after each step.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1.
+        InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, or a
+            body has another law than those of von Mises and Hooke.
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
+    if problem.moves_supports or not problem.loads.is_proportional():
+        raise InputError(
+            "supports move or loads are constant, and a limit load is that of loads that all grow;"
+            " leave out what does not grow with the load factor."
+        )
     with ExitStack() as made:
         program = LimitProgram(problem)
         made.callback(program.destroy)
@@ -148,6 +159,11 @@ def interior_point(
         made.callback(iteration.destroy)
         verdict, reason = _iterate(iteration, rtol, steps, monitor)
         return _result(program, iteration, verdict, reason, steps)
+
+
+def can_bound(problem: Problem) -> bool:
+    """Whether the laws of all bodies are those that the method knows."""
+    return all(isinstance(on.law, VonMisesLaw | ElasticLaw) for on in problem.laws)
 
 
 def _iterate(
@@ -191,7 +207,7 @@ def _iterate(
             )
             return Verdict.NO_RESISTANCE, reason
         if gap <= CLOSER * rtol * load:
-            return Verdict.FOUND, f"the bounds are within {rtol:g} of each other"
+            return Verdict.FOUND, f"static and kinematic load are within {rtol:g} of each other"
     return Verdict.STALLED, f"the bounds have not met in {MOST_STEPS} steps"
 
 
@@ -230,6 +246,9 @@ def _result(
         if verdict in (Verdict.FOUND, Verdict.STALLED):
             high = upper_bound(iteration)
             upper, inadmissible = high.value, high.inadmissible
+            if upper is None:
+                reason += "; no admissible mechanism was found, and so no upper bound"
+                verdict = verdict if inadmissible <= NEARLY else Verdict.STALLED
         if verdict is Verdict.FOUND:
             problem.basis.T.mult(iteration.velocity, mechanism.x.petsc_vec)
             mechanism.x.scatter_forward()

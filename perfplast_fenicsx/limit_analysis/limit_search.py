@@ -12,12 +12,18 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.limit_analysis.kinematic_bound import dissipation_bound
+from perfplast_fenicsx.limit_analysis.limit_methods import (
+    LimitLoad,
+    LimitMethod,
+    by_interior_point,
+    method_for,
+)
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.load_stepping import Reached, work_path
-from perfplast_fenicsx.solvers.newton_options import Monitor, NewtonOptions
+from perfplast_fenicsx.solvers.newton_options import NewtonOptions
 from perfplast_fenicsx.solvers.work_newton import WorkNewton
 
 MOST_LEVELS = 60
@@ -31,41 +37,6 @@ FAR = 1e5
 
 STEADY = 1e-11
 """Growth of ζ, relative, that is rounding."""
-
-
-@dataclass(frozen=True)
-class LimitLoad:
-    """What a loading by work tells about ζ_lim.
-
-    Attributes:
-        lower: Largest ζ(α) reached, a lower bound of the discrete limit load.
-        estimate: ζ_∞ of the fit; None where the curve does not level off.
-        residual: Change of the estimate with the last level, relative; None without two estimates.
-        upper: D(v)/L(v) of a discretely incompressible mechanism, an upper bound of the discrete
-            limit load; None where none was found.
-        alpha: Work reached.
-        levelled_off: Whether ζ has come within the tolerance of the estimate.
-        reason: Why the loading ended, in words.
-        linear_solves: Linear systems solved for all of it, the upper bound included.
-        mechanism: Velocity v of the collapse, normalised to L(v) = 1.
-        levels: The loading path; behind a restart what came after it.
-    """
-
-    lower: float
-    estimate: float | None
-    residual: float | None
-    upper: float | None
-    alpha: float
-    levelled_off: bool
-    reason: str
-    linear_solves: int
-    mechanism: fem.Function
-    levels: Sequence[Level]
-
-    def __repr__(self) -> str:
-        numbers = {"lower": self.lower, "estimate": self.estimate, "upper": self.upper}
-        told = (f"{name}={'none' if x is None else f'{x:.6g}'}" for name, x in numbers.items())
-        return f"LimitLoad({', '.join(told)}; {len(self.levels)} levels; {self.reason})"
 
 
 @dataclass
@@ -96,20 +67,27 @@ def limit_load(
     rtol: float = 1e-4,
     solver: WorkNewton | None = None,
     *,
-    monitor: Monitor | None = None,
+    method: LimitMethod | str | None = None,
+    monitor: Callable[[Any], None] | None = None,
     on_level: Callable[[Level, Search], None] | None = None,
     search: Search | None = None,
     reached: Reached | None = None,
 ) -> LimitLoad:
-    """Load by work until ζ(α) has levelled off. Collective.
+    """Find the limit load, its bounds and its mechanism. Collective.
+
+    The interior point method (:func:`discrete_limit.interior_point`) brings bounds together, in 10
+    to 20 factorisations; a loading by work, which gives the curve as well, goes on until ζ(α) has
+    levelled off.
 
     Args:
         problem: The bodies and their loads.
-        rtol: ζ has levelled off where the estimate is within this share of it, and so is the
-            upper bound or the change of the estimate with the last level. Where there is an upper
-            bound further off, the latter counts only at :data:`PLATEAU` times the work of first
-            yield.
-        solver: ALG3 or ALG4; the default is ALG3 with :func:`limit_options`.
+        rtol: What the bounds may differ by, relative. Of a path: ζ has levelled off where the
+            estimate is within this share of it, and so is the upper bound or the change of the
+            estimate with the last level. Where there is an upper bound further off, the latter
+            counts only at :data:`PLATEAU` times the work of first yield.
+        solver: ALG3 or ALG4 for a path; the default is ALG3 with :func:`limit_options`.
+        method: "interior-point" or "path"; the default is the first one where it knows the laws and
+            a factorisation fits, if nothing is given that belongs to a path.
         monitor: Called on every rank after each iteration.
         on_level: Called on every rank after each level, with what is known by then.
         search: Found by an earlier run, to go on with.
@@ -120,6 +98,9 @@ def limit_load(
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
+    follows = any(given is not None for given in (solver, on_level, search, reached))
+    if _chosen(method, problem, follows) is LimitMethod.INTERIOR_POINT:
+        return by_interior_point(problem, rtol, monitor)
     solver = solver or WorkNewton(problem, NewtonOptions(**limit_options(rtol)))
     search = search or Search()
     judge = _Judge(problem, rtol, search)
@@ -140,6 +121,7 @@ def limit_load(
             break
     estimates = search.estimates
     return LimitLoad(
+        method=LimitMethod.PATH,
         lower=max((zeta for _, zeta in search.points), default=0.0),
         estimate=estimates[-1] if search.levelled_off else None,
         residual=abs(1 - estimates[-2] / estimates[-1]) if len(estimates) > 1 else None,
@@ -147,10 +129,26 @@ def limit_load(
         alpha=search.points[-1][0] if search.points else 0.0,
         levelled_off=search.levelled_off,
         reason=search.reason,
+        iterations=len(search.points),
         linear_solves=search.linear_solves,
+        factorisations=None,
         mechanism=collapse_mechanism(problem, before, last),
         levels=levels,
     )
+
+
+def _chosen(method: str | None, problem: Problem, follows: bool) -> LimitMethod:
+    """The method that is asked for, or suits."""
+    if method is None:
+        return LimitMethod.PATH if follows else method_for(problem)
+    if method not in list(LimitMethod):
+        raise InputError(f"method = '{method}' of a limit load: {nearest(method, LimitMethod)}")
+    if follows and method == LimitMethod.INTERIOR_POINT:
+        raise InputError(
+            "solver, on_level, search and reached belong to a loading path, which the interior"
+            " point method does without; leave them out, or give method = 'path'."
+        )
+    return LimitMethod(method)
 
 
 class _Judge:

@@ -88,6 +88,14 @@ class PointStrains:
         """
         self._problem.basis.T.mult(y, self._u.x.petsc_vec)
         self._u.x.scatter_forward()
+        return self._split()
+
+    def of_function(self, v: fem.Function) -> tuple[Floats, Floats]:
+        """The same of ε(v) for a function whose ghosts are up to date. Collective."""
+        self._u.x.array[:] = v.x.array
+        return self._split()
+
+    def _split(self) -> tuple[Floats, Floats]:
         self._e.interpolate(self._strain, self._problem.cells)
         e = self._e.x.array[: self.count * self._size].reshape(-1, self._size).copy()
         sums = e[:, :3].sum(axis=1)

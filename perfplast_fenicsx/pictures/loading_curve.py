@@ -19,7 +19,7 @@ FAR = 30.0
 
 
 class Bounds(Protocol):
-    """What is drawn of a limit load (:class:`limit_search.LimitLoad`)."""
+    """What is drawn of a limit load (:class:`limit_methods.LimitLoad`)."""
 
     @property
     def lower(self) -> float:

@@ -46,7 +46,7 @@ VELOCITY, DISSIPATION = f"{POINT_DATA}/mechanism", f"{CELL_DATA}/dissipation"
 
 @dataclass(frozen=True)
 class StoredLimit:
-    """What is known of the limit load (:class:`limit_search.LimitLoad`)."""
+    """What is known of the limit load (:class:`limit_methods.LimitLoad`)."""
 
     lower: float
     estimate: float | None

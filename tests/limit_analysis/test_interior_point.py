@@ -94,8 +94,9 @@ def proven(problem: Problem, limit: DiscreteLimit, materials: Mapping[str, Mater
     weakness = fem.Function(problem.Q)
     for name, material in materials.items():
         points = problem.Q.dofmap.list[problem.tagged_mesh.cells(name)].ravel()
-        yields = isinstance(material, VonMises)
-        weakness.x.array[points] = 1 / material.yield_radius if yields else 0.0
+        weakness.x.array[points] = (
+            1 / material.yield_radius if isinstance(material, VonMises) else 0.0
+        )
 
     # static: within yield, and contact forces that push balance what is left
     comm, dx = problem.comm, problem.dx

@@ -18,7 +18,10 @@ from perfplast_fenicsx import (
     Support,
     stacked_blocks,
 )
+from perfplast_fenicsx.limit_analysis import LimitMethod, limit_methods
+from perfplast_fenicsx.limit_analysis.limit_methods import method_for
 from perfplast_fenicsx.limit_analysis.limit_search import extrapolated_limit, limit_load
+from perfplast_fenicsx.problem import Level
 from perfplast_fenicsx.problem.integrals import Integral
 from perfplast_fenicsx.solvers.load_stepping import MOST_HALVINGS
 from perfplast_fenicsx.solvers.work_newton import BorderedNewton
@@ -42,7 +45,7 @@ def test_loading_ends_where_no_step_is_short_enough(
 
 @pytest.mark.parametrize("n", [1, 2])
 def test_limit_load_of_a_plate(n: int) -> None:
-    limit = limit_load(l_plate_problem(n), 1e-4)
+    limit = limit_load(l_plate_problem(n), 1e-4, method="path")
     assert limit.levelled_off
     assert PLATE_LIMIT * (1 - 1e-4) < limit.lower < PLATE_LIMIT
     assert limit.estimate == pytest.approx(PLATE_LIMIT, rel=1e-4)
@@ -53,7 +56,7 @@ def test_limit_load_of_a_plate(n: int) -> None:
 
 @SERIAL
 def test_limit_load_of_a_fine_plate_in_few_solves() -> None:
-    limit = limit_load(l_plate_problem(4), 5e-3)
+    limit = limit_load(l_plate_problem(4), 5e-3, method="path")
     assert limit.levelled_off
     assert limit.lower == pytest.approx(PLATE_LIMIT, rel=1e-3)
     assert limit.estimate == pytest.approx(PLATE_LIMIT, rel=1e-3)
@@ -63,7 +66,7 @@ def test_limit_load_of_a_fine_plate_in_few_solves() -> None:
 
 @pytest.mark.mpi3
 def test_limit_load_of_a_punch() -> None:
-    limit = limit_load(punch_problem(8), 1e-4)
+    limit = limit_load(punch_problem(8), 1e-4, method="path")
     assert limit.levelled_off
     assert limit.lower < PUNCH_LIMIT < limit.lower * (1 + 1e-4)
     assert limit.estimate == pytest.approx(PUNCH_LIMIT, rel=1e-4)
@@ -79,14 +82,14 @@ def test_limit_load_of_a_punch_by_bordered_newton() -> None:
 
 
 def test_limit_load_of_a_block_held_by_contact_alone() -> None:
-    limit = limit_load(stack_problem(3), 1e-6)
+    limit = limit_load(stack_problem(3), 1e-6, method="path")
     assert limit.lower == pytest.approx(300.0, rel=1e-10)
     assert limit.upper == pytest.approx(300.0, rel=1e-10)
 
 
 def test_collapse_mechanism_does_unit_work_and_keeps_volume() -> None:
     problem = punch_problem(4)
-    v = limit_load(problem, 1e-6).mechanism
+    v = limit_load(problem, 1e-6, method="path").mechanism
     assert float(problem.loads.live.dot(v.x.petsc_vec)) == pytest.approx(1.0)
     dx = problem.dx
     volume, shape = (
@@ -104,11 +107,49 @@ def test_bodies_that_never_yield_have_no_limit_load() -> None:
         [Pressure("top", 1.0)],
         [Contact("lower_top", "upper_bottom")],
     )
-    limit = limit_load(problem, 1e-3)
+    limit = limit_load(problem, 1e-3, method="path")
     assert not limit.levelled_off
     assert limit.estimate is limit.upper is None
     assert "does not level off" in limit.reason
     assert limit.lower > 1e4
+
+
+@pytest.mark.mpi3
+def test_both_methods_find_the_same() -> None:
+    problem = punch_problem(4)
+    path, direct = limit_load(problem, method="path"), limit_load(problem)
+    assert (path.method, direct.method) == (LimitMethod.PATH, LimitMethod.INTERIOR_POINT)
+    assert path.estimate == pytest.approx(direct.estimate, rel=1e-4)
+    assert direct.upper is not None
+    assert path.lower < direct.upper < direct.lower * (1 + 1e-4)
+    assert direct.linear_solves < path.linear_solves
+    assert direct.factorisations is not None
+    assert direct.factorisations <= 35
+    assert (len(direct.levels), direct.alpha) == (0, None)
+    assert problem.loads.alpha(direct.mechanism.x.petsc_vec) == pytest.approx(1)
+    assert f"{direct.iterations} steps" in repr(direct)
+    assert f"{path.iterations} levels" in repr(path)
+
+
+def test_what_belongs_to_a_path_gives_one() -> None:
+    problem = punch_problem(2)
+    levels: list[Level] = []
+    limit = limit_load(problem, 1e-2, on_level=lambda level, _: levels.append(level))
+    assert limit.method is LimitMethod.PATH
+    assert len(levels) == limit.iterations
+    with pytest.raises(InputError, match="belong to a loading path"):
+        limit_load(problem, 1e-2, Timid(problem), method="interior-point")
+
+
+def test_an_unknown_method_is_refused() -> None:
+    with pytest.raises(InputError, match="did you mean 'path'"):
+        limit_load(punch_problem(2), method="pathe")
+
+
+def test_large_problems_are_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert method_for(punch_problem(2)) is LimitMethod.INTERIOR_POINT
+    monkeypatch.setattr(limit_methods, "MOST_UNKNOWNS", {2: 10, 3: 10})
+    assert method_for(punch_problem(2)) is LimitMethod.PATH
 
 
 def test_extrapolation_of_a_power_law_is_exact() -> None:

@@ -6,7 +6,7 @@ from perfplast_fenicsx.io.results.checkpoints import Saved
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
-from perfplast_fenicsx.limit_analysis.limit_search import LimitLoad
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level
@@ -82,6 +82,7 @@ class ResultWriter:
         with self.results.timed("output"):
             if self._fields is not None:
                 work = dissipation(self._problem, limit.mechanism)
-                self._fields.write_mechanism(limit.mechanism, work, limit.lower, limit.alpha)
+                alpha = 0.0 if limit.alpha is None else limit.alpha
+                self._fields.write_mechanism(limit.mechanism, work, limit.lower, alpha)
             self.results.summary.limit = {key: getattr(limit, key) for key in LIMIT_KEYS}
             self.results.write()

@@ -1,0 +1,106 @@
+"""What is known of a limit load, by whichever of the two methods, and which one suits a problem."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.discrete_limit import (
+    InteriorStep,
+    Verdict,
+    can_bound,
+    interior_point,
+)
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.state import Level
+
+MOST_UNKNOWNS = {2: 1_000_000, 3: 200_000}
+"""Up to so many unknowns, by dimension, 20 factorisations are quicker than a loading."""
+
+
+class LimitMethod(StrEnum):
+    """How a limit load is found: directly, or where a loading path levels off."""
+
+    INTERIOR_POINT = "interior-point"
+    PATH = "path"
+
+
+@dataclass(frozen=True)
+class LimitLoad:
+    """What is known of ζ_lim.
+
+    Attributes:
+        method: How it was found.
+        lower: A lower bound of the discrete limit load: λ of a stress in equilibrium and within
+            yield, or the largest ζ(α) reached.
+        estimate: The limit load; None where there is none, or it was not found.
+        residual: Change of the estimate with the last level, relative; None without two estimates,
+            as without a path.
+        upper: D(v)/L(v) of a discretely incompressible mechanism, an upper bound of the discrete
+            limit load; None where none was found.
+        alpha: Work reached by the path; None without one.
+        levelled_off: Whether the estimate is known to the tolerance: the bounds have met, or ζ(α)
+            has levelled off.
+        reason: Why it ended, in words.
+        iterations: Steps of the interior point method, or levels.
+        linear_solves: Linear systems solved for all of it, the bounds included.
+        factorisations: Of the interior point method.
+        mechanism: Velocity v of the collapse, normalised to L(v) = 1.
+        levels: The loading path; behind a restart what came after it.
+        stress: σ at the lower bound, Mandel vectors at the quadrature points; None of a path, whose
+            levels have theirs.
+        contact_forces: Of the pairs hosted by this rank, with that stress.
+    """
+
+    method: LimitMethod
+    lower: float
+    estimate: float | None
+    residual: float | None
+    upper: float | None
+    alpha: float | None
+    levelled_off: bool
+    reason: str
+    iterations: int
+    linear_solves: int
+    factorisations: int | None
+    mechanism: fem.Function
+    levels: Sequence[Level] = ()
+    stress: fem.Function | None = None
+    contact_forces: Floats | None = None
+
+    def __repr__(self) -> str:
+        numbers = {"lower": self.lower, "estimate": self.estimate, "upper": self.upper}
+        told = (f"{name}={'none' if x is None else f'{x:.6g}'}" for name, x in numbers.items())
+        steps = "levels" if self.method is LimitMethod.PATH else "steps"
+        return f"LimitLoad({', '.join(told)}; {self.iterations} {steps}; {self.reason})"
+
+
+def method_for(problem: Problem) -> LimitMethod:
+    """The interior point method where it knows the laws and a factorisation fits."""
+    small = problem.num_dofs <= MOST_UNKNOWNS[problem.bodies.gdim]
+    return LimitMethod.INTERIOR_POINT if small and can_bound(problem) else LimitMethod.PATH
+
+
+def by_interior_point(
+    problem: Problem, rtol: float, monitor: Callable[[InteriorStep], None] | None
+) -> LimitLoad:
+    """The limit load by :func:`interior_point`. Collective."""
+    found = interior_point(problem, rtol, monitor)
+    return LimitLoad(
+        method=LimitMethod.INTERIOR_POINT,
+        lower=max(found.lower or 0.0, 0.0),  # no load at all is always carried
+        estimate=found.estimate,
+        residual=None,
+        upper=found.upper,
+        alpha=None,
+        levelled_off=found.verdict is Verdict.FOUND,
+        reason=found.reason,
+        iterations=len(found.steps),
+        linear_solves=found.linear_solves,
+        factorisations=found.factorisations,
+        mechanism=found.mechanism,
+        stress=found.stress,
+        contact_forces=found.contact_forces,
+    )

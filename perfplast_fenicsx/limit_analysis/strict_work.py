@@ -1,0 +1,172 @@
+"""The plastic work of a mechanism from above, whatever its strain rates are between the points.
+
+In a straight cell the strain rate of a quadratic velocity is linear, and ‖·‖ is convex, so that its
+integral is at most that of its linear interpolation on any subdivision of the cell (the composite
+vertex rule). Where volume changes vanish at the points they vanish everywhere. With contact that
+is not entered anywhere this is an upper bound of the limit load of the body that the mesh fills,
+and not just of the mesh.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import lru_cache
+from itertools import permutations, product
+
+from mpi4py import MPI
+
+import numpy as np
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.compat import coordinate_map, geometry_dofmap, interpolation_points
+from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
+from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
+from perfplast_fenicsx.problem.problem import Problem
+
+SUBDIVISIONS = 8
+"""Parts of a cell's edge in the composite vertex rule."""
+
+ADMISSIBLE = 1e-9
+"""Volume change in plastic bodies and strain in elastic ones that are rounding, beside ‖ε(v)‖."""
+
+STRAIGHT = 1e-10
+"""Distance of a midside node from the middle that is rounding, relative to the cell."""
+
+
+class Scope(StrEnum):
+    """What a bound is one of."""
+
+    BODY = "body"
+    MESH = "mesh"
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A bound of a limit load, and what it is worth.
+
+    Attributes:
+        value: The bound; None where there is none.
+        kind: "lower" or "upper".
+        of: Whether it bounds the limit load of the body that the mesh fills, or that of the finite
+            elements alone.
+        why_not: Why it does not hold for the body; nothing where it does.
+    """
+
+    value: float | None
+    kind: str
+    of: Scope
+    why_not: tuple[str, ...] = ()
+
+    @property
+    def strict(self) -> bool:
+        """Whether it holds for the body, but for rounding."""
+        return self.value is not None and self.of is Scope.BODY
+
+    def __repr__(self) -> str:
+        value = "none" if self.value is None else f"{self.value:.6g}"
+        told = f"; not strict: {', '.join(self.why_not)}" if self.why_not else ""
+        return f"Bound({self.kind} {value} of the {self.of}{told})"
+
+
+def strict_upper_bound(
+    problem: Problem, mechanism: fem.Function, subdivisions: int = SUBDIVISIONS
+) -> Bound:
+    """The work of an admissible mechanism from above, over that of the loads. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        mechanism: A velocity that is admissible at the points (:func:`interior_point`), its ghosts
+            up to date.
+        subdivisions: Parts of a cell's edge; the result falls with them, towards the true work.
+
+    Returns:
+        The bound; without a value where the mechanism is not admissible at the points or does no
+        work, and of the mesh alone where the reasons say so.
+    """
+    strains = PointStrains(problem)
+    try:
+        trace, deviator = strains.of_function(mechanism)
+        plastic = np.isfinite(strains.radii)
+        squares = np.einsum("ni,ni->n", deviator, deviator)
+        volume = trace**2 / problem.bodies.gdim
+        wrong = volume + np.where(plastic, 0.0, squares)
+        weights, comm = strains.weights, problem.comm
+        part, whole = comm.allreduce(np.array([weights @ wrong, weights @ (volume + squares)]))
+        work = problem.loads.alpha(mechanism.x.petsc_vec)
+        if not (whole > 0 and part <= ADMISSIBLE**2 * whole and work > 0):
+            return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
+        radii = np.where(plastic, strains.radii, 0.0)
+        mine = _work_of_cells(problem, deviator * radii[:, None], weights, subdivisions)
+        dissipation = float(comm.allreduce(float(mine.sum())))
+    finally:
+        strains.destroy()
+    why_not = []
+    if has_curved_cells(problem):
+        why_not.append("cells are curved")
+    why_not += entering_between_nodes(problem, mechanism)
+    of = Scope.MESH if why_not else Scope.BODY
+    return Bound(dissipation / work, "upper", of, tuple(why_not))
+
+
+def _work_of_cells(
+    problem: Problem, stress_rates: Floats, weights: Floats, subdivisions: int
+) -> Floats:
+    """∫ ‖s‖ of each cell of this rank from above, for s linear in it and given at the points."""
+    topology = problem.tagged_mesh.mesh.topology
+    owned = problem.Q.dofmap.list[: topology.index_map(topology.dim).size_local]
+    volumes: Floats = weights[owned].sum(axis=1)
+    reference = interpolation_points(problem.S.element)
+    tdim = topology.dim
+    if problem.degree == 1:
+        return volumes * np.linalg.norm(stress_rates[owned[:, 0]], axis=1)
+    places = np.hstack([1 - reference.sum(axis=1, keepdims=True), reference])
+    at_vertices = np.einsum("vp,cpi->cvi", np.linalg.inv(places), stress_rates[owned])
+    points, shares = composite_vertex_rule(tdim, subdivisions)
+    total: Floats = np.zeros(len(owned))
+    for point, share in zip(points, shares, strict=True):
+        total += share * np.linalg.norm(np.einsum("v,cvi->ci", point, at_vertices), axis=1)
+    return total * volumes
+
+
+@lru_cache
+def composite_vertex_rule(tdim: int, n: int) -> tuple[Floats, Floats]:
+    """Points and shares of the vertex rule on n^tdim equal parts of a simplex.
+
+    The parts are those of Kuhn's division of cubes that lie in the simplex 1 ≥ x₁ ≥ x₂ ≥ ... ≥ 0.
+
+    Returns:
+        Barycentric coordinates, shape (num_points, tdim + 1); shares of the volume, which add up
+        to 1.
+    """
+    corners = []
+    for corner in product(range(n), repeat=tdim):
+        for axes in permutations(range(tdim)):
+            steps = np.zeros((tdim + 1, tdim), dtype=int)
+            for k, axis in enumerate(axes):
+                steps[k + 1 :, axis] += 1
+            simplex = np.array(corner) + steps
+            if (np.diff(simplex, axis=1) <= 0).all():
+                corners.append(simplex)
+    grid, inverse = np.unique(np.concatenate(corners), axis=0, return_inverse=True)
+    shares = np.bincount(inverse.ravel()) / inverse.size
+    ends = np.hstack([np.full((len(grid), 1), n), grid, np.zeros((len(grid), 1), dtype=int)])
+    return -np.diff(ends, axis=1) / n, shares
+
+
+def has_curved_cells(problem: Problem) -> bool:
+    """Whether a cell's geometry is not that of its vertices. Collective."""
+    mesh = problem.tagged_mesh.mesh
+    cmap, tdim = coordinate_map(mesh), mesh.topology.dim
+    if cmap.degree == 1:
+        return False
+    x = mesh.geometry.x[geometry_dofmap(mesh)]
+    vertices = x[:, : tdim + 1]
+    layout = cmap.create_dof_layout()
+    size = np.ptp(vertices, axis=1).max(axis=1)
+    curved = False
+    for edge in range(3 if tdim == 2 else 6):
+        ends = [d for d in layout.entity_closure_dofs(1, edge) if d <= tdim]
+        (middle,) = layout.entity_dofs(1, edge)
+        off = np.linalg.norm(x[:, middle] - vertices[:, ends].mean(axis=1), axis=1)
+        curved |= bool((off > STRAIGHT * size).any())
+    return bool(mesh.comm.allreduce(curved, MPI.LOR))

@@ -1,0 +1,172 @@
+"""Upper bounds that are upper: the work between points, contact between nodes, and the words."""
+
+import math
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx import (
+    Contact,
+    Pressure,
+    Problem,
+    Support,
+    Traction,
+    VonMises,
+    stacked_blocks,
+    two_blocks,
+)
+from perfplast_fenicsx.limit_analysis import (
+    Scope,
+    interior_point,
+    strict_upper_bound,
+    without_entering,
+)
+from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
+from perfplast_fenicsx.limit_analysis.strict_work import composite_vertex_rule
+from perfplast_fenicsx.materials import deviator, strain
+from perfplast_fenicsx.problem import Integral
+from tests.limit_analysis.test_interior_point import BLOCK, COMM, SOIL, K, footing, made
+from tests.models import STEEL, l_plate_problem
+
+
+def blocks_in_space() -> Problem:
+    """Two cantilevers on each other, quadratic."""
+    return Problem(
+        two_blocks(COMM, 3),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("left")],
+        [Traction("top", (0.0, 0.0, -1.0))],
+        [Contact("upper_bottom", "lower_top")],
+        degree=2,
+    )
+
+
+def work(problem: Problem, v: fem.Function, radius: float) -> float:
+    """The plastic work of a velocity by a rule of degree 20, over that of the loads."""
+    d = deviator(strain(v))
+    dx = ufl.Measure("dx", problem.tagged_mesh.mesh, metadata={"quadrature_degree": 20})
+    dissipation = Integral(problem.comm, radius * ufl.sqrt(ufl.dot(d, d)) * dx)()
+    return dissipation / problem.loads.alpha(v.x.petsc_vec)
+
+
+@pytest.mark.parametrize("tdim", [1, 2, 3])
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_the_rule_is_exact_for_linear_functions(tdim: int, n: int) -> None:
+    points, shares = composite_vertex_rule(tdim, n)
+    assert len(points) == math.comb(n + tdim, tdim)
+    assert (points >= 0).all()
+    assert np.allclose(points.sum(axis=1), 1)
+    assert (shares > 0).all()
+    assert np.allclose(shares @ points, 1 / (tdim + 1))
+
+
+@pytest.mark.mpi3
+def test_the_work_of_a_footing_from_above(shared_tmp_path: Path) -> None:
+    problem = footing(shared_tmp_path)
+    limit = interior_point(problem)
+    true = work(problem, limit.mechanism, SOIL.yield_radius)
+    bounds = [strict_upper_bound(problem, limit.mechanism, n) for n in (1, 2, 4, 8, 16)]
+    values = [bound.value for bound in bounds]
+    assert all(bound.strict and not bound.why_not for bound in bounds)
+    assert values == sorted(values, key=lambda value: -(value or 0))
+    assert values[-1] is not None
+    assert limit.upper is not None
+    assert limit.upper < true < values[-1] < 1.0005 * true  # the points say too little
+    assert 5.17 < values[-1] / K < 5.18
+    assert "of the body" in repr(bounds[-1])
+
+
+def test_the_work_of_blocks_in_space() -> None:
+    problem = Problem(
+        stacked_blocks(COMM, 2, heights=(0.7, 1.2)),
+        {"lower": BLOCK, "upper": BLOCK},
+        [Support("x0", "x"), Support("y0", "y"), Support("bottom")],
+        [Pressure("top", 1.0)],
+        [Contact("lower_top", "upper_bottom")],
+        degree=2,
+    )
+    limit = interior_point(problem)
+    bound = strict_upper_bound(problem, limit.mechanism)
+    assert bound.value is not None
+    assert bound.value >= work(problem, limit.mechanism, BLOCK.yield_radius)
+    assert bound.value >= 300 * (1 - 1e-9)
+
+
+def test_linear_elements_lose_nothing() -> None:
+    problem = l_plate_problem(1)
+    limit = interior_point(problem)
+    assert strict_upper_bound(problem, limit.mechanism).value == pytest.approx(limit.upper)
+
+
+@pytest.mark.mpi3
+def test_contact_that_is_entered_between_nodes_is_seen_and_mended() -> None:
+    problem = blocks_in_space()
+    limit = interior_point(problem)
+    bound = strict_upper_bound(problem, limit.mechanism)
+    assert not bound.strict
+    assert bound.of is Scope.MESH
+    assert bound.why_not == ("the mechanism enters contact between nodes",)
+    assert "not strict" in repr(bound)
+    mended = without_entering(problem)
+    assert mended is not None
+    found = interior_point(mended)
+    strict = strict_upper_bound(problem, found.mechanism)
+    assert strict.strict
+    assert limit.upper is not None
+    assert found.lower is not None
+    assert limit.upper < found.lower < 1.01 * limit.upper  # fewer mechanisms, a larger load
+
+
+@pytest.mark.parametrize("enters", [True, False])
+def test_three_nodes_that_do_not_enter_are_not_enough(enters: bool) -> None:
+    """w = 0 at one end, 0 at the middle and −1 at the other end of an edge enters by 1/8."""
+    problem = blocks_in_space()
+    x = problem.V.tabulate_dof_coordinates()
+    step = np.rint(6 * x[:, 0]).astype(int)  # nodes are 1/6 apart
+    apart = step % 4 == 2 if enters else step
+    v = fem.Function(problem.V)
+    for sign in (1, -1):
+        v.x.array.reshape(-1, 3)[:, 2] = sign * np.where(_of_upper(problem), apart, 0.0)
+        jumps = problem.constraints.jumps(v.x.petsc_vec)
+        if problem.comm.allreduce(float(jumps.max(initial=0)), MPI.MAX) == 0:
+            break
+    expected = ["the mechanism enters contact between nodes"] if enters else []
+    assert entering_between_nodes(problem, v) == expected
+
+
+def _of_upper(problem: Problem) -> np.ndarray:
+    """Nodes of the upper block, ghosts too."""
+    nodes = np.unique(problem.V.dofmap.list[problem.tagged_mesh.cells("upper")])
+    flags = np.zeros(len(problem.V.tabulate_dof_coordinates()), dtype=bool)
+    flags[nodes] = True
+    return flags
+
+
+def test_curved_cells_and_averaged_normals_are_said(shared_tmp_path: Path) -> None:
+    mesh = made(shared_tmp_path, write_thick_tube, size=0.1, order=2, interface=1.15)
+    problem = Problem(
+        mesh,
+        dict.fromkeys(mesh.volumes, VonMises(young=70e3, poisson=0.3, yield_stress=250.0)),
+        [Support("x0", "x"), Support("y0", "y")],
+        [Pressure("inner", 1.0)],
+        [Contact("inner_tube_seam", "outer_tube_seam")],
+        degree=2,
+    )
+    bound = strict_upper_bound(problem, interior_point(problem).mechanism)
+    assert bound.of is Scope.MESH
+    assert bound.why_not[0] == "cells are curved"
+    assert "averaged" in bound.why_not[1]
+
+
+def test_no_mechanism_no_bound() -> None:
+    problem = l_plate_problem(1)
+    bound = strict_upper_bound(problem, fem.Function(problem.V))
+    assert bound.value is None
+    assert not bound.strict
+    assert "not admissible" in repr(bound)
