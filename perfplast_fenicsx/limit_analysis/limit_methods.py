@@ -86,7 +86,7 @@ def method_for(problem: Problem) -> LimitMethod:
 def by_interior_point(
     problem: Problem, rtol: float, monitor: Callable[[InteriorStep], None] | None
 ) -> LimitLoad:
-    """The limit load by :func:`interior_point`. Collective."""
+    """The limit load by :func:`discrete_limit.interior_point`. Collective."""
     found = interior_point(problem, rtol, monitor)
     return LimitLoad(
         method=LimitMethod.INTERIOR_POINT,

@@ -75,8 +75,8 @@ def strict_upper_bound(
 
     Args:
         problem: The bodies and their loads.
-        mechanism: A velocity that is admissible at the points (:func:`interior_point`), its ghosts
-            up to date.
+        mechanism: A velocity that is admissible at the points, such as that of
+            :func:`discrete_limit.interior_point`; its ghosts up to date.
         subdivisions: Parts of a cell's edge; the result falls with them, towards the true work.
 
     Returns:
