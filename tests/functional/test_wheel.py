@@ -100,7 +100,8 @@ def test_the_wheel_holds_every_module(wheel: Path) -> None:
 def test_the_command_of_an_installed_wheel(wheel: Path, tmp_path: Path) -> None:
     venv = tmp_path / "venv"
     run(sys.executable, "-m", "venv", "--system-site-packages", venv, cwd=tmp_path)
-    offline = ("--no-deps", "--no-index", "--quiet", "--disable-pip-version-check")
+    # where the system has the package too, pip would think that this will do
+    offline = ("--ignore-installed", "--no-deps", "--no-index", "--quiet")
     run(venv / "bin/python3", "-m", "pip", "install", *offline, wheel, cwd=tmp_path)
     code = "import perfplast_fenicsx.io.case.case as case; print(case.__file__)"
     where = run(venv / "bin/python3", "-c", code, cwd=tmp_path)
