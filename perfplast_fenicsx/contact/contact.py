@@ -1,22 +1,29 @@
 """Contact of two named surfaces."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Frictionless contact of two surfaces whose nodes match.
+    """Frictionless contact of two surfaces.
 
-    They may touch or be apart, flat, curved or with edges. Which of the two is called primary does
-    not matter for the result.
+    They may touch or be apart, flat, curved or with edges, and their nodes need not match.
 
     Args:
         primary: Physical name of the first surface; the normal points out of its body.
         secondary: Physical name of the second surface.
         gap: Initial gap g >= 0 (length) between them: a number or a formula in x, y, z of the
             primary surface; without it, it is measured along the normal.
+        formulation: "nodes" for pairs of opposite nodes, where which of the surfaces is called
+            primary does not matter for the result; "mortar" for weighted means of the jump, which
+            needs no opposite nodes; without it, nodes where they match, and mortar where not.
+        hosts: The surface, "primary" or "secondary", whose nodes carry mortar contact; without it,
+            the one that the other covers, or that with smaller facets.
     """
 
     primary: str
     secondary: str
     gap: float | str | None = None
+    formulation: Literal["nodes", "mortar"] | None = None
+    hosts: Literal["primary", "secondary"] | None = None

@@ -96,7 +96,7 @@ def rigid_jumps(V: fem.FunctionSpace, bodies: Bodies, B: PETSc.Mat) -> Floats:
         Shape (num_pairs, bodies.count * bodies.num_modes).
     """
     gdim, total = V.dofmap.index_map_bs, bodies.count * bodies.num_modes
-    nodes = _nodes_of(B, gdim)
+    nodes = nodes_of(B, gdim)
     modes = bodies.rigid_modes(V.tabulate_dof_coordinates()[nodes])
     row = (nodes[:, None] * gdim + np.arange(gdim))[:, :, None]
     column = (bodies.of_node[nodes, None] * bodies.num_modes + np.arange(bodies.num_modes))[:, None]
@@ -112,7 +112,7 @@ def rigid_jumps(V: fem.FunctionSpace, bodies: Bodies, B: PETSc.Mat) -> Floats:
     return jumps
 
 
-def _nodes_of(B: PETSc.Mat, gdim: int) -> Longs:
+def nodes_of(B: PETSc.Mat, gdim: int) -> Longs:
     """Owned nodes with a part in any row. Collective."""
     counts = B.createVecRight()
     unknowns = B.getValuesCSR()[1]
