@@ -66,7 +66,9 @@ def run(
             folder.create()
             checkpoints.write(saved)
         with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
-            journal.header(case, describe(case.title, case.method, problem))
+            journal.header(
+                case, [describe(case.title, case.method, problem), *problem.constraints.remarks]
+            )
             context = RunContext(
                 case=case,
                 problem=problem,

@@ -8,7 +8,7 @@ import dataclasses
 import logging
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from types import TracebackType
 
@@ -106,12 +106,12 @@ class RunLog:
         log.info("ended after %.1f s", time.perf_counter() - self._began)
         self._handled.__exit__(None, None, None)
 
-    def header(self, case: Case, description: str) -> None:
+    def header(self, case: Case, descriptions: Sequence[str]) -> None:
         """Say what runs on what. Collective.
 
         Args:
             case: What is solved.
-            description: The discrete problem in a line.
+            descriptions: The discrete problem, and how its contacts were made, a line each.
         """
         log.info("%s", ", ".join(f"{name} {version}" for name, version in versions().items()))
         for name, text in surroundings(self._comm).items():
@@ -120,7 +120,8 @@ class RunLog:
             log.info("case.%s: %s", field.name, getattr(case, field.name))
         options = PETSc.Options().getAll()
         log.info("PETSc options: %s", " ".join(f"-{key} {options[key]}" for key in options))
-        log.info("%s", description)
+        for description in descriptions:
+            log.info("%s", description)
 
     def iteration(self, record: Iteration) -> None:
         """Log a Newton step; a monitor of the algorithms."""

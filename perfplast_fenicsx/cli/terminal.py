@@ -77,6 +77,8 @@ class Terminal:
     def header(self, title: str, method: str, problem: Problem) -> None:
         """Say what is solved, and head the table. Collective."""
         self.say(describe(title, method, problem))
+        for remark in problem.constraints.remarks:
+            self.say(remark)
         self.say("  ".join(f"{name:>{width}}" for name, width in COLUMNS))
 
     def iteration(self, record: Iteration) -> None:

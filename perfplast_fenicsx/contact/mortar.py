@@ -65,6 +65,17 @@ class Mortar:
             nodes["normal"] if primary else -nodes["normal"],
             np.full(len(nodes), self.number, dtype=np.int32),
             [(rows.row[side], rows.node[side], coefficient[side]) for side in sides],
+            in_mean=True,
+            remarks=(self._remark(V, chosen),),
+        )
+
+    def _remark(self, V: fem.FunctionSpace, chosen: Side) -> str:
+        """What was chosen. Collective."""
+        count = V.mesh.comm.allreduce(len(chosen.rows.place))
+        shares = " and ".join(f"{min(share, 1):.0%}" for share in chosen.covered)
+        return (
+            f"{self.place}: mortar, hosted by {count} nodes of '{chosen.host.name}'; of it and of"
+            f" '{chosen.guest.name}' {shares} are covered by the other."
         )
 
     def _gap(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:

@@ -27,6 +27,9 @@ from perfplast_fenicsx.contact.surface_facets import Facets, Pieces, pieces_of, 
 ALPHA = 0.25
 """α of the functions on triangles of second order."""
 
+ENDS = ((1, 2), (0, 2), (0, 1))
+"""Vertices at the ends of each edge of a triangle, in the order of its midsides."""
+
 CHUNK = 50_000
 """Pairs of pieces that are clipped at once."""
 
@@ -62,8 +65,8 @@ def own_basis(gdim: int, count: int) -> Floats:
     basis = np.eye(count)
     if count == 6 and gdim == 3:
         basis[3:, 3:] *= 1 - 2 * ALPHA
-        for vertex, middles in enumerate(((4, 5), (3, 5), (3, 4))):
-            basis[vertex, middles] = ALPHA
+        for middle, ends in enumerate(ENDS, start=3):
+            basis[ends, middle] = ALPHA
     return basis
 
 

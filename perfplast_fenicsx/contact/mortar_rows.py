@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, Longs, PairFlags
-from perfplast_fenicsx.contact.mortar_integrals import Integrals, own_basis
+from perfplast_fenicsx.contact.mortar_integrals import ENDS, Integrals, own_basis
 from perfplast_fenicsx.contact.surface_facets import Facets
 from perfplast_fenicsx.parallel import Exchange, send_rows
 
@@ -131,13 +131,21 @@ def _heirs(
         there, of each node that takes over; sorted by place, each once.
     """
     fits = corners.back(fit[place]).reshape(hosts["node"].shape)
-    covered = found.covered > 0
-    facet, old, new = np.nonzero((covered[:, None] & ~fits)[:, :, None] & fits[:, None, :])
+    may = (~fits & (found.covered > 0)[:, None])[:, :, None] & fits[:, None, :]
+    if _coupled(hosts):
+        for middle, ends in enumerate(ENDS, start=3):  # lest ends refer to each other in a ring
+            may[:, middle, :3] &= ~fits[:, ends].any(axis=1)[:, None]
+    facet, old, new = np.nonzero(may)
     rows = np.empty(len(facet), dtype=[("place", np.int64), ("rank", np.int32), ("heir", np.int64)])
     rows["place"] = hosts["place"][facet, old]
     rows["rank"] = hosts["rank"][facet, new]
     rows["heir"] = hosts["place"][facet, new]
     return np.unique(send_rows(comm, rows, hosts["rank"][facet, old]))
+
+
+def _coupled(hosts: Facets) -> bool:
+    """Whether the term of a midside is one of its ends too."""
+    return bool(hosts["x"].shape[2] == 3 and hosts["node"].shape[1] == 6)
 
 
 _TERM = np.dtype(

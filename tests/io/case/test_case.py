@@ -327,7 +327,7 @@ MESH_FAULTS = [
     ("gap = 0.0", 'gap = "x - 1"', ["contact 1", "x - 1", "negative"]),
     ("gap = 0.0", 'gap = "log(x - 5)"', ["contact 1", "log(x - 5)", "nan"]),
     ("gap = 0.0", "gap = \"__import__('os')\"", ["contact 1", "__import__", "allowed"]),
-    ('secondary = "lower_top"', 'secondary = "top"', ["contact 1", "partner"]),
+    ('secondary = "lower_top"', 'secondary = "left"', ["contact 1", "opposite"]),
     ('secondary = "lower_top"', 'secondary = "upper_bottom"', ["contact 1", "itself"]),
     ('on = "left"\ncomponents = "xyz"', 'on = "left"\ncomponents = "x"', ["y"]),
     ("[solve]\n", OBSTACLE.replace("lower_top", "lwr"), ["'lwr'", "lower_top"]),
