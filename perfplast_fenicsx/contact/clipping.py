@@ -6,7 +6,7 @@ are clipped by Sutherland and Hodgman's algorithm (Comm. ACM 17, 1974, doi 10.11
 corners stay in the order in which it finds them, and slivers keep their area.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,7 +44,9 @@ def overlaps(host: Floats, guest: Floats) -> Overlaps:
         guest: Corners, same shape.
     """
     flat = _projected(host, guest)
-    return (_segments if host.shape[1] == 2 else _triangles)(flat)
+    some = np.flatnonzero((flat.max(axis=1, initial=-np.inf) > 0).all(axis=1))  # not beside an edge
+    found = (_segments if host.shape[1] == 2 else _triangles)(flat[some])
+    return replace(found, pair=some[found.pair])
 
 
 def _projected(host: Floats, guest: Floats) -> Floats:
@@ -54,9 +56,8 @@ def _projected(host: Floats, guest: Floats) -> Floats:
         Shape (num_pairs, corners, gdim), adding up to 1.
     """
     edges = host[:, 1:] - host[:, :1]
-    gram = np.einsum("nai,nbi->nab", edges, edges)
-    between = np.einsum("nai,nvi->nva", edges, guest - host[:, :1])
-    rest = np.linalg.solve(gram[:, None], between[..., None])[..., 0]
+    inverse = np.linalg.inv(edges @ edges.transpose(0, 2, 1))
+    rest = (guest - host[:, :1]) @ (inverse @ edges).transpose(0, 2, 1)
     return np.concatenate([1 - rest.sum(axis=2, keepdims=True), rest], axis=2)
 
 

@@ -137,19 +137,20 @@ def _products(
     points, weights = _rule(gdim, 2 if each == gdim else 4)
 
     def functions(pieces: Pieces, which: Longs, corners: Floats, count: int) -> Floats:
-        at = np.einsum("qc,ncb,nbr->nqr", points, corners[near], pieces.at[which])
+        at = points @ (corners[near] @ pieces.at[which])
         return shape_functions(gdim, count, at)
 
     own = functions(host, h, found.host, each) @ own_basis(gdim, each).T
     other = functions(guest, g, found.guest, each)
     weighted = own * (area[:, None] * weights)[:, :, None]
     e, f = host.facet[h], guest.facet[g]
-    pair, mixed = _added(e * max(len(guests), 1) + f, np.einsum("nqi,nqj->nij", weighted, other))
+    turned = weighted.transpose(0, 2, 1)
+    pair, mixed = _added(e * max(len(guests), 1) + f, turned @ other)
     cosine = np.abs(np.einsum("ni,ni->n", host.normal[h], guest.normal[g]))
     return _Products(
         pair,
         mixed,
-        _at(e, len(hosts), np.einsum("nqi,nqj->nij", weighted, own)),
+        _at(e, len(hosts), turned @ own),
         _at(e, len(hosts), weighted.sum(axis=1)),
         _at(e, len(hosts), area),
         float((area / cosine).sum()),

@@ -134,7 +134,7 @@ def _heirs(
     may = (~fits & (found.covered > 0)[:, None])[:, :, None] & fits[:, None, :]
     if _coupled(hosts):
         for middle, ends in enumerate(ENDS, start=3):  # lest ends refer to each other in a ring
-            may[:, middle, :3] &= ~fits[:, ends].any(axis=1)[:, None]
+            may[:, middle, :3] &= ~np.any(fits[:, ends], axis=1, keepdims=True)
     facet, old, new = np.nonzero(may)
     rows = np.empty(len(facet), dtype=[("place", np.int64), ("rank", np.int32), ("heir", np.int64)])
     rows["place"] = hosts["place"][facet, old]
