@@ -88,7 +88,7 @@ def stack_problem(
 WEDGE_STEEL = VonMises(2e5, 0.3, 400.0)
 
 
-def wedge_problem(assembly: TaggedMesh, **changes: object) -> Problem:
+def wedge_problem(tagged_mesh: TaggedMesh, **changes: object) -> Problem:
     """Two blocks that meet on an inclined plane; ζ is the pressure on top."""
     arguments: dict[str, object] = {
         "materials": {"lower": WEDGE_STEEL, "upper": WEDGE_STEEL},
@@ -96,7 +96,7 @@ def wedge_problem(assembly: TaggedMesh, **changes: object) -> Problem:
         "loads": [Pressure("top", 1.0)],
         "contacts": [Contact("lower_seam", "upper_seam")],
     }
-    return Problem(assembly, **(arguments | changes))  # type: ignore[arg-type]
+    return Problem(tagged_mesh, **(arguments | changes))  # type: ignore[arg-type]
 
 
 def touching_blocks(**changes: object) -> Problem:
@@ -107,5 +107,5 @@ def touching_blocks(**changes: object) -> Problem:
         "loads": [Pressure("top", 1.0)],
         "contacts": [Contact("lower_top", "upper_bottom")],
     }
-    assembly = stacked_blocks(MPI.COMM_WORLD, 2)
-    return Problem(assembly, **(arguments | changes))  # type: ignore[arg-type]
+    tagged_mesh = stacked_blocks(MPI.COMM_WORLD, 2)
+    return Problem(tagged_mesh, **(arguments | changes))  # type: ignore[arg-type]

@@ -48,10 +48,10 @@ def tube(
     if MPI.COMM_WORLD.rank == 0 and not file.exists():
         write_thick_tube(file, size=0.1, order=order, interface=1.15)
     MPI.COMM_WORLD.barrier()
-    assembly = read_gmsh(comm, file)
+    tagged_mesh = read_gmsh(comm, file)
     return Problem(
-        assembly,
-        dict.fromkeys(assembly.volumes, TUBE),
+        tagged_mesh,
+        dict.fromkeys(tagged_mesh.volumes, TUBE),
         [Support("x0", "x"), Support("y0", "y")],
         [Pressure("inner", 1.0)],
         [Contact("inner_tube_seam", "outer_tube_seam")],
@@ -186,8 +186,8 @@ def test_linear_elements_evaluate_the_law_once_in_a_cell(comm: MPI.Intracomm) ->
 @pytest.mark.parametrize("degree", [0, 3, "2", True])
 def test_other_degrees_are_refused(degree: int) -> None:
     with pytest.raises(InputError, match=r"degree = .* give 1 \(linear\) or 2"):
-        assembly: TaggedMesh = stacked_blocks(MPI.COMM_WORLD, 1)
-        Problem(assembly, {}, degree=degree)
+        tagged_mesh: TaggedMesh = stacked_blocks(MPI.COMM_WORLD, 1)
+        Problem(tagged_mesh, {}, degree=degree)
 
 
 @pytest.mark.parametrize("order", [1, 2])
