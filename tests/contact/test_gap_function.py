@@ -18,7 +18,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from tests.checks import assert_solved
-from tests.models import STEEL, Read
+from tests.models import STEEL, Read, touching_blocks
 
 
 def cylinders(tagged_mesh: TaggedMesh, gap: float | str | None = None, degree: int = 1) -> Problem:
@@ -90,3 +90,9 @@ def test_a_gap_between_parallel_faces_is_measured_and_closed(comm: MPI.Intracomm
     with pytest.raises(InputError, match=r"overlap at first, by up to 0\.1; move one") as refusal:
         apart(-0.1)
     assert len(set(comm.allgather(str(refusal.value)))) == 1
+
+
+def test_a_formula_may_round_to_less_than_no_gap() -> None:
+    rounded = Contact("lower_top", "upper_bottom", "0*x - 1e-17")
+    gap = touching_blocks(contacts=[rounded]).constraints.gap
+    assert not gap.any()
