@@ -54,9 +54,9 @@ def results(comm: MPI.Intracomm, path: Path, where: str, limit: bool = False) ->
     written = Results(folder, problem, scene.title, "1", "newton", Prescribed.LOAD_FACTOR)
     series = FieldSeries(folder, problem, Prescribed.LOAD_FACTOR)
     fields = fields_of(tagged_mesh)
-    for zeta in (1.0, 2.0):
+    for number, zeta in enumerate((1.0, 2.0), start=1):
         level = report(zeta, plastic_cells=0)
-        series.write(fields, level)
+        series.write(number, fields, level)
         written.add(level)
     if limit:
         work = fields["yield_ratio"].copy()

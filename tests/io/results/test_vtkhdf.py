@@ -115,7 +115,7 @@ def write(problem: Problem, path: Path) -> ResultFolder:
     folder = ResultFolder(problem.comm, path)
     folder.create()
     FieldSeries(folder, problem, Prescribed.WORK).write(
-        some_fields(problem), report(0.25, alpha=0.5)
+        1, some_fields(problem), report(0.25, alpha=0.5)
     )
     return folder
 
@@ -280,8 +280,8 @@ def test_a_list_of_levels(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     reports = [report(zeta, alpha=zeta**2) for zeta in (1.0, 2.0, 3.0)]
     series = FieldSeries(folder, problem, Prescribed.LOAD_FACTOR)
     assert listed() == []
-    for level in reports:
-        series.write(fields, level)
+    for number, level in enumerate(reports, start=1):
+        series.write(number, fields, level)
     assert listed() == [(f"fields/{a}", time) for a, time in zip(names, (1, 2, 3), strict=True)]
     assert on_file() == [*names, "mesh.vtkhdf"]
 
@@ -289,11 +289,15 @@ def test_a_list_of_levels(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     series = FieldSeries(folder, problem, Prescribed.LOAD_FACTOR, reports[:2])
     assert listed() == [(f"fields/{names[0]}", 1), (f"fields/{names[1]}", 2)]
     assert on_file() == [*names[:2], "mesh.vtkhdf"]
-    series.write(fields, report(2.5, alpha=7.0))
+    series.write(3, fields, report(2.5, alpha=7.0))
     assert listed()[2:] == [(f"fields/{names[2]}", 2.5)]
     facts = content(folder.file(f"fields/{names[2]}"))
     assert facts["/VTKHDF/FieldData/level"] == 3
     assert facts["/VTKHDF/FieldData/alpha"] == pytest.approx(7.0)
+
+    # levels without fields are left out
+    series.write(7, fields, report(3.5, alpha=9.0))
+    assert listed()[3:] == [("fields/level_0007.vtkhdf", 3.5)]
 
     series.write_mechanism(fields["displacement"], fields["yield_ratio"], 4.0, 5.0)
     mechanism = content(folder.file("mechanism.vtkhdf"))
