@@ -119,8 +119,8 @@ class Terminal:
         upper = "none found" if limit.upper is None else f"{limit.upper:.6g}"
         estimate = "none" if limit.estimate is None else f"{limit.estimate:.6g}"
         self.say(
-            f"Limit load: lower bound {limit.lower:.6g}, estimate {estimate}, upper bound {upper}"
-            f" ({effort(limit)}): {limit.reason}."
+            f"Limit load of the mesh: lower bound {limit.lower:.6g}, estimate {estimate}, upper"
+            f" bound {upper} ({effort(limit)}): {limit.reason}."
         )
 
     def body(self, bounds: BodyBounds) -> None:

@@ -9,6 +9,8 @@ from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, interi
 from perfplast_fenicsx.limit_analysis.entering import without_entering
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, from_interior_point
 from perfplast_fenicsx.limit_analysis.strict_work import Bound, Scope, strict_upper_bound
+from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.certificate import contact_forces
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -20,15 +22,17 @@ class BodyBounds:
     """What is known of the limit load of a body.
 
     Attributes:
+        problem: On whose mesh the fields are; in space each cell is split from its centre.
         lower: A lower bound.
         upper: An upper bound.
         mechanism: Velocity v of the upper bound, with L(v) = 1; zero where none was found.
-        mesh: The limit load of the mesh, which is neither of both.
+        mesh: The limit load of this mesh, which bounds that of the body on neither side.
         certificates: What is left of what a bound asks for, by name.
         steps: Of the interior point method, for both bounds.
         factorisations: For both bounds.
     """
 
+    problem: Problem
     lower: Bound
     upper: Bound
     mechanism: fem.Function
@@ -73,10 +77,11 @@ def limit_bounds(
 ) -> BodyBounds:
     """Find bounds of the limit load of the body that the mesh fills. Collective.
 
-    The mechanism is the best of the mesh that enters no other body between the nodes either.
+    The mechanism is the best of the mesh that keeps the volume everywhere, for which tetrahedra are
+    split from their centres, and enters no other body between the nodes either.
 
     Args:
-        problem: The bodies and their loads.
+        problem: The bodies and their loads; quadratic elements are wanted, as linear ones lock.
         rtol: How near each bound comes to the best of its kind on this mesh, relative.
         monitor: Called on every rank after each step.
 
@@ -84,6 +89,9 @@ def limit_bounds(
         InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, a body
             has another law than those of von Mises and Hooke, or no stress can carry the loads.
     """
+    tagged_mesh = problem.tagged_mesh
+    if problem.bodies.gdim == 3 and problem.degree == 2 and not has_curved_cells(tagged_mesh.mesh):
+        problem = problem.on(alfeld_split(tagged_mesh))
     found = interior_point(without_entering(problem) or problem, rtol, monitor)
     limit = from_interior_point(found)
     forces = contact_forces(problem, found.stress, limit.lower)  # of pairs, not of coefficients
@@ -103,6 +111,7 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
         upper = strict_upper_bound(problem, limit.mechanism)
     certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
     return BodyBounds(
+        problem=problem,
         lower=NOT_SOUGHT,
         upper=upper,
         mechanism=limit.mechanism,

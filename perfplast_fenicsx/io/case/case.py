@@ -184,7 +184,7 @@ def _case(path: Path, table: Table) -> Case:
         loads=loads,
         contacts=[convert(contact, Contact, place) for place, contact in contacts],
         obstacles=obstacles,
-        element=convert(top.element, ElementOptions, f"{name}, [element]"),
+        element=convert(loading.element | top.element, ElementOptions, f"{name}, [element]"),
         method=method,
         options=options,
         loading=loading,

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.schema import Table
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
 from perfplast_fenicsx.problem.prescribed import Prescribed
 
@@ -26,6 +27,7 @@ class LoadControl:
     prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
     limit_tolerance: ClassVar[None] = None
     limit_method: ClassVar[None] = None
+    element: ClassVar[Table] = {}
 
     values: list[float]
 
@@ -52,6 +54,7 @@ class WorkControl:
     """
 
     prescribes: ClassVar[Prescribed] = Prescribed.WORK
+    element: ClassVar[Table] = {}
 
     values: list[float] | None = None
     until: Literal["limit"] | None = None
@@ -88,6 +91,7 @@ class BoundsControl:
     prescribes: ClassVar[Prescribed] = Prescribed.WORK  # L(v) = 1
     values: ClassVar[None] = None
     limit_method: ClassVar[LimitMethod] = LimitMethod.INTERIOR_POINT
+    element: ClassVar[Table] = {"degree": 2}  # linear ones lock
 
     limit_tolerance: float = 1e-4
 

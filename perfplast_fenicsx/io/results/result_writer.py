@@ -91,7 +91,12 @@ class ResultWriter:
         """
         with self.results.timed("output"):
             if self._fields is not None and self._output is not None and limit.collapses:
-                work = dissipation(self._problem, limit.mechanism)
+                problem = body.problem if body else self._problem
+                if problem is not self._problem:  # the mesh was split
+                    folder, prescribed = self.results.folder, Prescribed.WORK
+                    self._fields = FieldSeries(folder, problem, prescribed)
+                    self._output = OutputFields(problem)
+                work = dissipation(problem, limit.mechanism)
                 fields = {"mechanism": limit.mechanism, "dissipation": work}
                 if limit.stress is not None and limit.contact_forces is not None:
                     fields |= self._output.of_stress(limit.stress, limit.contact_forces)
