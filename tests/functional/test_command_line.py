@@ -192,7 +192,7 @@ def test_bounds(
         ("pressure = 1.0", "pressure = -1.0", BAD_INPUT, "no stress can carry the loads"),
         ('on = "bottom"', 'on = "bottom"\ncomponents = "x"', BAD_INPUT, "can move as a rigid body"),
         (
-            'law = "von-mises"\nyoung = 2e5\npoisson = 0.3\nyield_stress = 100.0',
+            'law = "von-mises"\nyoung = 200000.0\npoisson = 0.3\nyield_stress = 100.0',
             'law = "elastic"\nyoung = 2e5\npoisson = 0.3',
             NO_SOLUTION,
             "nothing can yield",

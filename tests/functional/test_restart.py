@@ -166,7 +166,7 @@ def test_a_search_without_a_path_begins_anew(
     comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = f"{CASE}\n[loading]\n" + LIMIT
-    case = write(comm, shared_tmp_path / "case.toml", text)
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
     whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
     assert main(["run", str(case), "-o", str(whole)]) == SOLVED
     plain = recorder.Recorder.interior
