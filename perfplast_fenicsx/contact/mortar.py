@@ -83,11 +83,11 @@ class Mortar:
         comm, gdim = V.mesh.comm, V.mesh.geometry.dim
         nodes = chosen.host.nodes[chosen.rows.place]
         along = chosen.distances.along[chosen.rows.place]
+        size = extent(comm, nodes["x"])
         if self.contact.gap is not None:
             x = nodes["x"].copy()
             if not primary:
                 x[:, :gdim] += along[:, None] * nodes["normal"]
-            return given_gap(comm, self.place, self.contact.gap, x)
+            return given_gap(comm, self.place, self.contact.gap, x, size)
         slack = chosen.distances.slack[chosen.rows.place]
-        size = extent(comm, nodes["x"])
         return without_overlap(comm, self.place, np.where(np.abs(along) > slack, along, 0.0), size)

@@ -20,8 +20,6 @@ from perfplast_fenicsx.limit_analysis.conic_stiffness import SingularStiffness
 from perfplast_fenicsx.limit_analysis.discrete_bounds import lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.limit_program import LimitProgram
-from perfplast_fenicsx.materials.elastic import ElasticLaw
-from perfplast_fenicsx.materials.von_mises import VonMisesLaw
 from perfplast_fenicsx.problem.problem import Problem
 
 MOST_STEPS = 60
@@ -91,7 +89,8 @@ class DiscreteLimit:
         lower: λ of a stress in equilibrium and within yield; None where there is none.
         estimate: Between the bounds; None unless found.
         upper: Dissipation of an admissible mechanism with L(v) = 1; None where there is none.
-        mechanism: Velocity v of the collapse with L(v) = 1; zero unless found.
+        mechanism: Velocity v of the collapse or of the upper bound, with L(v) = 1; zero where there
+            is neither.
         stress: σ at the lower bound, Mandel vectors at the quadrature points; in plane strain the
             stress out of the plane is the mean of those in it.
         contact_forces: Forces of the pairs hosted by this rank there, shape (num_pairs,).
@@ -135,7 +134,7 @@ def interior_point(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, or a
-            body has another law than those of von Mises and Hooke.
+            body's yield set is none that the method knows (:meth:`Law.cone`).
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
@@ -162,8 +161,8 @@ def interior_point(
 
 
 def can_bound(problem: Problem) -> bool:
-    """Whether the laws of all bodies are those that the method knows."""
-    return all(isinstance(on.law, VonMisesLaw | ElasticLaw) for on in problem.laws)
+    """Whether the method knows the yield sets of all bodies."""
+    return all(on.law.cone() is not None for on in problem.laws)
 
 
 def _iterate(
@@ -183,7 +182,8 @@ def _iterate(
             return Verdict.STALLED, "the steps became too short"
         load, gap = iteration.now.load, iteration.gap()
         unbalanced, missing = iteration.unbalanced(), iteration.missing_work()
-        inadmissible = iteration.inadmissible()
+        wrong, rate = iteration.rates()
+        inadmissible = wrong / rate if rate > 0 else 0.0
         step = InteriorStep(
             number=len(steps) + 1,
             load=load * program.load_unit,
@@ -198,7 +198,8 @@ def _iterate(
             monitor(step)
         if load > FAR * program.degree and unbalanced <= ALMOST < inadmissible:
             return Verdict.UNBOUNDED, _unbounded(program)
-        if max(unbalanced, missing) > SETTLED or inadmissible > ALMOST:
+        at_rest = rate <= NOTHING  # bodies move as rigid ones, and what strains is rounding
+        if max(unbalanced, missing) > SETTLED or (inadmissible > ALMOST and not at_rest):
             continue
         if abs(load) + gap <= NOTHING * program.degree:
             reason = (
@@ -249,10 +250,11 @@ def _result(
             if upper is None:
                 reason += "; no admissible mechanism was found, and so no upper bound"
                 verdict = verdict if inadmissible <= NEARLY else Verdict.STALLED
-        if verdict is Verdict.FOUND:
+        if verdict is Verdict.FOUND or upper is not None:
             problem.basis.T.mult(iteration.velocity, mechanism.x.petsc_vec)
             mechanism.x.scatter_forward()
             mechanism.x.array[:] /= problem.loads.alpha(mechanism.x.petsc_vec)
+        if verdict is Verdict.FOUND:
             known = [bound for bound in (lower, upper) if bound is not None]
             estimate = sum(known) / len(known) if known else steps[-1].load
     return DiscreteLimit(
