@@ -14,6 +14,7 @@ from typing import Any
 from docs.marks import replace_mark
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES
+from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.io.case import tables
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.case.scene import Units
@@ -175,6 +176,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "load": ("[[load]]", _single(tables.LoadTable)),
     "contact": ("[[contact]]", _single(Contact)),
     "obstacle": ("[[obstacle]]", _chosen("shape", OBSTACLES, None, "What it is.")),
+    "tie": ("[[tie]]", _single(Tie)),
     "element": ("[element]", _single(tables.ElementOptions)),
     "solve": ("[solve]", _solve),
     "loading": ("[loading]", _chosen("control", LOADINGS, "load", "What is prescribed.")),

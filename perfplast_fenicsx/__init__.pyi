@@ -5,6 +5,7 @@ from .contact.contact import Contact as Contact
 from .contact.obstacles import Cylinder as Cylinder
 from .contact.obstacles import Plane as Plane
 from .contact.obstacles import Sphere as Sphere
+from .contact.tie import Tie as Tie
 from .errors import InputError as InputError
 from .errors import raise_together as raise_together
 from .io.case.scene import Scene as Scene

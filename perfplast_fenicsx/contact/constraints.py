@@ -131,6 +131,15 @@ def make_constraints(
 
 def joined(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
     """The rows of all parts, whose matrices are destroyed. Collective."""
+    whole = stacked(V, parts)
+    for part in parts:
+        part.B.destroy()
+        part.shares.destroy()
+    return whole
+
+
+def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
+    """The rows of all parts, on each rank one below the other. Collective."""
     count = sum(len(part.host) for part in parts)
     rows = (count, V.mesh.comm.allreduce(count))
     none = np.zeros(0, dtype=np.int32)
@@ -149,14 +158,13 @@ def joined(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
 def _stacked(
     V: fem.FunctionSpace, rows: Sizes, columns: Sizes, parts: Sequence[PETSc.Mat]
 ) -> PETSc.Mat:
-    """Matrices below each other on each rank, and destroyed. Collective."""
+    """Matrices below each other on each rank. Collective."""
     entries: list[Entries] = []
     count = 0
     for part in parts:
         row, column, value = entries_of(part)
         entries.append((row + count, column, value))
         count += part.getLocalSize()[0]
-        part.destroy()
     return matrix_of_entries(V.mesh.comm, rows, columns, entries)
 
 

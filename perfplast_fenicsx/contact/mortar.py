@@ -6,13 +6,13 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints, make_constraints
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.gap_function import given_gap, without_overlap
 from perfplast_fenicsx.contact.mortar_sides import Side, Surface, choose_side
 from perfplast_fenicsx.contact.surface_facets import nodes_and_facets
-from perfplast_fenicsx.contact.surface_nodes import extent
+from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes, can_host, extent
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
@@ -52,10 +52,11 @@ class Mortar:
             for name in (contact.primary, contact.secondary)
         ]
         comm = V.mesh.comm
-        chosen = choose_side(comm, self.place, surfaces, contact.hosts)
+        chosen = choose_side(comm, self.place, surfaces, contact.hosts, _along_normals)
         primary = chosen.host is surfaces[0]
         gap = self._gap(V, chosen, primary)
-        rows, nodes = chosen.rows, chosen.host.nodes[chosen.rows.place]
+        (rows,) = chosen.rows
+        nodes = chosen.host.nodes[rows.place]
         coefficient = rows.weight[:, None] * nodes["normal"][rows.row]
         sides = (rows.own, ~rows.own)
         return make_constraints(
@@ -71,7 +72,7 @@ class Mortar:
 
     def _remark(self, V: fem.FunctionSpace, chosen: Side) -> str:
         """What was chosen. Collective."""
-        count = V.mesh.comm.allreduce(len(chosen.rows.place))
+        count = V.mesh.comm.allreduce(len(chosen.rows[0].place))
         shares = " and ".join(f"{min(share, 1):.0%}" for share in chosen.covered)
         return (
             f"{self.place}: mortar, hosted by {count} nodes of '{chosen.host.name}'; of it and of"
@@ -81,13 +82,18 @@ class Mortar:
     def _gap(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:
         """Gap of each row (length). Collective."""
         comm, gdim = V.mesh.comm, V.mesh.geometry.dim
-        nodes = chosen.host.nodes[chosen.rows.place]
-        along = chosen.distances.along[chosen.rows.place]
+        (rows,) = chosen.rows
+        nodes = chosen.host.nodes[rows.place]
+        along = chosen.distances.along[rows.place]
         size = extent(comm, nodes["x"])
         if self.contact.gap is not None:
             x = nodes["x"].copy()
             if not primary:
                 x[:, :gdim] += along[:, None] * nodes["normal"]
             return given_gap(comm, self.place, self.contact.gap, x, size)
-        slack = chosen.distances.slack[chosen.rows.place]
+        slack = chosen.distances.slack[rows.place]
         return without_overlap(comm, self.place, np.where(np.abs(along) > slack, along, 0.0), size)
+
+
+def _along_normals(nodes: SurfaceNodes) -> list[PairFlags]:
+    return [can_host(nodes, nodes["normal"])]

@@ -1,18 +1,19 @@
 """Which of two surfaces carries the multipliers of mortar contact, and what comes of it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
 
 import numpy as np
 
+from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.contact.facet_pairing import rendezvous
 from perfplast_fenicsx.contact.mortar_gap import Distances, distances
 from perfplast_fenicsx.contact.mortar_integrals import integrate
 from perfplast_fenicsx.contact.mortar_rows import MortarRows, mortar_rows
 from perfplast_fenicsx.contact.surface_facets import Facets, pieces_of
-from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes, can_host, extent
+from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes, extent
 from perfplast_fenicsx.errors import InputError
 
 REACH = 0.1
@@ -48,20 +49,29 @@ class Side:
     Attributes:
         host: That surface.
         guest: The other one.
-        rows: The rows.
+        rows: The rows, a set for each of the ways in which nodes are able to be hosts.
         distances: Of the host's nodes to the guest.
         covered: Covered shares of both surfaces, the host's first.
     """
 
     host: Surface
     guest: Surface
-    rows: MortarRows
+    rows: Sequence[MortarRows]
     distances: Distances
     covered: tuple[float, float]
 
+    @property
+    def lost(self) -> int:
+        """How many nodes can neither be hosts nor have one, in all ways together."""
+        return sum(rows.lost for rows in self.rows)
+
+
+Able = Callable[[SurfaceNodes], Sequence[PairFlags]]
+"""Which nodes supports let be hosts; in several ways, where several sets of rows are wanted."""
+
 
 def choose_side(
-    comm: MPI.Intracomm, place: str, surfaces: Sequence[Surface], hosts: str | None
+    comm: MPI.Intracomm, place: str, surfaces: Sequence[Surface], hosts: str | None, able: Able
 ) -> Side:
     """Say which surface's nodes are the hosts, and make their rows. Collective.
 
@@ -70,6 +80,7 @@ def choose_side(
         place: Of the contact, for messages.
         surfaces: The primary and the secondary one.
         hosts: "primary" or "secondary" if it is given.
+        able: Says which nodes may be hosts.
 
     Raises:
         InputError: Surfaces that are nowhere opposite each other, and hosts that supports hold.
@@ -80,7 +91,7 @@ def choose_side(
 
     def side(host: int) -> Side:
         areas = (measures[host][0], measures[1 - host][0])
-        return _side(comm, surfaces[host], surfaces[1 - host], areas)
+        return _side(comm, surfaces[host], surfaces[1 - host], areas, able)
 
     chosen = side(first)
     if not chosen.covered[0]:
@@ -89,20 +100,22 @@ def choose_side(
             " each other and whose projections along their normals overlap."
         )
     better_covered = chosen.covered[0] < WHOLE <= chosen.covered[1]
-    if hosts is None and (better_covered or chosen.rows.lost):
+    if hosts is None and (better_covered or chosen.lost):
         other = side(1 - first)
-        if other.covered[0] and (better_covered or other.rows.lost < chosen.rows.lost):
+        if other.covered[0] and (better_covered or other.lost < chosen.lost):
             chosen = other
-    if chosen.rows.lost:
+    if chosen.lost:
         raise InputError(
-            f"{place}: supports hold {chosen.rows.lost} nodes of '{chosen.host.name}' along its"
-            " normal, and no neighbour of theirs can carry the contact; leave nodes that are held"
+            f"{place}: {chosen.lost} nodes of '{chosen.host.name}' are held by supports or ties,"
+            " and no neighbour of theirs can carry the forces there; leave nodes that are held"
             f" out of it, or let '{chosen.guest.name}' be the one whose nodes are hosts."
         )
     return chosen
 
 
-def _side(comm: MPI.Intracomm, host: Surface, guest: Surface, areas: tuple[float, float]) -> Side:
+def _side(
+    comm: MPI.Intracomm, host: Surface, guest: Surface, areas: tuple[float, float], able: Able
+) -> Side:
     """The rows if one surface's nodes are the hosts. Collective."""
     corners = np.concatenate([surface.nodes["x"] for surface in (host, guest)])
     size = extent(comm, corners)
@@ -114,11 +127,10 @@ def _side(comm: MPI.Intracomm, host: Surface, guest: Surface, areas: tuple[float
         if covered[0] > 0 or reach > size:
             break
         reach *= 2
-    able = can_host(host.nodes, host.nodes["normal"])
     return Side(
         host,
         guest,
-        mortar_rows(comm, here, there, found, able),
+        [mortar_rows(comm, here, there, found, flags) for flags in able(host.nodes)],
         distances(comm, here, there, found, len(host.nodes)),
         (float(covered[0] / areas[0]), float(covered[1] / areas[1])),
     )

@@ -35,6 +35,7 @@ class RigidMotions:
         bodies: Bodies,
         fixed: npt.NDArray[np.bool_],
         constraints: Constraints,
+        ties: Constraints | None = None,
     ) -> None:
         """Form B R. Collective.
 
@@ -43,10 +44,14 @@ class RigidMotions:
             bodies: The bodies.
             fixed: Components held by supports at each local node, shape (num_nodes, gdim).
             constraints: The rows of B.
+            ties: Rows that are held for ever.
         """
         self._V, self._bodies, self._gap = V, bodies, constraints.gap
         self._supports = _support_gram(V, bodies, fixed)
         self._jumps = rigid_jumps(V, bodies, constraints.B)
+        if ties is not None:
+            tied = rigid_jumps(V, bodies, ties.B)
+            self._supports = self._supports + V.mesh.comm.allreduce(tied.T @ tied)
 
     def check(self) -> None:
         """Refuse bodies that supports and contact leave free to move rigidly. Collective.

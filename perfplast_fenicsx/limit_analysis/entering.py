@@ -42,10 +42,10 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
         problem: The bodies and their contact, on straight cells.
         velocity: Its ghosts up to date.
     """
+    if problem.constraints.in_mean or problem.num_tied:
+        return [IN_MEAN]
     if not problem.num_pairs:
         return []
-    if problem.constraints.in_mean:
-        return [IN_MEAN]
     comm = problem.comm
     faces = _flat_faces(problem)
     if faces is None:
@@ -84,7 +84,8 @@ def without_entering(problem: Problem) -> Problem | None:
         are linear; None where contact is on curved faces or of nodes that do
         not match.
     """
-    faces = None if problem.constraints.in_mean else _flat_faces(problem)
+    in_mean = problem.constraints.in_mean or problem.num_tied
+    faces = None if in_mean else _flat_faces(problem)
     if faces is None:
         return None
     if problem.degree == 1 or not problem.num_pairs:

@@ -111,10 +111,10 @@ def _bound(problem: Problem, velocity: fem.Function, state: State, made: ExitSta
     made.callback(K.destroy)
     K.assemble()
     A = K
-    if problem.num_pairs:
+    if problem.num_pairs or problem.num_tied:
         A = K.PtAP(basis.T)
         made.callback(A.destroy)
-    closed = basis.index[state.active] + A.getOwnershipRange()[0]
+    closed = np.concatenate([basis.index[state.active], basis.tied]) + A.getOwnershipRange()[0]
     A.zeroRowsColumns(closed.astype(PETSc.IntType), diag=1.0)
     ksp = PETSc.KSP().create(comm)
     made.callback(ksp.destroy)

@@ -1,8 +1,8 @@
 """Case files: what is solved and how, as TOML.
 
 A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
-``[[contact]]``, ``[[obstacle]]``, ``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and
-``[units]``; see
+``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[element]``, ``[solve]``, ``[loading]``,
+``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
+from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.loading_options import LOADINGS, Control
 from perfplast_fenicsx.io.case.scene import Scene, Units
@@ -54,6 +55,7 @@ class Case:
     loads: list[Load]
     contacts: list[Contact]
     obstacles: list[Obstacle]
+    ties: list[Tie]
     element: ElementOptions
     method: str
     options: Any
@@ -102,6 +104,7 @@ class Case:
                 self.contacts,
                 self.obstacles,
                 self.element.degree,
+                self.ties,
             )
 
     def solver(self, problem: Problem) -> Any:
@@ -184,6 +187,7 @@ def _case(path: Path, table: Table) -> Case:
         loads=loads,
         contacts=[convert(contact, Contact, place) for place, contact in contacts],
         obstacles=obstacles,
+        ties=[convert(tie, Tie, place) for place, tie in _numbered(top.tie, f"{name}, [[tie]]")],
         element=convert(loading.element | top.element, ElementOptions, f"{name}, [element]"),
         method=method,
         options=options,

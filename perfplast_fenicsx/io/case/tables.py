@@ -26,6 +26,7 @@ class Document:
         support: What holds the bodies.
         contact: Which bodies touch, or may touch, each other.
         obstacle: Rigid obstacles that do not move.
+        tie: Which bodies are glued together.
         element: The finite elements.
         solve: The algorithm and its options.
         output: What is written.
@@ -40,6 +41,7 @@ class Document:
     support: list[Table] = field(default_factory=list)
     contact: list[Table] = field(default_factory=list)
     obstacle: list[Table] = field(default_factory=list)
+    tie: list[Table] = field(default_factory=list)
     element: Table = field(default_factory=dict)
     solve: Table = field(default_factory=dict)
     output: Table = field(default_factory=dict)
