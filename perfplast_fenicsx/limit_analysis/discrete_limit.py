@@ -13,11 +13,15 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, SingularStiffness
 from perfplast_fenicsx.limit_analysis.discrete_bounds import lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
-from perfplast_fenicsx.limit_analysis.interior_steps import InteriorStep, Verdict, iterate
+from perfplast_fenicsx.limit_analysis.interior_steps import (
+    InteriorStep,
+    Verdict,
+    check_proportional,
+    iterate,
+)
 from perfplast_fenicsx.limit_analysis.limit_program import limit_program
 from perfplast_fenicsx.materials.elastic import ElasticLaw
 from perfplast_fenicsx.materials.von_mises import VonMisesLaw
@@ -83,13 +87,7 @@ def interior_point(
         InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, or a
             body has another law than those of von Mises and Hooke.
     """
-    if not 0 < rtol < 1:
-        raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
-    if problem.moves_supports or not problem.loads.is_proportional():
-        raise InputError(
-            "supports move or loads are constant, and a limit load is that of loads that all grow;"
-            " leave out what does not grow with the load factor."
-        )
+    check_proportional(problem, rtol)
     with ExitStack() as made:
         program = limit_program(problem)
         made.callback(program.destroy)

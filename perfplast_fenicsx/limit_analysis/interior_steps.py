@@ -7,8 +7,10 @@ from enum import StrEnum
 
 import numpy as np
 
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
+from perfplast_fenicsx.problem.problem import Problem
 
 MOST_STEPS = 60
 
@@ -111,3 +113,18 @@ def iterate(
         if gap <= CLOSER * rtol * load:
             return Verdict.FOUND, f"static and kinematic load are within {rtol:g} of each other"
     return Verdict.STALLED, f"the bounds have not met in {MOST_STEPS} steps"
+
+
+def check_proportional(problem: Problem, rtol: float) -> None:
+    """Refuse what no limit load is known of. Collective.
+
+    Raises:
+        InputError: If ``rtol`` is not between 0 and 1, or supports move or loads are constant.
+    """
+    if not 0 < rtol < 1:
+        raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
+    if problem.moves_supports or not problem.loads.is_proportional():
+        raise InputError(
+            "supports move or loads are constant, and a limit load is that of loads that all grow;"
+            " leave out what does not grow with the load factor."
+        )
