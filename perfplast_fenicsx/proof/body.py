@@ -151,18 +151,18 @@ class Body:
 
     @cached_property
     def outer(self) -> Longs:
-        """The side of each of :attr:`facets`."""
+        """The side of each of ``facets``."""
         return self._found[0]
 
     @cached_property
     def places(self) -> Longs:
-        """Places in its cell of the vertices of each of :attr:`facets`, shape (num_facets, d)."""
+        """Places in its cell of the vertices of each of ``facets``, shape (num_facets, d)."""
         cells = self.cells[self.outer // (self.dim + 1)]
         return np.argmax(cells[:, None] == self.facets[:, :, None], axis=2)
 
     @cached_property
     def normals(self) -> Floats:
-        """Outward unit normals of :attr:`facets`."""
+        """Outward unit normals of ``facets``."""
         return self.normals_of(self.outer)
 
     def normals_of(self, sides: Longs) -> Floats:
@@ -172,7 +172,7 @@ class Body:
 
     @cached_property
     def areas(self) -> Floats:
-        """Of :attr:`facets`."""
+        """Of ``facets``."""
         inward = self.gradients.reshape(-1, self.dim)[self.outer]
         height = 1 / np.linalg.norm(inward, axis=1)
         return self.dim * self.volumes[self.outer // (self.dim + 1)] / height

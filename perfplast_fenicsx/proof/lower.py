@@ -24,8 +24,8 @@ def measure_stress(body: Body, stress: Floats, load: float) -> tuple[dict[str, f
         load: λ.
 
     Returns:
-        By name: ``asymmetry``, ``equilibrium``, ``inner_tractions``, ``outer_tractions``,
-        ``tension``, ``unequal_pressures`` and ``yield_ratio`` (largest ‖dev σ‖/γ); and a reason why
+        ``asymmetry``, ``equilibrium``, ``inner_tractions``, ``outer_tractions``, ``tension``,
+        ``unequal_pressures`` and ``yield_ratio``, which is the largest ‖dev σ‖/γ. And a reason why
         the conditions of contact cannot be told, or None.
     """
     d, plastic = body.dim, body.plastic

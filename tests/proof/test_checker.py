@@ -48,7 +48,7 @@ Arrays = dict[str, npt.NDArray]
 
 def stack() -> Problem:
     """Two blocks on each other, the lower one on a plane, split."""
-    problem = Problem(
+    return Problem(
         alfeld_split(stacked_blocks(COMM, 2, heights=HEIGHTS)),
         {"lower": WEAK, "upper": STRONG},
         [Support("x0", "x"), Support("y0", "y")],
@@ -57,9 +57,6 @@ def stack() -> Problem:
         [Plane("bottom", (0.0, 0.0, 0.0), (0.0, 0.0, 2.0))],
         degree=2,
     )
-    found = without_entering(problem)
-    assert found is not None
-    return found
 
 
 def stress(problem: Problem) -> npt.NDArray:
@@ -76,7 +73,9 @@ def proof(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A file with both bounds of the stack."""
     folder = ResultFolder(COMM, COMM.bcast(tmp_path_factory.mktemp("proof")))
     problem = stack()
-    mechanism = interior_point(problem).mechanism
+    mended = without_entering(problem)
+    assert mended is not None
+    mechanism = interior_point(mended).mechanism
     upper = strict_upper_bound(problem, mechanism)
     assert upper.strict
     assert upper.value is not None
