@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from itertools import accumulate, pairwise
+from pathlib import Path
 from random import Random
 
 import gmsh
@@ -68,7 +68,9 @@ def write_stack(path: Path, it: Stack) -> None:
     growth = random.uniform(0, 1)
 
     def law(x: float, y: float, z: float) -> float:
-        return it.size * (1 + growth * sum(abs(a - b) for a, b in zip((x, y, z), place)) / 2)
+        return it.size * (
+            1 + growth * sum(abs(a - b) for a, b in zip((x, y, z), place, strict=True)) / 2
+        )
 
     with gmsh_session():
         level, blocks = 0.0, []

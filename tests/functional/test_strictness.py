@@ -4,14 +4,13 @@
 """
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 from mpi4py import MPI
 
 import pytest
 
-from perfplast_fenicsx import Problem, ResultFolder, read_gmsh
+from perfplast_fenicsx import ResultFolder, read_gmsh
 from perfplast_fenicsx.io.results.proof_file import VelocityProof, write_proof
 from perfplast_fenicsx.limit_analysis import (
     Verdict,
@@ -48,7 +47,9 @@ def test_random_bodies(shared_tmp_path: Path, seed: int, dim: int) -> None:
         return
     assert upper.strict
     folder = ResultFolder(COMM, shared_tmp_path)
-    write_proof(folder, folder.file("bounds.h5"), None, VelocityProof(problem, upper.value, limit.mechanism))
+    write_proof(
+        folder, folder.file("bounds.h5"), None, VelocityProof(problem, upper.value, limit.mechanism)
+    )
     checked = check(folder.file("bounds.h5"))
     print(checked["upper"])
     assert not checked["upper"].faults
