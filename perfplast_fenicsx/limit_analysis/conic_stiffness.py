@@ -8,6 +8,7 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
+from perfplast_fenicsx.limit_analysis.conic_program import NONE, SingularStiffness
 from perfplast_fenicsx.limit_analysis.point_strains import deviator_in_plane
 from perfplast_fenicsx.materials.mandel import strain, trace
 from perfplast_fenicsx.problem.problem import Problem
@@ -20,20 +21,9 @@ from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
 
 Floats = npt.NDArray[np.float64]
 
-NONE = np.zeros(0, dtype=np.int32)
-
-
-class SingularStiffness(RuntimeError):
-    """A factorisation that has failed, on every rank alike."""
-
 
 class ConicStiffness:
-    """K with ⟨κ tr ε δ + a dev ε − (N:ε) N, ε⟩ and c s² for the jump s of each contact pair.
-
-    Attributes:
-        factorisations: So far.
-        solves: Systems solved so far.
-    """
+    """K of displacements in the contact basis; see :class:`conic_program.Stiffness`."""
 
     def __init__(self, problem: Problem) -> None:
         """Compile the form, and find the pattern. Collective."""
