@@ -35,9 +35,11 @@ def test_random_bodies(shared_tmp_path: Path, seed: int, dim: int) -> None:
     if COMM.rank == 0:
         write_stack(path, it)
     COMM.barrier()
-    coarse, exact = problem_of(it, read_gmsh(COMM, path))
+    mesh = read_gmsh(COMM, path)
+    # no stress carries loads at a plane corner of one cell, unless it has right angles
+    coarse, exact = problem_of(it, alfeld_split(mesh) if dim == 2 else mesh)
     static = strict_lower_bound(coarse)
-    problem = coarse if dim == 2 else coarse.on(alfeld_split(coarse.tagged_mesh))
+    problem = coarse if dim == 2 else coarse.on(alfeld_split(mesh))
     mended = without_entering(problem)
     assert mended is not None
     limit = interior_point(mended)
