@@ -51,8 +51,8 @@ def simplices(facet: Floats, span: Floats) -> list[Floats]:
     return [polygon[[0, i, i + 1]] for i in range(1, len(polygon) - 1)]
 
 
-def pushed(problem: Problem, surface: str, span: Floats) -> fem.Function:
-    """∫N over the part of a surface in the span, as vertical nodal forces. Collective."""
+def pushed(problem: Problem, surface: str, span: Floats, slope: float = 0.0) -> fem.Function:
+    """∫(1 + slope x)N over a surface's part in the span, vertical nodal forces. Collective."""
     V, gdim = problem.V, problem.bodies.gdim
     facets = surface_facets(V, problem.tagged_mesh, surface)
     kind = basix.CellType.interval if gdim == 2 else basix.CellType.triangle
@@ -68,7 +68,9 @@ def pushed(problem: Problem, surface: str, span: Floats) -> fem.Function:
             local = np.linalg.solve((x[1:] - x[0]).T, (at - x[0]).T).T
             values = element.tabulate(0, local)[0, :, :, 0]
             size = abs(np.linalg.det(edges))
-            force.x.array[nodes * gdim + gdim - 1] += size * weights @ values
+            force.x.array[nodes * gdim + gdim - 1] += (
+                size * (weights * (1 + slope * at[:, 0])) @ values
+            )
     force.x.petsc_vec.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     return force
 
@@ -134,3 +136,38 @@ def test_constant_pressure_on_part_of_a_surface(
     below = height < 1 - 1e-9
     assert largest(comm, (u[:, :-1] - aside * x[:, :-1])[below]) < 2e-12 * soft
     assert largest(comm, problem.constraints.shares.getValuesCSR()[2]) < 10
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("hosts", ["primary", "secondary"])
+def test_linear_pressure_between_quadratic_elements(hosts: Any, comm: MPI.Intracomm) -> None:
+    """Bending patch in the plane: σ_yy = −(1 + 0.7x) and quadratic displacements, exactly."""
+    slope = 0.7
+    lower, upper = VonMises(1e5, 0.0, 1e4), VonMises(3e5, 0.0, 1e4)
+    problem = Problem(
+        blocks_apart(comm, (4, 3), (5, 3)),
+        {"lower": lower, "upper": upper},
+        [Support("bottom"), Support("upper_bottom", "x")],
+        [Pressure("top", 1.0)],
+        [Contact("upper_bottom", "lower_top", hosts=hosts)],
+        degree=2,
+    )
+    mesh = problem.tagged_mesh.mesh
+    v, x = ufl.TestFunction(problem.V), ufl.SpatialCoordinate(mesh)
+    live = fem_petsc.assemble_vector(fem.form(-(1 + slope * x[0]) * v[1].dx(1) * ufl.dx))
+    live.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    for sign, surface in ((1.0, "lower_top"), (-1.0, "upper_bottom")):
+        force = pushed(problem, surface, np.array([[0.0], [1.0]]), slope)
+        live.axpy(sign, force.x.petsc_vec)
+    fem_petsc.set_bc(live, problem.bcs)
+    problem.loads = LoadCase(problem.loads.dead, live)
+    level = Newton(problem).solve(1.0)
+    assert_solved(level)
+    X, Y = problem.V.tabulate_dof_coordinates()[:, :2].T
+    u = level.state.u.x.array.reshape(-1, 2)
+    high = np.maximum(Y - 1, 0)
+    low = np.minimum(Y, 1)
+    vertical = -(1 + slope * X) * (low / lower.young + high / upper.young)
+    assert largest(comm, u[:, 1] - vertical) < 1e-11 / lower.young
+    aside = slope * (high**2 / upper.young / 2 + high / lower.young)
+    assert largest(comm, (u[:, 0] - aside)[Y > 1 + 1e-9]) < 1e-11 / lower.young
