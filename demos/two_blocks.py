@@ -174,11 +174,14 @@ def main(argv: Sequence[str] | None = None) -> None:
         assert report.max_penetration < 1e-12
         if known := KNOWN[n].get(report.zeta):
             assert math.isclose(report.alpha, known, rel_tol=1e-8), (report.zeta, report.alpha)
+    lower, upper = bounds.lower.value, bounds.upper.value
     assert bounds.strict
-    assert bounds.lower.value < bounds.upper.value
+    assert lower is not None
+    assert upper is not None
+    assert lower < upper
     if n == 4:
         assert max(orders(level)) > 1.7
-        assert bounds.lower.value > max(ZETAS)
+        assert lower > max(ZETAS)
 
     terminal.say("\nAll checks passed.")
     terminal.results(folder)
