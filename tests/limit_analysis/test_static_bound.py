@@ -29,6 +29,7 @@ from perfplast_fenicsx import (
     Support,
     TaggedMesh,
     Traction,
+    machine_memory,
     two_blocks,
 )
 from perfplast_fenicsx.arrays import Floats
@@ -42,6 +43,7 @@ from perfplast_fenicsx.limit_analysis import (
 )
 from perfplast_fenicsx.limit_analysis.facet_pairs import facet_type, pair_facets
 from perfplast_fenicsx.problem import LoadCase
+from tests.checks import assert_refused
 from tests.limit_analysis.stress_checker import Checked, check_stress, opposite
 from tests.limit_analysis.test_interior_point import (
     BLOCK,
@@ -420,6 +422,12 @@ def test_facets_that_do_not_match(other: bool) -> None:
         assert (pairs.host[order] == [4, 7]).all()
         assert (pairs.guest[order] == 9 * np.array([[4], [7]]) + [6, 3, 0]).all()
         assert (np.sort(pairs.turned) == [4, 7]).all()
+
+
+def test_a_bound_that_does_not_fit_into_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = punch_problem(2)
+    monkeypatch.setattr(machine_memory, "physical_memory", lambda: 2**10)
+    assert_refused(lambda: strict_lower_bound(problem), ["unknowns needs", "coarser mesh"])
 
 
 @pytest.mark.parametrize("rtol", [0.0, 1.0, math.nan])
