@@ -20,6 +20,9 @@ meet at right angles or cross."""
 
 TINY = 1e-300
 
+UNPIVOTED = {**DIRECT, "mat_mumps_cntl_1": 0.0}
+"""K is nowhere negative: pivots that MUMPS would look for take memory, and time."""
+
 
 class CondensedStiffness:
     """See :class:`conic_program.Stiffness`; y and b are vectors of :class:`MultiplierStrains`.
@@ -49,7 +52,7 @@ class CondensedStiffness:
         self._inverse = np.empty((strains.num_cells, inner, inner))
         self._across = np.empty((strains.num_cells, inner, layout.outer))
         self._ksp = PETSc.KSP().create(facets.vector.comm)
-        self._ksp.setOptionsPrefix(own_prefix(LIMIT, DIRECT))
+        self._ksp.setOptionsPrefix(own_prefix(LIMIT, UNPIVOTED))
         self._ksp.setFromOptions()
         self._right, self._found = self._matrix.createVecs()
 

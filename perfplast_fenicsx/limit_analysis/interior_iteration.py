@@ -161,6 +161,7 @@ class InteriorIteration:
             SingularStiffness: If K cannot be factorised.
         """
         now = self.now
+        self._newton = None  # its factors go with what is factorised next
         self._newton = newton = _Newton(self)
         point, pairs = newton.scaling.point, now.forces * now.rooms
         mu = self.gap() / self.program.degree
