@@ -16,6 +16,7 @@ from perfplast_fenicsx.problem.stiffness import create_stiffness
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
+from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
 from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
 
 Floats = npt.NDArray[np.float64]
@@ -90,8 +91,11 @@ class ConicStiffness:
 
         Raises:
             SingularStiffness: If that fails.
+            InputError: If it takes more memory than there is, before the first one.
         """
         self._ksp.setOperators(self._operator.matrix)
+        if not self.factorisations:
+            check_memory(self._ksp)
         self._ksp.setUp()
         self.factorisations += 1
         if self._ksp.getPC().getFailedReason():
