@@ -17,7 +17,7 @@ from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.pictures.drawing_process import draw
-from perfplast_fenicsx.solvers.load_stepping import load_path
+from perfplast_fenicsx.solvers.load_stepping import load_path, rests_first
 
 SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
 """Exit statuses of the command line; an interrupted run has that of :class:`Interrupted`."""
@@ -104,8 +104,10 @@ def _solve(context: RunContext, solver: Any) -> int:
         )
         recorder.limit(limit)
     else:
-        values = (case.loading.values or [])[len(saved.reports) :]
+        values = case.loading.values or []
         start = saved.level.state if saved.level else None
+        if start is not None:
+            values = values[len(saved.reports) - rests_first(solver, values) :]
         for level in load_path(solver, values, recorder.iteration, start):
             recorder.level(level)
     results = recorder.results

@@ -139,7 +139,7 @@ def interior_point(
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
-    if problem.moves_supports or not problem.loads.is_proportional():
+    if not problem.is_proportional():
         raise InputError(
             "supports move or loads are constant, and a limit load is that of loads that all grow;"
             " leave out what does not grow with the load factor."

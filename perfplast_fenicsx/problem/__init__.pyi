@@ -6,6 +6,7 @@ from .load_case import LoadCase as LoadCase
 from .loads import LOADS as LOADS
 from .loads import BodyForce as BodyForce
 from .loads import Load as Load
+from .loads import PorePressure as PorePressure
 from .loads import Pressure as Pressure
 from .loads import Traction as Traction
 from .prescribed import Prescribed as Prescribed

@@ -83,7 +83,7 @@ class Problem:
             tagged_mesh: Mesh with named volumes and surfaces.
             materials: Of each volume, anything that is a :class:`Material`.
             supports: Where the displacement is known.
-            loads: What L₁(v) is the work of.
+            loads: What L₁(v) is the work of and, of those that are constant, L₀(v).
             contacts: Pairs of surfaces that cannot penetrate each other.
             obstacles: Rigid bodies that surfaces cannot penetrate.
             degree: 1 for linear displacements, as in the paper, or 2 for quadratic ones, which do
@@ -143,6 +143,10 @@ class Problem:
         for name, function in self.history.items():
             function.x.array[:] = history[name].x.array if history else 0.0
 
+    def is_proportional(self) -> bool:
+        """Whether nothing but ζ loads or moves the bodies. Collective."""
+        return not self.moves_supports and self.loads.is_proportional()
+
     def create_vector(self) -> PETSc.Vec:
         """A vector of zeros with an entry for each displacement unknown. Collective."""
         vector = self.loads.live.duplicate()
@@ -182,15 +186,28 @@ class Problem:
             self.basis = replace(self.basis, gap=self.basis.gap - closed)
 
     def _loads(self, loads: Sequence[Load]) -> LoadCase:
-        form = fem.form(work_form(self.tagged_mesh, loads, ufl.TestFunction(self.V)))
-        live = fem_petsc.assemble_vector(form)
-        live.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        fem_petsc.set_bc(live, self.bcs)
-        if live.norm() == 0:
+        if not loads:
+            raise InputError(
+                "no load is given, so nothing can be increased; give at least one load."
+            )
+        growing = [load for load in loads if not load.constant]
+        constant = [load for load in loads if load.constant]
+        parts = [self._work(part) if part else None for part in (constant, growing)]
+        none = next(part for part in parts if part is not None).duplicate()
+        none.set(0)
+        dead, live = (none if part is None else part for part in parts)
+        case = LoadCase.of(dead, live, self.bcs)
+        if not case.grows() and (growing or case.is_proportional()):
             raise InputError(
                 "the loads do no work on any admissible displacement, so nothing can be increased;"
                 " give a load that is not zero on a surface that is free to move."
             )
-        dead = live.duplicate()
-        dead.set(0)
-        return LoadCase(dead, live)
+        return case
+
+    def _work(self, loads: Sequence[Load]) -> PETSc.Vec:
+        """L(v) of some loads as a vector, at supported unknowns too."""
+        work = fem_petsc.assemble_vector(
+            fem.form(work_form(self.tagged_mesh, loads, ufl.TestFunction(self.V)))
+        )
+        work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        return work

@@ -32,10 +32,16 @@ class Newton(LevelSolver):
     method = "newton"
     prescribes = Prescribed.LOAD_FACTOR
 
-    def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
-        """Compile the forms and create the solvers. Collective."""
+    def __init__(
+        self,
+        problem: Problem,
+        options: NewtonOptions | None = None,
+        lender: LevelSolver | None = None,
+    ) -> None:
+        """Compile the forms and create the solvers, or borrow another algorithm's. Collective."""
         self.options = options or NewtonOptions()
-        super().__init__(problem, self.options.max_iterations, criterion_met(self.options))
+        criterion = criterion_met(self.options)
+        super().__init__(problem, self.options.max_iterations, criterion, lender)
         self._first_work = 0.0
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:

@@ -32,6 +32,7 @@ from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 from perfplast_fenicsx.problem.loads import Load
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.methods import METHODS
@@ -155,11 +156,14 @@ def _case(path: Path, table: Table) -> Case:
     loading: LoadControl | WorkControl = convert(rest, schema, place)
     method, options = _algorithm(top.solve, loading, f"{name}, [solve]")
     held = [convert(support, Support, place) for place, support in supports]
-    if loading.values is None and any(support.value for support in held):
-        raise InputError(
-            f"{place}: until = 'limit' goes with supports at rest, but one has a value; leave it"
-            " out, for the limit load is the same without, or give values = [...] of the work."
-        )
+    with at(place):
+        if not any(load.constant for load in loads) and not any(one.value for one in held):
+            loading.check_proportional()
+        if loading.prescribes is Prescribed.WORK and all(load.constant for load in loads):
+            raise InputError(
+                "control = 'work' goes with a load that grows, but all loads are constant; take"
+                " constant = true from one of them, or give control = 'load'."
+            )
     return Case(
         path=path,
         table=table,
