@@ -117,6 +117,8 @@ def _solve(context: RunContext, solver: Any) -> int:
             log.info("path.png alone is drawn: fields.png needs fields = true under [output]")
         with results.timed("pictures"):
             draw(context.folder)
+    if recorder.last is not None:
+        context.terminal.reactions(recorder.last.report)
     results.summary.timings["total"] = recorder.elapsed()
     results.write()
     context.terminal.results(context.folder)

@@ -113,6 +113,14 @@ class Terminal:
             f" ({limit.linear_solves} linear solves): {limit.reason}."
         )
 
+    def reactions(self, report: LevelReport) -> None:
+        """Say what loads, supports, obstacles and contacts exert on the bodies, a line each."""
+        width = max(map(len, report.reactions), default=0)
+        self.say(f"Forces at zeta = {report.zeta:.6g}, in balance to {report.balance:.1e}:")
+        for name, force in report.reactions.items():
+            cells = "  ".join(f"{component:>12.6g}" for component in force)
+            self.say(f"  {name:<{width}}  {cells}")
+
     def results(self, folder: ResultFolder) -> None:
         """Say where the results are and which there are."""
         if self._comm.rank == 0:

@@ -15,7 +15,7 @@ import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
 
-from perfplast_fenicsx.arrays import PairFlags
+from perfplast_fenicsx.arrays import Ints, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.formulations import find_constraints
@@ -56,8 +56,12 @@ class Problem:
         laws: The material laws, each on the cells of its bodies.
         bcs: Supports, homogeneous as those of increments are.
         fixed: Supported components of each local node, ghosts too, shape (num_nodes, gdim).
+        support_names: Surfaces with supports, each once.
+        held_by: Which of them holds a component, −1 where none does; shape as of ``fixed``.
         prescribed: u_D, the displacement of these components (length), 0 elsewhere.
         moves_supports: Whether u_D is anything but 0.
+        contacts: As given.
+        obstacles: As given; their numbers in the constraints are behind those of contacts.
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
         has_gaps: Whether any pair is open at first.
@@ -159,7 +163,10 @@ class Problem:
 
     def _supports(self, supports: Sequence[Support]) -> list[fem.DirichletBC]:
         V, gdim, zero = self.V, self.tagged_mesh.mesh.geometry.dim, default_scalar_type(0)
-        self.fixed, self.prescribed = known_displacements(V, self.tagged_mesh, supports)
+        self.fixed, self.prescribed, holder = known_displacements(V, self.tagged_mesh, supports)
+        self.support_names = tuple(dict.fromkeys(support.on for support in supports))
+        numbers = [self.support_names.index(support.on) for support in supports]
+        self.held_by: Ints = np.array([*numbers, -1], dtype=np.int32)[holder]
         self.moves_supports: bool = self.comm.allreduce(bool(self.prescribed.any()), MPI.LOR)
         nodes = [np.flatnonzero(self.fixed[:, i]).astype(np.int32) for i in range(gdim)]
         return [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
@@ -167,6 +174,7 @@ class Problem:
     @phase("contact set-up")
     def _contact(self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
         V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
+        self.contacts, self.obstacles = tuple(contacts), tuple(obstacles)
         self.constraints: Constraints = find_constraints(V, tagged_mesh, contacts, obstacles, fixed)
         touching = {a.primary for a in contacts} | {a.secondary for a in contacts}
         touching |= {obstacle.on for obstacle in obstacles}

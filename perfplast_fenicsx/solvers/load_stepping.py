@@ -59,7 +59,7 @@ class Reached:
 
 def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
     """Whether a path begins with ζ = 0 without being told: where loads are constant. Collective."""
-    told = solver.prescribes is Prescribed.LOAD_FACTOR and bool(values) and values[0] == 0
+    told = solver.prescribes is Prescribed.LOAD_FACTOR and len(values) > 0 and values[0] == 0
     return not told and not solver.problem.loads.is_proportional()
 
 

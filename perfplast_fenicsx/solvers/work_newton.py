@@ -79,14 +79,17 @@ class WorkNewton(LevelSolver):
         Collective.
         """
         options, iterate = self.options, self.iterate
-        rho, missing = regularisation(options, history), value - iterate.work()
+        rho, missing = regularisation(options, history, iterate.lifted), value - iterate.work()
         found = newton_direction(self, options, zeta, active, history, rho, missing)
         zeta += found.multiplier
         iterate.aim(found.delta)
         damp = self.damped and options.damping and history
         beta = iterate.line_search(zeta) if damp else 1.0
         increment = iterate.take_step(beta, options.stopping)
-        increment = max(increment, _change(found.multiplier, zeta))
+        change = _change(found.multiplier, zeta)
+        if increment < options.tolerance <= change:
+            change = iterate.load_change(found.multiplier, zeta)
+        increment = max(increment, change)
         finished = increment < options.tolerance and found.settled and beta == 1
         return Step(zeta, increment, found.active, found.iterations, finished, beta, rho)
 
