@@ -5,7 +5,7 @@
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -40,11 +40,24 @@ from perfplast_fenicsx.problem.work_form import work_form
 from perfplast_fenicsx.profiling import phase
 
 
+@dataclass(frozen=True)
+class Given:
+    """What a problem declares, whatever its mesh; see :meth:`Problem.__init__`."""
+
+    materials: Mapping[str, Material]
+    supports: Sequence[Support]
+    loads: Sequence[Load]
+    contacts: Sequence[Contact]
+    obstacles: Sequence[Obstacle]
+    degree: int
+
+
 class Problem:
     """Elastic–perfectly plastic bodies with supports, loads and frictionless contact.
 
     Attributes:
         tagged_mesh: The mesh and its names.
+        given: What was declared on it.
         degree: 1 or 2, that of the displacements.
         V: Continuous displacements, one vector a node.
         S: Mandel vectors (strain, stress) at the quadrature points (:class:`spaces.Spaces`).
@@ -60,8 +73,6 @@ class Problem:
         held_by: Which of them holds a component, −1 where none does; shape as of ``fixed``.
         prescribed: u_D, the displacement of these components (length), 0 elsewhere.
         moves_supports: Whether u_D is anything but 0.
-        contacts: As given.
-        obstacles: As given; their numbers in the constraints are behind those of contacts.
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
         has_gaps: Whether any pair is open at first.
@@ -97,6 +108,7 @@ class Problem:
             InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
         self.tagged_mesh = tagged_mesh
+        self.given = Given(materials, supports, loads, contacts, obstacles, degree)
         spaces = make_spaces(tagged_mesh.mesh, degree)
         self.degree, self.dx = degree, spaces.dx
         self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
@@ -116,6 +128,14 @@ class Problem:
             f" {topology.index_map(topology.dim).size_global} cells, P{self.degree},"
             f" {self.num_dofs} dofs, {self.num_pairs} contact pairs)"
         )
+
+    def on(self, tagged_mesh: TaggedMesh) -> "Problem":
+        """The same problem on another mesh of bodies and surfaces with these names. Collective.
+
+        Raises:
+            InputError: As for a new problem.
+        """
+        return Problem(tagged_mesh, **vars(self.given))
 
     @property
     def comm(self) -> MPI.Intracomm:
@@ -174,7 +194,6 @@ class Problem:
     @phase("contact set-up")
     def _contact(self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
         V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
-        self.contacts, self.obstacles = tuple(contacts), tuple(obstacles)
         self.constraints: Constraints = find_constraints(V, tagged_mesh, contacts, obstacles, fixed)
         touching = {a.primary for a in contacts} | {a.secondary for a in contacts}
         touching |= {obstacle.on for obstacle in obstacles}

@@ -58,8 +58,8 @@ def resultants(problem: Problem, internal: PETSc.Vec, contact: Floats, zeta: flo
     reaction[held_by < 0] = 0
 
     names = [f"support {name}" for name in problem.support_names]
-    names += [f"contact {a.primary} {a.secondary}" for a in problem.contacts]
-    names += [f"obstacle {obstacle.on}" for obstacle in problem.obstacles]
+    names += [f"contact {a.primary} {a.secondary}" for a in problem.given.contacts]
+    names += [f"obstacle {obstacle.on}" for obstacle in problem.given.obstacles]
     supports, sums = len(problem.support_names), np.zeros((len(names) + 1, gdim))
     for axis in range(gdim):
         held = held_by[:, axis] >= 0
