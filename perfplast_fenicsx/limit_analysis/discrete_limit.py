@@ -139,8 +139,9 @@ def interior_point(
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
     if not problem.is_proportional():
         raise InputError(
-            "supports move or loads are constant, and a limit load is that of loads that all grow;"
-            " leave out what does not grow with the load factor."
+            "supports move, loads are constant or bodies are strained at first, and the interior"
+            " point method is for loads that all grow; give method = 'path', or leave out what does"
+            " not grow with the load factor."
         )
     with ExitStack() as made:
         program = LimitProgram(problem)

@@ -1,5 +1,7 @@
 from .certificate import Certificate as Certificate
 from .certificate import certify as certify
+from .initial_strain import InitialStress as InitialStress
+from .initial_strain import Temperature as Temperature
 from .integrals import Integral as Integral
 from .law_on_cells import LawOnCells as LawOnCells
 from .load_case import LoadCase as LoadCase

@@ -40,10 +40,10 @@ class Certificate:
 def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certificate:
     """Judge the state that ``fields`` is at. Collective.
 
-    The dual functional is S(σ) + Σ force × gap − ⟨reactions, u_D⟩, and inf J_ζ is minus that at the
-    solution, so the sum of both is the duality gap. It vanishes for the solution alone, and is told
-    relative to Ψ + S, the sum of what is never negative in both. Gaps are those of the basis, which
-    what u_D closes is taken from.
+    The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap − ⟨reactions, u_D⟩, and inf J_ζ is minus
+    that at the solution, so the sum of both is the duality gap. It vanishes for the solution alone,
+    and is told relative to Ψ + S, the sum of what is never negative in both. Gaps are those of the
+    basis, which what u_D closes is taken from.
     """
     comm, basis = problem.comm, problem.basis
     internal = fields.assemble_all_forces()
@@ -62,15 +62,14 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     potential, conjugate = fields.potential(), fields.conjugate()
     energy = potential - problem.loads.work(fields.u.x.petsc_vec, zeta)
     moved = _moved(problem, internal)
-    dual = conjugate + resisted - moved.work
+    dual = conjugate + fields.initial_work() + resisted - moved.work
     least = RIGID**2 * fields.jagged_norm2()
     rigid = potential + conjugate <= least
     scale = max(potential + conjugate, least, SMALLEST)
     free = r.copy()
     free.array[basis.index] = 0
-    norm = max(problem.loads.norm(zeta), moved.norm, SMALLEST)
-    if rigid:
-        norm = max(norm, RIGID * fields.gross_force())
+    least_force = RIGID * fields.gross_force() if rigid else 0.0
+    norm = max(problem.loads.norm(zeta), moved.norm, least_force, SMALLEST)
     certificate = Certificate(
         forces,
         max_penetration=comm.allreduce(max(0.0, float((-room).max(initial=0))), MPI.MAX),
@@ -78,7 +77,7 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
         complementarity=slack / scale,
         equilibrium=free.norm(PETSc.NormType.NORM_2) / norm,
         duality_gap=(energy + dual) / scale,
-        resultants=resultants(problem, internal, forces, zeta),
+        resultants=resultants(problem, internal, forces, zeta, least_force),
     )
     for vector in (residual, r, y, free):
         vector.destroy()

@@ -27,6 +27,7 @@ from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.initial_strain import Initial, initial_strain
 from perfplast_fenicsx.problem.law_on_cells import lay_out
 from perfplast_fenicsx.problem.load_case import LoadCase
 from perfplast_fenicsx.problem.loads import Load
@@ -50,6 +51,7 @@ class Given:
     contacts: Sequence[Contact]
     obstacles: Sequence[Obstacle]
     degree: int
+    initial: Sequence[Initial]
 
 
 class Problem:
@@ -67,6 +69,7 @@ class Problem:
             DOLFINx makes such an array each time and leaves it to Python's cyclic collector.
         bodies: Connected components and their rigid motions.
         laws: The material laws, each on the cells of its bodies.
+        initial_strain: e₀, which the laws do not see of ε(u); None for none.
         bcs: Supports, homogeneous as those of increments are.
         fixed: Supported components of each local node, ghosts too, shape (num_nodes, gdim).
         support_names: Surfaces with supports, each once.
@@ -76,6 +79,7 @@ class Problem:
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
         has_gaps: Whether any pair is open at first.
+        interferes: Whether any gap is negative.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
         first_active: Pairs that an active set begins with, so that no body is free to move.
         basis: Basis in which contact is a bound: what u_D closes of a gap is taken from it.
@@ -91,6 +95,7 @@ class Problem:
         contacts: Sequence[Contact] = (),
         obstacles: Sequence[Obstacle] = (),
         degree: int = 1,
+        initial: Sequence[Initial] = (),
     ) -> None:
         """Declare the problem. Collective.
 
@@ -103,12 +108,13 @@ class Problem:
             obstacles: Rigid bodies that surfaces cannot penetrate.
             degree: 1 for linear displacements, as in the paper, or 2 for quadratic ones, which do
                 not lock in plastic flow.
+            initial: Changes of temperature, and stress in bodies that are not deformed.
 
         Raises:
             InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
         self.tagged_mesh = tagged_mesh
-        self.given = Given(materials, supports, loads, contacts, obstacles, degree)
+        self.given = Given(materials, supports, loads, contacts, obstacles, degree, initial)
         spaces = make_spaces(tagged_mesh.mesh, degree)
         self.degree, self.dx = degree, spaces.dx
         self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
@@ -117,6 +123,7 @@ class Problem:
         self.cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         self.bodies: Bodies = find_bodies(self.V)
         self.laws = lay_out(tagged_mesh, spaces, materials)
+        self.initial_strain = initial_strain(tagged_mesh, spaces, materials, self.laws, initial)
         self.bcs = self._supports(supports)
         self._contact(contacts, obstacles)
         self.loads = self._loads(loads)
@@ -169,7 +176,8 @@ class Problem:
 
     def is_proportional(self) -> bool:
         """Whether nothing but ζ loads or moves the bodies. Collective."""
-        return not self.moves_supports and self.loads.is_proportional()
+        at_rest = not (self.moves_supports or self.interferes or self.initial_strain)
+        return at_rest and self.loads.is_proportional()
 
     def create_vector(self) -> PETSc.Vec:
         """A vector of zeros with an entry for each displacement unknown. Collective."""
@@ -200,6 +208,7 @@ class Problem:
         self.contact_tags = tuple(sorted(tagged_mesh.surfaces[name] for name in touching))
         self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
+        self.interferes: bool = self.comm.allreduce(bool((self.constraints.gap < 0).any()), MPI.LOR)
         motions = RigidMotions(V, self.bodies, fixed, self.constraints)
         motions.check()
         self.first_active: PairFlags = motions.first_active()

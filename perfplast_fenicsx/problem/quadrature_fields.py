@@ -6,6 +6,7 @@ All forms and Expressions are compiled once for a problem. Nothing here loops ov
 from mpi4py import MPI
 from petsc4py import PETSc
 
+import ufl
 from dolfinx import default_scalar_type, fem
 
 from perfplast_fenicsx.compat import interpolation_points
@@ -24,11 +25,11 @@ class QuadratureFields:
     Attributes:
         problem: Whose they are.
         u: Displacement.
-        e: ε(u), Mandel vectors at the quadrature points, as all strains and stresses.
+        e: ε(u) − e₀, Mandel vectors at the quadrature points, as all strains and stresses.
         stress: Σ(e).
         force: Of :meth:`assemble_force`.
         potential: Ψ(ε(u)).
-        conjugate: S(σ) of the duality gap.
+        conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩.
         stress_norm2: ‖σ‖² in the energy norm, ∫ σ:C⁻¹σ.
         u_norm2: ‖u‖² in the energy norm, ∫ ε(u):Cε(u).
         jagged_norm2: What rounding errors of it are relative to (:mod:`energy_norms`).
@@ -45,7 +46,12 @@ class QuadratureFields:
         def integral(density: OfLaw) -> Integral:
             return Integral(comm, integrate(laws, density))
 
-        self._strain = fem.Expression(strain(self.u), interpolation_points(S.element))
+        initial = problem.initial_strain
+        seen = strain(self.u) if initial is None else strain(self.u) - initial
+        self._strain = fem.Expression(seen, interpolation_points(S.element))
+        self._initial = (
+            None if initial is None else Integral(comm, ufl.dot(s, initial) * problem.dx)
+        )
         self._stress = LawExpression(laws, S, lambda on: on.law.stress(e, on.old))
         self.potential = integral(lambda on: on.law.potential(e, on.old))
         self.conjugate = integral(lambda on: on.law.conjugate(s, on.old))
@@ -104,6 +110,10 @@ class QuadratureFields:
     def plastic_fraction(self) -> float:
         """Share of the volume that is plastic. Collective."""
         return self._plastic_volume() / self._volume
+
+    def initial_work(self) -> float:
+        """⟨σ, e₀⟩. Collective."""
+        return 0.0 if self._initial is None else self._initial()
 
     @phase("assembly")
     def assemble_force(self) -> PETSc.Vec:

@@ -33,7 +33,9 @@ class Resultants:
     balance: float
 
 
-def resultants(problem: Problem, internal: PETSc.Vec, contact: Floats, zeta: float) -> Resultants:
+def resultants(
+    problem: Problem, internal: PETSc.Vec, contact: Floats, zeta: float, least: float = 0.0
+) -> Resultants:
     """The resultants at a state. Collective.
 
     Args:
@@ -41,6 +43,7 @@ def resultants(problem: Problem, internal: PETSc.Vec, contact: Floats, zeta: flo
         internal: ⟨σ, ε(·)⟩ in nodal unknowns, at supports too.
         contact: Forces of the pairs hosted by this rank, shape (num_pairs,).
         zeta: Load factor.
+        least: Nodal forces (force) that add up to less are next to rounding.
     """
     comm, gdim = problem.comm, problem.bodies.gdim
     loads, pushes = problem.create_vector(), problem.create_vector()
@@ -78,6 +81,7 @@ def resultants(problem: Problem, internal: PETSc.Vec, contact: Floats, zeta: flo
     missing = float(np.linalg.norm(np.sum(outer, axis=0)))
     parts = (external, pushed, reaction)
     total = comm.allreduce(sum(float(np.linalg.norm(part, axis=1).sum()) for part in parts))
+    total = max(total, least)
     missing = max(missing, _moment(problem, external + pushed + reaction))
     told = {name: [float(number) for number in force] for name, force in forces.items()}
     return Resultants(told, missing / total if total > 0 else 0.0)

@@ -40,7 +40,7 @@ class Iterate:
         fields: u (nodal) with its strain, stress, integrals.
         direction: δu (nodal) and the integrals along it.
         y: u in jump unknowns.
-        lifted: Whether the start had not yet what supports prescribe.
+        lifted: Whether the start had not yet what supports, interference and initial strain ask.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -72,11 +72,11 @@ class Iterate:
             u.x.array[:] = 0
         else:
             u.x.array[:] = start.u.x.array
-        self.lifted = False
+        self.lifted = start is None and bool(problem.initial_strain)
         if problem.moves_supports:
             held, known = problem.fixed.ravel(), problem.prescribed[problem.fixed]
             moved = bool((u.x.array[held] != known).any())
-            self.lifted = problem.comm.allreduce(moved, MPI.LOR)
+            self.lifted |= problem.comm.allreduce(moved, MPI.LOR)
             u.x.array[held] = known
         basis.M.mult(u.x.petsc_vec, self.y)
         jumps = self.y.array_r[basis.index]
@@ -84,6 +84,7 @@ class Iterate:
             self.y.array[basis.index] = np.minimum(jumps, basis.gap)
             basis.T.mult(self.y, u.x.petsc_vec)
             u.x.scatter_forward()
+            self.lifted |= start is None
         self.fields.update()
         if self.lifted:  # or the first step would start from cells that yield without reason
             self.fields.take_elastic_stress()

@@ -117,8 +117,7 @@ class WorkNewton(LevelSolver):
         self.program.set_operator(iterate.operator(1.0))
         iterate.aim(self.program.response(loads.live, active, rtol=1e-8))
         unit = iterate.direction.du
-        iterate.fields.u.x.array[:] = unit.x.array
-        iterate.fields.update()
+        iterate.fields.e.x.array[:] = iterate.direction.de.x.array
         overstress = iterate.fields.largest_overstress()
         return loads.alpha(unit.x.petsc_vec) / (overstress if overstress > 0 else 1.0)
 
@@ -134,8 +133,9 @@ class WorkNewton(LevelSolver):
         """
         if not self.problem.is_proportional():
             raise InputError(
-                "supports move or loads are constant, so that the first yield is no multiple of an"
-                " elastic state; leave out what does not grow with the load factor."
+                "supports move, loads are constant or bodies are strained at first, so that the"
+                " first yield is no multiple of an elastic state; leave out what does not grow with"
+                " the load factor."
             )
         iterate = self.iterate
         closed = np.zeros_like(self.problem.basis.gap)

@@ -31,6 +31,7 @@ from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
+from perfplast_fenicsx.problem.initial_strain import Initial, InitialStress, Temperature
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
@@ -60,6 +61,7 @@ class Case:
     loading: LoadControl | WorkControl
     output: OutputOptions
     units: Units
+    initial: list[Initial]
 
     @property
     def scene(self) -> Scene:
@@ -102,6 +104,7 @@ class Case:
                 self.contacts,
                 self.obstacles,
                 self.element.degree,
+                self.initial,
             )
 
     def solver(self, problem: Problem) -> Any:
@@ -156,8 +159,21 @@ def _case(path: Path, table: Table) -> Case:
     loading: LoadControl | WorkControl = convert(rest, schema, place)
     method, options = _algorithm(top.solve, loading, f"{name}, [solve]")
     held = [convert(support, Support, place) for place, support in supports]
+    kinds: dict[str, tuple[list[Table], type[Initial]]] = {
+        "temperature": (top.temperature, Temperature),
+        "initial_stress": (top.initial_stress, InitialStress),
+    }
+    initial: list[Initial] = []
+    for kind, (tables, schema_of) in kinds.items():
+        for where, entry in _numbered(tables, f"{name}, [[{kind}]]"):
+            initial.append(convert(entry, schema_of, where))
+    meant = any(convert(contact, Contact, where).interference for where, contact in contacts)
     with at(place):
-        if not any(load.constant for load in loads) and not any(one.value for one in held):
+        if (
+            not any(load.constant for load in loads)
+            and not any(one.value for one in held)
+            and not (initial or meant)
+        ):
             loading.check_proportional()
         if loading.prescribes is Prescribed.WORK and all(load.constant for load in loads):
             raise InputError(
@@ -180,6 +196,7 @@ def _case(path: Path, table: Table) -> Case:
         loading=loading,
         output=convert(top.output, OutputOptions, f"{name}, [output]"),
         units=convert(top.units, Units, f"{name}, [units]"),
+        initial=initial,
     )
 
 

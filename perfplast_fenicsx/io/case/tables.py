@@ -26,6 +26,8 @@ class Document:
         loading: How far the bodies are loaded, and by what it is controlled.
         title: For people; the name of the file where it is missing.
         support: What holds the bodies.
+        temperature: Where the temperature changes.
+        initial_stress: Where bodies have stress before they are deformed.
         contact: Which bodies touch, or may touch, each other.
         obstacle: Rigid obstacles that do not move.
         element: The finite elements.
@@ -40,6 +42,8 @@ class Document:
     loading: Table
     title: str = ""
     support: list[Table] = field(default_factory=list)
+    temperature: list[Table] = field(default_factory=list)
+    initial_stress: list[Table] = field(default_factory=list)
     contact: list[Table] = field(default_factory=list)
     obstacle: list[Table] = field(default_factory=list)
     element: Table = field(default_factory=dict)
