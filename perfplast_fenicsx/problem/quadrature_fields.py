@@ -123,7 +123,7 @@ class QuadratureFields:
 
     @phase("assembly")
     def assemble_all_forces(self) -> PETSc.Vec:
-        """⟨Σ(e), ε(v)⟩ as a vector, at supports too; in :attr:`force` as well. Collective."""
+        """⟨Σ(e), ε(v)⟩ as a vector, at supports too; ``force`` as well. Collective."""
         assemble_force(self.force, self._force_form, [])
         return self.force
 
