@@ -96,8 +96,9 @@ def limit_load(
         reached: Where that run had come to.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, all loads are constant, or supports move or
-            loads are constant and the interior point method is asked for.
+        InputError: If ``rtol`` is not between 0 and 1, all loads are constant, the interior point
+            method is asked for beside constant loads and the like, or it finds that no stress can
+            carry the loads.
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")

@@ -9,6 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
+
 Formula = float | str
 """A number, or a formula in x, y, z."""
 
@@ -92,3 +97,18 @@ LOADS: dict[str, type[Any]] = {
     "pore_pressure": PorePressure,
 }
 """Kinds of loads by their name in case files."""
+
+
+def uniform(load: Load) -> Floats:
+    """What a load gives, as numbers: one of a pressure, else one a direction.
+
+    Raises:
+        InputError: If it is a formula, or the pressure in pores, which strict bounds do not know.
+    """
+    values = np.atleast_1d(np.asarray(load.value))
+    if isinstance(load, PorePressure) or values.dtype.kind not in "fiu":
+        raise InputError(
+            f"the load on '{load.on}' is a formula or a pore pressure, and strict bounds are for"
+            " uniform loads; give it as numbers, or seek the limit load of the mesh alone."
+        )
+    return values.astype(np.float64)

@@ -15,7 +15,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.io.case.loading_options import LOADINGS, LoadControl, WorkControl
+from perfplast_fenicsx.io.case.loading_options import LOADINGS, BoundsControl, Control
 from perfplast_fenicsx.io.case.scene import Scene, Units
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.io.case.tables import (
@@ -27,6 +27,7 @@ from perfplast_fenicsx.io.case.tables import (
     OutputOptions,
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod, method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.mesh.sample_meshes import build
@@ -58,7 +59,7 @@ class Case:
     element: ElementOptions
     method: str
     options: Any
-    loading: LoadControl | WorkControl
+    loading: Control
     output: OutputOptions
     units: Units
     initial: list[Initial]
@@ -111,6 +112,19 @@ class Case:
         """The algorithm of ``[solve]`` for a problem. Collective."""
         return METHODS[self.method].solver(problem, self.options)
 
+    def limit_method(self, problem: Problem) -> LimitMethod | None:
+        """How the limit load of a problem is found; None where levels are given."""
+        if self.loading.limit_tolerance is None:
+            return None
+        if self.loading.limit_method is not None:
+            return LimitMethod(self.loading.limit_method)
+        return LimitMethod.PATH if self.table.get("solve") else method_for(problem)
+
+    def method_on(self, problem: Problem) -> str:
+        """The name of what solves a problem: an algorithm, or the interior point method."""
+        direct = self.limit_method(problem) is LimitMethod.INTERIOR_POINT
+        return str(LimitMethod.INTERIOR_POINT) if direct else self.method
+
 
 def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
     """Read a case file on rank 0 and check it on every rank alike. Collective.
@@ -156,7 +170,7 @@ def _case(path: Path, table: Table) -> Case:
         obstacles.append(convert(rest, shape, place))
     place = f"{name}, [loading]"
     _, schema, rest = choose(top.loading, "control", LOADINGS, place, default="load")
-    loading: LoadControl | WorkControl = convert(rest, schema, place)
+    loading: Control = convert(rest, schema, place)
     method, options = _algorithm(top.solve, loading, f"{name}, [solve]")
     held = [convert(support, Support, place) for place, support in supports]
     kinds: dict[str, tuple[list[Table], type[Initial]]] = {
@@ -169,11 +183,10 @@ def _case(path: Path, table: Table) -> Case:
             initial.append(convert(entry, schema_of, where))
     meant = any(convert(contact, Contact, where).interference for where, contact in contacts)
     with at(place):
-        if (
-            not any(load.constant for load in loads)
-            and not any(one.value for one in held)
-            and not (initial or meant)
-        ):
+        constant = any(load.constant for load in loads)
+        if constant or any(one.value for one in held) or initial or meant:
+            _check_not_proportional(loading)
+        elif not isinstance(loading, BoundsControl):
             loading.check_proportional()
         if loading.prescribes is Prescribed.WORK and all(load.constant for load in loads):
             raise InputError(
@@ -190,7 +203,7 @@ def _case(path: Path, table: Table) -> Case:
         loads=loads,
         contacts=[convert(contact, Contact, place) for place, contact in contacts],
         obstacles=obstacles,
-        element=convert(top.element, ElementOptions, f"{name}, [element]"),
+        element=convert(loading.element | top.element, ElementOptions, f"{name}, [element]"),
         method=method,
         options=options,
         loading=loading,
@@ -200,13 +213,28 @@ def _case(path: Path, table: Table) -> Case:
     )
 
 
-def _algorithm(table: Table, loading: LoadControl | WorkControl, place: str) -> tuple[str, Any]:
+def _check_not_proportional(loading: Control) -> None:
+    """Refuse what is for loads that all grow, and nothing else."""
+    if loading.limit_method == LimitMethod.INTERIOR_POINT:
+        raise InputError(
+            "supports move, loads are constant or bodies are strained at first, and strict bounds"
+            " and the interior point method are for loads that all grow; give control = 'work',"
+            " until = 'limit' and limit_method = 'path', or leave out what does not grow."
+        )
+
+
+def _algorithm(table: Table, loading: Control, place: str) -> tuple[str, Any]:
     """Method and options; ALG1 for loads and ALG3 for works where none is named."""
+    if table and loading.limit_method == LimitMethod.INTERIOR_POINT:
+        raise InputError(
+            f"{place}: the interior point method has no levels to solve; leave this table out, or"
+            " follow a path with control = 'work', until = 'limit' and limit_method = 'path'."
+        )
     wanted = loading.prescribes
     fitting = [name for name, entry in METHODS.items() if entry.solver.prescribes is wanted]
     method, algorithm, rest = choose(table, "method", METHODS, place, default=fitting[0])
     if method not in fitting:
-        control = {schema.prescribes: name for name, schema in LOADINGS.items()}
+        control = {schema.prescribes: name for name, schema in reversed(LOADINGS.items())}
         other = control[algorithm.solver.prescribes]
         raise InputError(
             f"{place}: method = '{method}' prescribes the {other}, but [loading] has control ="
