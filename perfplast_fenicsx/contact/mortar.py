@@ -90,9 +90,12 @@ class Mortar:
             x = nodes["x"].copy()
             if not primary:
                 x[:, :gdim] += along[:, None] * nodes["normal"]
-            return given_gap(comm, self.place, self.contact.gap, x, size)
+            return given_gap(comm, self.place, self.contact, x, size)
         slack = chosen.distances.slack[rows.place]
-        return without_overlap(comm, self.place, np.where(np.abs(along) > slack, along, 0.0), size)
+        along = np.where(np.abs(along) > slack, along, 0.0)
+        if self.contact.interference:
+            return along
+        return without_overlap(comm, self.place, along, size)
 
 
 def _along_normals(nodes: SurfaceNodes) -> list[PairFlags]:
