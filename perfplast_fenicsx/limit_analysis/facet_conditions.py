@@ -26,6 +26,8 @@ OBLIQUE = "a support holds a surface in contact obliquely to its normal"
 
 TWICE = "a surface is in contact with more than one other"
 
+TIED = "surfaces are glued together in the mean alone"
+
 
 @dataclass(frozen=True, eq=False)
 class FacetConditions:
@@ -159,7 +161,12 @@ def facet_conditions(problem: Problem) -> FacetConditions:
         if not isinstance(obstacle, Plane):
             why_not.append(CURVED)
     every = np.concatenate(touching)
-    faults = {UNMATCHED: not matched, OBLIQUE: oblique, TWICE: len(np.unique(every)) < len(every)}
+    faults = {
+        TIED: problem.num_tied > 0,
+        UNMATCHED: not matched,
+        OBLIQUE: oblique,
+        TWICE: len(np.unique(every)) < len(every),
+    }
     found = [words for words, is_so in faults.items() if problem.comm.allreduce(is_so)]
     return FacetConditions(
         numbers=numbers,
