@@ -24,8 +24,9 @@ from perfplast_fenicsx.io.results.global_ordering import (
 )
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
-from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
+from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
 from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction
@@ -67,6 +68,21 @@ class VelocityProof:
     problem: Problem
     bound: float
     velocity: fem.Function
+
+
+def proofs(bounds: BodyBounds) -> tuple[StressProof | None, VelocityProof | None]:
+    """What proves those bounds that are strict."""
+    problem, lower, upper, static = bounds.problem, bounds.lower, bounds.upper, bounds.static
+    stress_proof = velocity_proof = None
+    if lower.strict and lower.value is not None and static is not None:
+        stress, mesh = static.stress, problem.tagged_mesh
+        if isinstance(mesh, AlfeldSplit):
+            part = mesh.mesh.topology.original_cell_index % stress.shape[1]
+            stress = stress[mesh.parents, part]
+        stress_proof = StressProof(problem, lower.value, stress)
+    if upper.strict and upper.value is not None:
+        velocity_proof = VelocityProof(problem, upper.value, bounds.mechanism)
+    return stress_proof, velocity_proof
 
 
 def write_proof(
