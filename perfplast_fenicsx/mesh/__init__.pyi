@@ -1,4 +1,7 @@
 from .gmsh_reader import gmsh_session as gmsh_session
+from .refinement import Refined as Refined
+from .refinement import fan as fan
+from .refinement import refine as refine
 from .sample_meshes import BUILDERS as BUILDERS
 from .sample_meshes import build as build
 from .sample_meshes import l_plate as l_plate
