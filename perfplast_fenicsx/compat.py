@@ -11,9 +11,13 @@ Python one later), and ``assemble_matrix(A, a, bcs, 1.0)`` with the diagonal's v
 return value), whose checks stop one rank and leave the others waiting.
 """
 
+from collections.abc import Callable
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
+from dolfinx.graph import adjacencylist
 from dolfinx.mesh import Mesh, entities_to_geometry
 
 from perfplast_fenicsx.arrays import Floats, Ints
@@ -66,3 +70,16 @@ def entity_nodes(mesh: Mesh, dim: int, entities: Ints) -> Ints:
         return entities_to_geometry(mesh, dim, entities)
     size = len(coordinate_map(mesh).create_dof_layout().entity_closure_dofs(dim, 0))
     return np.empty((0, size), dtype=np.int32)
+
+
+def stay(comm: MPI.Intracomm, count: int) -> Callable[..., Any]:
+    """A partitioner that leaves the cells on the ranks that give them.
+
+    What it returns is a C++ object: that of ``adjacencylist`` up to 0.9, a member of it later.
+
+    Args:
+        comm: The ranks.
+        count: Cells given by this one.
+    """
+    ranks: Any = adjacencylist(np.full((count, 1), comm.rank, dtype=np.int32))
+    return lambda *_: getattr(ranks, "_cpp_object", ranks)

@@ -17,7 +17,7 @@ BELOW: dict[str, set[str]] = {
     "solvers.linear": {"problem"},
     "solvers.active_set": {"problem", "solvers.linear"},
     "solvers": {"materials", "problem", "solvers.linear", "solvers.active_set"},
-    "limit_analysis": {"contact", "materials", "problem", "solvers", "solvers.linear"},
+    "limit_analysis": {"contact", "materials", "mesh", "problem", "solvers", "solvers.linear"},
     "io.case": {"mesh", "materials", "contact", "problem", "solvers", "limit_analysis"},
     "io.results": {"mesh", "materials", "problem", "limit_analysis", "solvers", "io.case"},
     "pictures": {"contact", "problem", "io.case", "io.results"},

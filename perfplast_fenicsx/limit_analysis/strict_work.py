@@ -12,15 +12,14 @@ from enum import StrEnum
 from functools import lru_cache
 from itertools import permutations, product
 
-from mpi4py import MPI
-
 import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.compat import coordinate_map, geometry_dofmap, interpolation_points
+from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 SUBDIVISIONS = 8
@@ -28,9 +27,6 @@ SUBDIVISIONS = 8
 
 ADMISSIBLE = 1e-9
 """Volume change in plastic bodies and strain in elastic ones that are rounding, beside ‖ε(v)‖."""
-
-STRAIGHT = 1e-10
-"""Distance of a midside node from the middle that is rounding, relative to the cell."""
 
 
 class Scope(StrEnum):
@@ -101,7 +97,7 @@ def strict_upper_bound(
     finally:
         strains.destroy()
     why_not = []
-    if has_curved_cells(problem):
+    if has_curved_cells(problem.tagged_mesh.mesh):
         why_not.append("cells are curved")
     why_not += entering_between_nodes(problem, mechanism)
     of = Scope.MESH if why_not else Scope.BODY
@@ -151,22 +147,3 @@ def composite_vertex_rule(tdim: int, n: int) -> tuple[Floats, Floats]:
     shares = np.bincount(inverse.ravel()) / inverse.size
     ends = np.hstack([np.full((len(grid), 1), n), grid, np.zeros((len(grid), 1), dtype=int)])
     return -np.diff(ends, axis=1) / n, shares
-
-
-def has_curved_cells(problem: Problem) -> bool:
-    """Whether a cell's geometry is not that of its vertices. Collective."""
-    mesh = problem.tagged_mesh.mesh
-    cmap, tdim = coordinate_map(mesh), mesh.topology.dim
-    if cmap.degree == 1:
-        return False
-    x = mesh.geometry.x[geometry_dofmap(mesh)]
-    vertices = x[:, : tdim + 1]
-    layout = cmap.create_dof_layout()
-    size = np.ptp(vertices, axis=1).max(axis=1)
-    curved = False
-    for edge in range(3 if tdim == 2 else 6):
-        ends = [d for d in layout.entity_closure_dofs(1, edge) if d <= tdim]
-        (middle,) = layout.entity_dofs(1, edge)
-        off = np.linalg.norm(x[:, middle] - vertices[:, ends].mean(axis=1), axis=1)
-        curved |= bool((off > STRAIGHT * size).any())
-    return bool(mesh.comm.allreduce(curved, MPI.LOR))

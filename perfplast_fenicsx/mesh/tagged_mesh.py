@@ -127,8 +127,8 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) ->
     facets = _reordered(data.facets, gdim - 1)
     tagged_mesh = TaggedMesh(
         mesh=mesh,
-        cell_tags=_distributed_tags(mesh, gdim, cells, data.cell_values),
-        facet_tags=_distributed_tags(mesh, gdim - 1, facets, data.facet_values),
+        cell_tags=distributed_tags(mesh, gdim, cells, data.cell_values),
+        facet_tags=distributed_tags(mesh, gdim - 1, facets, data.facet_values),
         volumes=data.volumes,
         surfaces=data.surfaces,
     )
@@ -149,7 +149,7 @@ def _reordered(nodes: Longs, dim: int) -> Longs:
     return np.ascontiguousarray(nodes[:, order])
 
 
-def _distributed_tags(mesh: Mesh, dim: int, nodes: Longs, values: Ints) -> MeshTags:
+def distributed_tags(mesh: Mesh, dim: int, nodes: Longs, values: Ints) -> MeshTags:
     """Tags of entities given by their input nodes on any rank. Collective."""
     entities, local_values = distribute_entity_data(mesh, dim, nodes, values)
     mesh.topology.create_connectivity(dim, 0)

@@ -5,7 +5,7 @@
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -40,11 +40,24 @@ from perfplast_fenicsx.problem.work_form import work_form
 from perfplast_fenicsx.profiling import phase
 
 
+@dataclass(frozen=True)
+class Given:
+    """What a problem declares, whatever its mesh; see :meth:`Problem.__init__`."""
+
+    materials: Mapping[str, Material]
+    supports: Sequence[Support]
+    loads: Sequence[Load]
+    contacts: Sequence[Contact]
+    obstacles: Sequence[Obstacle]
+    degree: int
+
+
 class Problem:
     """Elastic–perfectly plastic bodies with supports, loads and frictionless contact.
 
     Attributes:
         tagged_mesh: The mesh and its names.
+        given: What was declared on it.
         degree: 1 or 2, that of the displacements.
         V: Continuous displacements, one vector a node.
         S: Mandel vectors (strain, stress) at the quadrature points (:class:`spaces.Spaces`).
@@ -93,6 +106,7 @@ class Problem:
             InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
         self.tagged_mesh = tagged_mesh
+        self.given = Given(materials, supports, loads, contacts, obstacles, degree)
         spaces = make_spaces(tagged_mesh.mesh, degree)
         self.degree, self.dx = degree, spaces.dx
         self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
@@ -112,6 +126,14 @@ class Problem:
             f" {topology.index_map(topology.dim).size_global} cells, P{self.degree},"
             f" {self.num_dofs} dofs, {self.num_pairs} contact pairs)"
         )
+
+    def on(self, tagged_mesh: TaggedMesh) -> "Problem":
+        """The same problem on another mesh of bodies and surfaces with these names. Collective.
+
+        Raises:
+            InputError: As for a new problem.
+        """
+        return Problem(tagged_mesh, **vars(self.given))
 
     @property
     def comm(self) -> MPI.Intracomm:

@@ -1,0 +1,105 @@
+"""The barycentric split of a mesh: each cell into as many as it has facets, from its centre.
+
+On tetrahedra that are split so, quadratic velocities can keep the volume everywhere, and linear
+stresses be in equilibrium everywhere (P. Alfeld, A trivariate Clough–Tocher scheme for tetrahedral
+data, Comput. Aided Geom. Des. 1 (1984), 169). Facets of the given mesh stay whole, so that surfaces
+that match still do.
+"""
+
+from dataclasses import dataclass
+
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx import la
+from dolfinx.mesh import create_mesh, meshtags
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.compat import entity_nodes, stay
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, distributed_tags
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AlfeldSplit(TaggedMesh):
+    """A mesh whose cells are parts of those of another, with the same names.
+
+    Attributes:
+        parents: For each local cell the local index of the cell that it is a part of.
+    """
+
+    parents: Ints
+
+
+def alfeld_split(tagged_mesh: TaggedMesh) -> AlfeldSplit:
+    """Split each cell from its centre; its parts stay on its rank. Collective.
+
+    Args:
+        tagged_mesh: Triangles or tetrahedra with straight sides, without ghost cells.
+
+    Raises:
+        InputError: If cells are curved.
+    """
+    mesh = tagged_mesh.mesh
+    if has_curved_cells(mesh):
+        raise InputError(
+            "cells are curved, and only straight ones can be split; save the mesh with first-order"
+            " elements."
+        )
+    comm, topology = mesh.comm, mesh.topology
+    tdim = topology.dim
+    corners, points = _corners(tagged_mesh)
+    count = len(corners)
+    centres = points[corners].mean(axis=1)
+    owned = topology.index_map(0).size_local
+    x = np.concatenate([points[:owned], centres])
+    first = comm.exscan(len(x)) or 0
+    numbers = la.vector(topology.index_map(0), 1, dtype=np.int64)
+    numbers.array[:owned] = first + np.arange(owned)
+    numbers.scatter_forward()
+    nodes: Longs = np.repeat(numbers.array[corners][:, None], tdim + 1, axis=1)
+    part = np.arange(tdim + 1)
+    nodes[:, part, part] = first + owned + np.arange(count)[:, None]
+    first_cell = (tdim + 1) * (comm.exscan(count) or 0)
+    element = basix.ufl.element(
+        "Lagrange", topology.cell_name(), 1, shape=(mesh.geometry.dim,), dtype=x.dtype
+    )
+    cells = nodes.reshape(-1, tdim + 1)
+    here = stay(comm, len(cells))
+    split = create_mesh(comm, cells, x=x, e=ufl.Mesh(element), partitioner=here)
+    parents: Ints = ((split.topology.original_cell_index - first_cell) // (tdim + 1)).astype(
+        np.int32
+    )
+    tags = np.zeros(count, dtype=np.int32)
+    tagged = tagged_mesh.cell_tags.indices < count
+    tags[tagged_mesh.cell_tags.indices[tagged]] = tagged_mesh.cell_tags.values[tagged]
+    mine = tagged_mesh.facet_tags.indices < topology.index_map(tdim - 1).size_local
+    topology.create_connectivity(tdim - 1, 0)
+    to_vertices = topology.connectivity(tdim - 1, 0).array.reshape(-1, tdim)
+    facets = numbers.array[to_vertices[tagged_mesh.facet_tags.indices[mine]]]
+    return AlfeldSplit(
+        mesh=split,
+        cell_tags=meshtags(split, tdim, np.arange(len(parents), dtype=np.int32), tags[parents]),
+        facet_tags=distributed_tags(
+            split, tdim - 1, facets, tagged_mesh.facet_tags.values[mine].astype(np.int32)
+        ),
+        volumes=tagged_mesh.volumes,
+        surfaces=tagged_mesh.surfaces,
+        parents=parents,
+    )
+
+
+def _corners(tagged_mesh: TaggedMesh) -> tuple[Ints, Floats]:
+    """Local vertices of each owned cell, and coordinates of all local vertices."""
+    mesh = tagged_mesh.mesh
+    topology = mesh.topology
+    tdim = topology.dim
+    topology.create_connectivity(0, tdim)
+    vertices = topology.index_map(0)
+    every = np.arange(vertices.size_local + vertices.num_ghosts, dtype=np.int32)
+    places = entity_nodes(mesh, 0, every).reshape(-1)
+    count = topology.index_map(tdim).size_local
+    corners = topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)[:count]
+    points = np.asarray(mesh.geometry.x[places, : mesh.geometry.dim], dtype=np.float64)
+    return corners, points
