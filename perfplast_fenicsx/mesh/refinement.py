@@ -16,9 +16,9 @@ from dolfinx import la
 from dolfinx.mesh import Mesh, MeshTags, create_mesh, meshtags
 
 from perfplast_fenicsx.arrays import Ints, Longs
-from perfplast_fenicsx.compat import coordinate_map
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.bisection import cut, edges_of_faces
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.glued_edges import GluedEdges, vertex_coordinates
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import fetch_rows
@@ -41,16 +41,15 @@ class Refined:
 
 
 def check_refinable(tagged_mesh: TaggedMesh) -> None:
-    """Make sure that the cells are straight.
+    """Make sure that the cells are straight. Collective.
 
     Raises:
-        InputError: If the mesh has nodes besides its vertices, on every rank alike.
+        InputError: If they are not.
     """
-    degree = coordinate_map(tagged_mesh.mesh).degree
-    if degree > 1:
+    if has_curved_cells(tagged_mesh.mesh):
         raise InputError(
-            f"the mesh has cells of order {degree}, and only straight ones can be refined; save it"
-            " with elements of first order (Mesh.ElementOrder = 1 in gmsh)."
+            "cells are curved, and only straight ones can be refined; save the mesh with elements"
+            " of first order (Mesh.ElementOrder = 1 in gmsh)."
         )
 
 
@@ -63,14 +62,14 @@ def refine(
     bounded however often this is done.
 
     Args:
-        tagged_mesh: Bodies that share no vertex, of straight cells.
+        tagged_mesh: Bodies of straight cells; midside nodes do not get into the finer mesh.
         marked: Of the cells that this rank owns, shape (num_cells,).
         opposite: Pairs of vertices that lie on each other where bodies are in contact, by their
             global numbers, on any rank, shape (num_pairs, 2). They lie on each other afterwards
             too, and so do the new ones on the edges between them.
 
     Raises:
-        InputError: If cells are not straight.
+        InputError: If cells are curved.
     """
     check_refinable(tagged_mesh)
     comm = tagged_mesh.mesh.comm
@@ -97,7 +96,7 @@ def fan(tagged_mesh: TaggedMesh, points: Ints, opposite: Longs | None = None) ->
         opposite: As of :func:`refine`.
 
     Raises:
-        InputError: If cells are not straight, or no triangles.
+        InputError: If cells are curved, or no triangles.
     """
     check_refinable(tagged_mesh)
     topology = tagged_mesh.mesh.topology
@@ -184,6 +183,7 @@ def _facet_meshtags(mesh: Mesh, of_cell: Ints) -> MeshTags:
     """The tags of facets that are told cell by cell."""
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim, dim - 1)
+    mesh.topology.create_connectivity(dim - 1, dim)
     facets = mesh.topology.connectivity(dim, dim - 1).array
     values = of_cell.ravel()
     named = values != _UNNAMED

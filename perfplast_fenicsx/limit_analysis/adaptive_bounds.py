@@ -1,0 +1,207 @@
+"""Bounds of the limit load on meshes that are refined where the bounds say.
+
+The difference of both bounds is the sum of shares of the cells, none below zero, and shows where
+the mechanism is poor; the dissipation of the lower bound's multipliers shows where the stress is.
+Cells that have most of either are refined. M. Ciria, J. Peraire and J. Bonet, doi:10.1002/nme.2310.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.contact.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.marking import largest_shares
+from perfplast_fenicsx.limit_analysis.singular_points import singular_points
+from perfplast_fenicsx.limit_analysis.strict_work import Bound
+from perfplast_fenicsx.mesh.refinement import check_refinable, fan, refine
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.problem import Problem
+
+PART = 0.4
+"""Part of the gap, and of the dissipation, that the cells have which are refined."""
+
+VALENCE = 24
+"""Cells that meet at least, in the end, at points where the stress depends on the direction."""
+
+FEWER = 4
+"""How often the part is halved where the finer mesh would have too many cells."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """Bounds on one mesh.
+
+    Attributes:
+        number: From 1.
+        cells: Of the mesh.
+        lower: The lower bound found on it; None where there is none.
+        upper: The upper bound.
+        gap: What the best upper bound so far exceeds the best lower one by, relative; ∞ where one
+            of them is missing.
+        seconds: Wall time so far.
+    """
+
+    number: int
+    cells: int
+    lower: float | None
+    upper: float | None
+    gap: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class AdaptiveBounds:
+    """Bounds on a sequence of meshes.
+
+    Attributes:
+        lower: The best lower bound of all meshes.
+        upper: The best upper bound.
+        last: What was found on the last mesh.
+        problem: On the last mesh; in space its cells are not split.
+        rounds: All meshes.
+        reason: Why it is the last one.
+    """
+
+    lower: Bound
+    upper: Bound
+    last: BodyBounds
+    problem: Problem
+    rounds: list[Round]
+    reason: str
+
+    def __repr__(self) -> str:
+        return (
+            f"AdaptiveBounds({self.lower!r}, {self.upper!r}; {len(self.rounds)} meshes;"
+            f" {self.reason})"
+        )
+
+
+def adaptive_bounds(
+    problem: Problem,
+    until: float = 0.01,
+    cells: int = 50000,
+    rtol: float = 1e-4,
+    monitor: Callable[[Round], None] | None = None,
+) -> AdaptiveBounds:
+    """Bound the limit load on finer and finer meshes. Collective.
+
+    Args:
+        problem: The bodies and their loads, on the first mesh.
+        until: Gap of the bounds at which to end, relative to the lower one.
+        cells: Cells that a mesh may have at most.
+        rtol: How near each bound comes to the best of its kind on its mesh, relative.
+        monitor: Called on every rank after each mesh.
+
+    Raises:
+        InputError: If ``until`` is not between 0 and 1 or ``cells`` fewer than the first mesh has,
+            if cells are curved, and for what :func:`body_bounds.limit_bounds` refuses.
+    """
+    check_adaptation(problem.tagged_mesh, until, cells)
+    began, rounds = time.perf_counter(), list[Round]()
+    found = limit_bounds(problem, rtol)
+    lower, upper = found.lower, found.upper
+    while True:
+        gap = _gap(lower, upper)
+        round_ = Round(
+            number=len(rounds) + 1,
+            cells=_count(problem.tagged_mesh),
+            lower=found.lower.value,
+            upper=found.upper.value,
+            gap=gap,
+            seconds=time.perf_counter() - began,
+        )
+        rounds.append(round_)
+        if monitor is not None:
+            monitor(round_)
+        if gap <= until:
+            reason = f"the bounds are within {until:g} of each other"
+            break
+        finer = _finer(problem, found, cells)
+        if finer is None:
+            reason = f"a finer mesh would have more than {cells} cells"
+            break
+        problem = problem.on(finer)
+        found = limit_bounds(problem, rtol)
+        lower, upper = _better(lower, found.lower, max), _better(upper, found.upper, min)
+    return AdaptiveBounds(lower, upper, found, problem, rounds, reason)
+
+
+def check_adaptation(tagged_mesh: TaggedMesh, until: float, cells: int) -> None:
+    """Refuse what cannot be adapted. Collective.
+
+    Raises:
+        InputError: As of :func:`adaptive_bounds`.
+    """
+    if not 0 < until < 1:
+        raise InputError(f"until = {until} is not between 0 and 1; try 0.01.")
+    count = _count(tagged_mesh)
+    if cells < count:
+        raise InputError(
+            f"cells = {cells} is fewer than the {count} of the first mesh; give more, or a coarser"
+            " mesh."
+        )
+    check_refinable(tagged_mesh)
+
+
+def _count(tagged_mesh: TaggedMesh) -> int:
+    topology = tagged_mesh.mesh.topology
+    count: int = topology.index_map(topology.dim).size_global
+    return count
+
+
+def _gap(lower: Bound, upper: Bound) -> float:
+    if lower.value is None or upper.value is None or lower.value <= 0:
+        return math.inf
+    return upper.value / lower.value - 1
+
+
+def _better(old: Bound, new: Bound, best: Callable[[float, float], float]) -> Bound:
+    """The better one of two bounds of the body; of the meshes alone, the new one."""
+    if old.value is None or new.value is None:
+        return old if new.value is None else new
+    if old.strict != new.strict:
+        return old if old.strict else new
+    return old if old.strict and best(old.value, new.value) == old.value else new
+
+
+def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | None:
+    """The next mesh; None if it would have too many cells. Collective."""
+    part = PART
+    for _ in range(FEWER):
+        finer = refined(problem, _marked(problem, found, part))
+        if _count(finer) <= cells:
+            return finer
+        part /= 2
+    return None
+
+
+def _marked(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.bool_]:
+    """Cells with a part of the gap or of the dissipation of the multipliers. Collective."""
+    by_gap, by_stress = (
+        largest_shares(problem.comm, shares, part) for shares in (found.shares, found.dissipation)
+    )
+    return by_gap | by_stress
+
+
+def refined(problem: Problem, marked: npt.NDArray[np.bool_]) -> TaggedMesh:
+    """The mesh of a problem, finer where it is marked, with fans where it needs them. Collective.
+
+    Args:
+        problem: The bodies with their loads.
+        marked: Of the cells that this rank owns.
+    """
+    given, tagged_mesh = problem.given, problem.tagged_mesh
+    pairs = opposite_vertices(tagged_mesh, given.contacts)
+    finer = refine(tagged_mesh, marked, pairs).tagged_mesh
+    if problem.bodies.gdim == 3:
+        return finer
+    points = singular_points(finer, given, VALENCE)
+    if problem.comm.allreduce(len(points)) == 0:
+        return finer
+    return fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
