@@ -76,12 +76,12 @@ ZETAS = [100.0, 150.0, 180.0, 200.0]
 
 
 # %%
-def contact_force(assembly: TaggedMesh, pressure: fem.Function) -> np.ndarray:
+def contact_force(tagged_mesh: TaggedMesh, pressure: fem.Function) -> np.ndarray:
     """Force of the lower block on the upper one, −∫ p n over the upper one's seam. Collective."""
-    mesh = assembly.mesh
-    ds = ufl.Measure("ds", domain=mesh, subdomain_data=assembly.facet_tags)
+    mesh = tagged_mesh.mesh
+    ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged_mesh.facet_tags)
     n = ufl.FacetNormal(mesh)
-    seam = ds(assembly.surfaces["upper_seam"])
+    seam = ds(tagged_mesh.surfaces["upper_seam"])
     parts = [fem.assemble_scalar(fem.form(-pressure * n[i] * seam)) for i in range(3)]
     return np.asarray(mesh.comm.allreduce(np.array(parts)))
 
@@ -103,9 +103,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     folder.create()
     file = folder.file("wedge.msh")
     folder.on_root(lambda: write_wedge(file, size=0.5 if arguments.coarse else 0.15))
-    assembly = read_gmsh(comm, file)
+    tagged_mesh = read_gmsh(comm, file)
     materials = {"lower": ALUMINIUM, "upper": STEEL}
-    problem = Problem(assembly, materials, SUPPORTS, LOADS, CONTACTS)
+    problem = Problem(tagged_mesh, materials, SUPPORTS, LOADS, CONTACTS)
     newton, recovery = Newton(problem), OutputFields(problem)
 
     scene = Scene(TITLE, LOADS, CONTACTS)
@@ -117,7 +117,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         terminal.level(level.report)
         assert level.report.converged, level.report.reason
         pressure = recovery.update(level)["contact_pressure"]
-        forces.append(contact_force(assembly, pressure))
+        forces.append(contact_force(tagged_mesh, pressure))
         writer.write(level)
 
     # %% [markdown]

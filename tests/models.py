@@ -1,12 +1,17 @@
 """The problems that several tests solve."""
 
+import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
 from perfplast_fenicsx import (
     Contact,
+    Elastic,
     Pressure,
     Problem,
     Support,
@@ -18,12 +23,14 @@ from perfplast_fenicsx import (
     stacked_blocks,
     two_blocks,
 )
+from perfplast_fenicsx.materials.laws import MATERIALS
 
 Read = Callable[..., TaggedMesh]
 """The fixture that writes a mesh by a generator and reads it."""
 
 STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
 PUNCH_LIMIT = 400 * math.sqrt(1.5)
+PUNCH_SUPPORTS = [Support("x0", "x"), Support("y0", "y"), Support("bottom")]
 
 
 def l_plate_problem(n: int, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Problem:
@@ -46,7 +53,7 @@ def punch_problem(
     return Problem(
         punch(comm, n),
         {"base": material, "punch": material},
-        [Support("x0", "x"), Support("y0", "y"), Support("bottom")],
+        PUNCH_SUPPORTS,
         [Pressure("top", 1.0)],
         [Contact(*(reversed(surfaces) if swapped else surfaces), gap=gap)],
     )
@@ -88,7 +95,7 @@ def stack_problem(
 WEDGE_STEEL = VonMises(2e5, 0.3, 400.0)
 
 
-def wedge_problem(assembly: TaggedMesh, **changes: object) -> Problem:
+def wedge_problem(tagged_mesh: TaggedMesh, **changes: object) -> Problem:
     """Two blocks that meet on an inclined plane; ζ is the pressure on top."""
     arguments: dict[str, object] = {
         "materials": {"lower": WEDGE_STEEL, "upper": WEDGE_STEEL},
@@ -96,7 +103,7 @@ def wedge_problem(assembly: TaggedMesh, **changes: object) -> Problem:
         "loads": [Pressure("top", 1.0)],
         "contacts": [Contact("lower_seam", "upper_seam")],
     }
-    return Problem(assembly, **(arguments | changes))  # type: ignore[arg-type]
+    return Problem(tagged_mesh, **(arguments | changes))  # type: ignore[arg-type]
 
 
 def touching_blocks(**changes: object) -> Problem:
@@ -107,5 +114,72 @@ def touching_blocks(**changes: object) -> Problem:
         "loads": [Pressure("top", 1.0)],
         "contacts": [Contact("lower_top", "upper_bottom")],
     }
-    assembly = stacked_blocks(MPI.COMM_WORLD, 2)
-    return Problem(assembly, **(arguments | changes))  # type: ignore[arg-type]
+    tagged_mesh = stacked_blocks(MPI.COMM_WORLD, 2)
+    return Problem(tagged_mesh, **(arguments | changes))  # type: ignore[arg-type]
+
+
+def case_text(
+    mesh: Mapping[str, object],
+    materials: Mapping[str, Elastic | VonMises],
+    supports: Sequence[Support],
+    *,
+    pushed: str = "top",
+    contacts: Sequence[Contact] = (),
+    more: str = "",
+    title: str | None = None,
+) -> str:
+    """A case file: bodies under the pressure ζ.
+
+    Args:
+        mesh: Keys of [mesh].
+        materials: Of the bodies by name.
+        supports: That hold.
+        pushed: The surface under pressure.
+        contacts: Of the bodies.
+        more: Other tables, as they are to stand there.
+        title: Of the case.
+    """
+    laws = {material: law for law, material in MATERIALS.items()}
+    tables: list[tuple[str, Mapping[str, object]]] = [("[mesh]", mesh)]
+    for body, material in materials.items():
+        law = {"law": laws[type(material)]}
+        tables.append((f"[material.{body}]", law | _given(material)))
+    tables += [("[[support]]", _given(support)) for support in supports]
+    tables.append(("[[load]]", {"on": pushed, "pressure": 1.0}))
+    tables += [("[[contact]]", _given(contact)) for contact in contacts]
+    lines = [] if title is None else [f"title = {json.dumps(title)}"]
+    for heading, keys in tables:
+        lines += [heading, *(f"{key} = {json.dumps(value)}" for key, value in keys.items())]
+    return "\n".join([*lines, more])
+
+
+def _given(table: Any) -> dict[str, object]:
+    """Fields of a dataclass that differ from their defaults."""
+    values = {field: getattr(table, field.name) for field in fields(table)}
+    return {field.name: value for field, value in values.items() if value != field.default}
+
+
+def punch_case(
+    base: Elastic | VonMises,
+    punch: Elastic | VonMises,
+    gap: str | None = None,
+    more: str = "",
+    title: str | None = None,
+) -> str:
+    """A case file of a coarse punch on a block."""
+    return case_text(
+        {"builder": "punch", "n": 2},
+        {"base": base, "punch": punch},
+        PUNCH_SUPPORTS,
+        contacts=[Contact("punch_bottom", "base_top", gap)],
+        more=more,
+        title=title,
+    )
+
+
+def write_case(comm: MPI.Intracomm, path: Path, text: str) -> Path:
+    """Write a case file for all ranks. Collective."""
+    if comm.rank == 0:
+        path.write_text(text, encoding="utf-8")
+    comm.barrier()
+    return path

@@ -122,10 +122,10 @@ def stress_error(problem: Problem, level: Level, exact: Exact) -> float:
 
 def contact_forces(problem: Problem, level: Level) -> tuple[float, float]:
     """Push on the lower block: resultant, and integral of the contact pressure. Collective."""
-    recovery, assembly = OutputFields(problem), problem.tagged_mesh
+    recovery, tagged_mesh = OutputFields(problem), problem.tagged_mesh
     pressure: fem.Function = recovery.update(level)["contact_pressure"]
-    ds = ufl.Measure("ds", domain=assembly.mesh, subdomain_data=assembly.facet_tags)
-    seam = ds(assembly.surfaces[CONTACTS[0].primary])
+    ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)
+    seam = ds(tagged_mesh.surfaces[CONTACTS[0].primary])
     return -float(recovery.resultants[0, -1]), Integral(problem.comm, pressure * seam)()
 
 
@@ -134,10 +134,10 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     size = 0.4 if coarse else 0.25
     rows: list[Row] = []
     for exact, degree in ((Exact(dim), degree) for dim in (2, 3) for degree in (1, 2)):
-        assembly = mesh(folder, write_contact_patch, dim=exact.dim, size=size)
+        tagged_mesh = mesh(folder, write_contact_patch, dim=exact.dim, size=size)
         sides = [Support("x0", "x"), Support("y0", "y")][: exact.dim - 1]
         supports = [*sides, Support("bottom", "xyz"[exact.dim - 1])]
-        problem = Problem(assembly, MATERIALS, supports, LOADS, CONTACTS, degree=degree)
+        problem = Problem(tagged_mesh, MATERIALS, supports, LOADS, CONTACTS, degree=degree)
         row = partial(Row, exact.name, element=f"P{degree}", size=size, dofs=problem.num_dofs)
 
         began = time.perf_counter()

@@ -58,28 +58,28 @@ ALLOWED = 1e-9
 
 
 # %%
-def in_elastic_seat(assembly: TaggedMesh, degree: int) -> Problem:
+def in_elastic_seat(tagged_mesh: TaggedMesh, degree: int) -> Problem:
     """The block in the seat of the mesh. Collective."""
-    supports = [Support("seat_bottom", "y"), Support("seat_left", "x"), *along_z(assembly)]
+    supports = [Support("seat_bottom", "y"), Support("seat_left", "x"), *along_z(tagged_mesh)]
     materials = {"block": STEEL, "seat": STEEL}
-    return Problem(assembly, materials, supports, LOADS, CONTACTS, degree=degree)
+    return Problem(tagged_mesh, materials, supports, LOADS, CONTACTS, degree=degree)
 
 
-def in_rigid_seat(assembly: TaggedMesh, degree: int) -> Problem:
+def in_rigid_seat(tagged_mesh: TaggedMesh, degree: int) -> Problem:
     """The block between two rigid planes. Collective."""
-    zero = [0.0] * (assembly.mesh.geometry.dim - 2)
+    zero = [0.0] * (tagged_mesh.mesh.geometry.dim - 2)
     planes = [
         Plane("block_corner", point=(0.0, 0.0, *zero), normal=(1.0, 0.0, *zero)),
         Plane("block_corner", point=(0.0, 0.0, *zero), normal=(0.0, 1.0, *zero)),
     ]
-    supports = [Support("seat_bottom"), Support("seat_left"), *along_z(assembly)]
+    supports = [Support("seat_bottom"), Support("seat_left"), *along_z(tagged_mesh)]
     materials = {"block": STEEL, "seat": STEEL}
-    return Problem(assembly, materials, supports, LOADS, obstacles=planes, degree=degree)
+    return Problem(tagged_mesh, materials, supports, LOADS, obstacles=planes, degree=degree)
 
 
-def along_z(assembly: TaggedMesh) -> list[Support]:
+def along_z(tagged_mesh: TaggedMesh) -> list[Support]:
     """What holds both bodies along z."""
-    return [Support("z0", "z")] if assembly.mesh.geometry.dim == 3 else []
+    return [Support("z0", "z")] if tagged_mesh.mesh.geometry.dim == 3 else []
 
 
 def exact_work(dim: int) -> float:
@@ -116,10 +116,10 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     """Forces, reactions and work of both seats, in the plane and in space. Collective."""
     rows = []
     for dim, size in ((2, 0.2 if coarse else 0.05), (3, 0.4 if coarse else 0.25)):
-        assembly = mesh(folder, write_corner_seat, dim=dim, size=size)
+        tagged_mesh = mesh(folder, write_corner_seat, dim=dim, size=size)
         for rigid in (False, True):
             for degree in (1, 2):
-                problem = (in_rigid_seat if rigid else in_elastic_seat)(assembly, degree)
+                problem = (in_rigid_seat if rigid else in_elastic_seat)(tagged_mesh, degree)
                 began = time.perf_counter()
                 level = Newton(problem).solve(1.0)
                 seconds = time.perf_counter() - began

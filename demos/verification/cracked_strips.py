@@ -73,9 +73,9 @@ class Strip:
     def problem(self, folder: ResultFolder, size: float) -> Problem:
         """With quadratic elements. Collective."""
         shape = {"width": self.width, "length": self.length, "tip": self.tip}
-        assembly = mesh(folder, write_cracked_strip, size=size, **shape)
+        tagged_mesh = mesh(folder, write_cracked_strip, size=size, **shape)
         supports = [Support("x0", "x"), Support(self.held, "y")]
-        return Problem(assembly, {"strip": MATERIAL}, supports, LOADS, degree=2)
+        return Problem(tagged_mesh, {"strip": MATERIAL}, supports, LOADS, degree=2)
 
 
 SLIT = Strip("slit", 1.0, 2.0, 0.5, "outer", 2 * K * (1 - 0.5), [[(0.5, 0.0), (1.0, 0.5)]])

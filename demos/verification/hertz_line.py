@@ -74,16 +74,16 @@ class Pressures:
 
 def measure(problem: Problem, pressure: fem.Function, surface: str) -> Pressures:
     """Integrals and vertex values of the pressure on a surface. Collective."""
-    assembly, comm, V = problem.tagged_mesh, problem.comm, pressure.function_space
-    tag, sides = assembly.surfaces[surface], assembly.mesh.geometry.dim - 1
-    ds = ufl.Measure("ds", domain=assembly.mesh, subdomain_data=assembly.facet_tags)(tag)
-    x = ufl.SpatialCoordinate(assembly.mesh)
+    tagged_mesh, comm, V = problem.tagged_mesh, problem.comm, pressure.function_space
+    tag, sides = tagged_mesh.surfaces[surface], tagged_mesh.mesh.geometry.dim - 1
+    ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)(tag)
+    x = ufl.SpatialCoordinate(tagged_mesh.mesh)
     square = sum(x[i] ** 2 for i in range(sides))
 
     def integral(density: ufl.core.expr.Expr) -> float:
         return float(comm.allreduce(fem.assemble_scalar(fem.form(density * ds))))
 
-    nodes = fem.locate_dofs_topological(V, sides, assembly.facets(surface))
+    nodes = fem.locate_dofs_topological(V, sides, tagged_mesh.facets(surface))
     nodes = nodes[nodes < V.dofmap.index_map.size_local]
     r = np.linalg.norm(V.tabulate_dof_coordinates()[nodes, :sides], axis=1)
     found = comm.gather(np.column_stack([r, pressure.x.array[nodes]]))
@@ -156,9 +156,9 @@ def press(
     load = math.pi * modulus * HALF_WIDTH**2 * curvature / 4
     peak = math.sqrt(load * modulus * curvature / math.pi)
 
-    assembly = mesh(folder, write_hertz_line, contact_size=size, bodies=bodies, order=degree)
+    tagged_mesh = mesh(folder, write_hertz_line, contact_size=size, bodies=bodies, order=degree)
     problem = Problem(
-        assembly,
+        tagged_mesh,
         materials,
         [Support("x0", "x"), *([Support("bottom", "y")] if bodies == 2 else [])],
         [Pressure("top", load / (2 * RADIUS))],

@@ -98,12 +98,12 @@ def write_block(path: str | Path, contact_size: float, order: int = 1) -> None:
 # %%
 def ball_on_plane(folder: ResultFolder, degree: int, size: float) -> Problem:
     """A ball on a rigid plane. Collective."""
-    assembly = mesh(folder, write_hertz_sphere, contact_size=size, order=degree)
+    tagged_mesh = mesh(folder, write_hertz_sphere, contact_size=size, order=degree)
     return Problem(
-        assembly,
+        tagged_mesh,
         {"upper": STEEL},
         [Support("x0", "x"), Support("y0", "y")],
-        [Pressure("top", hertz_load(STEEL) / 4 / area(assembly, "top"))],
+        [Pressure("top", hertz_load(STEEL) / 4 / area(tagged_mesh, "top"))],
         obstacles=[Plane("upper_cap", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))],
         degree=degree,
     )
@@ -111,12 +111,12 @@ def ball_on_plane(folder: ResultFolder, degree: int, size: float) -> Problem:
 
 def ball_on_ball(folder: ResultFolder, degree: int, size: float) -> Problem:
     """A ball of steel on one of aluminium. Collective."""
-    assembly = mesh(folder, write_hertz_sphere, contact_size=size, order=degree, bodies=2)
+    tagged_mesh = mesh(folder, write_hertz_sphere, contact_size=size, order=degree, bodies=2)
     return Problem(
-        assembly,
+        tagged_mesh,
         {"upper": STEEL, "lower": ALUMINIUM},
         [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
-        [Pressure("top", hertz_load(STEEL, ALUMINIUM) / 4 / area(assembly, "top"))],
+        [Pressure("top", hertz_load(STEEL, ALUMINIUM) / 4 / area(tagged_mesh, "top"))],
         [Contact("upper_cap", "lower_cap")],
         degree=degree,
     )
@@ -124,12 +124,12 @@ def ball_on_ball(folder: ResultFolder, degree: int, size: float) -> Problem:
 
 def rigid_ball(folder: ResultFolder, degree: int, size: float) -> Problem:
     """A block pressed against a rigid ball. Collective."""
-    assembly = mesh(folder, write_block, contact_size=size, order=degree)
+    tagged_mesh = mesh(folder, write_block, contact_size=size, order=degree)
     return Problem(
-        assembly,
+        tagged_mesh,
         {"block": STEEL},
         [Support("x0", "x"), Support("y0", "y")],
-        [Pressure("bottom", hertz_load(STEEL) / 4 / area(assembly, "bottom"))],
+        [Pressure("bottom", hertz_load(STEEL) / 4 / area(tagged_mesh, "bottom"))],
         obstacles=[Sphere("face", centre=(0.0, 0.0, RADIUS), radius=RADIUS)],
         degree=degree,
     )
@@ -140,11 +140,11 @@ def hertz_load(*bodies: Elastic) -> float:
     return 4 / 3 * CONTACT_RADIUS**3 * contact_modulus(*bodies) * len(bodies) / RADIUS
 
 
-def area(assembly: TaggedMesh, surface: str) -> float:
+def area(tagged_mesh: TaggedMesh, surface: str) -> float:
     """Of a surface of the mesh, whose chords make it smaller. Collective."""
-    ds = ufl.Measure("ds", domain=assembly.mesh, subdomain_data=assembly.facet_tags)
-    one = fem.Constant(assembly.mesh, default_scalar_type(1)) * ds(assembly.surfaces[surface])
-    return float(assembly.mesh.comm.allreduce(fem.assemble_scalar(fem.form(one))))
+    ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)
+    one = fem.Constant(tagged_mesh.mesh, default_scalar_type(1)) * ds(tagged_mesh.surfaces[surface])
+    return float(tagged_mesh.mesh.comm.allreduce(fem.assemble_scalar(fem.form(one))))
 
 
 @dataclass(frozen=True)

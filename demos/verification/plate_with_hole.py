@@ -69,8 +69,8 @@ def hinges() -> float:
 # %%
 def plane(folder: ResultFolder, size: float, degree: int) -> Problem:
     """A quarter of the plate. Collective."""
-    assembly = mesh(folder, write_plate_with_hole, size=size)
-    return Problem(assembly, {"plate": MATERIAL}, SUPPORTS, LOADS, degree=degree)
+    tagged_mesh = mesh(folder, write_plate_with_hole, size=size)
+    return Problem(tagged_mesh, {"plate": MATERIAL}, SUPPORTS, LOADS, degree=degree)
 
 
 def slice_in_space(comm: MPI.Intracomm, cubes: int) -> Problem:

@@ -74,9 +74,9 @@ class Case:
 
     def problem(self, folder: ResultFolder, size: float, degree: int) -> Problem:
         """On a mesh. Collective."""
-        assembly = mesh(folder, self.write, size=size, **self.arguments)
+        tagged_mesh = mesh(folder, self.write, size=size, **self.arguments)
         held = (self.supports, LOADS, self.contacts, self.obstacles)
-        return Problem(assembly, self.materials, *held, degree=degree)
+        return Problem(tagged_mesh, self.materials, *held, degree=degree)
 
 
 ON_PLANE = Case(

@@ -52,11 +52,15 @@ def problem_of(
     folder: ResultFolder, punch: bool, degree: int, size: float
 ) -> tuple[Problem, list[Pressure], list[Contact]]:
     """The ground, with or without the punch, its loads and contacts. Collective."""
-    assembly = mesh(folder, write_strip_footing, size=size, punch=punch)
+    tagged_mesh = mesh(folder, write_strip_footing, size=size, punch=punch)
     materials = {"ground": SOIL} | ({"punch": STIFF} if punch else {})
     loads = [Pressure("top" if punch else "footing", 1.0)]
     contacts = [Contact("ground_footing", "punch_footing")] if punch else []
-    return Problem(assembly, materials, SUPPORTS, loads, contacts, degree=degree), loads, contacts
+    return (
+        Problem(tagged_mesh, materials, SUPPORTS, loads, contacts, degree=degree),
+        loads,
+        contacts,
+    )
 
 
 # %% [markdown]

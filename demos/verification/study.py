@@ -124,12 +124,13 @@ class Collapse:
         return self.limit.lower if self.limit.estimate is None else self.limit.estimate
 
     def write(self, folder: ResultFolder, scene: Scene) -> None:
-        """Write levels, limit load and mechanism, for pictures. Collective."""
+        """Write the path, the fields of its end, limit load and mechanism. Collective."""
         writer = ResultWriter(
             folder, self.problem, scene, "work-newton", prescribed=Prescribed.WORK
         )
+        drawn = next((lv for lv in reversed(self.limit.levels) if lv.report.converged), None)
         for level in self.limit.levels:
-            writer.write(level)
+            writer.write(level, fields=level is drawn)
         writer.write_limit(self.limit)
 
 

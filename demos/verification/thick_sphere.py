@@ -128,10 +128,10 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         element = "P1" if degree == 1 else "P2, curved"
         for size, allowed in sizes.items():
             write = write_thick_sphere
-            assembly = mesh(folder, write, size=size, order=degree, interface=interface)
-            materials = dict.fromkeys(assembly.volumes, MATERIAL)
+            tagged_mesh = mesh(folder, write, size=size, order=degree, interface=interface)
+            materials = dict.fromkeys(tagged_mesh.volumes, MATERIAL)
             contacts = CONTACTS if interface else []
-            problem = Problem(assembly, materials, SUPPORTS, LOADS, contacts, degree=degree)
+            problem = Problem(tagged_mesh, materials, SUPPORTS, LOADS, contacts, degree=degree)
             began = time.perf_counter()
             levels, solves = curve(problem)
             error = largest_error(levels)
@@ -160,11 +160,11 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 
 def seam_pressure(problem: Problem, level: Level) -> float:
     """Mean contact pressure. Collective."""
-    assembly = problem.tagged_mesh
+    tagged_mesh = problem.tagged_mesh
     pressure = OutputFields(problem).update(level)["contact_pressure"]
-    ds = ufl.Measure("ds", domain=assembly.mesh, subdomain_data=assembly.facet_tags)
-    seam = ds(assembly.surfaces[CONTACTS[0].primary])
-    one = fem.Constant(assembly.mesh, default_scalar_type(1))
+    ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)
+    seam = ds(tagged_mesh.surfaces[CONTACTS[0].primary])
+    one = fem.Constant(tagged_mesh.mesh, default_scalar_type(1))
     force, area = Integral(problem.comm, pressure * seam), Integral(problem.comm, one * seam)
     return force() / area()
 

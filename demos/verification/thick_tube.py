@@ -45,10 +45,12 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     rows = []
     for interface, degree, order in ((None, 1, 1), (None, 2, 2), (1.15, 2, 2)):
         for size in sizes:
-            assembly = mesh(folder, write_thick_tube, size=size, order=order, interface=interface)
-            materials = dict.fromkeys(assembly.volumes, MATERIAL)
+            tagged_mesh = mesh(
+                folder, write_thick_tube, size=size, order=order, interface=interface
+            )
+            materials = dict.fromkeys(tagged_mesh.volumes, MATERIAL)
             contacts = CONTACTS if interface else []
-            problem = Problem(assembly, materials, SUPPORTS, LOADS, contacts, degree=degree)
+            problem = Problem(tagged_mesh, materials, SUPPORTS, LOADS, contacts, degree=degree)
             found = collapse(problem)
             case = "thick tube" if interface is None else "tube in a tube"
             rows.append(found.row(case, size, EXACT, 2e-3 if degree == 2 else None))

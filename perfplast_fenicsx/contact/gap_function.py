@@ -72,7 +72,7 @@ def normals_and_gaps(
         )
     if given is None:
         return normal, without_overlap(comm, place, apart, size)
-    return normal, _given_gap(comm, place, given, primary["x"])
+    return normal, _given_gap(comm, place, given, primary["x"], size)
 
 
 def without_overlap(comm: MPI.Intracomm, place: str, gap: Floats, size: float) -> Floats:
@@ -89,13 +89,13 @@ def without_overlap(comm: MPI.Intracomm, place: str, gap: Floats, size: float) -
     return np.where(gap > OVERLAP * size, gap, 0.0)
 
 
-def _given_gap(comm: MPI.Intracomm, place: str, gap: float | str, x: Floats) -> Floats:
-    """Gaps of a number or formula at points. Collective."""
+def _given_gap(comm: MPI.Intracomm, place: str, gap: float | str, x: Floats, size: float) -> Floats:
+    """Gaps of a number or formula at points, none of them negative. Collective."""
     message: str | None = None
     gaps: Floats = np.zeros(len(x))
     try:
         gaps = evaluate(gap, x, f"{place}: gap")
-        if (gaps < 0).any():
+        if (gaps < -OVERLAP * size).any():
             message = (
                 f"{place}: gap = {gap} is negative ({gaps.min():.6g}) at some nodes, but bodies"
                 " cannot overlap at first; give a gap of zero or more."
@@ -103,4 +103,4 @@ def _given_gap(comm: MPI.Intracomm, place: str, gap: float | str, x: Floats) -> 
     except InputError as error:
         message = str(error)
     raise_together(comm, message)
-    return gaps
+    return np.maximum(gaps, 0.0)

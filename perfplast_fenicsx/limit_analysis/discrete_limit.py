@@ -20,8 +20,6 @@ from perfplast_fenicsx.limit_analysis.conic_stiffness import SingularStiffness
 from perfplast_fenicsx.limit_analysis.discrete_bounds import lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.limit_program import LimitProgram
-from perfplast_fenicsx.materials.elastic import ElasticLaw
-from perfplast_fenicsx.materials.von_mises import VonMisesLaw
 from perfplast_fenicsx.problem.problem import Problem
 
 MOST_STEPS = 60
@@ -135,7 +133,7 @@ def interior_point(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, or a
-            body has another law than those of von Mises and Hooke.
+            body's yield set is none that the method knows (:meth:`Law.cone`).
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
@@ -162,8 +160,8 @@ def interior_point(
 
 
 def can_bound(problem: Problem) -> bool:
-    """Whether the laws of all bodies are those that the method knows."""
-    return all(isinstance(on.law, VonMisesLaw | ElasticLaw) for on in problem.laws)
+    """Whether the method knows the yield sets of all bodies."""
+    return all(on.law.cone() is not None for on in problem.laws)
 
 
 def _iterate(

@@ -5,8 +5,6 @@ the stress out of it is in no equation, and its best value is the mean of those 
 that ‖dev σ‖ is the norm of the deviator in the plane.
 """
 
-import math
-
 from petsc4py import PETSc
 
 import numpy as np
@@ -17,9 +15,7 @@ from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.materials.elastic import ElasticLaw
 from perfplast_fenicsx.materials.mandel import Expr, strain, trace
-from perfplast_fenicsx.materials.von_mises import VonMisesLaw
 from perfplast_fenicsx.problem.integrals import assemble_force
 from perfplast_fenicsx.problem.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.problem import Problem
@@ -64,17 +60,13 @@ class PointStrains:
     def _radii(self) -> Floats:
         problem = self._problem
         for on in problem.laws:
-            if not isinstance(on.law, VonMisesLaw | ElasticLaw):
+            if on.law.cone() is None:
                 raise InputError(
                     f"the interior point method knows no yield set of {type(on.law).__name__}; use"
                     " von Mises or elastic bodies with it, or load by work (limit_load)."
                 )
-        one = 1 / math.sqrt(2)
-        unit = ufl.as_vector([one, -one, *([0.0] * (self._size - 2))])  # ‖dev unit‖ = 1
         weakness = fem.Function(problem.Q)
-        LawExpression(problem.laws, problem.Q, lambda on: on.law.yield_ratio(unit)).interpolate(
-            weakness
-        )
+        LawExpression(problem.laws, problem.Q, lambda on: on.law.cone()).interpolate(weakness)
         values = weakness.x.array[: self.count]
         radii = np.full(self.count, np.inf)
         np.divide(1.0, values, out=radii, where=values > 0)

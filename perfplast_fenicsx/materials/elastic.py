@@ -59,6 +59,10 @@ class ElasticLaw(Law):
         """0."""
         return ufl.as_ufl(0)
 
+    def cone(self) -> Expr:
+        """0."""
+        return ufl.as_ufl(0)
+
     def dissipation(self, rate: Expr) -> Expr:
         """0, the power of no rate at all."""
         return ufl.as_ufl(0)

@@ -20,8 +20,9 @@ class Law(Protocol):
     """A law that derives from a convex potential: Σ = Dψ is monotone.
 
     Strains e, rates and stresses s are Mandel vectors, shape (m,) with m = 6, or 4 in plane strain
-    (:mod:`mandel`); ``old`` is the history. :meth:`history` and :meth:`updated`
-    are here as laws without a history (those of Hencky) have them, if they derive from this class.
+    (:mod:`mandel`); ``old`` is the history. :meth:`history`, :meth:`updated`
+    and :meth:`cone` are here as laws without a history (those of Hencky), and without a cone, have
+    them, if they derive from this class.
 
     Attributes:
         projects: Whether Σ(e) is the projection of Ce on the yield set in the norm of C⁻¹, as it is
@@ -82,6 +83,13 @@ class Law(Protocol):
         Greater than 1 where a law has hardened; 0 for bodies that never yield.
         """
         ...
+
+    def cone(self) -> Expr | None:
+        """1/γ (1/stress) of the yield set ‖dev σ‖ ≤ γ, 0 for bodies that never yield; else None.
+
+        The interior point method for limit loads knows these sets alone.
+        """
+        return None
 
     def dissipation(self, rate: Expr) -> Expr:
         """Sup of s:rate over the yield set, power per volume, for a rate that is admissible."""

@@ -95,6 +95,10 @@ class VonMisesLaw(Law):
         """‖dev s‖/γ."""
         return _size(deviator(s)) / self.yield_radius
 
+    def cone(self) -> Expr:
+        """1/γ."""
+        return 1 / self.yield_radius
+
     def dissipation(self, rate: Expr) -> Expr:
         """γ‖dev rate‖."""
         return self.yield_radius * _size(deviator(rate))

@@ -3,13 +3,11 @@
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
-from dolfinx.common import IndexMap
 from dolfinx.fem import petsc as fem_petsc
-from scipy import sparse
 
+from perfplast_fenicsx.contact.sparse_rows import entries_of, matrix_of_entries
 from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells
 from perfplast_fenicsx.problem.problem import Problem
@@ -85,11 +83,15 @@ def create_stiffness(problem: Problem) -> PETSc.Mat:
     known = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
     numbers = index_map.local_to_global(known)
     cells = numbers[V.dofmap.list[: topology.index_map(topology.dim).size_local]]
-    pointer = np.arange(len(cells) + 1) * cells.shape[1]
-    C = _nodal(cells.ravel(), pointer, index_map, T.comm)
+    owned = topology.index_map(topology.dim)
+    nodes = (index_map.size_local, index_map.size_global)
+    of_cells = (np.repeat(np.arange(len(cells)), cells.shape[1]), cells.ravel())
+    rows = (owned.size_local, owned.size_global)
+    C = matrix_of_entries(T.comm, rows, nodes, [(*of_cells, np.ones(cells.size))])
     K_nodes = C.transposeMatMult(C)
-    pointer, columns, _ = T.getValuesCSR()
-    T_nodes = _nodal(columns // bs, pointer[::bs], index_map, T.comm)
+    row, column, value = entries_of(T)
+    of_nodes = (row // bs, column // bs, np.ones(len(value)))
+    T_nodes = matrix_of_entries(T.comm, nodes, nodes, [of_nodes])
     both = K_nodes.PtAP(T_nodes)
     both.axpy(1.0, K_nodes)
     pointer, columns, _ = both.getValuesCSR()
@@ -105,15 +107,3 @@ def create_stiffness(problem: Problem) -> PETSc.Mat:
     K.setLGMap(to_global)
     to_global.destroy()
     return K
-
-
-def _nodal(
-    columns: npt.NDArray, pointer: npt.NDArray, index_map: IndexMap, comm: PETSc.Comm
-) -> PETSc.Mat:
-    """A matrix of ones, with a column a node. Collective."""
-    nodes = (index_map.size_local, index_map.size_global)
-    shape = (len(pointer) - 1, nodes[1])
-    ones = sparse.csr_matrix((np.ones(len(columns)), columns, pointer), shape=shape)
-    ones.sum_duplicates()
-    csr = (ones.indptr.astype(PETSc.IntType), ones.indices.astype(PETSc.IntType), ones.data)
-    return PETSc.Mat().createAIJ(((shape[0], None), nodes), csr=csr, comm=comm)

@@ -13,7 +13,7 @@ from perfplast_fenicsx.solvers.work_newton import BorderedNewton, WorkNewton
 
 
 @dataclass(frozen=True)
-class Method:
+class SolveMethod:
     """An algorithm of ``[solve]``: the dataclass of its options and what makes the solver."""
 
     options: type[Any]
@@ -21,9 +21,9 @@ class Method:
 
 
 METHODS = {
-    "newton": Method(NewtonOptions, Newton),
-    "augmented-lagrangian": Method(AugmentedLagrangianOptions, AugmentedLagrangian),
-    "work-newton": Method(NewtonOptions, WorkNewton),
-    "bordered-newton": Method(NewtonOptions, BorderedNewton),
+    "newton": SolveMethod(NewtonOptions, Newton),
+    "augmented-lagrangian": SolveMethod(AugmentedLagrangianOptions, AugmentedLagrangian),
+    "work-newton": SolveMethod(NewtonOptions, WorkNewton),
+    "bordered-newton": SolveMethod(NewtonOptions, BorderedNewton),
 }
 """Algorithms by the name of ``method`` in case files."""

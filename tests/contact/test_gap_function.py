@@ -18,13 +18,13 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from tests.checks import assert_solved
-from tests.models import STEEL, Read
+from tests.models import STEEL, Read, touching_blocks
 
 
-def cylinders(assembly: TaggedMesh, gap: float | str | None = None, degree: int = 1) -> Problem:
+def cylinders(tagged_mesh: TaggedMesh, gap: float | str | None = None, degree: int = 1) -> Problem:
     """Two elastic cylinders, one the mirror image of the other."""
     return Problem(
-        assembly,
+        tagged_mesh,
         {"upper": STEEL, "lower": Elastic(7e4, 0.3)},
         [Support("x0", "x"), Support("bottom", "y")],
         [Pressure("top", 1.0)],
@@ -48,13 +48,13 @@ def test_the_gap_of_mirror_images_is_twice_the_height(read: Read, size: float, d
 
 
 def test_a_formula_gives_the_gap_that_would_be_measured(read: Read) -> None:
-    assembly = read(write_hertz_line, bodies=2, contact_size=0.03)
+    tagged_mesh = read(write_hertz_line, bodies=2, contact_size=0.03)
     levels = [
-        Newton(cylinders(assembly, gap)).solve(30.0) for gap in (None, "2*(1 - sqrt(1 - x**2))")
+        Newton(cylinders(tagged_mesh, gap)).solve(30.0) for gap in (None, "2*(1 - sqrt(1 - x**2))")
     ]
     assert_solved(levels[0])
     assert levels[1].report.alpha == pytest.approx(levels[0].report.alpha, rel=1e-9)
-    closed = Newton(cylinders(assembly, 0.0)).solve(30.0)
+    closed = Newton(cylinders(tagged_mesh, 0.0)).solve(30.0)
     assert closed.report.alpha < 0.9 * levels[0].report.alpha
 
 
@@ -90,3 +90,9 @@ def test_a_gap_between_parallel_faces_is_measured_and_closed(comm: MPI.Intracomm
     with pytest.raises(InputError, match=r"overlap at first, by up to 0\.1; move one") as refusal:
         apart(-0.1)
     assert len(set(comm.allgather(str(refusal.value)))) == 1
+
+
+def test_a_formula_may_round_to_less_than_no_gap() -> None:
+    rounded = Contact("lower_top", "upper_bottom", "0*x - 1e-17")
+    gap = touching_blocks(contacts=[rounded]).constraints.gap
+    assert not gap.any()

@@ -47,10 +47,10 @@ def test_inclined_contact_gives_the_same_on_one_rank_alone(
 
 
 def test_where_supports_hold_one_side_the_other_one_carries_the_jump() -> None:
-    assembly = two_blocks(MPI.COMM_WORLD, 2)
+    tagged_mesh = two_blocks(MPI.COMM_WORLD, 2)
     steel = {"lower": STEEL, "upper": STEEL}
     clamped_hosts = Problem(
-        assembly,
+        tagged_mesh,
         steel,
         [Support("left"), Support("top"), Support("upper_bottom", "z")],
         [BodyForce("lower", (0.0, 0.0, 1.0))],
@@ -85,7 +85,7 @@ def test_surfaces_that_look_the_same_way_are_refused() -> None:
     """Two bodies in the same place: the nodes of their top faces match, the normals do not."""
     corners, cubes = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), (2, 2, 2)
     names = ("one", "other")
-    assembly = structured_mesh(
+    tagged_mesh = structured_mesh(
         MPI.COMM_WORLD,
         [Box(name, *corners, cubes) for name in names],
         [Surface(f"{name}_top", (name,), lambda x: x[2] == 1) for name in names]
@@ -93,7 +93,7 @@ def test_surfaces_that_look_the_same_way_are_refused() -> None:
     )
     with pytest.raises(InputError, match="point to the same side, so they do not face each other"):
         Problem(
-            assembly,
+            tagged_mesh,
             dict.fromkeys(names, STEEL),
             [Support("bottom")],
             [BodyForce("one", (0.0, 0.0, 1.0))],

@@ -22,11 +22,11 @@ def test_nodes_on_the_edges_of_a_cube_have_a_normal_for_each_face(
     comm: MPI.Intracomm, degree: int
 ) -> None:
     skin = Surface("skin", ("cube",), lambda x: np.full(x.shape[1], True))
-    assembly = structured_mesh(
+    tagged_mesh = structured_mesh(
         comm, [Box("cube", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (2, 3, 4))], [skin]
     )
-    V = make_spaces(assembly.mesh, degree).V
-    faces = face_nodes(V, assembly, "skin")
+    V = make_spaces(tagged_mesh.mesh, degree).V
+    faces = face_nodes(V, tagged_mesh, "skin")
     x = V.tabulate_dof_coordinates()[faces.node]
     sides = (np.isclose(x, 0) | np.isclose(x, 1)).sum(axis=1)
     times = np.bincount(faces.node)[faces.node]
@@ -49,9 +49,9 @@ def test_a_curved_surface_has_one_normal_at_each_node_and_curved_elements_a_bett
 ) -> None:
     errors = []
     for order in (1, 2):
-        assembly = read(write_thick_sphere, size=0.3, order=order)
-        V = make_spaces(assembly.mesh, 2).V
-        faces = face_nodes(V, assembly, "outer")
+        tagged_mesh = read(write_thick_sphere, size=0.3, order=order)
+        V = make_spaces(tagged_mesh.mesh, 2).V
+        faces = face_nodes(V, tagged_mesh, "outer")
         assert len(np.unique(faces.node)) == len(faces.node)
         x = V.tabulate_dof_coordinates()[faces.node]
         radial = x / np.linalg.norm(x, axis=1, keepdims=True)
@@ -62,10 +62,10 @@ def test_a_curved_surface_has_one_normal_at_each_node_and_curved_elements_a_bett
 
 @pytest.mark.mpi3
 def test_a_corner_in_the_plane_has_two_normals(read: Read, comm: MPI.Intracomm) -> None:
-    assembly = read(write_corner_seat, dim=2, size=0.25)
-    V = make_spaces(assembly.mesh, 2).V
+    tagged_mesh = read(write_corner_seat, dim=2, size=0.25)
+    V = make_spaces(tagged_mesh.mesh, 2).V
     for surface, side in (("block_corner", -1.0), ("seat_corner", 1.0)):
-        faces = face_nodes(V, assembly, surface)
+        faces = face_nodes(V, tagged_mesh, surface)
         x = V.tabulate_dof_coordinates()[faces.node]
         in_corner = np.linalg.norm(x[:, :2], axis=1) < 1e-9
         found = np.concatenate(comm.allgather(faces.normal[in_corner]))

@@ -15,6 +15,7 @@ from petsc4py import PETSc
 import pytest
 
 import perfplast_fenicsx
+from perfplast_fenicsx import Elastic, VonMises
 from perfplast_fenicsx import __main__ as command_line
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, NO_SOLUTION, SOLVED
@@ -22,40 +23,14 @@ from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.terminal import Terminal, shows
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from tests.io.results.test_result_folder import report
+from tests.models import punch_case, write_case
 
-CASE = """
-title = "A punch on a block"
-[mesh]
-builder = "punch"
-n = 2
-[material.base]
-law = "elastic"
-young = 2e5
-poisson = 0.3
-[material.punch]
-law = "von-mises"
-young = 2e5
-poisson = 0.3
-yield_stress = 100.0
-[[support]]
-on = "x0"
-components = "x"
-[[support]]
-on = "y0"
-components = "y"
-[[support]]
-on = "bottom"
-[[load]]
-on = "top"
-pressure = 1.0
-[[contact]]
-primary = "punch_bottom"
-secondary = "base_top"
-[loading]
-values = [50.0, 80.0]
-[output]
-pictures = false
-"""
+CASE = punch_case(
+    Elastic(2e5, 0.3),
+    VonMises(2e5, 0.3, yield_stress=100.0),
+    more="[loading]\nvalues = [50.0, 80.0]\n[output]\npictures = false\n",
+    title="A punch on a block",
+)
 
 
 @pytest.fixture
@@ -65,11 +40,7 @@ def case(shared_tmp_path: Path, comm: MPI.Intracomm) -> Path:
 
 
 def write(comm: MPI.Intracomm, folder: Path, text: str) -> Path:
-    path = folder / "case.toml"
-    if comm.rank == 0:
-        path.write_text(text, encoding="utf-8")
-    comm.barrier()
-    return path
+    return write_case(comm, folder / "case.toml", text)
 
 
 def one_line(comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]) -> str:

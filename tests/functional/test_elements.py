@@ -14,6 +14,7 @@ from dolfinx import fem
 from meshes.thick_tube import OUTER, write_thick_tube
 from perfplast_fenicsx import (
     Contact,
+    Elastic,
     InputError,
     Newton,
     NewtonOptions,
@@ -33,7 +34,7 @@ from perfplast_fenicsx.io.results.output_fields import OutputFields
 from perfplast_fenicsx.problem.spaces import by_cell
 from perfplast_fenicsx.problem.stiffness import Stiffness
 from perfplast_fenicsx.solvers.iterate import Iterate
-from tests.models import stack_problem
+from tests.models import case_text, stack_problem, write_case
 
 TUBE = VonMises(young=70e3, poisson=0.3, yield_stress=250.0)
 SHEAR = TUBE.yield_stress / math.sqrt(3)
@@ -48,10 +49,10 @@ def tube(
     if MPI.COMM_WORLD.rank == 0 and not file.exists():
         write_thick_tube(file, size=0.1, order=order, interface=1.15)
     MPI.COMM_WORLD.barrier()
-    assembly = read_gmsh(comm, file)
+    tagged_mesh = read_gmsh(comm, file)
     return Problem(
-        assembly,
-        dict.fromkeys(assembly.volumes, TUBE),
+        tagged_mesh,
+        dict.fromkeys(tagged_mesh.volumes, TUBE),
         [Support("x0", "x"), Support("y0", "y")],
         [Pressure("inner", 1.0)],
         [Contact("inner_tube_seam", "outer_tube_seam")],
@@ -186,8 +187,8 @@ def test_linear_elements_evaluate_the_law_once_in_a_cell(comm: MPI.Intracomm) ->
 @pytest.mark.parametrize("degree", [0, 3, "2", True])
 def test_other_degrees_are_refused(degree: int) -> None:
     with pytest.raises(InputError, match=r"degree = .* give 1 \(linear\) or 2"):
-        assembly: TaggedMesh = stacked_blocks(MPI.COMM_WORLD, 1)
-        Problem(assembly, {}, degree=degree)
+        tagged_mesh: TaggedMesh = stacked_blocks(MPI.COMM_WORLD, 1)
+        Problem(tagged_mesh, {}, degree=degree)
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -195,40 +196,16 @@ def test_a_plane_case_from_the_command_line(
     shared_tmp_path: Path, comm: MPI.Intracomm, order: int
 ) -> None:
     tube(shared_tmp_path, order=order)
-    case = shared_tmp_path / "case.toml"
-    text = f"""
-title = "A tube in a tube"
-[mesh]
-file = "tube{order}.msh"
-[element]
-degree = 2
-[material.inner_tube]
-law = "von-mises"
-young = 70e3
-poisson = 0.3
-yield_stress = 250.0
-[material.outer_tube]
-law = "elastic"
-young = 70e3
-poisson = 0.3
-[[support]]
-on = "x0"
-components = "x"
-[[support]]
-on = "y0"
-components = "y"
-[[load]]
-on = "inner"
-pressure = 1.0
-[[contact]]
-primary = "inner_tube_seam"
-secondary = "outer_tube_seam"
-[loading]
-values = [40.0, 60.0]
-"""
-    if comm.rank == 0:
-        case.write_text(text, encoding="utf-8")
-    comm.barrier()
+    text = case_text(
+        {"file": f"tube{order}.msh"},
+        {"inner_tube": TUBE, "outer_tube": Elastic(70e3, 0.3)},
+        [Support("x0", "x"), Support("y0", "y")],
+        pushed="inner",
+        contacts=[Contact("inner_tube_seam", "outer_tube_seam")],
+        more="[element]\ndegree = 2\n[loading]\nvalues = [40.0, 60.0]\n",
+        title="A tube in a tube",
+    )
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
     results = shared_tmp_path / "results"
     assert main(["run", str(case), "-o", str(results)]) == SOLVED
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))

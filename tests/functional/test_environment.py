@@ -62,6 +62,27 @@ def test_the_image_sets_what_the_script_sets() -> None:
     assert set(found[1].replace("\\\n", " ").split()) == defaults | {"LANG=C.UTF-8"}
 
 
+def test_what_killed_runs_left_half_compiled_is_removed(tmp_path: Path) -> None:
+    found = re.search(r"^sweep_forms\(\) \{.*?^\}", SCRIPT.read_text(encoding="utf-8"), re.M | re.S)
+    assert found is not None
+    forms = tmp_path / "fenics"
+    forms.mkdir()
+    for name in ("libffcx_forms_whole", "libffcx_forms_old", "libffcx_expressions_new"):
+        for suffix in (".c", ".o", ".cpython-313-x86_64-linux-gnu.so"):
+            (forms / f"{name}{suffix}").touch()
+    (forms / "libffcx_forms_whole.c.cached").touch()
+    os.utime(forms / "libffcx_forms_old.c", (0, 0))
+
+    def left(*which: str) -> set[str]:
+        script = f'{found[0]}\nsweep_forms "$@"' if found else ""
+        subprocess.run(["bash", "-euc", script, "-", tmp_path, *which], check=True, timeout=60)
+        return {path.name.partition(".")[0] for path in forms.iterdir()}
+
+    assert left("-mmin", "+30") == {"libffcx_forms_whole", "libffcx_expressions_new"}
+    assert left() == {"libffcx_forms_whole"}
+    assert len(list(forms.iterdir())) == 4
+
+
 def test_what_chooses_instructions_reaches_the_command() -> None:
     """The clean environment of the root file system has what the numbers may depend on."""
     chosen = {"OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES", "PETSC_OPTIONS"}

@@ -293,23 +293,23 @@ CASES = [
 
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_volumes_and_surfaces(comm: MPI.Intracomm, shared_tmp_path: Path, case: Case) -> None:
-    assembly = case.read(comm, shared_tmp_path)
-    assert assembly.volumes.keys() == case.volumes.keys()
-    assert assembly.surfaces.keys() == case.areas.keys()
+    tagged_mesh = case.read(comm, shared_tmp_path)
+    assert tagged_mesh.volumes.keys() == case.volumes.keys()
+    assert tagged_mesh.surfaces.keys() == case.areas.keys()
     for name, value in case.volumes.items():
-        assert volume(assembly, name) == pytest.approx(value, rel=case.rel)
+        assert volume(tagged_mesh, name) == pytest.approx(value, rel=case.rel)
     for name, vector in case.areas.items():
         error = case.rel * np.linalg.norm(vector)
-        np.testing.assert_allclose(area_vector(assembly, name), vector, rtol=0, atol=error)
+        np.testing.assert_allclose(area_vector(tagged_mesh, name), vector, rtol=0, atol=error)
     for one, other in case.pairs:
-        check_interface(assembly, one, other)
+        check_interface(tagged_mesh, one, other)
     nodes = {(2, 1): 3, (2, 2): 6, (3, 1): 4, (3, 2): 10}[case.gdim, case.arguments.get("order", 1)]
-    assert geometry_dofmap(assembly.mesh).shape[1] == nodes
+    assert geometry_dofmap(tagged_mesh.mesh).shape[1] == nodes
 
 
-def points(assembly: TaggedMesh, name: str) -> npt.NDArray[np.float64]:
+def points(tagged_mesh: TaggedMesh, name: str) -> npt.NDArray[np.float64]:
     """The nodes of a surface, in order, shape (num_nodes, 3)."""
-    return in_order(surface_nodes(assembly, name).values())
+    return in_order(surface_nodes(tagged_mesh, name).values())
 
 
 @pytest.mark.parametrize(
@@ -326,11 +326,11 @@ def test_curved_facets(
     exact = np.pi * (radius**gdim - 1) / {2: 4, 3: 6}[gdim]
     errors = []
     for order in (1, 2):
-        assembly = case.read(comm, shared_tmp_path, order=order)
-        for side in [name for name in assembly.surfaces if name.endswith("_seam")]:
-            distances = np.linalg.norm(points(assembly, side), axis=1)
+        tagged_mesh = case.read(comm, shared_tmp_path, order=order)
+        for side in [name for name in tagged_mesh.surfaces if name.endswith("_seam")]:
+            distances = np.linalg.norm(points(tagged_mesh, side), axis=1)
             np.testing.assert_allclose(distances, radius, rtol=1e-12)
-        errors.append(abs(volume(assembly, min(assembly.volumes)) - exact))
+        errors.append(abs(volume(tagged_mesh, min(tagged_mesh.volumes)) - exact))
     assert errors[1] < errors[0] / 50
 
 
@@ -345,39 +345,39 @@ def test_mirror_image(
     contact: str,
 ) -> None:
     case = Case(write, {"contact_size": 0.1, "bodies": 2, "order": 2}, {}, {}, gdim=gdim)
-    assembly = case.read(comm, shared_tmp_path)
+    tagged_mesh = case.read(comm, shared_tmp_path)
     axis = gdim - 1
     up = np.eye(3)[axis]
     for surface in (contact, "free"):
-        upper, lower = (points(assembly, f"{body}_{surface}") for body in ("upper", "lower"))
+        upper, lower = (points(tagged_mesh, f"{body}_{surface}") for body in ("upper", "lower"))
         lower[:, axis] = 0.0 - lower[:, axis]
         np.testing.assert_allclose(upper, in_order(map(tuple, lower)), atol=1e-14)
         np.testing.assert_allclose(np.linalg.norm(upper - up, axis=1), 1, rtol=1e-12)
-    upper, lower = (surface_nodes(assembly, f"{body}_{contact}") for body in ("upper", "lower"))
+    upper, lower = (surface_nodes(tagged_mesh, f"{body}_{contact}") for body in ("upper", "lower"))
     assert upper.keys().isdisjoint(lower)
     for nodes in (upper, lower):
         assert np.linalg.norm(list(nodes.values()), axis=1).min() < 1e-14
-    touching = points(assembly, f"upper_{contact}")
+    touching = points(tagged_mesh, f"upper_{contact}")
     assert np.linalg.norm(touching - touching * up, axis=1).max() == pytest.approx(ARC)
     assert ARC == CAP
 
 
 def test_platen_is_glued(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     case = Case(write_platens, {"platen": True, "size": 0.2}, {}, {})
-    assembly = case.read(comm, shared_tmp_path)
-    mesh = assembly.mesh
+    tagged_mesh = case.read(comm, shared_tmp_path)
+    mesh = tagged_mesh.mesh
     nodes = geometry_dofmap(mesh)
     used = [
-        set(mesh.geometry.input_global_indices[nodes[assembly.cells(name)]].ravel())
+        set(mesh.geometry.input_global_indices[nodes[tagged_mesh.cells(name)]].ravel())
         for name in ("block", "platen")
     ]
     block, platen = (set().union(*comm.allgather(part)) for part in used)
     assert len(block & platen) > 5
 
 
-def edge_lengths(assembly: TaggedMesh, point: tuple[float, ...]) -> tuple[float, float]:
+def edge_lengths(tagged_mesh: TaggedMesh, point: tuple[float, ...]) -> tuple[float, float]:
     """Length of the longest edge of the largest cell at a place, and in the whole mesh."""
-    mesh = assembly.mesh
+    mesh = tagged_mesh.mesh
     cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
     sizes = mesh.h(mesh.topology.dim, cells)
     vertices = mesh.geometry.x[geometry_dofmap(mesh)[cells, : mesh.topology.dim + 1]]
@@ -422,6 +422,6 @@ def test_command_line(
         script = Path(__file__).parents[2] / "meshes" / "strip_footing.py"
         runpy.run_path(str(script), run_name="__main__")
     comm.barrier()
-    assembly = read_gmsh(comm, path, gdim=2)
-    assert assembly.volumes.keys() == {"ground", "punch"}
-    assert geometry_dofmap(assembly.mesh).shape[1] == 6
+    tagged_mesh = read_gmsh(comm, path, gdim=2)
+    assert tagged_mesh.volumes.keys() == {"ground", "punch"}
+    assert geometry_dofmap(tagged_mesh.mesh).shape[1] == 6

@@ -27,9 +27,9 @@ def test_a_problem_and_its_level(comm: MPI.Intracomm) -> None:
     assert short(problem).startswith("Problem(base, punch; ")
     assert "P1, " in short(problem)
     assert "4 contact pairs)" in short(problem)
-    assembly = short(problem.tagged_mesh)
-    assert assembly.startswith("TaggedMesh(")
-    assert "; volumes base, punch; surfaces base_top, bottom, punch_bottom, " in assembly
+    tagged_mesh = short(problem.tagged_mesh)
+    assert tagged_mesh.startswith("TaggedMesh(")
+    assert "; volumes base, punch; surfaces base_top, bottom, punch_bottom, " in tagged_mesh
     assert short(problem.constraints).startswith("Constraints(")
     solver = Newton(problem)
     level = solver.solve(100.0)

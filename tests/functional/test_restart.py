@@ -15,45 +15,17 @@ import numpy as np
 import pytest
 
 from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx import Support, VonMises
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli import recorder
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.io.results import checkpoints
 from perfplast_fenicsx.io.results.checkpoint_header import BEFORE, NEWEST, SCHEMA
 from perfplast_fenicsx.problem.state import Level
+from tests.models import PUNCH_LIMIT, case_text, punch_case, write_case
 
-CASE = """
-[mesh]
-builder = "punch"
-n = 2
-[material.base]
-law = "von-mises"
-young = 2e5
-poisson = 0.3
-yield_stress = 489.897948556636
-[material.punch]
-law = "von-mises"
-young = 2e5
-poisson = 0.3
-yield_stress = 489.897948556636
-[[support]]
-on = "x0"
-components = "x"
-[[support]]
-on = "y0"
-components = "y"
-[[support]]
-on = "bottom"
-[[load]]
-on = "top"
-pressure = 1.0
-[[contact]]
-primary = "punch_bottom"
-secondary = "base_top"
-gap = "0.0004 * x**2"
-[output]
-pictures = false
-"""
+STRONG = VonMises(2e5, 0.3, PUNCH_LIMIT)
+CASE = punch_case(STRONG, STRONG, "0.0004 * x**2", more="[output]\npictures = false\n")
 
 LOADINGS = {
     "newton": "values = [200.0, 350.0, 450.0]",
@@ -65,15 +37,8 @@ OTHERS = list(LOADINGS)[1:]
 LIMIT = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-3'
 
 
-def case_text(method: str, loading: str, more: str = "") -> str:
+def solved_by(method: str, loading: str, more: str = "") -> str:
     return f'{CASE}{more}\n[solve]\nmethod = "{method}"\n[loading]\n{loading}\n'
-
-
-def write(comm: MPI.Intracomm, path: Path, text: str) -> Path:
-    if comm.rank == 0:
-        path.write_text(text, encoding="utf-8")
-    comm.barrier()
-    return path
 
 
 def path_of(folder: Path) -> list[dict[str, str]]:
@@ -151,7 +116,7 @@ def test_a_run_goes_on(
 ) -> None:
     if comm.size > 1 and method != "newton":
         pytest.skip("nothing else is parallel in it")
-    case = write(comm, shared_tmp_path / "case.toml", case_text(method, LOADINGS[method]))
+    case = write_case(comm, shared_tmp_path / "case.toml", solved_by(method, LOADINGS[method]))
     whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
     assert main(["run", str(case), "-o", str(whole)]) == SOLVED
     ended_after(2)
@@ -173,7 +138,7 @@ def test_a_search_for_the_limit_load_goes_on(
     ended_after: Callable[[int], None],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    case = write(comm, shared_tmp_path / "case.toml", case_text("work-newton", LIMIT))
+    case = write_case(comm, shared_tmp_path / "case.toml", solved_by("work-newton", LIMIT))
     whole = shared_tmp_path / "whole"
     assert main(["run", str(case), "-o", str(whole)]) == SOLVED
     levels = len(path_of(whole))
@@ -204,8 +169,8 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A case file, and the results of a run that was ended after two of three levels."""
     comm = MPI.COMM_WORLD
     folder = comm.bcast(tmp_path_factory.mktemp("ended"))
-    text = case_text("newton", LOADINGS["newton"])
-    case, results = write(comm, folder / "case.toml", text), folder / "results"
+    text = solved_by("newton", LOADINGS["newton"])
+    case, results = write_case(comm, folder / "case.toml", text), folder / "results"
     with pytest.MonkeyPatch.context() as patch:
         plain = recorder.Recorder.level
 
@@ -256,7 +221,7 @@ def refused(
     ("old", "new", "part"),
     [
         (
-            "yield_stress = 489.897948556636",
+            f"yield_stress = {PUNCH_LIMIT}",
             "yield_stress = 400.0",
             "yield_stress = 400.0, but was",
         ),
@@ -279,7 +244,7 @@ def test_another_case_is_refused(
     text = case.read_text()
     assert old in text
     comm.barrier()
-    write(comm, case, text.replace(old, new))
+    write_case(comm, case, text.replace(old, new))
     message = refused(comm, capsys, case, folder).replace("'", '"')
     assert part in message
     assert str(folder) in message
@@ -289,40 +254,30 @@ def test_a_case_that_only_looks_different(copied: tuple[Path, Path], comm: MPI.I
     case, folder = copied
     text = case.read_text()
     comm.barrier()
-    write(comm, case, "# a comment\n" + text.replace("[200.0, 350.0", "[2e2, 350"))
+    write_case(comm, case, "# a comment\n" + text.replace("[200.0, 350.0", "[2e2, 350"))
     assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
 
 
-TUBE = """
-[mesh]
-file = "tube.msh"
-[material.tube]
-law = "von-mises"
-young = 70e3
-poisson = 0.3
-yield_stress = 250.0
-[[support]]
-on = "x0"
-components = "x"
-[[support]]
-on = "y0"
-components = "y"
-[[load]]
-on = "inner"
-pressure = 1.0
+TUBE = case_text(
+    {"file": "tube.msh"},
+    {"tube": VonMises(70e3, 0.3, 250.0)},
+    [Support("x0", "x"), Support("y0", "y")],
+    pushed="inner",
+    more="""\
 [element]
 degree = 2
 [loading]
 values = [50.0, 60.0]
 [output]
 pictures = false
-"""
+""",
+)
 
 
 def test_another_mesh_is_refused(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:
-    case, mesh = write(comm, shared_tmp_path / "case.toml", TUBE), shared_tmp_path / "tube.msh"
+    case, mesh = write_case(comm, shared_tmp_path / "case.toml", TUBE), shared_tmp_path / "tube.msh"
     folder = shared_tmp_path / "results"
     if comm.rank == 0:
         write_thick_tube(mesh, size=0.3, order=2)
@@ -344,8 +299,11 @@ def test_a_checkpoint_of_another_version_is_refused(
     shared_tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    text = case_text("newton", "values = [200.0]")
-    case, folder = write(comm, shared_tmp_path / "case.toml", text), shared_tmp_path / "results"
+    text = solved_by("newton", "values = [200.0]")
+    case, folder = (
+        write_case(comm, shared_tmp_path / "case.toml", text),
+        shared_tmp_path / "results",
+    )
     monkeypatch.setattr(checkpoints, "SCHEMA", SCHEMA - 1)
     assert main(["run", str(case), "-o", str(folder)]) == SOLVED
     monkeypatch.undo()

@@ -64,10 +64,10 @@ def bent_blocks(comm: MPI.Intracomm) -> Problem:
     )
 
 
-def pressed_cylinder(assembly: TaggedMesh) -> Problem:
+def pressed_cylinder(tagged_mesh: TaggedMesh) -> Problem:
     """In plane strain: a cylinder on a rigid plane, which it touches in one node at first."""
     return Problem(
-        assembly,
+        tagged_mesh,
         {"upper": VonMises(2e5, 0.3, 400.0)},
         [Support("x0", "x")],
         [Pressure("top", 1.0)],
@@ -106,8 +106,8 @@ def test_all_algorithms_find_the_same_state_of_bodies_in_space(comm: MPI.Intraco
 
 
 def test_all_algorithms_find_the_same_state_in_plane_strain(read: Read) -> None:
-    assembly = read(write_hertz_line, contact_size=0.02, order=2)
-    assert_algorithms_agree(pressed_cylinder(assembly), 50.0)
+    tagged_mesh = read(write_hertz_line, contact_size=0.02, order=2)
+    assert_algorithms_agree(pressed_cylinder(tagged_mesh), 50.0)
 
 
 def assert_the_same_on_one_rank(together: Problem, alone: Problem, zeta: float) -> None:
@@ -195,9 +195,9 @@ def test_divided_sphere_near_its_collapse(read: Read) -> None:
 
 def test_a_ball_on_a_plane_needs_few_active_sets(read: Read) -> None:
     """One node touches at first, many in the end: sets shrink ring by ring, not in circles."""
-    assembly = read(write_hertz_sphere, contact_size=0.015)
+    tagged_mesh = read(write_hertz_sphere, contact_size=0.015)
     problem = Problem(
-        assembly,
+        tagged_mesh,
         {"upper": Elastic(2e5, 0.3)},
         SYMMETRY,
         [Pressure("top", 100.0)],
@@ -234,11 +234,11 @@ def test_a_plane_is_a_flat_body_that_does_not_move(comm: MPI.Intracomm, degree: 
         "loads": [Traction("top", (0.0, 0.0, -1.0))],
         "degree": degree,
     }
-    assembly = two_blocks(comm, 2)
+    tagged_mesh = two_blocks(comm, 2)
     contacts = [Contact("upper_bottom", "lower_top")]
     plane = Plane("upper_bottom", (0.0, 0.0, 1.0), (0.0, 0.0, 3.0))
-    body = Problem(assembly, contacts=contacts, **arguments)
-    rigid = Problem(assembly, obstacles=[plane], **arguments)
+    body = Problem(tagged_mesh, contacts=contacts, **arguments)
+    rigid = Problem(tagged_mesh, obstacles=[plane], **arguments)
     held, on_plane = (Newton(problem).solve(150.0) for problem in (body, rigid))
     assert_solved(held)
     assert_solved(on_plane)

@@ -10,7 +10,9 @@ from mpi4py import MPI
 
 import pytest
 
+from perfplast_fenicsx import Contact, Elastic, Support, VonMises
 from perfplast_fenicsx.child_process import environment_apart
+from tests.models import case_text
 from tests.test_walls import BELOW
 
 ROOT = Path(__file__).parents[2]
@@ -21,39 +23,13 @@ pytestmark = pytest.mark.skipif(
     MPI.COMM_WORLD.size > 1, reason="a program that uses MPI cannot start another"
 )
 
-CASE = """
-[mesh]
-builder = "stacked_blocks"
-n = 1
-[material.lower]
-law = "elastic"
-young = 2e5
-poisson = 0.3
-[material.upper]
-law = "von-mises"
-young = 2e5
-poisson = 0.3
-yield_stress = 300.0
-[[support]]
-on = "bottom"
-[[support]]
-on = "x0"
-components = "x"
-[[support]]
-on = "y0"
-components = "y"
-[[load]]
-on = "top"
-pressure = 1.0
-[[contact]]
-primary = "lower_top"
-secondary = "upper_bottom"
-[loading]
-values = [100.0]
-[output]
-fields = false
-pictures = false
-"""
+CASE = case_text(
+    {"builder": "stacked_blocks", "n": 1},
+    {"lower": Elastic(2e5, 0.3), "upper": VonMises(2e5, 0.3, 300.0)},
+    [Support("bottom"), Support("x0", "x"), Support("y0", "y")],
+    contacts=[Contact("lower_top", "upper_bottom")],
+    more="[loading]\nvalues = [100.0]\n[output]\nfields = false\npictures = false\n",
+)
 
 
 def run(*command: str | Path, cwd: Path) -> str:

@@ -15,19 +15,19 @@ from tests.models import STEEL
 SURFACES = ("left", "top", "upper_bottom", "lower_top")
 
 
-def write(assembly: TaggedMesh, path: Path) -> None:
-    mesh = assembly.mesh
+def write(tagged_mesh: TaggedMesh, path: Path) -> None:
+    mesh = tagged_mesh.mesh
     mesh.topology.create_connectivity(mesh.topology.dim - 1, mesh.topology.dim)
-    assembly.cell_tags.name, assembly.facet_tags.name = "bodies", "surfaces"
+    tagged_mesh.cell_tags.name, tagged_mesh.facet_tags.name = "bodies", "surfaces"
     with io.XDMFFile(mesh.comm, path, "w") as file:
         file.write_mesh(mesh)
-        file.write_meshtags(assembly.cell_tags, mesh.geometry)
-        file.write_meshtags(assembly.facet_tags, mesh.geometry)
+        file.write_meshtags(tagged_mesh.cell_tags, mesh.geometry)
+        file.write_meshtags(tagged_mesh.facet_tags, mesh.geometry)
 
 
-def alpha(assembly: TaggedMesh) -> float:
+def alpha(tagged_mesh: TaggedMesh) -> float:
     problem = Problem(
-        assembly,
+        tagged_mesh,
         {"lower": STEEL, "upper": STEEL},
         [Support("left")],
         [Traction("top", (0.0, 0.0, -1.0))],
@@ -41,19 +41,19 @@ def alpha(assembly: TaggedMesh) -> float:
 @pytest.mark.mpi3
 def test_a_mesh_by_way_of_xdmf_is_the_same(shared_tmp_path: Path) -> None:
     comm = MPI.COMM_WORLD
-    assembly = two_blocks(comm, 2)
+    tagged_mesh = two_blocks(comm, 2)
     source, target = shared_tmp_path / "blocks.xdmf", shared_tmp_path / "blocks.msh"
-    write(assembly, source)
+    write(tagged_mesh, source)
     if comm.rank == 0:
-        bodies = [f"{name}={tag}" for name, tag in assembly.volumes.items()]
-        surfaces = [f"{name}={assembly.surfaces[name]}" for name in SURFACES]
+        bodies = [f"{name}={tag}" for name, tag in tagged_mesh.volumes.items()]
+        surfaces = [f"{name}={tagged_mesh.surfaces[name]}" for name in SURFACES]
         names = ["--bodies", "bodies", *bodies, "--surfaces", "surfaces", *surfaces]
         main([str(source), str(target), *names])
     comm.barrier()
     read = read_gmsh(comm, target)
     assert set(read.volumes) == {"lower", "upper"}
     assert set(read.surfaces) == set(SURFACES)
-    assert alpha(read) == pytest.approx(alpha(assembly), rel=1e-10)
+    assert alpha(read) == pytest.approx(alpha(tagged_mesh), rel=1e-10)
 
 
 def test_names_and_files_that_are_not_there(tmp_path: Path) -> None:

@@ -47,6 +47,9 @@ class Point:
             "yield_ratio": law.yield_ratio(x),
             "dissipation": law.dissipation(x),
         }
+        cone = law.cone()
+        if cone is not None:
+            self.expressions["cone"] = cone
         self.compiled: dict[str, fem.Expression] = {}
 
     def __call__(self, name: str, x: Array, d: Array | None = None) -> Array:
@@ -94,13 +97,16 @@ def check_all(material: Material, yields_at: float, gdim: int = 3) -> None:
         gdim: Of the mesh.
     """
     point = Point(material, gdim=gdim)
+    zero = np.zeros(point.size)
     scales = [0.3, 0.999, 1.001, 1.7, 30.0]
     for e in strains([scale * yields_at for scale in scales], point.size):
         _check_stress(point, e)
         _check_conjugate(point, e)
         assert np.allclose(point("compliance", point("hooke", e)), e, rtol=1e-9, atol=1e-300)
-        assert point.number("yield_ratio", 2 * e) == _near(2 * point.number("yield_ratio", e))
-    zero = np.zeros(point.size)
+        ratio = point.number("yield_ratio", e)
+        assert point.number("yield_ratio", 2 * e) == _near(2 * ratio)
+        if "cone" in point.expressions:
+            assert point.number("cone", zero) * np.linalg.norm(deviator(e)) == _near(ratio)
     assert not point("stress", zero).any()
     for rho in (0.0, 0.3, 1.0):
         point = Point(material, rho, gdim)

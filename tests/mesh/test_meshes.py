@@ -76,18 +76,18 @@ BUILT = [
 ]
 
 
-def volume(assembly: TaggedMesh, name: str) -> float:
+def volume(tagged_mesh: TaggedMesh, name: str) -> float:
     """Volume of a body, or area of a plane one."""
-    mesh = assembly.mesh
-    dx = ufl.Measure("dx", mesh, subdomain_data=[(1, assembly.cells(name))])
+    mesh = tagged_mesh.mesh
+    dx = ufl.Measure("dx", mesh, subdomain_data=[(1, tagged_mesh.cells(name))])
     form = dolfinx.fem.form(dolfinx.fem.Constant(mesh, np.float64(1)) * dx(1))
     return mesh.comm.allreduce(dolfinx.fem.assemble_scalar(form))
 
 
-def area_vector(assembly: TaggedMesh, name: str) -> npt.NDArray[np.float64]:
+def area_vector(tagged_mesh: TaggedMesh, name: str) -> npt.NDArray[np.float64]:
     """∫ n ds over a surface, shape (gdim,)."""
-    mesh = assembly.mesh
-    tags = meshtags(mesh, mesh.topology.dim - 1, assembly.facets(name), 1)
+    mesh = tagged_mesh.mesh
+    tags = meshtags(mesh, mesh.topology.dim - 1, tagged_mesh.facets(name), 1)
     ds = ufl.Measure("ds", mesh, subdomain_data=tags)
     direction = dolfinx.fem.Constant(mesh, np.zeros(mesh.geometry.dim))
     form = dolfinx.fem.form(ufl.dot(ufl.FacetNormal(mesh), direction) * ds(1))
@@ -99,10 +99,10 @@ def area_vector(assembly: TaggedMesh, name: str) -> npt.NDArray[np.float64]:
     return np.array([component(axis) for axis in np.eye(mesh.geometry.dim)])
 
 
-def surface_nodes(assembly: TaggedMesh, name: str) -> dict[int, tuple[float, ...]]:
+def surface_nodes(tagged_mesh: TaggedMesh, name: str) -> dict[int, tuple[float, ...]]:
     """Coordinates of the nodes of a surface by their input number, gathered on every rank."""
-    mesh = assembly.mesh
-    nodes = np.unique(entity_nodes(mesh, mesh.topology.dim - 1, assembly.facets(name)))
+    mesh = tagged_mesh.mesh
+    nodes = np.unique(entity_nodes(mesh, mesh.topology.dim - 1, tagged_mesh.facets(name)))
     numbers = mesh.geometry.input_global_indices[nodes]
     gathered = mesh.comm.allgather((numbers, mesh.geometry.x[nodes]))
     return {int(i): tuple(x) for part in gathered for i, x in zip(*part, strict=True)}
@@ -113,13 +113,13 @@ def in_order(points: Iterable[tuple[float, ...]]) -> npt.NDArray[np.float64]:
     return np.array(sorted(points, key=lambda x: tuple(np.round(x, 9) + 0.0)))
 
 
-def check_interface(assembly: TaggedMesh, one: str, other: str) -> None:
+def check_interface(tagged_mesh: TaggedMesh, one: str, other: str) -> None:
     """The two surfaces have the same points at different nodes."""
-    first, second = surface_nodes(assembly, one), surface_nodes(assembly, other)
+    first, second = surface_nodes(tagged_mesh, one), surface_nodes(tagged_mesh, other)
     assert first.keys().isdisjoint(second)
     np.testing.assert_allclose(in_order(first.values()), in_order(second.values()), atol=1e-14)
     np.testing.assert_allclose(
-        area_vector(assembly, one), -area_vector(assembly, other), atol=1e-12
+        area_vector(tagged_mesh, one), -area_vector(tagged_mesh, other), atol=1e-12
     )
 
 
@@ -142,17 +142,17 @@ def test_builders(
     sizes: tuple[int, int],
 ) -> None:
     name, arguments = built
-    assembly = build(comm, name, **arguments)
-    assembly.check_tagged()
-    assert assembly.volumes.keys() == volumes.keys()
-    assert assembly.surfaces.keys() == areas.keys()
+    tagged_mesh = build(comm, name, **arguments)
+    tagged_mesh.check_tagged()
+    assert tagged_mesh.volumes.keys() == volumes.keys()
+    assert tagged_mesh.surfaces.keys() == areas.keys()
     for body, value in volumes.items():
-        assert volume(assembly, body) == pytest.approx(value, rel=1e-13)
+        assert volume(tagged_mesh, body) == pytest.approx(value, rel=1e-13)
     for surface, vector in areas.items():
-        np.testing.assert_allclose(area_vector(assembly, surface), vector, atol=1e-12)
-    cells = assembly.mesh.topology.index_map(3).size_global
-    assert (cells, assembly.mesh.geometry.index_map().size_global) == sizes
-    assert assembly.mesh.topology.index_map(0).size_global == sizes[1]
+        np.testing.assert_allclose(area_vector(tagged_mesh, surface), vector, atol=1e-12)
+    cells = tagged_mesh.mesh.topology.index_map(3).size_global
+    assert (cells, tagged_mesh.mesh.geometry.index_map().size_global) == sizes
+    assert tagged_mesh.mesh.topology.index_map(0).size_global == sizes[1]
 
 
 @pytest.mark.parametrize(
@@ -193,8 +193,8 @@ def cubes_by_hand(cubes: list[tuple[int, ...]]) -> list[tuple]:
 @pytest.mark.mpi3
 @pytest.mark.parametrize("n", [1, 2])
 def test_exact_tetrahedra(comm: MPI.Intracomm, n: int) -> None:
-    assembly = build(comm, "two_blocks", n=n)
-    local = n * assembly.mesh.geometry.x[geometry_dofmap(assembly.mesh)]
+    tagged_mesh = build(comm, "two_blocks", n=n)
+    local = n * tagged_mesh.mesh.geometry.x[geometry_dofmap(tagged_mesh.mesh)]
     np.testing.assert_allclose(local, np.rint(local), atol=1e-14 * n)
     cells = [tuple(sorted(map(tuple, cell.tolist()))) for cell in np.rint(local).astype(int)]
     found = sorted(cell for part in comm.allgather(cells) for cell in part)
@@ -202,8 +202,8 @@ def test_exact_tetrahedra(comm: MPI.Intracomm, n: int) -> None:
 
 
 def test_odd_two_blocks_load_whole_cubes(comm: MPI.Intracomm) -> None:
-    assembly = build(comm, "two_blocks", n=1)
-    np.testing.assert_allclose(area_vector(assembly, "top"), (0, 0, 1), atol=1e-13)
+    tagged_mesh = build(comm, "two_blocks", n=1)
+    np.testing.assert_allclose(area_vector(tagged_mesh, "top"), (0, 0, 1), atol=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -229,11 +229,11 @@ def test_bad_builder_input(comm: MPI.Intracomm, name: str, arguments: dict, expe
 
 
 def test_unknown_names(comm: MPI.Intracomm) -> None:
-    assembly = build(comm, "two_blocks", n=1)
-    assert message(lambda: assembly.facets("topp")) == (
+    tagged_mesh = build(comm, "two_blocks", n=1)
+    assert message(lambda: tagged_mesh.facets("topp")) == (
         "'topp' is not a surface of this mesh; it has left, lower_top, top, upper_bottom"
     )
-    assert message(lambda: assembly.cells("middle")) == (
+    assert message(lambda: tagged_mesh.cells("middle")) == (
         "'middle' is not a volume of this mesh; it has lower, upper"
     )
 
@@ -250,9 +250,9 @@ def test_wedge(comm: MPI.Intracomm, shared_tmp_path: Path, order: int) -> None:
     path = shared_tmp_path / "wedge.msh"
     if comm.rank == 0:
         write_wedge(path, size=0.5, order=order)
-    assembly = read_gmsh(comm, path)
-    assert volume(assembly, "lower") == pytest.approx(2.0)
-    assert volume(assembly, "upper") == pytest.approx(2.0)
+    tagged_mesh = read_gmsh(comm, path)
+    assert volume(tagged_mesh, "lower") == pytest.approx(2.0)
+    assert volume(tagged_mesh, "upper") == pytest.approx(2.0)
     areas = {
         "x0": (-2, 0, 0),
         "x1": (2, 0, 0),
@@ -263,23 +263,23 @@ def test_wedge(comm: MPI.Intracomm, shared_tmp_path: Path, order: int) -> None:
         "lower_seam": (-0.5, 0, 2),
         "upper_seam": (0.5, 0, -2),
     }
-    assert assembly.surfaces.keys() == areas.keys()
+    assert tagged_mesh.surfaces.keys() == areas.keys()
     for name, vector in areas.items():
-        np.testing.assert_allclose(area_vector(assembly, name), vector, atol=1e-12)
-    check_interface(assembly, "lower_seam", "upper_seam")
-    assert geometry_dofmap(assembly.mesh).shape[1] == {1: 4, 2: 10}[order]
+        np.testing.assert_allclose(area_vector(tagged_mesh, name), vector, atol=1e-12)
+    check_interface(tagged_mesh, "lower_seam", "upper_seam")
+    assert geometry_dofmap(tagged_mesh.mesh).shape[1] == {1: 4, 2: 10}[order]
 
 
 def test_pin_in_lug_keeps_its_curve(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     path = shared_tmp_path / "pin.msh"
     if comm.rank == 0:
         write_pin_in_lug(path, size=0.6, order=2)
-    assembly = read_gmsh(comm, path)
-    assert volume(assembly, "pin") == pytest.approx(np.pi / 2, rel=2e-3)
-    assert volume(assembly, "lug") == pytest.approx(8 + np.pi - np.pi / 2, rel=2e-3)
-    np.testing.assert_allclose(area_vector(assembly, "pin_bore"), (2, 0, 0), atol=1e-12)
-    np.testing.assert_allclose(area_vector(assembly, "end"), (0, -2, 0), atol=1e-12)
-    check_interface(assembly, "lug_bore", "pin_bore")
+    tagged_mesh = read_gmsh(comm, path)
+    assert volume(tagged_mesh, "pin") == pytest.approx(np.pi / 2, rel=2e-3)
+    assert volume(tagged_mesh, "lug") == pytest.approx(8 + np.pi - np.pi / 2, rel=2e-3)
+    np.testing.assert_allclose(area_vector(tagged_mesh, "pin_bore"), (2, 0, 0), atol=1e-12)
+    np.testing.assert_allclose(area_vector(tagged_mesh, "end"), (0, -2, 0), atol=1e-12)
+    check_interface(tagged_mesh, "lug_bore", "pin_bore")
 
 
 def test_generators_are_scripts(
@@ -322,10 +322,10 @@ def test_plane_split(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     if comm.rank == 0:
         names = {"low": "low", "high": "high", "seam": "seam"}
         write_plane(shared_tmp_path / "plane.split", names)
-    assembly = read_gmsh(comm, shared_tmp_path / "plane.msh", gdim=2)
-    assert (volume(assembly, "low"), volume(assembly, "high")) == pytest.approx((1, 2))
-    np.testing.assert_allclose(area_vector(assembly, "low_seam"), (0, 1), atol=1e-13)
-    check_interface(assembly, "low_seam", "high_seam")
+    tagged_mesh = read_gmsh(comm, shared_tmp_path / "plane.msh", gdim=2)
+    assert (volume(tagged_mesh, "low"), volume(tagged_mesh, "high")) == pytest.approx((1, 2))
+    np.testing.assert_allclose(area_vector(tagged_mesh, "low_seam"), (0, 1), atol=1e-13)
+    check_interface(tagged_mesh, "low_seam", "high_seam")
 
 
 @pytest.mark.parametrize(

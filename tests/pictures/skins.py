@@ -32,21 +32,21 @@ def square(comm: MPI.Intracomm) -> TaggedMesh:
     return TaggedMesh(mesh, tags, facet_tags, {"plate": 7}, {"bottom": 1, "side": 2})
 
 
-def skin(assembly: TaggedMesh, scene: Scene) -> Surface:
+def skin(tagged_mesh: TaggedMesh, scene: Scene) -> Surface:
     """The skin of a mesh of this process alone, without fields."""
-    mesh = assembly.mesh
+    mesh = tagged_mesh.mesh
     assert mesh.comm.size == 1
-    tags = assembly.facet_tags
+    tags = tagged_mesh.facet_tags
     corners = entity_nodes(mesh, mesh.topology.dim - 1, tags.indices)
-    named = NamedScene(scene, assembly.volumes, assembly.surfaces)
-    body = assembly.cell_tags.values[np.argsort(assembly.cell_tags.indices)]
+    named = NamedScene(scene, tagged_mesh.volumes, tagged_mesh.surfaces)
+    body = tagged_mesh.cell_tags.values[np.argsort(tagged_mesh.cell_tags.indices)]
     x = mesh.geometry.x[:, : mesh.geometry.dim]
     return make_skin(x, geometry_dofmap(mesh), body, corners, tags.values, named).surface
 
 
-def fields_of(assembly: TaggedMesh, scale: float = 0.01) -> dict[str, fem.Function]:
+def fields_of(tagged_mesh: TaggedMesh, scale: float = 0.01) -> dict[str, fem.Function]:
     """Made-up fields: u = scale (x, 2y, 3z), p = y, a yield ratio that rises with x."""
-    mesh = assembly.mesh
+    mesh = tagged_mesh.mesh
     gdim = mesh.geometry.dim
     u = fem.Function(fem.functionspace(mesh, ("P", 1, (gdim,))))
     u.interpolate(lambda x: scale * np.array([x[0], 2 * x[1], 3 * x[2]])[:gdim])

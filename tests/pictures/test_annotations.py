@@ -29,9 +29,9 @@ def test_arrows_end_on_their_surface_or_pull_at_it(plane: bool) -> None:
     inward = (-2.0 * out)[: 2 if plane else 3]
     along = np.roll(out, 1)[: 2 if plane else 3]
     loads = [Traction(on, inward), Pressure(on, -3.0), Pressure(on, 1.0), Traction(on, along)]
-    assembly = square(MPI.COMM_SELF) if plane else build(MPI.COMM_SELF, "two_blocks", n=2)
+    tagged_mesh = square(MPI.COMM_SELF) if plane else build(MPI.COMM_SELF, "two_blocks", n=2)
     for load, points_along in zip(loads, (-1, 1, -1, 0), strict=True):
-        surface = skin(assembly, Scene("", [load]))
+        surface = skin(tagged_mesh, Scene("", [load]))
         arrows = load_arrows(surface, surface.points, [load])
         assert 5 < len(arrows.starts) < 40
         length = 0.1 * surface.size
@@ -52,8 +52,8 @@ def test_no_arrows_of_a_load_that_is_zero() -> None:
 @pytest.mark.parametrize("where", NEARBY)
 def test_obstacles_are_sampled_around_the_bodies(where: str) -> None:
     comm = MPI.COMM_SELF
-    assembly = square(comm) if where == "plane" else build(comm, "two_blocks", n=1)
-    surface = skin(assembly, Scene(""))
+    tagged_mesh = square(comm) if where == "plane" else build(comm, "two_blocks", n=1)
+    surface = skin(tagged_mesh, Scene(""))
     near = sample_obstacles(surface, surface.points, NEARBY[where])
     shape = near.distances[0].shape
     assert shape[2] == 1 or where == "space"

@@ -38,25 +38,25 @@ needs_xvfb = pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no Xvfb to
 def results(comm: MPI.Intracomm, path: Path, where: str, limit: bool = False) -> ResultFolder:
     """A folder with two levels whose fields are made up, in the plane or in space."""
     plane = where == "plane"
-    assembly = square(comm) if plane else build(comm, "two_blocks", n=1)
+    tagged_mesh = square(comm) if plane else build(comm, "two_blocks", n=1)
     contacts = [] if plane else [Contact("upper_bottom", "lower_top")]
     loads = [Traction("top", (0.0, 0.0, -1.0)), Pressure("left", -1.0)]
     if plane:
         loads = [Traction("side", (1.0, 1.0)), Pressure("bottom", 1.0)]
     far = Sphere(NEARBY[where][0].on, [1e3] * (2 if plane else 3), 1.0)  # nothing of it is seen
     scene = Scene("$Two „blocks“", loads, contacts, [*NEARBY[where], far])
-    materials = dict.fromkeys(assembly.volumes, Elastic(1.0, 0.3))
+    materials = dict.fromkeys(tagged_mesh.volumes, Elastic(1.0, 0.3))
     supports = [Support("bottom" if plane else "left")]
-    problem = Problem(assembly, materials, supports, loads)
+    problem = Problem(tagged_mesh, materials, supports, loads)
     folder = ResultFolder(comm, path)
     folder.create()
-    folder.on_root(lambda: write_scene(scene, assembly, folder.file("scene.json")))
+    folder.on_root(lambda: write_scene(scene, tagged_mesh, folder.file("scene.json")))
     written = Results(folder, problem, scene.title, "1", "newton", Prescribed.LOAD_FACTOR)
     series = FieldSeries(folder, problem, Prescribed.LOAD_FACTOR)
-    fields = fields_of(assembly)
-    for zeta in (1.0, 2.0):
+    fields = fields_of(tagged_mesh)
+    for number, zeta in enumerate((1.0, 2.0), start=1):
         level = report(zeta, plastic_cells=0)
-        series.write(fields, level)
+        series.write(number, fields, level)
         written.add(level)
     if limit:
         work = fields["yield_ratio"].copy()

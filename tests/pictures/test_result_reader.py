@@ -44,33 +44,33 @@ def place(points: np.ndarray) -> Place:
 
 
 def values_of(
-    assembly: TaggedMesh, fields: dict[str, fem.Function]
+    tagged_mesh: TaggedMesh, fields: dict[str, fem.Function]
 ) -> tuple[dict[tuple[str, Place], np.ndarray], dict[tuple[str, Place], float], set[Place]]:
     """u and p of each body's points, the yield ratio below its triangles, the loaded facets."""
-    mesh, x = assembly.mesh, assembly.mesh.geometry.x
+    mesh, x = tagged_mesh.mesh, tagged_mesh.mesh.geometry.x
     vertices, gdim = mesh.topology.dim + 1, mesh.geometry.dim
     u, p, ratio = (fields[name] for name in ("displacement", "contact_pressure", "yield_ratio"))
     moved = np.zeros((len(u.x.array) // gdim, 3))
     moved[:, :gdim] = u.x.array.reshape(-1, gdim)
     at_points, at_cells = {}, {}
-    for body in assembly.volumes:
-        for cell in assembly.cells(body):
+    for body in tagged_mesh.volumes:
+        for cell in tagged_mesh.cells(body):
             nodes = geometry_dofmap(mesh)[cell, :vertices]
             dofs = [f.function_space.dofmap.list[cell, :vertices] for f in (u, p)]
             for node, of_u, of_p in zip(nodes, *dofs, strict=True):
                 at_points[body, place(x[[node]])] = np.append(moved[of_u], p.x.array[of_p])
             for triangle in combinations(nodes, 3):
                 at_cells[body, place(x[list(triangle)])] = float(ratio.x.array[cell])
-    loaded = assembly.facets("top" if "top" in assembly.surfaces else "loaded")
+    loaded = tagged_mesh.facets("top" if "top" in tagged_mesh.surfaces else "loaded")
     facets = entity_nodes(mesh, vertices - 2, loaded)[:, : vertices - 1]
     everything = mesh.comm.allgather((at_points, at_cells, {place(x[facet]) for facet in facets}))
     points, cells, loads = zip(*everything, strict=True)
     return dict(ChainMap(*points)), dict(ChainMap(*cells)), set().union(*loads)
 
 
-def check_skin(surface: Surface, assembly: TaggedMesh, fields: dict[str, fem.Function]) -> None:
+def check_skin(surface: Surface, tagged_mesh: TaggedMesh, fields: dict[str, fem.Function]) -> None:
     """The skin has the values of the fields, and is closed and outward."""
-    at_points, at_cells, loaded = values_of(assembly, fields)
+    at_points, at_cells, loaded = values_of(tagged_mesh, fields)
     u, p = (surface.at_points[name] for name in ("displacement", "contact_pressure"))
     for triangle, body, ratio in zip(
         surface.triangles, surface.body, surface.at_cells["yield_ratio"], strict=True
@@ -100,15 +100,21 @@ def test_the_skin_is_that_of_the_run(
     folder = ResultFolder(comm, shared_tmp_path / "results")
     folder.create()
     if where == "two_blocks":
-        assembly = build(comm, where, n=2)
+        tagged_mesh = build(comm, where, n=2)
         contacts, load = [Contact("upper_bottom", "lower_top")], Traction("top", (0.0, 0.0, -60.0))
         supports = [Support("left")]
     else:
         pytest.importorskip("gmsh")
-        assembly, contacts, load, supports = tube(comm, shared_tmp_path, where == "curved")
+        tagged_mesh, contacts, load, supports = tube(comm, shared_tmp_path, where == "curved")
     scene = Scene(where, [load], contacts)
     problem = Problem(
-        assembly, dict.fromkeys(assembly.volumes, STEEL), supports, [load], contacts, (), degree
+        tagged_mesh,
+        dict.fromkeys(tagged_mesh.volumes, STEEL),
+        supports,
+        [load],
+        contacts,
+        (),
+        degree,
     )
     writer = ResultWriter(folder, problem, scene, "newton", prescribed=Prescribed.LOAD_FACTOR)
     recovery, newton = OutputFields(problem), Newton(problem)
@@ -125,8 +131,10 @@ def test_the_skin_is_that_of_the_run(
         assert last.number == len(writer.results.reports)
         found = reader.surface(last)
         assert (reader.gdim == 2) == (where == "plane") == found.plane
-        assert found.names == sorted(assembly.volumes, key=lambda name: assembly.volumes[name])
-        check_skin(found, assembly, recovery.update(level))
+        assert found.names == sorted(
+            tagged_mesh.volumes, key=lambda name: tagged_mesh.volumes[name]
+        )
+        check_skin(found, tagged_mesh, recovery.update(level))
         assert found.at_points["displacement"].any()
         assert found.at_points["contact_pressure"].any() == bool(contacts)
         comm.barrier()  # before the next level is written
@@ -174,9 +182,11 @@ def results(comm: MPI.Intracomm, shared_tmp_path: Path) -> Path:
 
 
 def test_reading_while_a_level_is_written(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    assembly = build(comm, "two_blocks", n=1)
+    tagged_mesh = build(comm, "two_blocks", n=1)
     load = Traction("top", (0.0, 0.0, -1.0))
-    problem = Problem(assembly, dict.fromkeys(assembly.volumes, STEEL), [Support("left")], [load])
+    problem = Problem(
+        tagged_mesh, dict.fromkeys(tagged_mesh.volumes, STEEL), [Support("left")], [load]
+    )
     folder = ResultFolder(comm, shared_tmp_path / "results")
     folder.create()
     newton = Newton(problem)

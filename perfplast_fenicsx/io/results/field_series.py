@@ -45,7 +45,7 @@ class FieldSeries:
             InputError: If the files cannot be written.
         """
         self._folder, self._prescribed = folder, prescribed
-        self._times = [prescribed.of(report) for report in kept]
+        self._times = {i + 1: prescribed.of(report) for i, report in enumerate(kept)}
         folder.on_root(lambda: folder.file(FIELDS).mkdir(exist_ok=True))
         self._writer = FieldWriter(folder, problem, folder.file(MESH))
         self._list_levels()
@@ -54,21 +54,21 @@ class FieldSeries:
     def __repr__(self) -> str:
         return f"FieldSeries({str(self._folder.file(SERIES))!r}: {len(self._times)} levels)"
 
-    def write(self, fields: Mapping[str, fem.Function], report: LevelReport) -> None:
+    def write(self, number: int, fields: Mapping[str, fem.Function], report: LevelReport) -> None:
         """Append a level that is solved. Collective.
 
         Args:
+            number: Of the level, from 1; higher than those before.
             fields: Nodal or piecewise constant functions by name (:meth:`FieldWriter.write`).
             report: The level.
 
         Raises:
             InputError: If the files cannot be written; what was there before is whole.
         """
-        number = len(self._times) + 1
         facts = {"level": number, "prescribed": self._prescribed.value}
         path = self._folder.file(level_file(number))
         self._writer.write(path, fields, facts | {"zeta": report.zeta, "alpha": report.alpha})
-        self._times.append(self._prescribed.of(report))
+        self._times[number] = self._prescribed.of(report)
         self._list_levels()
 
     def write_mechanism(
@@ -94,8 +94,7 @@ class FieldSeries:
 
         def write() -> None:
             files = [
-                {"name": level_file(number), "time": time}
-                for number, time in enumerate(self._times, start=1)
+                {"name": level_file(number), "time": time} for number, time in self._times.items()
             ]
             text = json.dumps({"file-series-version": "1.0", "files": files}, indent=1)
             replace(self._folder.file(SERIES), f"{text}\n".encode())
@@ -104,7 +103,7 @@ class FieldSeries:
 
     def _remove_others(self) -> None:
         """Remove the files of levels that are not listed."""
-        ours = {self._folder.file(level_file(i + 1)) for i in range(len(self._times))}
+        ours = {self._folder.file(level_file(number)) for number in self._times}
         for path in self._folder.file(FIELDS).glob("level_*.vtkhdf"):
             if path not in ours:
                 path.unlink()

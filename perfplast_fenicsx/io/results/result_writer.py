@@ -62,15 +62,21 @@ class ResultWriter:
             f"ResultWriter({str(self.results.folder.path)!r}; {len(self.results.reports)} levels)"
         )
 
-    def write(self, level: Level) -> None:
+    def write(self, level: Level, fields: bool = True) -> None:
         """Write a level; of one that is not solved no fields. Collective.
+
+        Args:
+            level: The next one.
+            fields: Whether to write its fields.
 
         Raises:
             InputError: On every rank, if the system refuses; what was there before is whole.
         """
         with self.results.timed("output"):
-            if level.report.converged and self._output is not None and self._fields is not None:
-                self._fields.write(self._output.update(level), level.report)
+            solved = fields and level.report.converged
+            if solved and self._output is not None and self._fields is not None:
+                number = len(self.results.reports) + 1
+                self._fields.write(number, self._output.update(level), level.report)
             self.results.add(level.report)
 
     def write_limit(self, limit: LimitLoad) -> None:

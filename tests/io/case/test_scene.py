@@ -29,13 +29,13 @@ SCENE = Scene(
 
 
 def test_written_and_read(tmp_path: Path) -> None:
-    assembly = build(MPI.COMM_SELF, "two_blocks", n=1)
+    tagged_mesh = build(MPI.COMM_SELF, "two_blocks", n=1)
     path = tmp_path / "scene.json"
-    write_scene(SCENE, assembly, path)
+    write_scene(SCENE, tagged_mesh, path)
     found = read_scene(json.loads(path.read_text(encoding="utf-8")), "scene.json")
     assert found.scene == SCENE
     assert found.volumes == {"lower": 1, "upper": 2}
-    assert found.surfaces == assembly.surfaces
+    assert found.surfaces == tagged_mesh.surfaces
     assert found.scene.marks == {
         "load 0": ["top"],
         "load 1": ["left"],
@@ -45,9 +45,9 @@ def test_written_and_read(tmp_path: Path) -> None:
 
 
 def test_arrays_are_written_as_lists(tmp_path: Path) -> None:
-    assembly = build(MPI.COMM_SELF, "two_blocks", n=1)
+    tagged_mesh = build(MPI.COMM_SELF, "two_blocks", n=1)
     path = tmp_path / "scene.json"
-    write_scene(Scene("", [Traction("top", np.array([0.0, 0.0, -1.0]))]), assembly, path)
+    write_scene(Scene("", [Traction("top", np.array([0.0, 0.0, -1.0]))]), tagged_mesh, path)
     (load,) = json.loads(path.read_text(encoding="utf-8"))["loads"]
     assert load == {"kind": "traction", "on": "top", "value": [0.0, 0.0, -1.0]}
 

@@ -17,17 +17,17 @@ from tests.models import STEEL
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_dissipation(comm: MPI.Intracomm, degree: int) -> None:
-    assembly = build(comm, "two_blocks", n=1)
+    tagged_mesh = build(comm, "two_blocks", n=1)
     materials = {"lower": Elastic(200e3, 0.3), "upper": STEEL}
     supports, loads = [Support("left")], [Traction("top", (0.0, 0.0, -1.0))]
-    problem = Problem(assembly, materials, supports, loads, degree=degree)
+    problem = Problem(tagged_mesh, materials, supports, loads, degree=degree)
     v = fem.Function(problem.V)
     v.interpolate(lambda x: np.stack([3 * x[1], 0 * x[1], 0 * x[1]]))  # ‖dev ε‖ = 3/√2
     v.x.scatter_forward()
     work = dissipation(problem, v)
     assert work.function_space.element.space_dimension == 1
     for name, expected in (("lower", 0.0), ("upper", STEEL.yield_radius * 3 / np.sqrt(2))):
-        cells = assembly.cells(name)
+        cells = tagged_mesh.cells(name)
         assert np.allclose(work.x.array[cells], expected, rtol=1e-12, atol=0)
     v.x.array[:] = 0
     assert not dissipation(problem, v).x.array.any()

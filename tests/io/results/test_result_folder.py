@@ -46,11 +46,11 @@ def report(zeta: float, **changes: object) -> LevelReport:
 @pytest.fixture(scope="module")
 def problem() -> Problem:
     """Two elastic blocks."""
-    assembly = build(MPI.COMM_WORLD, "two_blocks", n=1)
-    materials = {name: Elastic(1.0, 0.3) for name in assembly.volumes}
+    tagged_mesh = build(MPI.COMM_WORLD, "two_blocks", n=1)
+    materials = {name: Elastic(1.0, 0.3) for name in tagged_mesh.volumes}
     contact = Contact("upper_bottom", "lower_top")
     load = Traction("top", (0.0, 0.0, -1.0))
-    return Problem(assembly, materials, [Support("left")], [load], [contact])
+    return Problem(tagged_mesh, materials, [Support("left")], [load], [contact])
 
 
 def refused(comm: MPI.Intracomm, path: Path, force: bool = False) -> str:

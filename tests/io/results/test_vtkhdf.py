@@ -82,10 +82,10 @@ def bodies(comm: MPI.Intracomm, folder: Path, dim: int, order: int) -> TaggedMes
     return read_gmsh(comm, path)
 
 
-def loaded(assembly: TaggedMesh, degree: int) -> Problem:
-    supports = [Support(f"{axis}0", axis) for axis in "xyz"[: assembly.mesh.geometry.dim]]
-    materials = dict.fromkeys(assembly.volumes, Elastic(1.0, 0.3))
-    return Problem(assembly, materials, supports, [Pressure("inner", 1.0)], degree=degree)
+def loaded(tagged_mesh: TaggedMesh, degree: int) -> Problem:
+    supports = [Support(f"{axis}0", axis) for axis in "xyz"[: tagged_mesh.mesh.geometry.dim]]
+    materials = dict.fromkeys(tagged_mesh.volumes, Elastic(1.0, 0.3))
+    return Problem(tagged_mesh, materials, supports, [Pressure("inner", 1.0)], degree=degree)
 
 
 def displacement(x: np.ndarray) -> np.ndarray:
@@ -115,7 +115,7 @@ def write(problem: Problem, path: Path) -> ResultFolder:
     folder = ResultFolder(problem.comm, path)
     folder.create()
     FieldSeries(folder, problem, Prescribed.WORK).write(
-        some_fields(problem), report(0.25, alpha=0.5)
+        1, some_fields(problem), report(0.25, alpha=0.5)
     )
     return folder
 
@@ -129,25 +129,25 @@ def test_vtk_reads_what_was_written(
 ) -> None:
     problem = loaded(bodies(comm, shared_tmp_path, dim, order), degree)
     folder = write(problem, shared_tmp_path / "results")
-    assembly = problem.tagged_mesh
+    tagged_mesh = problem.tagged_mesh
     grid = read_by_pyvista(comm, folder.file("fields/level_0001.vtkhdf"))
 
     kind = {(2, 1): 5, (2, 2): 22, (3, 1): 10, (3, 2): 24}[dim, max(order, degree)]
     assert set(grid["kinds"]) == {kind}
     cells = grid["corners"].reshape(len(grid["kinds"]), -1)
-    index_map = assembly.mesh.topology.index_map(dim)
+    index_map = tagged_mesh.mesh.topology.index_map(dim)
     assert len(cells) == index_map.size_global
     if degree >= order:
         assert len(grid["points"]) == problem.V.dofmap.index_map.size_global
     assert not np.any(grid["points"][:, dim:])
 
     # where the points are, which cells are of which body, and how large the bodies are
-    dx = ufl.Measure("dx", domain=assembly.mesh, subdomain_data=assembly.cell_tags)
-    one = fem.Constant(assembly.mesh, 1.0)
+    dx = ufl.Measure("dx", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.cell_tags)
+    one = fem.Constant(tagged_mesh.mesh, 1.0)
     names = [str(name) for name in grid["body_names"]]
-    assert dict(zip(names, grid["body_tags"], strict=True)) == assembly.volumes
+    assert dict(zip(names, grid["body_tags"], strict=True)) == tagged_mesh.volumes
     for name in names:
-        mine = grid["body"] == assembly.volumes[name]
+        mine = grid["body"] == tagged_mesh.volumes[name]
         radii = np.linalg.norm(grid["points"][cells[mine]], axis=2)
         inner, outer = {
             "inner_tube": (1, 1.1),
@@ -158,7 +158,7 @@ def test_vtk_reads_what_was_written(
         assert radii.max() == pytest.approx(outer, rel=1e-6)
         vertices = np.linalg.norm(grid["points"][cells[mine][:, : dim + 1]], axis=2)
         assert vertices.min() == pytest.approx(inner, rel=1e-6)
-        size = comm.allreduce(fem.assemble_scalar(fem.form(one * dx(assembly.volumes[name]))))
+        size = comm.allreduce(fem.assemble_scalar(fem.form(one * dx(tagged_mesh.volumes[name]))))
         # VTK cuts quadratic cells into linear ones, which is exact where the edges are straight
         accuracy = 1e-9 if order == 1 else {2: 5e-3, 3: 5e-2}[dim]
         assert grid["size"][mine].sum() == pytest.approx(size, rel=accuracy)
@@ -222,9 +222,9 @@ def test_any_number_of_ranks_writes_the_same(
 ) -> None:
     together = loaded(bodies(comm, shared_tmp_path, dim, order), degree)
     folder = write(together, shared_tmp_path / "together")
-    assembly = bodies(MPI.COMM_SELF, shared_tmp_path, dim, order)
+    tagged_mesh = bodies(MPI.COMM_SELF, shared_tmp_path, dim, order)
     if comm.rank == 0:
-        expected = write(loaded(assembly, degree), shared_tmp_path / "alone")
+        expected = write(loaded(tagged_mesh, degree), shared_tmp_path / "alone")
         for name in ("fields/mesh.vtkhdf", "fields/level_0001.vtkhdf"):
             ours, theirs = content(folder.file(name)), content(expected.file(name))
             assert ours.keys() == theirs.keys()
@@ -280,8 +280,8 @@ def test_a_list_of_levels(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     reports = [report(zeta, alpha=zeta**2) for zeta in (1.0, 2.0, 3.0)]
     series = FieldSeries(folder, problem, Prescribed.LOAD_FACTOR)
     assert listed() == []
-    for level in reports:
-        series.write(fields, level)
+    for number, level in enumerate(reports, start=1):
+        series.write(number, fields, level)
     assert listed() == [(f"fields/{a}", time) for a, time in zip(names, (1, 2, 3), strict=True)]
     assert on_file() == [*names, "mesh.vtkhdf"]
 
@@ -289,11 +289,15 @@ def test_a_list_of_levels(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     series = FieldSeries(folder, problem, Prescribed.LOAD_FACTOR, reports[:2])
     assert listed() == [(f"fields/{names[0]}", 1), (f"fields/{names[1]}", 2)]
     assert on_file() == [*names[:2], "mesh.vtkhdf"]
-    series.write(fields, report(2.5, alpha=7.0))
+    series.write(3, fields, report(2.5, alpha=7.0))
     assert listed()[2:] == [(f"fields/{names[2]}", 2.5)]
     facts = content(folder.file(f"fields/{names[2]}"))
     assert facts["/VTKHDF/FieldData/level"] == 3
     assert facts["/VTKHDF/FieldData/alpha"] == pytest.approx(7.0)
+
+    # levels without fields are left out
+    series.write(7, fields, report(3.5, alpha=9.0))
+    assert listed()[3:] == [("fields/level_0007.vtkhdf", 3.5)]
 
     series.write_mechanism(fields["displacement"], fields["yield_ratio"], 4.0, 5.0)
     mechanism = content(folder.file("mechanism.vtkhdf"))
