@@ -157,7 +157,10 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         first = work.first_yield().zeta
         took = {"solves": work.linear.solves, "seconds": time.perf_counter() - began}
         numbers.append(("first yield", first, exact.first_yield, 1e-9, took))
-        found = collapse(problem)
+        direct = collapse(problem)
+        took = {"solves": direct.solves, "seconds": direct.seconds}
+        numbers.append(("limit load, without a path", direct.zeta, exact.limit, 1e-4, took))
+        found = collapse(problem, method="path")
         took = {"solves": found.solves, "seconds": found.seconds}
         upper = math.nan if found.limit.upper is None else found.limit.upper
         numbers.append(("limit load", found.zeta, exact.limit, exact.limit_allowed, took))

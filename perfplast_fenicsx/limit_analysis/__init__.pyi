@@ -1,3 +1,6 @@
+from .body_bounds import BodyBounds as BodyBounds
+from .body_bounds import bounds_of_mesh as bounds_of_mesh
+from .body_bounds import limit_bounds as limit_bounds
 from .discrete_limit import DiscreteLimit as DiscreteLimit
 from .discrete_limit import InteriorStep as InteriorStep
 from .discrete_limit import Verdict as Verdict

@@ -89,7 +89,8 @@ class DiscreteLimit:
         lower: λ of a stress in equilibrium and within yield; None where there is none.
         estimate: Between the bounds; None unless found.
         upper: Dissipation of an admissible mechanism with L(v) = 1; None where there is none.
-        mechanism: Velocity v of the collapse with L(v) = 1; zero unless found.
+        mechanism: Velocity v of the collapse or of the upper bound, with L(v) = 1; zero where there
+            is neither.
         stress: σ at the lower bound, Mandel vectors at the quadrature points; in plane strain the
             stress out of the plane is the mean of those in it.
         contact_forces: Forces of the pairs hosted by this rank there, shape (num_pairs,).
@@ -181,7 +182,8 @@ def _iterate(
             return Verdict.STALLED, "the steps became too short"
         load, gap = iteration.now.load, iteration.gap()
         unbalanced, missing = iteration.unbalanced(), iteration.missing_work()
-        inadmissible = iteration.inadmissible()
+        wrong, rate = iteration.rates()
+        inadmissible = wrong / rate if rate > 0 else 0.0
         step = InteriorStep(
             number=len(steps) + 1,
             load=load * program.load_unit,
@@ -196,7 +198,8 @@ def _iterate(
             monitor(step)
         if load > FAR * program.degree and unbalanced <= ALMOST < inadmissible:
             return Verdict.UNBOUNDED, _unbounded(program)
-        if max(unbalanced, missing) > SETTLED or inadmissible > ALMOST:
+        at_rest = rate <= NOTHING  # bodies move as rigid ones, and what strains is rounding
+        if max(unbalanced, missing) > SETTLED or (inadmissible > ALMOST and not at_rest):
             continue
         if abs(load) + gap <= NOTHING * program.degree:
             reason = (
@@ -247,10 +250,11 @@ def _result(
             if upper is None:
                 reason += "; no admissible mechanism was found, and so no upper bound"
                 verdict = verdict if inadmissible <= NEARLY else Verdict.STALLED
-        if verdict is Verdict.FOUND:
+        if verdict is Verdict.FOUND or upper is not None:
             problem.basis.T.mult(iteration.velocity, mechanism.x.petsc_vec)
             mechanism.x.scatter_forward()
             mechanism.x.array[:] /= problem.loads.alpha(mechanism.x.petsc_vec)
+        if verdict is Verdict.FOUND:
             known = [bound for bound in (lower, upper) if bound is not None]
             estimate = sum(known) / len(known) if known else steps[-1].load
     return DiscreteLimit(

@@ -126,13 +126,22 @@ class InteriorIteration:
 
         Collective.
         """
+        wrong, rate = self.rates()
+        return wrong / rate if rate > 0 else 0.0
+
+    def rates(self) -> tuple[float, float]:
+        """What is inadmissible in ε(v), and ‖ε(v)‖, as root mean squares. Collective.
+
+        In the program's units the latter is about 1 of a flow that meets resistance.
+        """
         trace, deviator = self.program.strains.of(self.velocity)
         squares = np.einsum("ni,ni->n", deviator, deviator)
         volume = trace**2 / self.program.problem.bodies.gdim
         wrong = volume + np.where(self.program.plastic, 0.0, squares)
         weights, total = self.program.weights, self.program.total
         part, whole = total(weights @ wrong), total(weights @ (volume + squares))
-        return float(np.sqrt(part / whole)) if whole > 0 else 0.0
+        size = total(weights.sum())
+        return float(np.sqrt(part / size)), float(np.sqrt(whole / size))
 
     def stress_to(self, function: fem.Function) -> None:
         """Write the stress of the iterate into a function of S. Collective."""
