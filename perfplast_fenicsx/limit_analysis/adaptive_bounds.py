@@ -5,10 +5,9 @@ the mechanism is poor; the dissipation of the lower bound's multipliers shows wh
 Cells that have most of either are refined. M. Ciria, J. Peraire and J. Bonet, doi:10.1002/nme.2310.
 """
 
-import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +15,7 @@ import numpy.typing as npt
 from perfplast_fenicsx.contact.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.singular_points import singular_points
 from perfplast_fenicsx.limit_analysis.strict_work import Bound
@@ -34,6 +34,40 @@ FEWER = 4
 
 
 @dataclass(frozen=True)
+class Adaptation:
+    """Meshes that are refined where the bounds of the limit load say, and when that ends.
+
+    Args:
+        until: Gap of the bounds at which it ends, relative to the lower one, between 0 and 1.
+        cells: Cells that a mesh may have at most; at least those of the first one.
+
+    Raises:
+        InputError: A gap that is none.
+    """
+
+    until: float = 0.01
+    cells: int = 50000
+
+    def __post_init__(self) -> None:
+        if not 0 < self.until < 1:
+            raise InputError(f"until = {self.until} is not between 0 and 1; try 0.01.")
+
+    def check(self, tagged_mesh: TaggedMesh) -> None:
+        """Refuse a first mesh that cannot be adapted. Collective.
+
+        Raises:
+            InputError: If it has too many cells, or curved ones.
+        """
+        count = _count(tagged_mesh)
+        if self.cells < count:
+            raise InputError(
+                f"cells = {self.cells} is less than the {count} of the first mesh; give more, or a"
+                " coarser mesh."
+            )
+        check_refinable(tagged_mesh)
+
+
+@dataclass(frozen=True)
 class Round:
     """Bounds on one mesh.
 
@@ -42,8 +76,8 @@ class Round:
         cells: Of the mesh.
         lower: The lower bound found on it; None where there is none.
         upper: The upper bound.
-        gap: What the best upper bound so far exceeds the best lower one by, relative; ∞ where one
-            of them is missing.
+        gap: What the best upper bound so far exceeds the best lower one by, relative; None where
+            one of them is missing.
         seconds: Wall time so far.
     """
 
@@ -51,7 +85,7 @@ class Round:
     cells: int
     lower: float | None
     upper: float | None
-    gap: float
+    gap: float | None
     seconds: float
 
 
@@ -75,6 +109,11 @@ class AdaptiveBounds:
     rounds: list[Round]
     reason: str
 
+    @property
+    def body(self) -> BodyBounds:
+        """What was found on the last mesh, with the best bounds in place of its own."""
+        return replace(self.last, lower=self.lower, upper=self.upper)
+
     def __repr__(self) -> str:
         return (
             f"AdaptiveBounds({self.lower!r}, {self.upper!r}; {len(self.rounds)} meshes;"
@@ -84,27 +123,28 @@ class AdaptiveBounds:
 
 def adaptive_bounds(
     problem: Problem,
-    until: float = 0.01,
-    cells: int = 50000,
+    adaptation: Adaptation | None = None,
     rtol: float = 1e-4,
     monitor: Callable[[Round], None] | None = None,
+    steps: Callable[[InteriorStep], None] | None = None,
 ) -> AdaptiveBounds:
     """Bound the limit load on finer and finer meshes. Collective.
 
     Args:
         problem: The bodies and their loads, on the first mesh.
-        until: Gap of the bounds at which to end, relative to the lower one.
-        cells: Cells that a mesh may have at most.
+        adaptation: When to end.
         rtol: How near each bound comes to the best of its kind on its mesh, relative.
         monitor: Called on every rank after each mesh.
+        steps: Called on every rank after each step of the interior point method.
 
     Raises:
-        InputError: If ``until`` is not between 0 and 1 or ``cells`` fewer than the first mesh has,
-            if cells are curved, and for what :func:`body_bounds.limit_bounds` refuses.
+        InputError: If the mesh cannot be adapted, and for what :func:`body_bounds.limit_bounds`
+            refuses.
     """
-    check_adaptation(problem.tagged_mesh, until, cells)
+    adaptation = adaptation or Adaptation()
+    adaptation.check(problem.tagged_mesh)
     began, rounds = time.perf_counter(), list[Round]()
-    found = limit_bounds(problem, rtol)
+    found = limit_bounds(problem, rtol, steps)
     lower, upper = found.lower, found.upper
     while True:
         gap = _gap(lower, upper)
@@ -119,34 +159,17 @@ def adaptive_bounds(
         rounds.append(round_)
         if monitor is not None:
             monitor(round_)
-        if gap <= until:
-            reason = f"the bounds are within {until:g} of each other"
+        if gap is not None and gap <= adaptation.until:
+            reason = f"the bounds are within {adaptation.until:g} of each other"
             break
-        finer = _finer(problem, found, cells)
+        finer = _finer(problem, found, adaptation.cells)
         if finer is None:
-            reason = f"a finer mesh would have more than {cells} cells"
+            reason = f"a finer mesh would have more than {adaptation.cells} cells"
             break
         problem = problem.on(finer)
-        found = limit_bounds(problem, rtol)
+        found = limit_bounds(problem, rtol, steps)
         lower, upper = _better(lower, found.lower, max), _better(upper, found.upper, min)
     return AdaptiveBounds(lower, upper, found, problem, rounds, reason)
-
-
-def check_adaptation(tagged_mesh: TaggedMesh, until: float, cells: int) -> None:
-    """Refuse what cannot be adapted. Collective.
-
-    Raises:
-        InputError: As of :func:`adaptive_bounds`.
-    """
-    if not 0 < until < 1:
-        raise InputError(f"until = {until} is not between 0 and 1; try 0.01.")
-    count = _count(tagged_mesh)
-    if cells < count:
-        raise InputError(
-            f"cells = {cells} is fewer than the {count} of the first mesh; give more, or a coarser"
-            " mesh."
-        )
-    check_refinable(tagged_mesh)
 
 
 def _count(tagged_mesh: TaggedMesh) -> int:
@@ -155,9 +178,9 @@ def _count(tagged_mesh: TaggedMesh) -> int:
     return count
 
 
-def _gap(lower: Bound, upper: Bound) -> float:
+def _gap(lower: Bound, upper: Bound) -> float | None:
     if lower.value is None or upper.value is None or lower.value <= 0:
-        return math.inf
+        return None
     return upper.value / lower.value - 1
 
 

@@ -78,9 +78,11 @@ class MeshFile:
     Args:
         file: Its path, relative to the folder of the case file. Bodies and surfaces have physical
             names.
+        adapt: Refine the mesh, and bound the limit load on each.
     """
 
     file: str
+    adapt: Table | None = None
 
 
 @dataclass(frozen=True)
@@ -90,10 +92,12 @@ class MeshBuilder:
     Args:
         builder: Its name.
         arguments: What the builder takes, each a key of its own.
+        adapt: As for files.
     """
 
     builder: str
     arguments: dict[str, Any]
+    adapt: Table | None = None
 
 
 @dataclass(frozen=True)

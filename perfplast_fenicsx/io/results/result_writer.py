@@ -1,5 +1,7 @@
 """What a run leaves behind for whoever looks at it: the scene, its levels, its limit load."""
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from perfplast_fenicsx._version import __version__
@@ -8,6 +10,7 @@ from perfplast_fenicsx.io.results.checkpoints import Saved
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
+from perfplast_fenicsx.limit_analysis.adaptive_bounds import Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
 from perfplast_fenicsx.problem.prescribed import Prescribed
@@ -85,12 +88,15 @@ class ResultWriter:
                 self._fields.write(number, self._output.update(level), level.report)
             self.results.add(level.report)
 
-    def write_limit(self, limit: LimitLoad, body: BodyBounds | None = None) -> None:
+    def write_limit(
+        self, limit: LimitLoad, body: BodyBounds | None = None, rounds: Sequence[Round] = ()
+    ) -> None:
         """Write a limit load and its mechanism. Collective.
 
         Args:
             limit: The limit load of the mesh.
             body: What is proven of the body.
+            rounds: The meshes on which that was sought, where there are several.
 
         Raises:
             InputError: On every rank, if the system refuses; what was there before is whole.
@@ -98,7 +104,7 @@ class ResultWriter:
         with self.results.timed("output"):
             if self._fields is not None and self._output is not None and limit.collapses:
                 problem = body.problem if body else self._problem
-                if problem is not self._problem:  # the mesh was split
+                if problem is not self._problem:  # the mesh was split or refined
                     folder, prescribed = self.results.folder, Prescribed.WORK
                     self._fields = FieldSeries(folder, problem, prescribed)
                     self._output = OutputFields(problem)
@@ -109,11 +115,11 @@ class ResultWriter:
                 alpha = 0.0 if limit.alpha is None else limit.alpha
                 self._fields.write_mechanism(fields, limit.lower, alpha)
             table = {key: getattr(limit, key) for key in LIMIT_KEYS}
-            self.results.summary.limit = table | {"body": body and _table(body)}
+            self.results.summary.limit = table | {"body": body and _table(body, rounds)}
             self.results.write()
 
 
-def _table(body: BodyBounds) -> dict[str, Any]:
+def _table(body: BodyBounds, rounds: Sequence[Round]) -> dict[str, Any]:
     """What ``summary.json`` says of the body: bounds that hold for it, and no others."""
     return {
         "lower": body.lower.value if body.lower.strict else None,
@@ -121,4 +127,5 @@ def _table(body: BodyBounds) -> dict[str, Any]:
         "strict": body.strict,
         "why_not": body.why_not,
         "certificates": dict(body.certificates),
+        "meshes": [asdict(round_) for round_ in rounds],
     }
