@@ -78,7 +78,7 @@ class MeshFile:
     Args:
         file: Its path, relative to the folder of the case file. Bodies and surfaces have physical
             names.
-        adapt: Refine the mesh, and bound the limit load on each.
+        adapt: With ``control = "bounds"``: bound the limit load on finer and finer meshes.
     """
 
     file: str
