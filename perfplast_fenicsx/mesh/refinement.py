@@ -21,7 +21,7 @@ from perfplast_fenicsx.mesh.bisection import cut, edges_of_faces
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.glued_edges import GluedEdges, vertex_coordinates
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.parallel import fetch_rows
+from perfplast_fenicsx.parallel import fetch_rows, send_rows
 
 _UNNAMED = np.iinfo(np.int32).min
 
@@ -140,12 +140,12 @@ def _cut(
         order,
         inner=_UNNAMED,
     )
-    parents = topology.index_map(dim).local_range[0] + parts.parents
-    element = basix.ufl.element("Lagrange", mesh.topology.cell_name(), 1, shape=(dim,))
-    finer = create_mesh(
-        comm, parts.cells, x=np.concatenate([old, new])[:, :dim], e=ufl.Mesh(element)
-    )
-    rows = np.column_stack([bodies[parts.parents], parents, parts.facets])
+    numbers = topology.index_map(dim).local_range[0] + parts.parents
+    rows = np.column_stack([bodies[parts.parents], numbers, parts.facets, parts.cells])
+    rows = _in_order(mesh, rows, parts.parents)
+    element = basix.ufl.element("Lagrange", topology.cell_name(), 1, shape=(dim,))
+    points = np.concatenate([old, new])[:, :dim]
+    finer = create_mesh(comm, rows[:, -(dim + 1) :].copy(), x=points, e=ufl.Mesh(element))
     told = fetch_rows(comm, rows, np.asarray(finer.topology.original_cell_index, dtype=np.int64))
     return Refined(
         TaggedMesh(
@@ -153,12 +153,27 @@ def _cut(
             cell_tags=meshtags(
                 finer, dim, np.arange(len(told), dtype=np.int32), told[:, 0].astype(np.int32)
             ),
-            facet_tags=_facet_meshtags(finer, told[:, 2:].astype(np.int32)),
+            facet_tags=_facet_meshtags(finer, told[:, 2 : dim + 3].astype(np.int32)),
             volumes=tagged_mesh.volumes,
             surfaces=tagged_mesh.surfaces,
         ),
         parents=told[:, 1],
     )
+
+
+def _in_order(mesh: Mesh, rows: Longs, parents: Longs) -> Longs:
+    """Rows of parts of owned cells in the order of the file's cells, on whatever ranks. Collective.
+
+    So cells are numbered alike on any number of ranks.
+    """
+    topology, comm = mesh.topology, mesh.comm
+    owned = topology.index_map(topology.dim)
+    place = np.asarray(topology.original_cell_index[: owned.size_local], dtype=np.int64)[parents]
+    arrived = send_rows(
+        comm, np.column_stack([place, rows]), place * comm.size // max(owned.size_global, 1)
+    )
+    ordered: Longs = arrived[np.argsort(arrived[:, 0], kind="stable"), 1:]
+    return ordered
 
 
 def _values(tags: MeshTags, count: int) -> Ints:
