@@ -19,7 +19,16 @@ BELOW: dict[str, set[str]] = {
     "solvers": {"materials", "problem", "solvers.linear", "solvers.active_set"},
     "limit_analysis": {"contact", "materials", "mesh", "problem", "solvers", "solvers.linear"},
     "io.case": {"mesh", "materials", "contact", "problem", "solvers", "limit_analysis"},
-    "io.results": {"mesh", "materials", "problem", "limit_analysis", "solvers", "io.case"},
+    "proof": set(),
+    "io.results": {
+        "contact",
+        "mesh",
+        "materials",
+        "problem",
+        "limit_analysis",
+        "solvers",
+        "io.case",
+    },
     "pictures": {"contact", "problem", "io.case", "io.results"},
     "cli": {
         *("pictures", "io.case", "io.results", "limit_analysis", "solvers", "solvers.linear"),

@@ -15,6 +15,9 @@ from .limit_methods import LimitLoad as LimitLoad
 from .limit_methods import LimitMethod as LimitMethod
 from .limit_search import collapse_mechanism as collapse_mechanism
 from .limit_search import limit_load as limit_load
+from .static_bound import StaticBound as StaticBound
+from .static_bound import strict_lower_bound as strict_lower_bound
+from .static_certificate import StaticCertificate as StaticCertificate
 from .strict_work import Bound as Bound
 from .strict_work import Scope as Scope
 from .strict_work import strict_upper_bound as strict_upper_bound

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.limit_analysis.conic_stiffness import SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 
 Floats = npt.NDArray[np.float64]
@@ -78,7 +78,7 @@ def lower_bound(iteration: InteriorIteration) -> LowerBound:
         iteration.equilibrate()
     program, now = iteration.program, iteration.now
     sizes = np.linalg.norm(now.S[:, 1:], axis=1)
-    ratio = program.problem.comm.allreduce(float((sizes / now.S[:, 0]).max(initial=0)), MPI.MAX)
+    ratio = program.comm.allreduce(float((sizes / now.S[:, 0]).max(initial=0)), MPI.MAX)
     unbalanced = iteration.unbalanced()
     if not unbalanced <= IN_BALANCE:
         return LowerBound(None, unbalanced)
@@ -92,8 +92,7 @@ def upper_bound(iteration: InteriorIteration) -> UpperBound:
     with pairs that push held. The iteration's velocity becomes the admissible one.
     """
     program, now = iteration.program, iteration.now
-    problem, strains, v = program.problem, program.strains, iteration.velocity
-    jumps = problem.basis.index
+    strains, v, jumps = program.strains, iteration.velocity, program.jumps
     largest = v.norm(PETSc.NormType.NORM_INFINITY)
     pushing = now.forces > program.springs * now.rooms
     held = jumps[pushing | (now.rooms < ROUNDING * largest)]
@@ -102,7 +101,7 @@ def upper_bound(iteration: InteriorIteration) -> UpperBound:
     sizes = np.linalg.norm(now.Z[:, 1:], axis=1)
     viscosity = program.at_points(now.S[:, 0] / np.maximum(sizes, 1 / STIFF), 1.0)
     penalty = np.full_like(viscosity, PENALTY)
-    none = np.zeros((len(viscosity), problem.S.dofmap.index_map_bs))
+    none = np.zeros((len(viscosity), strains.size))
     program.assemble(penalty, program.at_points(viscosity[program.plastic], PENALTY), none, held)
     try:
         program.stiffness.factorise()
@@ -110,7 +109,7 @@ def upper_bound(iteration: InteriorIteration) -> UpperBound:
         return UpperBound(None, np.inf, np.inf)
 
     before = iteration.velocity.copy()
-    forces, correction = problem.create_vector(), problem.create_vector()
+    forces, correction = program.create_vector(), program.create_vector()
     pressure, stress = np.zeros_like(viscosity), none
     for _ in range(MOST_ITERATIONS):
         trace, deviator = strains.of(v)
@@ -127,7 +126,7 @@ def upper_bound(iteration: InteriorIteration) -> UpperBound:
     work, dissipation = program.work(v), program.dissipation(v)
     largest = v.norm(PETSc.NormType.NORM_INFINITY) or 1.0
     entering = float(v.array_r[jumps].max(initial=0)) / largest
-    entering = problem.comm.allreduce(entering, MPI.MAX)
+    entering = program.comm.allreduce(entering, MPI.MAX)
     for vector in (before, forces, correction):
         vector.destroy()
     if not (inadmissible <= EXACT and entering <= ROUNDING and work > ROUNDING):

@@ -80,7 +80,7 @@ def test_a_search_that_stalls_gives_the_bound_it_has(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem = footing(shared_tmp_path)
-    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.discrete_limit.MOST_STEPS", 6)
+    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.interior_steps.MOST_STEPS", 6)
     bounds = limit_bounds(problem)
     assert "not met in 6 steps" in bounds.mesh.reason
     assert bounds.mesh.estimate is None
