@@ -1,18 +1,25 @@
 """Bounds of the limit load of the body that a mesh fills, and not just of the mesh."""
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
 from dolfinx import fem
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
+from perfplast_fenicsx.limit_analysis.gap_shares import gap_shares
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, from_interior_point
+from perfplast_fenicsx.limit_analysis.static_bound import StaticBound, strict_lower_bound
 from perfplast_fenicsx.limit_analysis.strict_work import Bound, Scope, strict_upper_bound
-from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
+from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.certificate import contact_forces
 from perfplast_fenicsx.problem.problem import Problem
+
+log = logging.getLogger(__name__)
 
 NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("no stress was sought",))
 
@@ -22,11 +29,14 @@ class BodyBounds:
     """What is known of the limit load of a body.
 
     Attributes:
-        problem: On whose mesh the fields are; in space each cell is split from its centre.
+        problem: On whose mesh the mechanism is; in space each cell is split from its centre.
         lower: A lower bound.
         upper: An upper bound.
         mechanism: Velocity v of the upper bound, with L(v) = 1; zero where none was found.
         mesh: The limit load of this mesh, which bounds that of the body on neither side.
+        static: The lower bound with its stress; None where none was sought.
+        shares: What each owned cell of the given mesh, before it was split, has of the gap
+            (:mod:`gap_shares`), shape (num_cells,); None without both bounds.
         certificates: What is left of what a bound asks for, by name.
         steps: Of the interior point method, for both bounds.
         factorisations: For both bounds.
@@ -37,6 +47,8 @@ class BodyBounds:
     upper: Bound
     mechanism: fem.Function
     mesh: LimitLoad
+    static: StaticBound | None = None
+    shares: Floats | None = None
     certificates: Mapping[str, float] = field(default_factory=dict)
     steps: int = 0
     factorisations: int = 0
@@ -89,13 +101,28 @@ def limit_bounds(
         InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, a body
             has another law than those of von Mises and Hooke, or no stress can carry the loads.
     """
+    given, split = problem, None
     tagged_mesh = problem.tagged_mesh
     if problem.bodies.gdim == 3 and problem.degree == 2 and not has_curved_cells(tagged_mesh.mesh):
-        problem = problem.on(alfeld_split(tagged_mesh))
+        split = alfeld_split(tagged_mesh)
+        problem = problem.on(split)
+    log.info("upper bound: a mechanism on %s", problem)
     found = interior_point(without_entering(problem) or problem, rtol, monitor)
     limit = from_interior_point(found)
     forces = contact_forces(problem, found.stress, limit.lower)  # of pairs, not of coefficients
-    return bounds_of_mesh(problem, replace(limit, contact_forces=forces))
+    bounds = bounds_of_mesh(problem, replace(limit, contact_forces=forces))
+    log.info("lower bound: a stress on the same cells")
+    static = strict_lower_bound(given, rtol, monitor)
+    certificates = vars(static.certificate) if static.certificate else {}
+    return replace(
+        bounds,
+        lower=static.bound,
+        static=static,
+        shares=_shares(bounds, static, split),
+        certificates={**bounds.certificates, **certificates},
+        steps=bounds.steps + len(static.steps),
+        factorisations=bounds.factorisations + static.factorisations,
+    )
 
 
 def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
@@ -120,3 +147,17 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
         steps=limit.iterations,
         factorisations=limit.factorisations or 0,
     )
+
+
+def _shares(bounds: BodyBounds, static: StaticBound, split: AlfeldSplit | None) -> Floats | None:
+    """Those of the cells of the given mesh. Collective."""
+    if static.bound.value is None or bounds.upper.value is None:
+        return None
+    if split is None:
+        return gap_shares(bounds.problem, bounds.mechanism, static.stress)
+    part = split.mesh.topology.original_cell_index % static.stress.shape[1]
+    stress = static.stress[split.parents, part]
+    shares = gap_shares(bounds.problem, bounds.mechanism, stress)
+    total: Floats = np.zeros(len(static.stress))
+    np.add.at(total, split.parents, shares)
+    return total
