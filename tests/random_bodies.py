@@ -1,5 +1,6 @@
 """Random stacks of blocks in contact, plane or in space, with random materials and loads."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
@@ -67,10 +68,8 @@ def write_stack(path: Path, it: Stack) -> None:
     place = [random.uniform(0, 1) for _ in range(3)]
     growth = random.uniform(0, 1)
 
-    def law(x: float, y: float, z: float) -> float:
-        return it.size * (
-            1 + growth * sum(abs(a - b) for a, b in zip((x, y, z), place, strict=True)) / 2
-        )
+    def law(*x: float) -> float:
+        return it.size * (1 + growth * math.dist(x, place))
 
     with gmsh_session():
         level, blocks = 0.0, []

@@ -1,5 +1,3 @@
-from .alfeld_split import AlfeldSplit as AlfeldSplit
-from .alfeld_split import alfeld_split as alfeld_split
 from .gmsh_reader import gmsh_session as gmsh_session
 from .refinement import Refined as Refined
 from .refinement import fan as fan

@@ -13,6 +13,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import h5py
+import numpy as np
 import pytest
 
 import perfplast_fenicsx
@@ -23,6 +24,7 @@ from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, NO_SOLUTION, SOLVED
 from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.terminal import Terminal, shows
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.proof import check
 from tests.io.results.test_result_folder import report
 from tests.models import punch_case, write_case
 
@@ -153,7 +155,8 @@ def test_limit_load_by_default(
     assert body["upper"] == pytest.approx(100.0, rel=1e-3)
     assert body["lower"] is None
     assert not body["strict"]
-    assert body["why_not"] == ["lower bound: no stress was sought"]
+    assert body["why_not"] == ["lower bound: none was sought, as with control = 'bounds'"]
+    assert not (results / "bounds.h5").exists()  # a proof has quadratic velocities
     assert body["certificates"]["inadmissible"] < 1e-9
     log = (results / "run.log").read_text(encoding="utf-8")
     assert log.count(" step ") == limit["iterations"]
@@ -174,11 +177,22 @@ def test_bounds(
     assert main(["run", str(case), "-o", str(results)]) == SOLVED
     out, _ = capsys.readouterr()
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
-    assert summary["limit"]["body"]["upper"] == pytest.approx(100.0, rel=2e-3)
+    body = summary["limit"]["body"]
+    assert body["upper"] == pytest.approx(100.0, rel=2e-3)
+    assert body["lower"] == pytest.approx(100.0, rel=2e-3)
+    assert body["strict"]
+    assert body["why_not"] == []
+    proven = check(results / "bounds.h5")
+    for kind in ("lower", "upper"):
+        assert not proven[kind].faults
+        assert proven[kind].proven == pytest.approx(body[kind], rel=1e-9)
     with h5py.File(results / "mechanism.vtkhdf", locking=False) as file:
         cells = file["VTKHDF/CellData"]
         assert {*file["VTKHDF/PointData"]} == {"mechanism", "contact_pressure"}
-        assert {*cells} == {"body", "dissipation", "stress", "yield_ratio"}
+        ours = {"lower_bound_stress", "gap_share"}
+        assert {*cells} == {"body", "dissipation", "stress", "yield_ratio"} | ours
+        assert np.sum(cells["gap_share"]) == pytest.approx(4)  # a share of the whole in each part
+        assert np.mean(cells["lower_bound_stress"], axis=0)[2, 2] < -10
         assert len(cells["dissipation"]) == 4 * summary["mesh"]["cells"]
     if comm.rank == 0:
         assert "P2" in out

@@ -29,7 +29,7 @@ from perfplast_fenicsx.limit_analysis import (
     strict_upper_bound,
     without_entering,
 )
-from perfplast_fenicsx.mesh import alfeld_split
+from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.proof import Checked, ProofError, check
 from perfplast_fenicsx.proof.checker import check_lower, check_upper

@@ -25,6 +25,7 @@ from perfplast_fenicsx.io.results.global_ordering import (
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
+from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
 from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction
@@ -44,6 +45,8 @@ class StressProof:
         problem: On straight cells.
         bound: λ.
         stress: Mandel vectors at the vertices of this rank's cells, shape (num_cells, tdim + 1, m).
+            Or of their parts, shape (num_cells, tdim + 1, tdim + 1, m): in part a the barycentre
+            stands for vertex a.
     """
 
     problem: Problem
@@ -83,8 +86,12 @@ def write_proof(
     """
     blocks: Blocks = {}
     bounds: dict[str, float] = {}
+    for half in (lower, upper):
+        if half is not None:
+            _check(half.problem)
     if lower is not None:
-        blocks |= _named("lower", _body(lower.problem) | _stress(lower))
+        whole = lower if lower.stress.ndim == 3 else _split(lower)
+        blocks |= _named("lower", _body(whole.problem) | _stress(whole))
         bounds["lower"] = lower.bound
     if upper is not None:
         blocks |= _named("upper", _body(upper.problem) | _velocity(upper))
@@ -97,8 +104,39 @@ def write_proof(
     write_arrays(folder, path, blocks, describe=describe)
 
 
+def _check(problem: Problem) -> None:
+    """Refuse what the file cannot say. Collective."""
+    if has_curved_cells(problem.tagged_mesh.mesh):
+        raise InputError("cells are curved, and no bound is strict then; use first-order cells.")
+    for obstacle in problem.given.obstacles:
+        if not isinstance(obstacle, Plane):
+            raise InputError(f"the obstacle at '{obstacle.on}' is curved; a proof knows planes.")
+    for load in problem.given.loads:
+        if not isinstance(load, Pressure | Traction | BodyForce):
+            raise InputError(f"a {type(load).__name__} is no load that a proof can have.")
+    if problem.moves_supports or not problem.loads.is_proportional():
+        raise InputError("supports move or loads are constant; a proof knows loads that all grow.")
+
+
 def _named(group: str, blocks: Blocks) -> Blocks:
     return {f"{group}/{name}": rows for name, rows in blocks.items()}
+
+
+def _split(proof: StressProof) -> StressProof:
+    """A stress of the parts of cells as one of cells. Collective."""
+    coarse = proof.problem.tagged_mesh
+    split = alfeld_split(coarse)
+    (cells, points), (parts, places) = corners(coarse.mesh), corners(split.mesh)
+    x, y = points[cells][split.parents], places[parts]
+    same = np.linalg.norm(y[:, :, None] - x[:, None], axis=3)
+    slots = np.argmin(same, axis=2)
+    centres = np.argmax(same.min(axis=2), axis=1)[:, None]
+    missing = slots.shape[1] * (slots.shape[1] - 1) // 2 - (
+        slots.sum(axis=1, keepdims=True) - np.take_along_axis(slots, centres, axis=1)
+    )
+    np.put_along_axis(slots, centres, missing, axis=1)
+    stress = proof.stress[split.parents[:, None], missing, slots]
+    return StressProof(proof.problem.on(split), proof.bound, stress)
 
 
 def _stress(proof: StressProof) -> Blocks:
@@ -143,8 +181,6 @@ def _body(problem: Problem) -> Blocks:
     """The bodies with loads, supports and contact. Collective."""
     tagged_mesh, given = problem.tagged_mesh, problem.given
     mesh = tagged_mesh.mesh
-    if has_curved_cells(mesh):
-        raise InputError("cells are curved, and no bound is strict then; use first-order cells.")
     d, topology = mesh.topology.dim, mesh.topology
     cells, points = corners(mesh)
     vertices = node_ordering(mesh, cells, topology.index_map(0))
@@ -164,11 +200,7 @@ def _body(problem: Problem) -> Blocks:
     for support in given.supports:
         held[np.ix_(surface == tags[support.on], support.axes(d))] = 1
     contacts = [[tags[contact.primary], tags[contact.secondary]] for contact in given.contacts]
-    walls: list[Plane] = []
-    for obstacle in given.obstacles:
-        if not isinstance(obstacle, Plane):
-            raise InputError(f"the obstacle at '{obstacle.on}' is curved; a proof knows planes.")
-        walls.append(obstacle)
+    walls = [obstacle for obstacle in given.obstacles if isinstance(obstacle, Plane)]
     into = [plane.towards(np.zeros((1, d)))[1][0] for plane in walls]
     return {
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),
@@ -209,8 +241,6 @@ def _body_forces(problem: Problem, count: int) -> Floats:
         if isinstance(load, BodyForce):
             cells = tagged_mesh.cells(load.on)
             forces[cells[cells < count]] += np.asarray(load.value)
-        elif not isinstance(load, Pressure | Traction):
-            raise InputError(f"a {type(load).__name__} is no load that a proof can have.")
     return forces
 
 

@@ -30,6 +30,7 @@ from perfplast_fenicsx.io.results.result_files import (
     FIELDS,
     MECHANISM,
     NEWEST,
+    PROOF,
     SERIES,
 )
 from perfplast_fenicsx.problem.prescribed import Prescribed
@@ -38,7 +39,7 @@ from perfplast_fenicsx.problem.report import LevelReport
 
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
-    *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png"),
+    *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png", PROOF),
     *(NEWEST, BEFORE, *EARLIER),
 )
 """What a run looks for before it writes, and removes when it is told to."""
