@@ -163,8 +163,8 @@ def adaptive_bounds(
             reason = f"the bounds are within {adaptation.until:g} of each other"
             break
         finer = _finer(problem, found, adaptation.cells)
-        if finer is None:
-            reason = f"a finer mesh would have more than {adaptation.cells} cells"
+        if isinstance(finer, str):
+            reason = finer
             break
         problem = problem.on(finer)
         found = limit_bounds(problem, rtol, steps)
@@ -193,23 +193,29 @@ def _better(old: Bound, new: Bound, best: Callable[[float, float], float]) -> Bo
     return old if old.strict and best(old.value, new.value) == old.value else new
 
 
-def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | None:
-    """The next mesh; None if it would have too many cells. Collective."""
+def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
+    """The next mesh, or why there is none. Collective."""
     part = PART
     for _ in range(FEWER):
-        finer = refined(problem, _marked(problem, found, part))
+        marked = _marked(problem, found, part)
+        if not problem.comm.allreduce(int(marked.sum())):
+            return "nothing was found that says where to refine"
+        finer = refined(problem, marked)
         if _count(finer) <= cells:
             return finer
         part /= 2
-    return None
+    return f"a finer mesh would have more than {cells} cells"
 
 
 def _marked(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.bool_]:
     """Cells with a part of the gap or of the dissipation of the multipliers. Collective."""
-    by_gap, by_stress = (
-        largest_shares(problem.comm, shares, part) for shares in (found.shares, found.dissipation)
-    )
-    return by_gap | by_stress
+    dissipation = None if found.static is None else found.static.dissipation
+    topology = problem.tagged_mesh.mesh.topology
+    marked = np.zeros(topology.index_map(topology.dim).size_local, dtype=np.bool_)
+    for shares in (found.shares, dissipation):
+        if shares is not None:
+            marked |= largest_shares(problem.comm, shares, part)
+    return marked
 
 
 def refined(problem: Problem, marked: npt.NDArray[np.bool_]) -> TaggedMesh:

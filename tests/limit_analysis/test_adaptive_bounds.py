@@ -1,4 +1,4 @@
-"""Bounds on meshes that find the mechanism: exact limit loads, fans, contact, and what is refused."""
+"""Bounds on meshes that find the mechanism: exact limit loads, fans, contact, what is refused."""
 
 import math
 from pathlib import Path
@@ -40,7 +40,7 @@ def count(tagged_mesh: TaggedMesh) -> int:
 def test_footing(punch: bool, shared_tmp_path: Path) -> None:
     told: list[Round] = []
     problem = footing(shared_tmp_path, punch)
-    found = adaptive_bounds(problem, Adaptation(until=0.05), monitor=told.append)
+    found = adaptive_bounds(problem, Adaptation(until=0.05, cells=1200), monitor=told.append)
     assert found.lower.strict
     assert found.upper.strict
     assert found.lower.value is not None
