@@ -20,6 +20,9 @@ meet at right angles or cross."""
 
 TINY = 1e-300
 
+SMALL = 17
+"""Triangular matrices of this size are inverted at once."""
+
 UNPIVOTED = {**DIRECT, "mat_mumps_cntl_1": 0.0}
 """K is nowhere negative: pivots that MUMPS would look for take memory, and time."""
 
@@ -107,8 +110,7 @@ class CondensedStiffness:
             except np.linalg.LinAlgError:
                 singular = True
                 break
-            unit = np.broadcast_to(np.eye(L.shape[-1]), L.shape)
-            self._inverse[some] = np.linalg.solve(L, unit)
+            self._inverse[some] = _inverse(np.asarray(L, dtype=np.float64))
             self._across[some] = across = self._inverse[some] @ K[:, outer:, :outer]
             values[some] = K[:, :outer, :outer] - np.swapaxes(across, 1, 2) @ across
         if strains.facets.vector.comm.tompi4py().allreduce(singular):
@@ -190,3 +192,16 @@ def _roots(bulk: Floats, a: Floats, normal: Floats) -> Floats:
     along = np.einsum("n,ni,nj->nij", share, normal, normal)
     roots[:, 1:, 1:] = np.sqrt(a)[:, None, None] * (np.eye(size) - along)
     return roots
+
+
+def _inverse(L: Floats) -> Floats:
+    """Inverses of lower triangular matrices, shape (n, size, size), by halves."""
+    size = L.shape[-1]
+    if size <= SMALL:
+        return np.asarray(np.linalg.solve(L, np.broadcast_to(np.eye(size), L.shape)), np.float64)
+    half = size // 2
+    found = np.zeros_like(L)
+    found[:, :half, :half] = first = _inverse(L[:, :half, :half])
+    found[:, half:, half:] = last = _inverse(L[:, half:, half:])
+    found[:, half:, :half] = -last @ (L[:, half:, :half] @ first)
+    return found

@@ -133,7 +133,7 @@ class Problem:
         Raises:
             InputError: As for a new problem, or if its ``loads`` are not those that were declared.
         """
-        if self.loads is not self._declared:
+        if not self.as_declared:
             raise InputError(
                 "the problem's loads were replaced after it was declared, so that it cannot be put"
                 " on another mesh; give the loads as Pressure, Traction and BodyForce."
@@ -144,6 +144,11 @@ class Problem:
     def comm(self) -> MPI.Intracomm:
         """The ranks that share the mesh."""
         return self.tagged_mesh.mesh.comm
+
+    @property
+    def as_declared(self) -> bool:
+        """Whether ``loads`` are those that were declared, and not others put in their place."""
+        return self.loads is self._declared
 
     @property
     def num_dofs(self) -> int:
