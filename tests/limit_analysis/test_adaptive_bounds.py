@@ -12,6 +12,7 @@ from dolfinx.mesh import create_mesh, locate_entities_boundary, meshtags
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import (
     Adaptation,
+    Contact,
     InputError,
     Pressure,
     Problem,
@@ -23,9 +24,10 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.limit_analysis import Round, strict_lower_bound
 from perfplast_fenicsx.limit_analysis.adaptive_bounds import refined
 from tests.limit_analysis.test_interior_point import COMM, SOIL, K, footing, made
-from tests.models import punch_problem
+from tests.models import two_blocks_problem
 
 PRANDTL = 2 + math.pi
+CONTACT = Contact("upper_bottom", "lower_top")
 
 
 def count(tagged_mesh: TaggedMesh) -> int:
@@ -119,9 +121,10 @@ def test_few_directions_at_the_end_of_a_load_limit_the_bound() -> None:
 
 def test_contact_in_space() -> None:
     """Cells of both bodies, and matching surfaces: else the next mesh has no problem."""
-    problem = punch_problem(2)
-    problem = Problem(**{**vars(problem.given), "tagged_mesh": problem.tagged_mesh, "degree": 2})
-    cells = 4 * count(problem.tagged_mesh)
+    linear, cells = two_blocks_problem(1), 160
+    problem = Problem(
+        linear.tagged_mesh, **{**vars(linear.given), "degree": 2, "contacts": [CONTACT]}
+    )
     found = adaptive_bounds(problem, Adaptation(until=0.1, cells=cells), rtol=1e-3)
     assert len(found.rounds) > 1
     assert found.lower.strict
