@@ -18,7 +18,7 @@ from perfplast_fenicsx.io.case import tables
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.io.case.schema import described, shown
-from perfplast_fenicsx.limit_analysis.adaptive_bounds import Adaptation
+from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.supports import Support

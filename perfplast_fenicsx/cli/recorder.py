@@ -1,7 +1,6 @@
 """What is written and shown of a run, level by level; where a run that was ended goes on."""
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from perfplast_fenicsx.cli.run_log import RunLog
@@ -11,7 +10,7 @@ from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
-from perfplast_fenicsx.limit_analysis.adaptive_bounds import Round
+from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
@@ -140,14 +139,17 @@ class Recorder:
         self._run.interrupts.check()
 
     def limit(
-        self, limit: LimitLoad, body: BodyBounds | None = None, rounds: Sequence[Round] = ()
+        self,
+        limit: LimitLoad,
+        body: BodyBounds | None = None,
+        adaptive: AdaptiveBounds | None = None,
     ) -> None:
         """Write and show the limit load, and what is proven of the body. Collective.
 
         Args:
             limit: Of the mesh, the last one of several.
             body: What is proven.
-            rounds: The meshes, where there are several.
+            adaptive: The meshes, where there are several.
 
         Raises:
             InputError: On every rank, if the system refuses.
@@ -159,7 +161,7 @@ class Recorder:
         if not self.results.reports:  # without levels nothing else has counted it
             solve = time.perf_counter() - self._solving
             self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
-        self._writer.write_limit(limit, body, rounds)
+        self._writer.write_limit(limit, body, adaptive)
 
     def elapsed(self) -> float:
         """Wall time of the run, with what it has gone on from (s)."""

@@ -27,7 +27,7 @@ from perfplast_fenicsx.io.case.tables import (
     OutputOptions,
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
-from perfplast_fenicsx.limit_analysis.adaptive_bounds import Adaptation
+from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod, method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.materials.laws import MATERIALS, Material

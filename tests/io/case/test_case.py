@@ -14,7 +14,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case import Case, read_case
 from perfplast_fenicsx.io.case.loading_options import LoadControl, WorkControl
 from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile, OutputOptions
-from perfplast_fenicsx.limit_analysis.adaptive_bounds import Adaptation
+from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.von_mises import VonMises
 from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction

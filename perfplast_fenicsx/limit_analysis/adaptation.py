@@ -94,20 +94,30 @@ class AdaptiveBounds:
     """Bounds on a sequence of meshes.
 
     Attributes:
-        lower: The best lower bound of all meshes.
-        upper: The best upper bound.
+        low: What was found on the mesh with the best lower bound.
+        high: What was found on the mesh with the best upper bound.
         last: What was found on the last mesh.
         problem: On the last mesh; in space its cells are not split.
         rounds: All meshes.
         reason: Why it is the last one.
     """
 
-    lower: Bound
-    upper: Bound
+    low: BodyBounds
+    high: BodyBounds
     last: BodyBounds
     problem: Problem
     rounds: list[Round]
     reason: str
+
+    @property
+    def lower(self) -> Bound:
+        """The best lower bound of all meshes."""
+        return self.low.lower
+
+    @property
+    def upper(self) -> Bound:
+        """The best upper bound of all meshes."""
+        return self.high.upper
 
     @property
     def body(self) -> BodyBounds:
@@ -145,9 +155,9 @@ def adaptive_bounds(
     adaptation.check(problem.tagged_mesh)
     began, rounds = time.perf_counter(), list[Round]()
     found = limit_bounds(problem, rtol, steps)
-    lower, upper = found.lower, found.upper
+    low = high = found
     while True:
-        gap = _gap(lower, upper)
+        gap = _gap(low.lower, high.upper)
         round_ = Round(
             number=len(rounds) + 1,
             cells=_count(problem.tagged_mesh),
@@ -168,8 +178,11 @@ def adaptive_bounds(
             break
         problem = problem.on(finer)
         found = limit_bounds(problem, rtol, steps)
-        lower, upper = _better(lower, found.lower, max), _better(upper, found.upper, min)
-    return AdaptiveBounds(lower, upper, found, problem, rounds, reason)
+        if _better(found.lower, low.lower, 1):
+            low = found
+        if _better(found.upper, high.upper, -1):
+            high = found
+    return AdaptiveBounds(low, high, found, problem, rounds, reason)
 
 
 def _count(tagged_mesh: TaggedMesh) -> int:
@@ -184,13 +197,19 @@ def _gap(lower: Bound, upper: Bound) -> float | None:
     return upper.value / lower.value - 1
 
 
-def _better(old: Bound, new: Bound, best: Callable[[float, float], float]) -> Bound:
-    """The better one of two bounds of the body; of the meshes alone, the new one."""
-    if old.value is None or new.value is None:
-        return old if new.value is None else new
-    if old.strict != new.strict:
-        return old if old.strict else new
-    return old if old.strict and best(old.value, new.value) == old.value else new
+def _better(new: Bound, old: Bound, sign: int) -> bool:
+    """Whether a bound is the better one of the body: of those of meshes alone the new one.
+
+    Args:
+        new: Of the new mesh.
+        old: The best one so far.
+        sign: 1 of lower bounds, −1 of upper ones.
+    """
+    if new.value is None or old.value is None:
+        return new.value is not None
+    if new.strict and old.strict:
+        return sign * new.value > sign * old.value
+    return new.strict or not old.strict
 
 
 def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:

@@ -22,7 +22,7 @@ from perfplast_fenicsx import (
     adaptive_bounds,
 )
 from perfplast_fenicsx.limit_analysis import Round, strict_lower_bound
-from perfplast_fenicsx.limit_analysis.adaptive_bounds import refined
+from perfplast_fenicsx.limit_analysis.adaptation import refined
 from tests.limit_analysis.test_interior_point import COMM, SOIL, K, footing, made
 from tests.models import two_blocks_problem
 
