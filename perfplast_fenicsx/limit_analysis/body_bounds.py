@@ -86,13 +86,13 @@ class BodyBounds:
         body = "The body that the mesh fills"
         if lower and upper:
             return (
-                f"{body} collapses between {self.lower.value:.6g} and {self.upper.value:.6g};"
+                f"{body} collapses between {self.lower.shown} and {self.upper.shown};"
                 " both bounds are strict."
             )
         if upper:
-            return f"{body} collapses at {self.upper.value:.6g} at most, strictly{reasons}."
+            return f"{body} collapses at {self.upper.shown} at most, strictly{reasons}."
         if lower:
-            return f"{body} carries {self.lower.value:.6g} at least, strictly{reasons}."
+            return f"{body} carries {self.lower.shown} at least, strictly{reasons}."
         return f"Nothing is proven of the body that the mesh fills{reasons}."
 
 

@@ -9,6 +9,7 @@ from perfplast_fenicsx.limit_analysis.conic_program import NONE, SingularStiffne
 from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrains
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
+from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
 from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
 
 AT_ONCE = 3_000_000
@@ -157,8 +158,11 @@ class CondensedStiffness:
 
         Raises:
             SingularStiffness: If that fails.
+            InputError: If it takes more memory than there is, before the first one.
         """
         self._ksp.setOperators(self._matrix)
+        if not self.factorisations:
+            check_memory(self._ksp)
         self._ksp.setUp()
         self.factorisations += 1
         if self._ksp.getPC().getFailedReason():

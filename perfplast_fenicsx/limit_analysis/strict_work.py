@@ -21,6 +21,7 @@ from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 SUBDIVISIONS = 8
 """Parts of a cell's edge in the composite vertex rule."""
@@ -58,8 +59,15 @@ class Bound:
         """Whether it holds for the body, but for rounding."""
         return self.value is not None and self.of is Scope.BODY
 
+    @property
+    def shown(self) -> str:
+        """The value in a few digits, rounded so that it is a bound as well."""
+        if self.value is None:
+            return "none"
+        return rounded_down(self.value) if self.kind == "lower" else rounded_up(self.value)
+
     def __repr__(self) -> str:
-        value = "none" if self.value is None else f"{self.value:.6g}"
+        value = self.shown
         told = f"; not strict: {', '.join(self.why_not)}" if self.why_not else ""
         return f"Bound({self.kind} {value} of the {self.of}{told})"
 

@@ -42,7 +42,7 @@ def test_a_footing(shared_tmp_path: Path) -> None:
     assert bounds.why_not == []
     assert bounds.lower.value is not None
     assert 3 < bounds.lower.value / K < 2 * math.sqrt(3)  # three cells of 60° at the edge
-    words = f"between {bounds.lower.value:.6g} and {upper(bounds):.6g}; both bounds are strict."
+    words = f"between {bounds.lower.shown} and {bounds.upper.shown}; both bounds are strict."
     assert bounds.in_words().endswith(words)
     assert bounds.shares is not None
     gap = upper(bounds) - bounds.lower.value
@@ -56,7 +56,7 @@ def test_a_limit_load_bounds_that_of_the_body_from_above(shared_tmp_path: Path) 
     assert not bounds.strict
     assert bounds.lower.value is None
     assert "lower bound: none was sought" in bounds.why_not[0]
-    assert f"collapses at {upper(bounds):.6g} at most, strictly" in bounds.in_words()
+    assert f"collapses at {bounds.upper.shown} at most, strictly" in bounds.in_words()
 
 
 def test_contact_is_not_entered_between_nodes(shared_tmp_path: Path) -> None:
