@@ -1,9 +1,9 @@
 """An upper bound of the limit load from a collapse mechanism that the laws admit.
 
 For v with v = 0 on supports, no jump into the other body, and ε(v) admissible for the law of each
-body, the limit load is at most D(v)/L(v) with D the dissipation, the support function of the yield
-sets (kinematic theorem of limit analysis, E. Christiansen, Handbook of Numerical Analysis IV,
-1996). For von Mises admissible means div v = 0, and D(v) = ∫ γ‖dev ε(v)‖; for elastic bodies
+body, the limit load is at most (D(v) − L₀(v))/L₁(v) with D the dissipation, the support function of
+the yield sets (kinematic theorem of limit analysis, E. Christiansen, Handbook of Numerical Analysis
+IV, 1996). For von Mises admissible means div v = 0, and D(v) = ∫ γ‖dev ε(v)‖; for elastic bodies
 ε(v) = 0. The increments of a loading come near such a v; here they are projected on it, for laws
 that tell by a linear condition what is admissible.
 """
@@ -50,7 +50,7 @@ FACTORISATION = {
 
 @dataclass(frozen=True)
 class UpperBound:
-    """D(v)/L(v), or None and the reason why there is none.
+    """(D(v) − L₀(v))/L₁(v), or None and the reason why there is none.
 
     Attributes:
         value: The bound.
@@ -156,7 +156,8 @@ def _bound(problem: Problem, velocity: fem.Function, state: State, made: ExitSta
     if work <= ROUNDING * problem.loads.live.norm() * largest:
         return UpperBound(None, solves, "the loads do no work on the mechanism")
     power = Integral(comm, integrate(laws, lambda on: on.law.dissipation(strain(v))))
-    return UpperBound(power() / work, solves)
+    resisted = power() - float(problem.loads.dead.dot(v.x.petsc_vec))
+    return UpperBound(resisted / work, solves)
 
 
 def _norm(problem: Problem, value: OfLaw) -> Callable[[], float]:

@@ -44,7 +44,8 @@ class Search:
     """What the search for a limit load has found so far; plain data, for a restart.
 
     Attributes:
-        points: (α, ζ) of the levels.
+        points: (α − α₀, ζ) of the levels.
+        rest: α₀, that of ζ = 0, once it is known; None where nothing but ζ loads the bodies.
         estimates: Of ζ_∞, one for each level from where there is one.
         upper: The last upper bound.
         levelled_off: Whether ζ had levelled off at the last level.
@@ -55,6 +56,7 @@ class Search:
 
     points: list[tuple[float, float]] = field(default_factory=list)
     estimates: list[float] = field(default_factory=list)
+    rest: float | None = None
     upper: float | None = None
     levelled_off: bool = False
     ended: bool = False
@@ -94,8 +96,9 @@ def limit_load(
         reached: Where that run had come to.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, or the
-            interior point method finds that no stress can carry the loads.
+        InputError: If ``rtol`` is not between 0 and 1, all loads are constant, the interior point
+            method is asked for beside constant loads and the like, or it finds that no stress can
+            carry the loads.
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
@@ -127,10 +130,10 @@ def limit_load(
         estimate=estimates[-1] if search.levelled_off else None,
         residual=abs(1 - estimates[-2] / estimates[-1]) if len(estimates) > 1 else None,
         upper=search.upper,
-        alpha=search.points[-1][0] if search.points else 0.0,
+        alpha=(search.rest or 0.0) + (search.points[-1][0] if search.points else 0.0),
         levelled_off=search.levelled_off,
         reason=search.reason,
-        iterations=len(search.points),
+        iterations=len(search.points) + (search.rest is not None),
         linear_solves=search.linear_solves,
         factorisations=None,
         mechanism=collapse_mechanism(problem, before, last),
@@ -157,12 +160,16 @@ class _Judge:
 
     def __init__(self, problem: Problem, rtol: float, search: Search) -> None:
         self._problem, self._rtol, self._search = problem, rtol, search
+        self._from_rest = not problem.is_proportional()
         self.projections = 0
 
     def __call__(self, level: Level, before: State | None) -> None:
         """Add a level, and the state of the one before, to the search. Collective."""
         problem, rtol, search = self._problem, self._rtol, self._search
-        zeta, alpha = level.state.zeta, level.state.alpha
+        if before is None and self._from_rest:
+            search.rest = level.state.alpha
+            return
+        zeta, alpha = level.state.zeta, level.state.alpha - (search.rest or 0.0)
         search.points.append((alpha, zeta))
         search.levelled_off, first = False, search.points[0][0]
         estimate = extrapolated_limit(search.points[-3:])
@@ -255,14 +262,15 @@ def locking(points: Sequence[tuple[float, float]], plastic_cells: int, degree: i
 
 
 def collapse_mechanism(problem: Problem, before: State | None, last: State | None) -> fem.Function:
-    """The last increment of displacement, normalised to L(v) = 1 (zero without any level).
+    """The last increment of displacement, normalised to L₁(v) = 1; zero without one.
 
     Collective.
     """
     v = fem.Function(problem.V, name="mechanism")
-    if last is not None:
-        v.x.array[:] = last.u.x.array
-        if before is not None:
-            v.x.array[:] -= before.u.x.array
-        v.x.array[:] /= problem.loads.alpha(v.x.petsc_vec)
+    if last is None or (before is None and not problem.is_proportional()):
+        return v
+    v.x.array[:] = last.u.x.array
+    if before is not None:
+        v.x.array[:] -= before.u.x.array
+    v.x.array[:] /= problem.loads.alpha(v.x.petsc_vec)
     return v

@@ -14,7 +14,7 @@ from dolfinx.mesh import exterior_facet_indices
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.mesh.glued_edges import vertex_coordinates
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.loads import BodyForce
+from perfplast_fenicsx.problem.loads import BodyForce, PorePressure
 from perfplast_fenicsx.problem.problem import Given
 
 ROUNDING = 1e-6
@@ -61,9 +61,9 @@ def _columns(*columns: Floats | float) -> Floats:
 
 def _kinds(tagged_mesh: TaggedMesh, given: Given) -> Longs:
     """A number for each local facet, the same where the same holds and pushes it."""
-    surfaces = given.supports, [o for o in given.loads if not isinstance(o, BodyForce)]
+    loads = [load for load in given.loads if not isinstance(load, BodyForce | PorePressure)]
     acting: dict[str, set[Hashable]] = {name: set() for name in tagged_mesh.surfaces}
-    for what in (*surfaces[0], *surfaces[1], *given.obstacles):
+    for what in (*given.supports, *loads, *given.obstacles):
         acting[what.on].add(repr(replace(what, on="")))
     for contact in given.contacts:
         for name in (contact.primary, contact.secondary):

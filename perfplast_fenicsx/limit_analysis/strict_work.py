@@ -17,6 +17,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
@@ -86,7 +87,15 @@ def strict_upper_bound(
     Returns:
         The bound; without a value where the mechanism is not admissible at the points or does no
         work, and of the mesh alone where the reasons say so.
+
+    Raises:
+        InputError: If loads are constant.
     """
+    if not problem.loads.is_proportional():
+        raise InputError(
+            "loads are constant, and a strict bound is one of loads that all grow; leave out what"
+            " does not grow with the load factor."
+        )
     strains = PointStrains(problem)
     try:
         trace, deviator = strains.of_function(mechanism)

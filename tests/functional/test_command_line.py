@@ -66,11 +66,18 @@ def test_run(
     out, err = capsys.readouterr()
     assert err == ""
     if comm.rank == 0:
-        header, columns, *levels, files = out.splitlines()
+        header, columns, first, second, *forces, files = out.splitlines()
+        levels = (first, second)
         assert header.startswith("A punch on a block: base, punch; ")
         assert "9 contact pairs" not in header
         assert "4 contact pairs; method newton on" in header
-        assert len(levels) == 2
+        assert forces[0].startswith("Forces at zeta = 80, in balance to ")
+        words = [line.split() for line in forces[1:]]
+        assert [" ".join(line[:-3]) for line in words] == [
+            *("loads", "support x0", "support y0", "support bottom"),
+            "contact punch_bottom base_top",
+        ]
+        assert (words[0][-1], words[3][-1]) == ("-20", "20")  # on a quarter of 1
         assert {len(line) for line in levels} == {len(columns)}
         assert levels[0].split()[:2] == ["1", "50"]
         assert "\r" not in out
@@ -107,6 +114,34 @@ def test_a_load_above_the_limit(
         rows = list(csv.DictReader(file))
     assert [row["converged"] for row in rows] == ["True", "True", "False"]
     assert len(json.loads((results / "fields.vtkhdf.series").read_text())["files"]) == 2
+
+
+CONSTANT = """[[load]]
+on = "top"
+pressure = {pressure}
+constant = true
+[[load]]"""
+
+
+def test_a_constant_load(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
+) -> None:
+    """ζ = 0 is a level of its own."""
+    text = CASE.replace("[[load]]", CONSTANT.format(pressure='"30 + 0*x"'))
+    case, results = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results), "--quiet"]) == NO_SOLUTION
+    summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    assert [step["zeta"] for step in summary["steps"]] == [0.0, 50.0, 80.0]
+    assert [step["converged"] for step in summary["steps"]] == [True, True, False]
+    loads = [step["reactions"]["loads"][2] for step in summary["steps"]]
+    assert loads == pytest.approx([-7.5, -20.0, -27.5])
+    assert max(step["balance"] for step in summary["steps"][:2]) < 1e-10
+
+    heavy = write(comm, shared_tmp_path, text.replace("30 + 0*x", "130"))
+    assert main(["run", str(heavy), "-o", str(shared_tmp_path / "heavy")]) == NO_SOLUTION
+    out, _ = capsys.readouterr()
+    if comm.rank == 0:
+        assert "No solution at zeta = 0: the constant loads alone are above" in out
 
 
 def test_limit_load_by_a_path(
