@@ -19,6 +19,7 @@ from perfplast_fenicsx.io.case import tables
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.io.case.schema import described, shown
+from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
@@ -140,9 +141,11 @@ def _mesh() -> Iterator[str]:
         HEAD
         + _choice("builder", BUILDERS, None, meaning["builder"])
         + row("...", "see below", "", meaning["arguments"])
+        + row("adapt", "a table", "none", meaning["adapt"])
     )
     for name, builder in BUILDERS.items():
         yield f'**`builder = "{name}"`.** {summary(builder)}\n\n{HEAD}{_parameters(builder)}'
+    yield f"**`adapt`.** {summary(Adaptation)}\n\n{HEAD}{rows(Adaptation)}"
 
 
 def _solve() -> Iterator[str]:

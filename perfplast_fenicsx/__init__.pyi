@@ -14,6 +14,8 @@ from .io.results.output_fields import OutputFields as OutputFields
 from .io.results.result_folder import ResultFolder as ResultFolder
 from .io.results.result_folder import Results as Results
 from .io.results.result_writer import ResultWriter as ResultWriter
+from .limit_analysis.adaptation import Adaptation as Adaptation
+from .limit_analysis.adaptation import adaptive_bounds as adaptive_bounds
 from .limit_analysis.body_bounds import BodyBounds as BodyBounds
 from .limit_analysis.body_bounds import limit_bounds as limit_bounds
 from .limit_analysis.limit_methods import LimitLoad as LimitLoad

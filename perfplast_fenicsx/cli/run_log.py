@@ -19,6 +19,7 @@ from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.adaptation import Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
@@ -143,6 +144,10 @@ class RunLog:
             *(step.number, step.load, step.gap, step.unbalanced, step.inadmissible),
             *(step.length, step.seconds),
         )
+
+    def mesh(self, round_: Round) -> None:
+        """Log the bounds on a mesh of several; a monitor of these."""
+        log.info("%s", round_)
 
     def level(self, report: LevelReport) -> None:
         """Log the end of a level."""

@@ -86,9 +86,11 @@ class MeshFile:
     Args:
         file: Its path, relative to the folder of the case file. Bodies and surfaces have physical
             names.
+        adapt: With ``control = "bounds"``: bound the limit load on finer and finer meshes.
     """
 
     file: str
+    adapt: Table | None = None
 
 
 @dataclass(frozen=True)
@@ -98,10 +100,12 @@ class MeshBuilder:
     Args:
         builder: Its name.
         arguments: What the builder takes, each a key of its own.
+        adapt: As for files.
     """
 
     builder: str
     arguments: dict[str, Any]
+    adapt: Table | None = None
 
 
 @dataclass(frozen=True)
