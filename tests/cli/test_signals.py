@@ -25,7 +25,7 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.io.results.checkpoint_header import NEWEST
 from tests.cli.paused_run import LEVEL
-from tests.functional.test_restart import case_text, fields_of, path_of, same_path
+from tests.functional.test_restart import fields_of, path_of, same_path, solved_by
 
 pytestmark = pytest.mark.skipif(
     MPI.COMM_WORLD.size > 1, reason="a program that uses MPI cannot start another"
@@ -54,7 +54,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A case of many levels, and the results of a run that nothing ends."""
     folder = tmp_path_factory.mktemp("whole")
     case = folder / "case.toml"
-    case.write_text(case_text("newton", f"values = [{VALUES}]"), encoding="utf-8")
+    case.write_text(solved_by("newton", f"values = [{VALUES}]"), encoding="utf-8")
     assert main(["run", str(case), "-o", str(folder / "results")]) == SOLVED
     return case, folder / "results"
 
