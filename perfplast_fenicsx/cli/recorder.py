@@ -10,8 +10,8 @@ from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
+from perfplast_fenicsx.limit_analysis.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
-from perfplast_fenicsx.limit_analysis.limit_search import Search
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level
