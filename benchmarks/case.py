@@ -70,7 +70,7 @@ class Run:
         zeta = self.model.levels[0] / 2
         Newton(problem, NewtonOptions(max_iterations=2)).solve(zeta)
         if self.arguments.units:
-            self._elasticity(problem).measure()
+            self._elasticity(problem, self.model.smallest).measure()
         del problem
         gc.collect()
         PETSc.garbage_cleanup(self.comm)
@@ -114,13 +114,15 @@ class Run:
             "ranks_detail": self._detail(problem, memory, traffic),
         }
 
-    def _elasticity(self, problem: Problem) -> Elasticity:
+    def _elasticity(self, problem: Problem, n: int) -> Elasticity:
+        if self.model.glued is not None:
+            problem = self.model.glued(self.comm, n, self.arguments.degree)
         return Elasticity(problem, self.model.material, self.model.elastic_supports)
 
     def _units(self, problem: Problem, count: int) -> list[Unit]:
         if not count:
             return []
-        elasticity = self._elasticity(problem)
+        elasticity = self._elasticity(problem, self.arguments.n)
         return [elasticity.measure() for _ in range(count)]
 
     def _phases(self) -> dict[str, float]:

@@ -151,6 +151,26 @@ GROUPS = {
             case("two_blocks", 8, "--degree", "2", "--levels", "50", "60", "70", ranks=2),
         ),
     ),
+    "bolted_40k": Group(
+        "a bolted assembly of ten bodies, quadratic elements, 41 979 unknowns",
+        (
+            case("bolted", 2, "--degree", "2", solver="multigrid"),
+            case("bolted", 2, "--degree", "2", solver="multigrid", ranks=2),
+            case("bolted", 2, "--degree", "2", ranks=2),
+        ),
+    ),
+    "bolted_250k": Group(
+        "the same, 269 529 unknowns",
+        (
+            case("bolted", 11, "--degree", "2", solver="multigrid", ranks=2),
+            case("bolted", 11, "--degree", "2", ranks=2),
+        ),
+    ),
+    "bolted_1m": Group(
+        "the same, 1 001 616 unknowns",
+        (case("bolted", 19, "--degree", "2", ranks=2),),
+        rounds=1,
+    ),
     "step42": Group(
         "per unknown and Newton step, against deal.II's step-42 (hexahedra)",
         (

@@ -1,11 +1,15 @@
 """The problems that are measured, with their load levels and the linear elasticity that is E."""
 
 import math
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import mkdtemp
 
 from mpi4py import MPI
 
+from meshes.bolted_assembly import FOOT, write_bolted_assembly
 from perfplast_fenicsx import (
     Contact,
     Pressure,
@@ -17,6 +21,7 @@ from perfplast_fenicsx import (
     punch,
     two_blocks,
 )
+from perfplast_fenicsx.mesh import TaggedMesh, read_gmsh
 
 STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
 PUNCH_METAL = VonMises(young=2e5, poisson=0.3, yield_stress=400 * math.sqrt(1.5))
@@ -33,6 +38,7 @@ class Model:
         material: Of all bodies.
         elastic_supports: Surfaces and components that E holds beyond the supports, so that bodies
             which contact alone holds do not move as rigid ones.
+        glued: Makes the problem that E is of, without contact; None for the problem itself.
     """
 
     problem: Callable[[MPI.Intracomm, int, int], Problem]
@@ -40,6 +46,7 @@ class Model:
     smallest: int
     material: VonMises
     elastic_supports: Sequence[Support] = ()
+    glued: Callable[[MPI.Intracomm, int, int], Problem] | None = None
 
 
 def _two_blocks(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
@@ -77,8 +84,48 @@ def _l_plate(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
     )
 
 
+def _bolted(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
+    """Brackets bolted onto a plate; ζ is the traction on the grip of the rod between them."""
+    assembly = _assembly(comm, n, glued=False)
+    sides: dict[str, list[str]] = {}
+    for surface in sorted(assembly.surfaces):
+        if "_joint_" in surface:
+            sides.setdefault(surface.split("_joint_")[1], []).append(surface)
+    return _pulled(assembly, [Contact(one, other, 0.0) for one, other in sides.values()], degree)
+
+
+def _glued(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
+    """The same in one piece."""
+    return _pulled(_assembly(comm, n, glued=True), [], degree)
+
+
+def _pulled(assembly: TaggedMesh, contacts: list[Contact], degree: int) -> Problem:
+    return Problem(
+        assembly,
+        dict.fromkeys(assembly.volumes, STEEL),
+        [Support("ends")],
+        [Traction("grip", (0.2, 0.3, 1.0))],
+        contacts,
+        degree=degree,
+    )
+
+
+def _assembly(comm: MPI.Intracomm, n: int, glued: bool) -> TaggedMesh:
+    """The bolted assembly with ``n`` elements on the length of a bracket's foot. Collective."""
+    folder = Path(comm.bcast(mkdtemp() if comm.rank == 0 else ""))
+    path = folder / "assembly.msh"
+    try:
+        if comm.rank == 0:
+            write_bolted_assembly(path, FOOT / n, glued=glued)
+        return read_gmsh(comm, path)
+    finally:
+        if comm.rank == 0:
+            shutil.rmtree(folder)
+
+
 MODELS = {
     "two_blocks": Model(_two_blocks, (60.0, 80.0, 100.0), 2, STEEL),
     "punch": Model(_punch, (450.0,), 2, PUNCH_METAL, [Support("punch_bottom", "z")]),
     "l_plate": Model(_l_plate, (1.0,), 1, STEEL),
+    "bolted": Model(_bolted, (0.5, 1.0, 3.0), 1, STEEL, glued=_glued),
 }

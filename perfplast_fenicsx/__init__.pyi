@@ -13,6 +13,8 @@ from .io.results.output_fields import OutputFields as OutputFields
 from .io.results.result_folder import ResultFolder as ResultFolder
 from .io.results.result_folder import Results as Results
 from .io.results.result_writer import ResultWriter as ResultWriter
+from .limit_analysis.body_bounds import BodyBounds as BodyBounds
+from .limit_analysis.body_bounds import limit_bounds as limit_bounds
 from .limit_analysis.limit_methods import LimitLoad as LimitLoad
 from .limit_analysis.limit_search import limit_load as limit_load
 from .materials.elastic import Elastic as Elastic

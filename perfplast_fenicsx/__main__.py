@@ -60,7 +60,8 @@ def check(comm: MPI.Intracomm, path: str) -> int:
         InputError: If the case cannot be used.
     """
     case = read_case(path, comm)
-    text = describe(case.title, case.method, case.problem(comm))
+    problem = case.problem(comm)
+    text = describe(case.title, case.method_on(problem), problem)
     Terminal(comm).say(f"{text}\n{case.path} can be run.")
     return SOLVED
 

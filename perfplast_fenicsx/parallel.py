@@ -53,6 +53,31 @@ def exchange_rows(
     return arrived
 
 
+def fetch_rows(
+    comm: MPI.Intracomm, rows: npt.NDArray, numbers: npt.NDArray[np.integer]
+) -> npt.NDArray:
+    """Rows of an array that is distributed over the ranks, by their numbers. Collective.
+
+    Args:
+        comm: The ranks.
+        rows: This rank's rows, shape (num_rows, ...). They are numbered through all ranks.
+        numbers: Those that are wanted here, in any order, shape (n,).
+
+    Returns:
+        Shape (n, ...).
+    """
+    ends = np.cumsum(comm.allgather(len(rows)))
+    owner = np.searchsorted(ends, numbers, side="right")
+    order = np.argsort(owner, kind="stable")
+    sent = np.bincount(owner, minlength=comm.size)
+    received = np.empty_like(sent)
+    comm.Alltoall(sent, received)
+    wanted = exchange_rows(comm, np.asarray(numbers, dtype=np.int64)[order], sent, received)
+    fetched = np.empty((len(numbers), *rows.shape[1:]), dtype=rows.dtype)
+    fetched[order] = exchange_rows(comm, rows[wanted - ends[comm.rank] + len(rows)], received, sent)
+    return fetched
+
+
 def _bytes(rows: npt.NDArray) -> npt.NDArray[np.uint8]:
     """The same memory without the names of a structured type, which MPI knows nothing of."""
     return rows.reshape(-1).view(np.uint8)

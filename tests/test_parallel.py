@@ -5,7 +5,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.parallel import send_rows
+from perfplast_fenicsx.parallel import fetch_rows, send_rows
 
 
 @pytest.mark.mpi3
@@ -29,3 +29,16 @@ def test_rows_with_names_arrive_whole_and_in_order(comm: MPI.Intracomm) -> None:
     assert arrived["number"].tolist() == numbers
     assert (arrived["x"] * 4 == arrived["number"][:, None] + np.array([0, 4])).all()
     assert (arrived["flag"] == arrived["number"] % 2).all()
+
+
+@pytest.mark.mpi3
+def test_rows_are_fetched_by_number(comm: MPI.Intracomm) -> None:
+    """Rank r has r + 1 rows, and the first rank none."""
+    count = comm.rank + 1 if comm.rank else 0
+    first = sum(rank + 1 for rank in range(1, comm.rank))
+    rows = np.column_stack([first + np.arange(count), np.full(count, comm.rank)])
+    total = comm.allreduce(count)
+    numbers = np.random.default_rng(comm.rank).permutation(total)[: total // 2 + 1]
+    fetched = fetch_rows(comm, rows, numbers)
+    owners = np.repeat(np.arange(comm.size), [rank + 1 if rank else 0 for rank in range(comm.size)])
+    assert (fetched == np.column_stack([numbers, owners[numbers]])).all()

@@ -19,7 +19,16 @@ BELOW: dict[str, set[str]] = {
     "solvers": {"materials", "problem", "solvers.linear", "solvers.active_set"},
     "limit_analysis": {"contact", "materials", "mesh", "problem", "solvers", "solvers.linear"},
     "io.case": {"mesh", "materials", "contact", "problem", "solvers", "limit_analysis"},
-    "io.results": {"mesh", "materials", "problem", "limit_analysis", "solvers", "io.case"},
+    "proof": set(),
+    "io.results": {
+        "contact",
+        "mesh",
+        "materials",
+        "problem",
+        "limit_analysis",
+        "solvers",
+        "io.case",
+    },
     "pictures": {"contact", "problem", "io.case", "io.results"},
     "cli": {
         *("pictures", "io.case", "io.results", "limit_analysis", "solvers", "solvers.linear"),
@@ -96,3 +105,16 @@ def test_modules_are_small() -> None:
     lines = sorted(len(path.read_text(encoding="utf-8").splitlines()) for _, path in modules())
     assert lines[-1] <= 300
     assert lines[len(lines) // 2] <= 140
+
+
+def test_no_public_name_is_that_of_a_module() -> None:
+    """The first import of the module would put it in the place of the name."""
+    for names in (ROOT / PACKAGE).rglob("__init__.pyi"):
+        modules = {path.stem for path in names.parent.glob("*.py")}
+        public = {
+            alias.asname
+            for node in ast.walk(ast.parse(names.read_text(encoding="utf-8")))
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        }
+        assert not public & modules

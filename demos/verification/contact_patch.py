@@ -17,7 +17,7 @@
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from mpi4py import MPI
@@ -157,7 +157,8 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         first = work.first_yield().zeta
         took = {"solves": work.linear.solves, "seconds": time.perf_counter() - began}
         numbers.append(("first yield", first, exact.first_yield, 1e-9, took))
-        found = collapse(problem)
+        direct = collapse(problem)
+        found = collapse(problem, method="path")
         took = {"solves": found.solves, "seconds": found.seconds}
         upper = math.nan if found.limit.upper is None else found.limit.upper
         numbers.append(("limit load", found.zeta, exact.limit, exact.limit_allowed, took))
@@ -173,6 +174,8 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
             )
             for quantity, computed, known, allowed, took in numbers
         ]
+        without_path = direct.row(exact.name, size, exact.limit, 1e-4)
+        rows.append(replace(without_path, quantity="limit load, without path"))
     found.write(folder, Scene(TITLE, LOADS, CONTACTS))
     draw(folder)
     return rows

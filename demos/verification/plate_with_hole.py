@@ -109,12 +109,20 @@ def against_hinges(rows: Sequence[Row]) -> list[Row]:
     """Rows of a sequence of meshes, against the bound of two hinges."""
     exact = hinges()
     near = [
-        replace(row, quantity="against hinges", exact=exact, allowed=NEAR, bound=False)
+        replace(
+            row,
+            quantity="against hinges",
+            exact=exact,
+            allowed=NEAR,
+            bound=False,
+            factorisations=None,
+            bracket="",
+        )
         for row in rows
     ]
     left = abs(near[-1].error / near[0].error)
     name = "distance, finest/coarsest"
-    ratio = replace(rows[-1], quantity=name, computed=left, exact=FALLS, allowed=0.0)
+    ratio = replace(near[-1], quantity=name, bound=True, computed=left, exact=FALLS, allowed=0.0)
     return [replace(row, solves=0, seconds=0.0) for row in (*near, ratio)]
 
 

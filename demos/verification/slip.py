@@ -55,7 +55,7 @@ def _draw(folder: Path, title: str, exact: Sequence[Line]) -> None:
     from matplotlib.figure import Figure
 
     reader = ResultReader(folder)
-    found = reader.mechanism(reader.surface(reader.levels[-1]))
+    found = reader.mechanism(reader.surface(reader.levels[-1]) if reader.levels else None)
     assert found is not None, f"there is no mechanism in {folder}"
     surface, _ = found
     x, y = surface.points[:, 0], surface.points[:, 1]

@@ -11,10 +11,12 @@ from pathlib import Path
 from mpi4py import MPI
 
 from perfplast_fenicsx import (
+    BodyBounds,
     InputError,
     LimitLoad,
     Problem,
     TaggedMesh,
+    limit_bounds,
     limit_load,
     raise_together,
     read_gmsh,
@@ -22,6 +24,9 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.cli import Terminal
 from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
 from perfplast_fenicsx.problem import Prescribed
+
+MOST_FACTORISATIONS = 35
+"""Of the interior point method."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,8 @@ class Row:
         solves: Linear systems solved.
         seconds: Wall time.
         bound: ``exact`` is an upper bound, not a value.
+        factorisations: Those of the interior point method, where it was used.
+        bracket: What is proven of the limit load of the body, in words.
     """
 
     case: str
@@ -53,6 +60,8 @@ class Row:
     solves: int
     seconds: float
     bound: bool = False
+    factorisations: int | None = None
+    bracket: str = ""
 
     @property
     def error(self) -> float:
@@ -61,7 +70,9 @@ class Row:
 
     @property
     def right(self) -> bool:
-        """Whether the error is allowed."""
+        """Whether the error and the number of factorisations are allowed."""
+        if (self.factorisations or 0) > MOST_FACTORISATIONS:
+            return False
         if self.allowed is None:
             return True
         error = self.error if self.bound else abs(self.error)
@@ -91,14 +102,19 @@ class Collapse:
     Attributes:
         problem: Whose it is.
         limit: With bounds, mechanism and levels.
-        solves: Linear systems solved.
-        seconds: Wall time.
+        bracket: What is proven of the body.
+        seconds: Wall time of the limit load alone.
     """
 
     problem: Problem
     limit: LimitLoad
-    solves: int
+    bracket: str
     seconds: float
+
+    @property
+    def solves(self) -> int:
+        """Linear systems solved."""
+        return self.limit.linear_solves
 
     def row(
         self, case: str, size: float, exact: float, allowed: float | None, bound: bool = False
@@ -116,6 +132,8 @@ class Collapse:
             solves=self.solves,
             seconds=self.seconds,
             bound=bound,
+            factorisations=self.limit.factorisations,
+            bracket=self.bracket,
         )
 
     @property
@@ -126,7 +144,7 @@ class Collapse:
     def write(self, folder: ResultFolder, scene: Scene) -> None:
         """Write the path, the fields of its end, limit load and mechanism. Collective."""
         writer = ResultWriter(
-            folder, self.problem, scene, "work-newton", prescribed=Prescribed.WORK
+            folder, self.problem, scene, str(self.limit.method), prescribed=Prescribed.WORK
         )
         drawn = next((lv for lv in reversed(self.limit.levels) if lv.report.converged), None)
         for level in self.limit.levels:
@@ -134,16 +152,31 @@ class Collapse:
         writer.write_limit(self.limit)
 
 
-def collapse(problem: Problem, rtol: float = 1e-4) -> Collapse:
-    """Find the limit load of a problem. Collective."""
+def collapse(problem: Problem, rtol: float = 1e-4, method: str = "interior-point") -> Collapse:
+    """Find the limit load of a problem, and what is proven of that of the body. Collective."""
     began = time.perf_counter()
-    limit = limit_load(problem, rtol, method="path")
-    return Collapse(problem, limit, limit.linear_solves, time.perf_counter() - began)
+    limit = limit_load(problem, rtol, method=method)
+    seconds = time.perf_counter() - began
+    bracket = ""
+    if problem.degree == 2 and limit.factorisations is not None:
+        bracket = in_brackets(limit_bounds(problem, rtol))
+    return Collapse(problem, limit, bracket, seconds)
+
+
+def in_brackets(bounds: BodyBounds) -> str:
+    """The bounds that hold for the body, or why there are none."""
+    lower, upper = bounds.lower, bounds.upper
+    if bounds.strict:
+        return f"{lower.value:.6g} ... {upper.value:.6g}"
+    if upper.strict:
+        return f"<= {upper.value:.6g}"
+    return f">= {lower.value:.6g}" if lower.strict else f"none: {', '.join(upper.why_not)}"
 
 
 HEADING = (
     f"{'case':<26} {'quantity':<26} {'element':<12} {'dofs':>8} {'computed':>13} {'exact':>13}"
-    f" {'error':>10} {'allowed':>8} {'solves':>6} {'time/s':>7}"
+    f" {'error':>10} {'allowed':>8} {'solves':>6} {'factors':>7} {'time/s':>7}"
+    f" {'bracket of the body'}"
 )
 
 
@@ -151,10 +184,11 @@ def line(row: Row) -> str:
     """A row of the table."""
     allowed = "" if row.allowed is None else f"{row.allowed:.2g}"
     exact = f"{'<= ' if row.bound else ''}{row.exact:.7g}"
+    factors = "" if row.factorisations is None else row.factorisations
     return (
         f"{row.case:<26} {row.quantity:<26} {row.element:<12} {row.dofs:>8} {row.computed:>13.7g}"
-        f" {exact:>13} {row.error:>+10.2e} {allowed:>8} {row.solves:>6} {row.seconds:>7.1f}"
-        f"{'' if row.right else '   WRONG'}"
+        f" {exact:>13} {row.error:>+10.2e} {allowed:>8} {row.solves:>6} {factors:>7}"
+        f" {row.seconds:>7.1f} {row.bracket}{'' if row.right else '   WRONG'}"
     )
 
 

@@ -10,8 +10,10 @@ from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
+from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_judge import Search
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level
@@ -24,6 +26,7 @@ class RunContext:
     Attributes:
         case: What is solved.
         problem: The same as a discrete problem.
+        method: What solves it, as results name it.
         folder: Where the results go.
         checkpoints: Those of the folder.
         saved: What the run goes on from; nothing where it begins anew.
@@ -35,6 +38,7 @@ class RunContext:
 
     case: Case
     problem: Problem
+    method: str
     folder: ResultFolder
     checkpoints: Checkpoints
     saved: Saved
@@ -58,14 +62,14 @@ class Recorder:
         self._began = run.began - saved.timings.get("total", 0.0)
         self.last, self._before = saved.level, saved.before
         setup = saved.timings.get("setup", 0.0) + time.perf_counter() - run.began
-        run.terminal.header(case.title, case.method, run.problem)
+        run.terminal.header(case.title, run.method, run.problem)
         for report in saved.reports:
             run.terminal.level(report)
         self._writer = ResultWriter(
             run.folder,
             run.problem,
             case.scene,
-            case.method,
+            run.method,
             prescribed=case.loading.prescribes,
             fields=case.output.fields,
             saved=saved,
@@ -84,6 +88,16 @@ class Recorder:
         """
         self._run.terminal.iteration(record)
         self._run.journal.iteration(record)
+        self._run.interrupts.check()
+
+    def interior(self, step: InteriorStep) -> None:
+        """Show and log a step of the interior point method; a monitor of it. Collective.
+
+        Raises:
+            Interrupted: On every rank, if a signal has come.
+        """
+        self._run.terminal.interior(step)
+        self._run.journal.interior(step)
         self._run.interrupts.check()
 
     def level(self, level: Level, search: Search | None = None) -> None:
@@ -113,19 +127,26 @@ class Recorder:
         self._announce()
         self._run.interrupts.check()
 
-    def limit(self, limit: LimitLoad) -> None:
-        """Write and show the limit load. Collective.
+    def limit(self, limit: LimitLoad, body: BodyBounds | None = None) -> None:
+        """Write and show the limit load, and what is proven of the body. Collective.
 
         Raises:
             InputError: On every rank, if the system refuses.
         """
         self._run.terminal.limit(limit)
-        self._run.journal.limit(limit)
-        self._writer.write_limit(limit)
+        if body is not None:
+            self._run.terminal.body(body)
+        self._run.journal.limit(limit, body)
+        if not self.results.reports:  # without levels nothing else has counted it
+            solve = time.perf_counter() - self._solving
+            self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
+        self._writer.write_limit(limit, body)
 
     def elapsed(self) -> float:
         """Wall time of the run, with what it has gone on from (s)."""
         return time.perf_counter() - self._began
 
     def _announce(self) -> None:
-        self._run.terminal.status(f"level {len(self.results.reports) + 1}")
+        direct = self._run.method == LimitMethod.INTERIOR_POINT
+        number = len(self.results.reports) + 1
+        self._run.terminal.status("first step" if direct else f"level {number}")

@@ -12,9 +12,13 @@ from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.loading_options import BoundsControl
+from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.body_bounds import bounds_of_mesh, limit_bounds
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.pictures.drawing_process import draw
 from perfplast_fenicsx.solvers.load_stepping import load_path
@@ -59,17 +63,19 @@ def run(
             check_case(folder, case.table, case.path.name)
         terminal.status("setting up the problem")
         problem = case.problem(comm)
-        solver = case.solver(problem)
         checkpoints = Checkpoints(folder, problem, case.table, __version__)
         saved = checkpoints.read() if restart else Saved()
+        method = case.method if saved.reports else case.method_on(problem)
+        solver = None if method == LimitMethod.INTERIOR_POINT else case.solver(problem)
         if not restart:
             folder.create()
             checkpoints.write(saved)
         with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
-            journal.header(case, describe(case.title, case.method, problem))
+            journal.header(case, describe(case.title, method, problem))
             context = RunContext(
                 case=case,
                 problem=problem,
+                method=method,
                 folder=folder,
                 checkpoints=checkpoints,
                 saved=saved,
@@ -81,10 +87,12 @@ def run(
             try:
                 return _solve(context, solver)
             except Interrupted as interrupted:
+                told = (
+                    "what is solved is on file; go on" if solver else "nothing is lost; begin anew"
+                )
                 log.warning(
-                    "interrupted by %s, what is solved is on file; go on with:"
-                    " perfplast run %s --restart %s",
-                    *(interrupted, path, output),
+                    "interrupted by %s, %s with: perfplast run %s --restart %s",
+                    *(interrupted, told, path, output),
                 )
                 return interrupted.status
 
@@ -93,23 +101,15 @@ def _solve(context: RunContext, solver: Any) -> int:
     case, saved, recorder = context.case, context.saved, Recorder(context)
     limit = None
     if case.loading.limit_tolerance is not None:
-        limit = limit_load(
-            context.problem,
-            case.loading.limit_tolerance,
-            solver,
-            monitor=recorder.iteration,
-            on_level=recorder.level,
-            search=saved.search,
-            reached=saved.reached,
-        )
-        recorder.limit(limit)
+        with at(case.path.name):
+            limit = _limit(context, solver, recorder, case.loading.limit_tolerance)
     else:
         values = (case.loading.values or [])[len(saved.reports) :]
         start = saved.level.state if saved.level else None
         for level in load_path(solver, values, recorder.iteration, start):
             recorder.level(level)
     results = recorder.results
-    if case.output.pictures and recorder.last is not None:
+    if case.output.pictures and (recorder.last is not None or (limit and limit.collapses)):
         context.terminal.status("drawing pictures")
         if not case.output.fields:
             log.info("path.png alone is drawn: fields.png needs fields = true under [output]")
@@ -120,3 +120,29 @@ def _solve(context: RunContext, solver: Any) -> int:
     context.terminal.results(context.folder)
     solved = all(report.converged for report in results.reports)
     return SOLVED if solved and (limit is None or limit.levelled_off) else NO_SOLUTION
+
+
+def _limit(context: RunContext, solver: Any, recorder: Recorder, rtol: float) -> LimitLoad:
+    """Find a limit load, and what its mechanism proves of the body. Collective."""
+    problem, saved = context.problem, context.saved
+    if isinstance(context.case.loading, BoundsControl):
+        body = limit_bounds(problem, rtol, recorder.interior)
+        recorder.limit(body.mesh, body)
+        return body.mesh
+    if solver is None:
+        limit = limit_load(
+            problem, rtol, method=LimitMethod.INTERIOR_POINT, monitor=recorder.interior
+        )
+        recorder.limit(limit, bounds_of_mesh(problem, limit))
+        return limit
+    limit = limit_load(
+        problem,
+        rtol,
+        solver,
+        monitor=recorder.iteration,
+        on_level=recorder.level,
+        search=saved.search,
+        reached=saved.reached,
+    )
+    recorder.limit(limit)
+    return limit

@@ -19,6 +19,8 @@ from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
 
@@ -132,6 +134,15 @@ class RunLog:
             *(record.active_set_iterations, record.linear_iterations, record.seconds),
         )
 
+    def interior(self, step: InteriorStep) -> None:
+        """Log a step of the interior point method; a monitor of it."""
+        log.info(
+            "step %d: load %.10g, gap %.2e, forces without balance %.2e, volume change %.2e,"
+            " length %.3g, %.2f s",
+            *(step.number, step.load, step.gap, step.unbalanced, step.inadmissible),
+            *(step.length, step.seconds),
+        )
+
     def level(self, report: LevelReport) -> None:
         """Log the end of a level."""
         told = "solved" if report.converged else "NO SOLUTION"
@@ -143,9 +154,11 @@ class RunLog:
         )
         self._number += 1
 
-    def limit(self, limit: LimitLoad) -> None:
+    def limit(self, limit: LimitLoad, body: BodyBounds | None) -> None:
         """Log what is known of the limit load."""
         log.info("%s", limit)
+        if body is not None:
+            log.info("%s", body)
 
 
 class _LogFile(logging.FileHandler):

@@ -12,7 +12,9 @@ from typing import TextIO
 from mpi4py import MPI
 
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
+from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
 from perfplast_fenicsx.solvers.linear.linear_solver import chosen_solver
@@ -75,9 +77,10 @@ class Terminal:
             self._shown = 0
 
     def header(self, title: str, method: str, problem: Problem) -> None:
-        """Say what is solved, and head the table. Collective."""
+        """Say what is solved, and head the table if there are levels to come. Collective."""
         self.say(describe(title, method, problem))
-        self.say("  ".join(f"{name:>{width}}" for name, width in COLUMNS))
+        if method != LimitMethod.INTERIOR_POINT:
+            self.say("  ".join(f"{name:>{width}}" for name, width in COLUMNS))
 
     def iteration(self, record: Iteration) -> None:
         """Show a Newton step on the live line; a monitor of the algorithms."""
@@ -89,6 +92,13 @@ class Terminal:
                 f" Newton {record.number}, CG {record.linear_iterations},"
                 f" {record.plastic_fraction:.1%} plastic, increment {record.increment:.1e}"
             )
+
+    def interior(self, step: InteriorStep) -> None:
+        """Show a step of the interior point method on the live line; a monitor of it."""
+        self.status(
+            f"step {step.number}: load {step.load:.6g}, gap {step.gap:.1e}, forces without balance"
+            f" {step.unbalanced:.1e}, volume change {step.inadmissible:.1e}"
+        )
 
     def level(self, report: LevelReport) -> None:
         """Write the line of a level."""
@@ -109,9 +119,13 @@ class Terminal:
         upper = "none found" if limit.upper is None else f"{limit.upper:.6g}"
         estimate = "none" if limit.estimate is None else f"{limit.estimate:.6g}"
         self.say(
-            f"Limit load: lower bound {limit.lower:.6g}, estimate {estimate}, upper bound {upper}"
-            f" ({limit.linear_solves} linear solves): {limit.reason}."
+            f"Limit load of the mesh: lower bound {limit.lower:.6g}, estimate {estimate}, upper"
+            f" bound {upper} ({effort(limit)}): {limit.reason}."
         )
+
+    def body(self, bounds: BodyBounds) -> None:
+        """Say what is proven of the body."""
+        self.say(bounds.in_words())
 
     def results(self, folder: ResultFolder) -> None:
         """Say where the results are and which there are."""
@@ -126,11 +140,20 @@ def describe(title: str, method: str, problem: Problem) -> str:
     cells = mesh.topology.index_map(mesh.topology.dim).size_global
     pairs = problem.num_pairs
     ranks = f"{comm.size} rank{'s' if comm.size > 1 else ''}"
+    direct = method == LimitMethod.INTERIOR_POINT
+    linear = "MUMPS Cholesky" if direct else chosen_solver(problem)
     return (
         f"{title}: {bodies}; {cells} cells, P{problem.degree}, {problem.num_dofs} dofs,"
         f" {pairs} contact pairs;"
-        f" method {method} on {ranks}, {chosen_solver(problem)}"
+        f" method {method} on {ranks}, {linear}"
     )
+
+
+def effort(limit: LimitLoad) -> str:
+    """What a limit load took, in words."""
+    if limit.factorisations is None:
+        return f"{limit.linear_solves} linear solves"
+    return f"{limit.factorisations} factorisations"
 
 
 def clock(seconds: float) -> str:

@@ -1,3 +1,6 @@
+from .body_bounds import BodyBounds as BodyBounds
+from .body_bounds import bounds_of_mesh as bounds_of_mesh
+from .body_bounds import limit_bounds as limit_bounds
 from .discrete_limit import DiscreteLimit as DiscreteLimit
 from .discrete_limit import InteriorStep as InteriorStep
 from .discrete_limit import Verdict as Verdict
@@ -8,6 +11,9 @@ from .limit_judge import collapse_mechanism as collapse_mechanism
 from .limit_methods import LimitLoad as LimitLoad
 from .limit_methods import LimitMethod as LimitMethod
 from .limit_search import limit_load as limit_load
+from .static_bound import StaticBound as StaticBound
+from .static_bound import strict_lower_bound as strict_lower_bound
+from .static_certificate import StaticCertificate as StaticCertificate
 from .strict_work import Bound as Bound
 from .strict_work import Scope as Scope
 from .strict_work import strict_upper_bound as strict_upper_bound

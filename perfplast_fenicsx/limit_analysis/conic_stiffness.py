@@ -8,6 +8,7 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
+from perfplast_fenicsx.limit_analysis.conic_program import NONE, SingularStiffness
 from perfplast_fenicsx.limit_analysis.point_strains import deviator_in_plane
 from perfplast_fenicsx.materials.mandel import strain, trace
 from perfplast_fenicsx.problem.problem import Problem
@@ -15,24 +16,14 @@ from perfplast_fenicsx.problem.stiffness import create_stiffness
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
+from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
 from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
 
 Floats = npt.NDArray[np.float64]
 
-NONE = np.zeros(0, dtype=np.int32)
-
-
-class SingularStiffness(RuntimeError):
-    """A factorisation that has failed, on every rank alike."""
-
 
 class ConicStiffness:
-    """K with ⟨κ tr ε δ + a dev ε − (N:ε) N, ε⟩ and c s² for the jump s of each contact pair.
-
-    Attributes:
-        factorisations: So far.
-        solves: Systems solved so far.
-    """
+    """K of displacements in the contact basis; see :class:`conic_program.Stiffness`."""
 
     def __init__(self, problem: Problem) -> None:
         """Compile the form, and find the pattern. Collective."""
@@ -100,8 +91,11 @@ class ConicStiffness:
 
         Raises:
             SingularStiffness: If that fails.
+            InputError: If it takes more memory than there is, before the first one.
         """
         self._ksp.setOperators(self._operator.matrix)
+        if not self.factorisations:
+            check_memory(self._ksp)
         self._ksp.setUp()
         self.factorisations += 1
         if self._ksp.getPC().getFailedReason():

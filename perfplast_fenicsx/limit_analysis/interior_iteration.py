@@ -1,4 +1,4 @@
-"""Primal-dual interior point iteration for the discrete limit load.
+"""Primal-dual interior point iteration for limit loads.
 
 A step takes one factorisation of a stiffness: with the scaling of Nesterov and Todd the stress of a
 point changes by H⁻¹ times a strain, and H⁻¹ is a multiple of the identity less something of rank
@@ -14,9 +14,8 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 
-from perfplast_fenicsx.limit_analysis.limit_program import PROXIMAL, LimitProgram
+from perfplast_fenicsx.limit_analysis.conic_program import PROXIMAL, ConicProgram
 from perfplast_fenicsx.limit_analysis.second_order_cones import (
     Scaling,
     longest_step,
@@ -77,18 +76,18 @@ class InteriorIteration:
     Attributes:
         program: What is solved.
         now: The iterate.
-        velocity: Its velocity v, a vector in the contact basis.
+        velocity: Its velocity v.
     """
 
-    def __init__(self, program: LimitProgram) -> None:
+    def __init__(self, program: ConicProgram) -> None:
         """Start in the middle of the yield sets, at rest. Collective."""
-        self.program, problem = program, program.problem
-        self._comm, self._jumps = problem.comm, problem.basis.index
-        self._vectors = tuple(problem.create_vector() for _ in range(6))
+        self.program = program
+        self._comm, self._jumps = program.comm, program.jumps
+        self._vectors = tuple(program.create_vector() for _ in range(6))
         self.velocity, self._balance, self._of_load, self._of_rest, self._right, self._change = (
             self._vectors
         )
-        stress = np.zeros((program.strains.count, problem.S.dofmap.index_map_bs))
+        stress = np.zeros((program.strains.count, program.strains.size))
         S, Z = (np.zeros((len(program.radii), 1 + stress.shape[1])) for _ in range(2))
         S[:, 0], Z[:, 0] = program.radii, program.radii / program.viscosities
         root = np.sqrt(program.springs)
@@ -126,21 +125,22 @@ class InteriorIteration:
 
         Collective.
         """
+        wrong, rate = self.rates()
+        return wrong / rate if rate > 0 else 0.0
+
+    def rates(self) -> tuple[float, float]:
+        """What is inadmissible in ε(v), and ‖ε(v)‖, as root mean squares. Collective.
+
+        In the program's units the latter is about 1 of a flow that meets resistance.
+        """
         trace, deviator = self.program.strains.of(self.velocity)
         squares = np.einsum("ni,ni->n", deviator, deviator)
-        volume = trace**2 / self.program.problem.bodies.gdim
+        volume = trace**2 / self.program.strains.gdim
         wrong = volume + np.where(self.program.plastic, 0.0, squares)
         weights, total = self.program.weights, self.program.total
         part, whole = total(weights @ wrong), total(weights @ (volume + squares))
-        return float(np.sqrt(part / whole)) if whole > 0 else 0.0
-
-    def stress_to(self, function: fem.Function) -> None:
-        """Write the stress of the iterate into a function of S. Collective."""
-        array = function.x.array[: self.now.deviator.size].reshape(self.now.deviator.shape)
-        array[:] = self.now.deviator
-        array[:, :3] += self.now.pressure[:, None]
-        array *= self.program.stress_unit
-        function.x.scatter_forward()
+        size = total(weights.sum())
+        return float(np.sqrt(part / size)), float(np.sqrt(whole / size))
 
     def equilibrate(self) -> None:
         """Add the stress and contact forces that balance what is left. Collective.
@@ -161,6 +161,7 @@ class InteriorIteration:
             SingularStiffness: If K cannot be factorised.
         """
         now = self.now
+        self._newton = None  # its factors go with what is factorised next
         self._newton = newton = _Newton(self)
         point, pairs = newton.scaling.point, now.forces * now.rooms
         mu = self.gap() / self.program.degree

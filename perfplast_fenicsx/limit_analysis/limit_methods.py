@@ -7,7 +7,9 @@ from enum import StrEnum
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.discrete_limit import (
+    DiscreteLimit,
     InteriorStep,
     Verdict,
     can_bound,
@@ -57,6 +59,8 @@ class LimitLoad:
         stress: σ at the lower bound, Mandel vectors at the quadrature points; None of a path, whose
             levels have theirs.
         contact_forces: Of the pairs hosted by this rank, with that stress.
+        inadmissible: Volume change of the mechanism in plastic bodies, and strain in elastic ones,
+            relative to ‖ε(v)‖; None of a path.
     """
 
     method: LimitMethod
@@ -74,6 +78,13 @@ class LimitLoad:
     levels: Sequence[Level] = ()
     stress: fem.Function | None = None
     contact_forces: Floats | None = None
+    inadmissible: float | None = None
+
+    @property
+    def collapses(self) -> bool:
+        """Whether there is a mechanism, if only the velocity that a path ends with."""
+        known = (self.upper, self.estimate)
+        return self.method is LimitMethod.PATH or any(value is not None for value in known)
 
     @property
     def uncertainty(self) -> float | None:
@@ -104,7 +115,17 @@ def by_interior_point(
     problem: Problem, rtol: float, monitor: Callable[[InteriorStep], None] | None
 ) -> LimitLoad:
     """The limit load by :func:`discrete_limit.interior_point`. Collective."""
-    found = interior_point(problem, rtol, monitor)
+    return from_interior_point(interior_point(problem, rtol, monitor))
+
+
+def from_interior_point(found: DiscreteLimit) -> LimitLoad:
+    """What the interior point method has found.
+
+    Raises:
+        InputError: If no stress can carry the loads.
+    """
+    if found.verdict is Verdict.NO_RESISTANCE:
+        raise InputError(f"{found.reason}; turn the loads around, or hold the bodies there.")
     return LimitLoad(
         method=LimitMethod.INTERIOR_POINT,
         lower=max(found.lower or 0.0, 0.0),  # no load at all is always carried
@@ -120,4 +141,5 @@ def by_interior_point(
         mechanism=found.mechanism,
         stress=found.stress,
         contact_forces=found.contact_forces,
+        inadmissible=found.inadmissible,
     )

@@ -55,7 +55,8 @@ def limit_load(
         reached: Where that run had come to.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, or supports move or loads are constant.
+        InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, or the
+            interior point method finds that no stress can carry the loads.
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")

@@ -24,17 +24,11 @@ Floats = npt.NDArray[np.float64]
 
 
 class PointStrains:
-    """ε(v) of velocities in the contact basis at the points of this rank, and its transpose.
-
-    Attributes:
-        count: Points of this rank.
-        weights: Volume that a point stands for, shape (count,).
-        radii: Yield radius γ (stress), ∞ in elastic bodies, shape (count,).
-    """
+    """ε(v) of velocities in the contact basis; see :class:`conic_program.Strains`."""
 
     def __init__(self, problem: Problem) -> None:
         """Compile what evaluates them. Collective."""
-        self._problem, self._gdim = problem, problem.bodies.gdim
+        self._problem, self.gdim = problem, problem.bodies.gdim
         self._u, self._e = fem.Function(problem.V), fem.Function(problem.S)
         self._stress = fem.Function(problem.S)
         points = interpolation_points(problem.S.element)
@@ -42,9 +36,9 @@ class PointStrains:
         self._force_form = fem.form(problem.internal_form(self._stress))
         self._force = problem.create_vector()
         self.count = problem.Q.dofmap.index_map.size_local
-        self._size = problem.S.dofmap.index_map_bs
+        self.size = problem.S.dofmap.index_map_bs
         self.weights = self._weights()
-        self.radii = self._radii()
+        self.radii = yield_radii(problem)
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
@@ -56,21 +50,6 @@ class PointStrains:
         weights: Floats = vector.array_r[: self.count].copy()
         vector.destroy()
         return weights
-
-    def _radii(self) -> Floats:
-        problem = self._problem
-        for on in problem.laws:
-            if on.law.cone() is None:
-                raise InputError(
-                    f"the interior point method knows no yield set of {type(on.law).__name__}; use"
-                    " von Mises or elastic bodies with it, or load by work (limit_load)."
-                )
-        weakness = fem.Function(problem.Q)
-        LawExpression(problem.laws, problem.Q, lambda on: on.law.cone()).interpolate(weakness)
-        values = weakness.x.array[: self.count]
-        radii = np.full(self.count, np.inf)
-        np.divide(1.0, values, out=radii, where=values > 0)
-        return radii
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
         """Trace and deviator of ε(Ty). Collective.
@@ -89,14 +68,14 @@ class PointStrains:
 
     def _split(self) -> tuple[Floats, Floats]:
         self._e.interpolate(self._strain, self._problem.cells)
-        e = self._e.x.array[: self.count * self._size].reshape(-1, self._size).copy()
+        e = self._e.x.array[: self.count * self.size].reshape(-1, self.size).copy()
         sums = e[:, :3].sum(axis=1)
-        e[:, : self._gdim] -= sums[:, None] / self._gdim
+        e[:, : self.gdim] -= sums[:, None] / self.gdim
         return sums, e
 
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
         """Set ``out`` to ∫ (p δ + s):ε(v) for all v of the contact basis. Collective."""
-        array = self._stress.x.array[: self.count * self._size].reshape(-1, self._size)
+        array = self._stress.x.array[: self.count * self.size].reshape(-1, self.size)
         array[:] = deviator
         array[:, :3] += pressure[:, None]
         assemble_force(self._force, self._force_form, self._problem.bcs)
@@ -107,3 +86,23 @@ def deviator_in_plane(e: Expr, gdim: int) -> Expr:
     """The deviator of a strain rate, of its part in the plane in plane strain; UFL."""
     mean = trace(e) / gdim
     return ufl.as_vector([e[i] - mean if i < gdim else e[i] for i in range(len(e))])
+
+
+def yield_radii(problem: Problem) -> Floats:
+    """γ (stress) at the points of this rank, ∞ in elastic bodies, shape (count,). Collective.
+
+    Raises:
+        InputError: If a body's yield set is none that the method knows (:meth:`Law.cone`).
+    """
+    for on in problem.laws:
+        if on.law.cone() is None:
+            raise InputError(
+                f"the interior point method knows no yield set of {type(on.law).__name__}; use"
+                " von Mises or elastic bodies with it, or load by work (limit_load)."
+            )
+    weakness = fem.Function(problem.Q)
+    LawExpression(problem.laws, problem.Q, lambda on: on.law.cone()).interpolate(weakness)
+    values = weakness.x.array[: problem.Q.dofmap.index_map.size_local]
+    radii = np.full(len(values), np.inf)
+    np.divide(1.0, values, out=radii, where=values > 0)
+    return radii

@@ -15,7 +15,7 @@ from itertools import permutations, product
 import numpy as np
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
@@ -92,7 +92,9 @@ def strict_upper_bound(
         if not (whole > 0 and part <= ADMISSIBLE**2 * whole and work > 0):
             return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
         radii = np.where(plastic, strains.radii, 0.0)
-        mine = _work_of_cells(problem, deviator * radii[:, None], weights, subdivisions)
+        volumes = weights[points_of_cells(problem)].sum(axis=1)
+        scaled = at_vertices(problem, deviator * radii[:, None])
+        mine = work_of_cells(volumes, scaled, subdivisions)
         dissipation = float(comm.allreduce(float(mine.sum())))
     finally:
         strains.destroy()
@@ -104,23 +106,47 @@ def strict_upper_bound(
     return Bound(dissipation / work, "upper", of, tuple(why_not))
 
 
-def _work_of_cells(
-    problem: Problem, stress_rates: Floats, weights: Floats, subdivisions: int
-) -> Floats:
-    """∫ ‖s‖ of each cell of this rank from above, for s linear in it and given at the points."""
+def points_of_cells(problem: Problem) -> Ints:
+    """Points of the cells that this rank owns, shape (num_cells, num_points)."""
     topology = problem.tagged_mesh.mesh.topology
-    owned = problem.Q.dofmap.list[: topology.index_map(topology.dim).size_local]
-    volumes: Floats = weights[owned].sum(axis=1)
+    points: Ints = problem.Q.dofmap.list[: topology.index_map(topology.dim).size_local]
+    return points
+
+
+def at_vertices(problem: Problem, values: Floats) -> Floats:
+    """Values at vertices of what is linear in each cell and given at the points.
+
+    Args:
+        problem: On whose points.
+        values: Shape (count, m).
+
+    Returns:
+        Shape (num_cells, d + 1, m), for the cells that this rank owns.
+    """
+    given = values[points_of_cells(problem)]
     reference = interpolation_points(problem.S.element)
-    tdim = topology.dim
     if problem.degree == 1:
-        return volumes * np.linalg.norm(stress_rates[owned[:, 0]], axis=1)
+        return np.repeat(given, reference.shape[1] + 1, axis=1)
     places = np.hstack([1 - reference.sum(axis=1, keepdims=True), reference])
-    at_vertices = np.einsum("vp,cpi->cvi", np.linalg.inv(places), stress_rates[owned])
-    points, shares = composite_vertex_rule(tdim, subdivisions)
-    total: Floats = np.zeros(len(owned))
+    found: Floats = np.einsum("vp,cpi->cvi", np.linalg.inv(places), given)
+    return found
+
+
+def work_of_cells(volumes: Floats, vertex_values: Floats, subdivisions: int) -> Floats:
+    """∫ ‖s‖ of each cell from above, for s linear in it.
+
+    Args:
+        volumes: Shape (num_cells,).
+        vertex_values: s, shape (num_cells, d + 1, m).
+        subdivisions: Parts of a cell's edge.
+
+    Returns:
+        Shape (num_cells,).
+    """
+    points, shares = composite_vertex_rule(vertex_values.shape[1] - 1, subdivisions)
+    total: Floats = np.zeros(len(volumes))
     for point, share in zip(points, shares, strict=True):
-        total += share * np.linalg.norm(np.einsum("v,cvi->ci", point, at_vertices), axis=1)
+        total += share * np.linalg.norm(np.einsum("v,cvi->ci", point, vertex_values), axis=1)
     return total * volumes
 
 

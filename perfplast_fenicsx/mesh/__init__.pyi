@@ -1,6 +1,7 @@
-from .alfeld_split import AlfeldSplit as AlfeldSplit
-from .alfeld_split import alfeld_split as alfeld_split
 from .gmsh_reader import gmsh_session as gmsh_session
+from .refinement import Refined as Refined
+from .refinement import fan as fan
+from .refinement import refine as refine
 from .sample_meshes import BUILDERS as BUILDERS
 from .sample_meshes import build as build
 from .sample_meshes import l_plate as l_plate

@@ -14,10 +14,11 @@ import ufl
 from dolfinx import la
 from dolfinx.mesh import create_mesh, meshtags
 
-from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.compat import entity_nodes, stay
+from perfplast_fenicsx.arrays import Ints, Longs
+from perfplast_fenicsx.compat import stay
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, distributed_tags
 
 
@@ -49,16 +50,16 @@ def alfeld_split(tagged_mesh: TaggedMesh) -> AlfeldSplit:
         )
     comm, topology = mesh.comm, mesh.topology
     tdim = topology.dim
-    corners, points = _corners(tagged_mesh)
-    count = len(corners)
-    centres = points[corners].mean(axis=1)
+    vertices, points = corners(mesh)
+    count = len(vertices)
+    centres = points[vertices].mean(axis=1)
     owned = topology.index_map(0).size_local
     x = np.concatenate([points[:owned], centres])
     first = comm.exscan(len(x)) or 0
     numbers = la.vector(topology.index_map(0), 1, dtype=np.int64)
     numbers.array[:owned] = first + np.arange(owned)
     numbers.scatter_forward()
-    nodes: Longs = np.repeat(numbers.array[corners][:, None], tdim + 1, axis=1)
+    nodes: Longs = np.repeat(numbers.array[vertices][:, None], tdim + 1, axis=1)
     part = np.arange(tdim + 1)
     nodes[:, part, part] = first + owned + np.arange(count)[:, None]
     first_cell = (tdim + 1) * (comm.exscan(count) or 0)
@@ -88,18 +89,3 @@ def alfeld_split(tagged_mesh: TaggedMesh) -> AlfeldSplit:
         surfaces=tagged_mesh.surfaces,
         parents=parents,
     )
-
-
-def _corners(tagged_mesh: TaggedMesh) -> tuple[Ints, Floats]:
-    """Local vertices of each owned cell, and coordinates of all local vertices."""
-    mesh = tagged_mesh.mesh
-    topology = mesh.topology
-    tdim = topology.dim
-    topology.create_connectivity(0, tdim)
-    vertices = topology.index_map(0)
-    every = np.arange(vertices.size_local + vertices.num_ghosts, dtype=np.int32)
-    places = entity_nodes(mesh, 0, every).reshape(-1)
-    count = topology.index_map(tdim).size_local
-    corners = topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)[:count]
-    points = np.asarray(mesh.geometry.x[places, : mesh.geometry.dim], dtype=np.float64)
-    return corners, points

@@ -7,7 +7,6 @@ touching surfaces coincide exactly.
 """
 
 import math
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +22,7 @@ from dolfinx.mesh import create_mesh, locate_entities_boundary, meshtags
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.machine_memory import has_memory
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 Marker = Callable[[npt.NDArray[Any]], npt.NDArray[np.bool_]]
@@ -162,11 +162,8 @@ def _check_size(comm: MPI.Intracomm, boxes: Sequence[Box]) -> None:
     """Refuse what no memory can hold, before it is asked for. Collective."""
     cubes = sum(box.num_cubes for box in boxes)
     needed = cubes * len(TETRAHEDRA) * LEAST_MEMORY
-    machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    here = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if machine.rank == 0 else 0
-    machine.Free()
-    available = comm.allreduce(here)
-    if needed > available:
+    enough, _, available = has_memory(comm, needed / comm.size)
+    if not enough:
         raise InputError(
             f"{float(cubes * len(TETRAHEDRA)):.3g} tetrahedra need more than the"
             f" {available / 2**30:.3g} GiB of memory there are; choose a smaller n"

@@ -107,7 +107,7 @@ class Renderer:
             diffuse=0.45,
             show_edges=len(self._skin.triangles) <= MOST_EDGES,
             edge_color="#404040",
-            edge_opacity=0.2,
+            edge_opacity=0.4,
             line_width=0.5,
         )
 

@@ -5,13 +5,13 @@ there is no VTK, and a sentence says what is missing.
 """
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.pictures.boundary_surface import Surface
-from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
+from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
 
 FORMATS = (".gif", ".webp")
 """Of animations."""
@@ -31,8 +31,25 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
         InputError: If the folder has no results, nothing can be drawn, or not written.
     """
     reader, target = ResultReader(folder), Path(output or folder)
-    if not reader.reports:
+    if not reader.reports and reader.limit is None:
         raise InputError(f"the run in '{folder}' has solved no level yet; wait for its first one.")
+    if reader.reports:
+        yield from _levels(reader, target)
+    surface = reader.surface(reader.levels[-1]) if reader.levels else None
+    found = _mechanism(reader, surface) if surface or not reader.reports else None
+    if found is not None:
+        moving, largest, caption = found
+        with _drawing(target / "mechanism.png") as path:
+            from perfplast_fenicsx.pictures.field_figure import draw_fields
+
+            draw_fields(moving, reader.scene, caption, path, largest)
+        yield str(path)
+    elif not reader.reports:
+        yield "No mechanism is on file: it needs a limit load, and [output] fields."
+
+
+def _levels(reader: ResultReader, target: Path) -> Iterator[str]:
+    """Draw what there is of levels: ``path.png``, and ``fields.png`` of the last."""
     scene, levels = reader.scene, reader.levels
     unit = scene.units.of_work(reader.gdim) if levels else ""
     with _drawing(target / "path.png") as path:
@@ -53,12 +70,6 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
 
         draw_fields(surface, scene, level_caption(report.zeta, report.alpha, unit), path)
     yield str(path)
-    found = _mechanism(reader, levels, surface)
-    if found is not None:
-        moving, largest, caption = found
-        with _drawing(target / "mechanism.png") as path:
-            draw_fields(moving, scene, caption, path, largest)
-        yield str(path)
 
 
 def animate(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
@@ -94,21 +105,23 @@ def animate(folder: str | Path, output: str | Path | None = None) -> Iterator[st
     yield str(path)
 
 
-def _mechanism(
-    reader: ResultReader, levels: Sequence[StoredLevel], surface: Surface
-) -> tuple[Surface, float, str] | None:
+def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, float, str] | None:
     """The mechanism: that of the limit load, else the increment between the last two levels.
 
+    Args:
+        reader: The results.
+        surface: The last level, if there is any.
+
     Returns:
-        The velocity and stress of the last level, the largest dissipation and a caption; None
-        where there is but one level, or no plastic cell.
+        The velocity with the stress of the last level or its own, the largest dissipation and a
+        caption; None where there is but one level, or no plastic cell.
     """
     found = reader.mechanism(surface)
     if found is not None:
         assert reader.limit is not None
-        zeta = f"{reader.limit.lower:.6g}"
-        return *found, f"collapse mechanism at ζ = {zeta}, velocity of unit work"
-    if len(levels) < 2 or levels[-1].report.plastic_cells == 0:
+        return *found, _collapse(reader.limit)
+    levels = reader.levels
+    if surface is None or len(levels) < 2 or levels[-1].report.plastic_cells == 0:
         return None
     before, last = levels[-2:]
     work = last.report.alpha - before.report.alpha
@@ -117,6 +130,17 @@ def _mechanism(
     moving = dataclasses.replace(surface, at_points=surface.at_points | {"displacement": velocity})
     zetas = f"ζ = {before.report.zeta:.6g} and {last.report.zeta:.6g}"
     return moving, 0.0, f"velocity between {zetas}, of unit work"
+
+
+def _collapse(limit: StoredLimit) -> str:
+    """The limit load in words: of the body where its bracket is known, else of the mesh."""
+    lower, upper = (limit.body.get(name) for name in ("lower", "upper"))
+    zeta = f"ζ = {limit.lower:.6g} on this mesh"
+    if lower is not None and upper is not None:
+        zeta = f"ζ = {lower:.6g} to {upper:.6g}"
+    elif upper is not None:
+        zeta += f"; the body's is {upper:.6g} at most"
+    return f"collapse mechanism at {zeta}"
 
 
 @contextmanager

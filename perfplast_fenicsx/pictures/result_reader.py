@@ -7,7 +7,7 @@ does not disturb it. HDF5's locks are not used, since some file systems have non
 import csv
 import dataclasses
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -46,11 +46,19 @@ VELOCITY, DISSIPATION = f"{POINT_DATA}/mechanism", f"{CELL_DATA}/dissipation"
 
 @dataclass(frozen=True)
 class StoredLimit:
-    """What is known of the limit load (:class:`limit_methods.LimitLoad`)."""
+    """What is known of the limit load (:class:`limit_methods.LimitLoad`).
+
+    Attributes:
+        lower: A lower bound of that of the mesh.
+        estimate: That of the mesh.
+        upper: An upper bound of it.
+        body: What ``summary.json`` says of the body, if anything.
+    """
 
     lower: float
     estimate: float | None
     upper: float | None
+    body: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -111,7 +119,10 @@ class ResultReader:
     def limit(self) -> StoredLimit | None:
         """The limit load, where it has been found."""
         found = self._json("summary.json").get("limit")
-        return found and StoredLimit(found["lower"], found["estimate"], found["upper"])
+        if not found:
+            return None
+        body = found.get("body") or {}
+        return StoredLimit(found["lower"], found["estimate"], found["upper"], body)
 
     @cached_property
     def reports(self) -> list[LevelReport]:
@@ -156,11 +167,12 @@ class ResultReader:
             at_cells={"yield_ratio": ratio[skin.cells]},
         )
 
-    def mechanism(self, surface: Surface) -> tuple[Surface, float] | None:
+    def mechanism(self, surface: Surface | None) -> tuple[Surface, float] | None:
         """The collapse mechanism, where the limit load has been found.
 
         Args:
-            surface: The last level, whose stress and contact pressure are shown with it.
+            surface: The last level, whose stress and contact pressure are shown with it; None where
+                the mechanism has its own, having been found without a level.
 
         Returns:
             The skin with the velocity as ``displacement`` and the ``dissipation``, and the largest
@@ -168,9 +180,17 @@ class ResultReader:
         """
         if self.limit is None or not (self.path / MECHANISM).exists():
             return None
+        skin = self._skin
+        if surface is None:
+            pressure, ratio = self._arrays(MECHANISM, PRESSURE, YIELD_RATIO)
+            surface = dataclasses.replace(
+                skin.surface,
+                at_points={"contact_pressure": pressure[skin.nodes]},
+                at_cells={"yield_ratio": ratio[skin.cells]},
+            )
         velocity, work = self._arrays(MECHANISM, VELOCITY, DISSIPATION)
-        at_cells = surface.at_cells | {"dissipation": work[self._skin.cells]}
-        at_points = surface.at_points | {"displacement": velocity[self._skin.nodes]}
+        at_cells = surface.at_cells | {"dissipation": work[skin.cells]}
+        at_points = surface.at_points | {"displacement": velocity[skin.nodes]}
         found = dataclasses.replace(surface, at_points=at_points, at_cells=at_cells)
         return found, float(work.max(initial=0.0))
 

@@ -117,7 +117,7 @@ class Problem:
         self.laws = lay_out(tagged_mesh, spaces, materials)
         self.bcs = self._supports(supports)
         self._contact(contacts, obstacles)
-        self.loads = self._loads(loads)
+        self.loads = self._declared = self._loads(loads)
 
     def __repr__(self) -> str:
         topology = self.tagged_mesh.mesh.topology
@@ -131,8 +131,13 @@ class Problem:
         """The same problem on another mesh of bodies and surfaces with these names. Collective.
 
         Raises:
-            InputError: As for a new problem.
+            InputError: As for a new problem, or if its ``loads`` are not those that were declared.
         """
+        if self.loads is not self._declared:
+            raise InputError(
+                "the problem's loads were replaced after it was declared, so that it cannot be put"
+                " on another mesh; give the loads as Pressure, Traction and BodyForce."
+            )
         return Problem(tagged_mesh, **vars(self.given))
 
     @property

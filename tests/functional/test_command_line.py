@@ -12,6 +12,7 @@ from pathlib import Path
 from mpi4py import MPI
 from petsc4py import PETSc
 
+import h5py
 import pytest
 
 import perfplast_fenicsx
@@ -105,10 +106,10 @@ def test_a_load_above_the_limit(
     assert len(json.loads((results / "fields.vtkhdf.series").read_text())["files"]) == 2
 
 
-def test_limit_load(
+def test_limit_load_by_a_path(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:
-    control = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-4'
+    control = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-4\nlimit_method = "path"'
     text = CASE.replace("values = [50.0, 80.0]", control)
     case, results = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
     assert main(["run", str(case), "-o", str(results)]) == SOLVED
@@ -122,11 +123,100 @@ def test_limit_load(
     assert limit["upper"] is None or limit["upper"] >= limit["lower"]
     assert limit["alpha"] == summary["steps"][-1]["alpha"]
     assert limit["linear_solves"] > len(summary["steps"])
+    assert (limit["method"], limit["iterations"]) == ("path", len(summary["steps"]))
+    assert limit["factorisations"] is limit["body"] is None
     assert (results / "mechanism.vtkhdf").exists()
     if comm.rank == 0:
-        found = re.search(r"Limit load: lower bound ([0-9.]+)", out)
+        found = re.search(r"Limit load of the mesh: lower bound ([0-9.]+)", out)
         assert found is not None
         assert float(found[1]) == pytest.approx(limit["lower"], rel=1e-5)
+
+
+def test_limit_load_by_default(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
+) -> None:
+    """Without a path, in few factorisations."""
+    text = CASE.replace("values = [50.0, 80.0]", 'control = "work"\nuntil = "limit"')
+    case, results = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results)]) == SOLVED
+    out, _ = capsys.readouterr()
+    summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    limit = summary["limit"]
+    assert (summary["method"], limit["method"]) == ("interior-point", "interior-point")
+    assert summary["steps"] == []
+    assert set(summary["timings"]) == {"setup", "solve", "output", "total"}
+    assert limit["levelled_off"]
+    assert limit["lower"] <= limit["estimate"] <= limit["upper"] <= limit["lower"] * 1.001
+    assert limit["estimate"] == pytest.approx(100.0, rel=1e-3)
+    assert limit["iterations"] < limit["factorisations"] <= 35
+    body = limit["body"]
+    assert body["upper"] == pytest.approx(100.0, rel=1e-3)
+    assert body["lower"] is None
+    assert not body["strict"]
+    assert body["why_not"] == ["lower bound: no stress was sought"]
+    assert body["certificates"]["inadmissible"] < 1e-9
+    log = (results / "run.log").read_text(encoding="utf-8")
+    assert log.count(" step ") == limit["iterations"]
+    if comm.rank == 0:
+        assert "method interior-point" in out
+        assert "MUMPS Cholesky" in out
+        assert "Newton" not in out
+        assert f"({limit['factorisations']} factorisations)" in out
+        assert f"The body that the mesh fills collapses at {body['upper']:.6g} at most" in out
+
+
+def test_bounds(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
+) -> None:
+    """In space, of quadratic mechanisms on a mesh that is split, which is the one on file."""
+    text = CASE.replace("values = [50.0, 80.0]", 'control = "bounds"\nlimit_tolerance = 1e-3')
+    case, results = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results)]) == SOLVED
+    out, _ = capsys.readouterr()
+    summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    assert summary["limit"]["body"]["upper"] == pytest.approx(100.0, rel=2e-3)
+    with h5py.File(results / "mechanism.vtkhdf", locking=False) as file:
+        cells = file["VTKHDF/CellData"]
+        assert {*file["VTKHDF/PointData"]} == {"mechanism", "contact_pressure"}
+        assert {*cells} == {"body", "dissipation", "stress", "yield_ratio"}
+        assert len(cells["dissipation"]) == 4 * summary["mesh"]["cells"]
+    if comm.rank == 0:
+        assert "P2" in out
+        assert "The body that the mesh fills collapses" in out
+
+
+@pytest.mark.parametrize("control", ['control = "work"\nuntil = "limit"', 'control = "bounds"'])
+@pytest.mark.parametrize(
+    ("old", "new", "status", "part"),
+    [
+        ("pressure = 1.0", "pressure = -1.0", BAD_INPUT, "no stress can carry the loads"),
+        ('on = "bottom"', 'on = "bottom"\ncomponents = "x"', BAD_INPUT, "can move as a rigid body"),
+        (
+            'law = "von-mises"\nyoung = 200000.0\npoisson = 0.3\nyield_stress = 100.0',
+            'law = "elastic"\nyoung = 2e5\npoisson = 0.3',
+            NO_SOLUTION,
+            "nothing can yield",
+        ),
+    ],
+)
+def test_no_limit_load(
+    control: str,
+    old: str,
+    new: str,
+    status: int,
+    part: str,
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+    shared_tmp_path: Path,
+) -> None:
+    text = CASE.replace("values = [50.0, 80.0]", control).replace(old, new)
+    case, results = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results)]) == status
+    out, err = capsys.readouterr()
+    if comm.rank == 0:
+        assert part in (err if status == BAD_INPUT else out)
+        assert err.count("\n") == (status == BAD_INPUT)
+    assert not (results / "mechanism.vtkhdf").exists()
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from perfplast_fenicsx.cli import recorder
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.io.results import checkpoints
 from perfplast_fenicsx.io.results.checkpoint_header import BEFORE, NEWEST, SCHEMA
+from perfplast_fenicsx.limit_analysis import InteriorStep
 from perfplast_fenicsx.problem.state import Level
 from tests.models import PUNCH_LIMIT, case_text, punch_case, write_case
 
@@ -159,6 +160,33 @@ def test_a_search_for_the_limit_load_goes_on(
         for key in ("lower", "estimate", "upper", "alpha"):
             assert limit[key] == pytest.approx(expected[key], rel=1e-8)
         comm.barrier()
+
+
+def test_a_search_without_a_path_begins_anew(
+    comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = f"{CASE}\n[loading]\n" + LIMIT
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
+    whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
+    assert main(["run", str(case), "-o", str(whole)]) == SOLVED
+    plain = recorder.Recorder.interior
+
+    def interior(self: recorder.Recorder, step: InteriorStep) -> None:
+        if step.number == 3 and comm.rank == comm.size - 1:
+            signal.raise_signal(signal.SIGTERM)
+        plain(self, step)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(recorder.Recorder, "interior", interior)
+        assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM
+    assert "begin anew with: perfplast run" in (parts / "run.log").read_text(encoding="utf-8")
+    assert json.loads((parts / "summary.json").read_text())["limit"] is None
+    comm.barrier()
+    assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
+    limits = [json.loads((a / "summary.json").read_text())["limit"] for a in (whole, parts)]
+    assert limits[1].keys() == limits[0].keys()
+    assert limits[1]["lower"] == pytest.approx(limits[0]["lower"], rel=1e-9)
+    assert limits[1]["iterations"] == limits[0]["iterations"]
 
 
 # --- what is refused, and what is damaged ----------------------------------------------------

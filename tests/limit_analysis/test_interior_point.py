@@ -295,12 +295,14 @@ def test_linear_elements_that_lock(shared_tmp_path: Path) -> None:
     assert limit.upper is None
 
 
-def test_loads_that_meet_no_resistance() -> None:
-    limit = interior_point(blocks(BLOCK, BLOCK, pressure=-1.0))
+@pytest.mark.parametrize(("lower", "most"), [(BLOCK, 20), (RIGID, 40)])
+def test_loads_that_meet_no_resistance(lower: Material, most: int) -> None:
+    """The upper block is lifted as it is, so that its strain rate is rounding."""
+    limit = interior_point(blocks(lower, BLOCK, pressure=-1.0))
     assert limit.verdict is Verdict.NO_RESISTANCE
     assert "no stress can carry" in limit.reason
     assert limit.estimate is None
-    assert len(limit.steps) < 20
+    assert len(limit.steps) < most
 
 
 @pytest.mark.parametrize("rtol", [0.0, 1.0, -1.0, math.nan])

@@ -14,7 +14,8 @@ from meshes.plate_with_hole import write_plate_with_hole
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import BodyForce, Pressure, Problem, Support, TaggedMesh, Traction
 from perfplast_fenicsx.compat import geometry_dofmap
-from perfplast_fenicsx.mesh import alfeld_split, punch
+from perfplast_fenicsx.mesh import punch
+from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
 from tests.checks import assert_refused
 from tests.mesh.test_meshes import area_vector, volume
 from tests.models import STEEL, Read, punch_problem

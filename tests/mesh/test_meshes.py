@@ -13,6 +13,7 @@ import pytest
 import ufl
 from dolfinx.mesh import meshtags
 
+from meshes.bolted_assembly import LENGTH, SHANK, THICKNESS, WIDTH, write_bolted_assembly
 from meshes.pin_in_lug import write_pin_in_lug
 from meshes.wedge import write_wedge
 from perfplast_fenicsx.compat import entity_nodes, geometry_dofmap, interpolation_points
@@ -280,6 +281,27 @@ def test_pin_in_lug_keeps_its_curve(comm: MPI.Intracomm, shared_tmp_path: Path) 
     np.testing.assert_allclose(area_vector(tagged_mesh, "pin_bore"), (2, 0, 0), atol=1e-12)
     np.testing.assert_allclose(area_vector(tagged_mesh, "end"), (0, -2, 0), atol=1e-12)
     check_interface(tagged_mesh, "lug_bore", "pin_bore")
+
+
+@pytest.mark.parametrize("glued", [False, True])
+def test_bolted_assembly(comm: MPI.Intracomm, shared_tmp_path: Path, glued: bool) -> None:
+    path = shared_tmp_path / "bolted.msh"
+    if comm.rank == 0:
+        write_bolted_assembly(path, size=40.0, glued=glued)
+    assembly = read_gmsh(comm, path)
+    assert len(assembly.volumes) == 10
+    whole, holes = LENGTH * WIDTH * THICKNESS, 6 * np.pi * SHANK**2 * THICKNESS
+    assert volume(assembly, "plate") == pytest.approx(whole - holes, rel=holes / whole / 10)
+    for name in ("ends", "grip"):
+        assert comm.allreduce(len(assembly.facets(name))) > 0
+        np.testing.assert_allclose(area_vector(assembly, name), 0, atol=1e-9)
+    assert path.with_suffix(".step").stat().st_size > 0
+    joints = [name for name in assembly.surfaces if "joint" in name]
+    assert len(joints) == (16 if glued else 32)
+    if not glued:
+        for number in range(1, 17):
+            one, other = (name for name in joints if name.endswith(f"_joint_{number}"))
+            check_interface(assembly, one, other)
 
 
 def test_generators_are_scripts(

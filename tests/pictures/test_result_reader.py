@@ -212,7 +212,7 @@ def test_reading_while_a_level_is_written(comm: MPI.Intracomm, shared_tmp_path: 
 
 def test_levels_of_prescribed_work(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     """Levels are known by their numbers, whatever was prescribed; the mechanism by its file."""
-    control = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-2'
+    control = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-2\nlimit_method = "path"'
     text = CASE.replace("values = [50.0, 80.0]", control) + "[element]\ndegree = 2\n"
     case, folder = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
     assert main(["run", str(case), "-o", str(folder), "--quiet"]) == SOLVED
@@ -234,6 +234,28 @@ def test_levels_of_prescribed_work(comm: MPI.Intracomm, shared_tmp_path: Path) -
     assert velocity.shape == moving.points.shape
     assert velocity[:, 2].min() < 0  # the load presses down
     assert np.array_equal(moving.at_points["contact_pressure"], last.at_points["contact_pressure"])
+
+
+def test_a_mechanism_without_a_level(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    """It has its own stress, and that of the split mesh."""
+    text = CASE.replace("values = [50.0, 80.0]", 'control = "bounds"\nlimit_tolerance = 1e-2')
+    case, folder = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(folder), "--quiet"]) == SOLVED
+    reader = ResultReader(folder)
+    assert reader.reports == reader.levels == []
+    assert reader.limit is not None
+    assert reader.limit.body["upper"] == pytest.approx(100.0, rel=0.02)
+    found = reader.mechanism(None)
+    assert found is not None
+    moving, largest = found
+    assert 0 <= moving.at_cells["dissipation"].max() <= largest
+    assert 0.99 < moving.at_cells["yield_ratio"].max() <= 1 + 1e-6
+    assert moving.at_points["contact_pressure"].max() > 90
+    assert moving.at_points["displacement"][:, 2].min() < 0  # the load presses down
+    comm.barrier()
+    assert main(["plot", str(folder)]) == SOLVED
+    assert (folder / "mechanism.png").exists()
+    assert not (folder / "path.png").exists()
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.io.case.loading_options import LOADINGS, LoadControl, WorkControl
+from perfplast_fenicsx.io.case.loading_options import LOADINGS, Control
 from perfplast_fenicsx.io.case.scene import Scene, Units
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.io.case.tables import (
@@ -27,6 +27,7 @@ from perfplast_fenicsx.io.case.tables import (
     OutputOptions,
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod, method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.mesh.sample_meshes import build
@@ -56,7 +57,7 @@ class Case:
     element: ElementOptions
     method: str
     options: Any
-    loading: LoadControl | WorkControl
+    loading: Control
     output: OutputOptions
     units: Units
 
@@ -107,6 +108,19 @@ class Case:
         """The algorithm of ``[solve]`` for a problem. Collective."""
         return METHODS[self.method].solver(problem, self.options)
 
+    def limit_method(self, problem: Problem) -> LimitMethod | None:
+        """How the limit load of a problem is found; None where levels are given."""
+        if self.loading.limit_tolerance is None:
+            return None
+        if self.loading.limit_method is not None:
+            return LimitMethod(self.loading.limit_method)
+        return LimitMethod.PATH if self.table.get("solve") else method_for(problem)
+
+    def method_on(self, problem: Problem) -> str:
+        """The name of what solves a problem: an algorithm, or the interior point method."""
+        direct = self.limit_method(problem) is LimitMethod.INTERIOR_POINT
+        return str(LimitMethod.INTERIOR_POINT) if direct else self.method
+
 
 def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
     """Read a case file on rank 0 and check it on every rank alike. Collective.
@@ -152,13 +166,13 @@ def _case(path: Path, table: Table) -> Case:
         obstacles.append(convert(rest, shape, place))
     place = f"{name}, [loading]"
     _, schema, rest = choose(top.loading, "control", LOADINGS, place, default="load")
-    loading: LoadControl | WorkControl = convert(rest, schema, place)
+    loading: Control = convert(rest, schema, place)
     method, options = _algorithm(top.solve, loading, f"{name}, [solve]")
     held = [convert(support, Support, place) for place, support in supports]
     if loading.values is None and any(support.value for support in held):
         raise InputError(
-            f"{place}: until = 'limit' goes with supports at rest, but one has a value; leave it"
-            " out, for the limit load is the same without, or give values = [...] of the work."
+            f"{place}: a limit load goes with supports at rest, but one has a value; leave it out,"
+            " for the limit load is the same without, or give values = [...] of the work."
         )
     return Case(
         path=path,
@@ -170,7 +184,7 @@ def _case(path: Path, table: Table) -> Case:
         loads=loads,
         contacts=[convert(contact, Contact, place) for place, contact in contacts],
         obstacles=obstacles,
-        element=convert(top.element, ElementOptions, f"{name}, [element]"),
+        element=convert(loading.element | top.element, ElementOptions, f"{name}, [element]"),
         method=method,
         options=options,
         loading=loading,
@@ -179,13 +193,18 @@ def _case(path: Path, table: Table) -> Case:
     )
 
 
-def _algorithm(table: Table, loading: LoadControl | WorkControl, place: str) -> tuple[str, Any]:
+def _algorithm(table: Table, loading: Control, place: str) -> tuple[str, Any]:
     """Method and options; ALG1 for loads and ALG3 for works where none is named."""
+    if table and loading.limit_method == LimitMethod.INTERIOR_POINT:
+        raise InputError(
+            f"{place}: the interior point method has no levels to solve; leave this table out, or"
+            " follow a path with control = 'work', until = 'limit' and limit_method = 'path'."
+        )
     wanted = loading.prescribes
     fitting = [name for name, entry in METHODS.items() if entry.solver.prescribes is wanted]
     method, algorithm, rest = choose(table, "method", METHODS, place, default=fitting[0])
     if method not in fitting:
-        control = {schema.prescribes: name for name, schema in LOADINGS.items()}
+        control = {schema.prescribes: name for name, schema in reversed(LOADINGS.items())}
         other = control[algorithm.solver.prescribes]
         raise InputError(
             f"{place}: method = '{method}' prescribes the {other}, but [loading] has control ="

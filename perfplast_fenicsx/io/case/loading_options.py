@@ -5,7 +5,12 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.schema import Table
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
 from perfplast_fenicsx.problem.prescribed import Prescribed
+
+LIMIT_TOLERANCE = 1e-3
+"""Of a limit load, where a case names none."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +26,8 @@ class LoadControl:
 
     prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
     limit_tolerance: ClassVar[None] = None
+    limit_method: ClassVar[None] = None
+    element: ClassVar[Table] = {}
 
     values: list[float]
 
@@ -34,38 +41,70 @@ class WorkControl:
 
     Args:
         values: Works, increasing, not negative.
-        until: "limit" chooses the steps itself, until ζ(α) has levelled off.
-        limit_tolerance: How near to its limit ζ must have come, relative, between 0 and 1; with
-            ``until`` only.
+        until: "limit" seeks the limit load.
+        limit_tolerance: How near to each other its bounds must be, or to its limit ζ(α), relative,
+            between 0 and 1; 1e-3 where it is not given. With ``until`` only.
+        limit_method: "interior-point" finds the limit load alone, in 10 to 30 factorisations;
+            "path" follows ζ(α), by steps of its own, until it has levelled off. The default is the
+            former where it knows the laws and a factorisation fits, unless there is a [solve] to
+            follow a path with. With ``until`` only.
 
     Raises:
-        InputError: Not exactly one of ``values`` and ``until``, ``until`` without a tolerance, or
-            values out of their range.
+        InputError: Not exactly one of ``values`` and ``until``, or values out of their range.
     """
 
     prescribes: ClassVar[Prescribed] = Prescribed.WORK
+    element: ClassVar[Table] = {}
 
     values: list[float] | None = None
     until: Literal["limit"] | None = None
     limit_tolerance: float | None = None
+    limit_method: Literal["interior-point", "path"] | None = None
 
     def __post_init__(self) -> None:
         if (self.values is None) == (self.until is None):
             what = "neither values nor until" if self.values is None else "both values and until"
-            raise InputError(
-                f"there is {what}; give either values = [...] or until = 'limit' with a"
-                " limit_tolerance such as 1e-4."
-            )
+            raise InputError(f"there is {what}; give either values = [...] or until = 'limit'.")
         if self.values is not None:
             _check_values(self.values, "works")
-            if self.limit_tolerance is not None:
-                raise InputError("limit_tolerance goes with until = 'limit'; leave it out.")
-        elif self.limit_tolerance is None:
-            raise InputError("until = 'limit' needs a limit_tolerance; 1e-4 is a good value.")
-        elif not 0 < self.limit_tolerance < 1:
-            raise InputError(
-                f"limit_tolerance = {self.limit_tolerance} is not between 0 and 1; try 1e-4."
-            )
+            for key in ("limit_tolerance", "limit_method"):
+                if getattr(self, key) is not None:
+                    raise InputError(f"{key} goes with until = 'limit'; leave it out.")
+        else:
+            if self.limit_tolerance is None:
+                object.__setattr__(self, "limit_tolerance", LIMIT_TOLERANCE)
+            _check_tolerance(self.limit_tolerance)
+
+
+@dataclass(frozen=True)
+class BoundsControl:
+    """No loading: bounds of the limit load that hold for the body, and not just for its mesh.
+
+    Args:
+        limit_tolerance: How near each bound comes to the best of its kind on this mesh, relative,
+            between 0 and 1.
+
+    Raises:
+        InputError: A tolerance that is none.
+    """
+
+    prescribes: ClassVar[Prescribed] = Prescribed.WORK  # L(v) = 1
+    values: ClassVar[None] = None
+    limit_method: ClassVar[LimitMethod] = LimitMethod.INTERIOR_POINT
+    element: ClassVar[Table] = {"degree": 2}  # linear ones lock
+
+    limit_tolerance: float = 1e-4
+
+    def __post_init__(self) -> None:
+        _check_tolerance(self.limit_tolerance)
+
+
+Control = LoadControl | WorkControl | BoundsControl
+
+
+def _check_tolerance(tolerance: float | None) -> None:
+    if tolerance is None or not 0 < tolerance < 1:
+        raise InputError(f"limit_tolerance = {tolerance} is not between 0 and 1; try 1e-4.")
 
 
 def _check_values(values: list[float], what: str) -> None:
@@ -81,4 +120,8 @@ def _check_values(values: list[float], what: str) -> None:
             )
 
 
-LOADINGS: dict[str, type[LoadControl | WorkControl]] = {"load": LoadControl, "work": WorkControl}
+LOADINGS: dict[str, type[Control]] = {
+    "load": LoadControl,
+    "work": WorkControl,
+    "bounds": BoundsControl,
+}

@@ -65,7 +65,7 @@ class ElementOptions:
     """The finite element.
 
     Args:
-        degree: Of the displacements, 1 or 2.
+        degree: Of the displacements, 1 or 2; of mechanisms (control = "bounds") 2 by default.
     """
 
     degree: Literal[1, 2] = 1

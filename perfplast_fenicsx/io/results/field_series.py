@@ -72,20 +72,18 @@ class FieldSeries:
         self._list_levels()
 
     def write_mechanism(
-        self, mechanism: fem.Function, dissipation: fem.Function, zeta: float, alpha: float
+        self, fields: Mapping[str, fem.Function], zeta: float, alpha: float
     ) -> None:
         """Write ``mechanism.vtkhdf``. Collective.
 
         Args:
-            mechanism: A velocity of unit work.
-            dissipation: Its plastic work, piecewise constant.
+            fields: A velocity of unit work, its plastic work, and what belongs to them, by name.
             zeta: The load factor it belongs to.
             alpha: The work α that has been reached.
 
         Raises:
             InputError: If the file cannot be written.
         """
-        fields = {"mechanism": mechanism, "dissipation": dissipation}
         facts = {"zeta": zeta, "alpha": alpha}
         self._writer.write(self._folder.file(MECHANISM), fields, facts)
 

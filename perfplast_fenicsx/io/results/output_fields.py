@@ -71,17 +71,28 @@ class OutputFields:
         """Bring all fields to a level. Collective."""
         self.fields["displacement"].x.array[:] = level.state.u.x.array
         self._e.interpolate(self._strain, self._problem.cells)
+        self._plastic.interpolate(self._at_points)
+        self.fields["plastic"].x.array[:] = by_cell(self._at_points).mean(axis=1)
+        self.of_stress(level.stress, level.contact_forces)
+        return self.fields
+
+    def of_stress(self, sigma: fem.Function, contact_forces: Floats) -> dict[str, fem.Function]:
+        """Bring the fields that belong to a stress up to date, and return them. Collective.
+
+        Args:
+            sigma: Mandel vectors at the points.
+            contact_forces: Of the pairs hosted by this rank, shape (num_pairs,).
+        """
         stress, size = self._stress.x.array, self._mean.function_space.dofmap.index_map_bs
-        stress[:] = level.stress.x.array
+        stress[:] = sigma.x.array
         points = self._problem.S.dofmap.list
         self._mean.x.array[:] = stress.reshape(-1, size)[points].mean(axis=1).ravel()
         self.fields["stress"].interpolate(self._tensor)
-        self._plastic.interpolate(self._at_points)
-        self.fields["plastic"].x.array[:] = by_cell(self._at_points).mean(axis=1)
         self._ratio.interpolate(self._at_points)
         self.fields["yield_ratio"].x.array[:] = by_cell(self._at_points).max(axis=1)
-        self._contact(level.contact_forces)
-        return self.fields
+        self._contact(contact_forces)
+        names = ("stress", "yield_ratio", "contact_pressure")
+        return {name: self.fields[name] for name in names}
 
     def _contact(self, forces: Floats) -> None:
         """Pressure p and resultants of the forces λ of the contact pairs.

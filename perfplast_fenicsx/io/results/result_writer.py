@@ -1,18 +1,24 @@
 """What a run leaves behind for whoever looks at it: the scene, its levels, its limit load."""
 
+from typing import Any
+
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.io.case.scene import Scene, write_scene
 from perfplast_fenicsx.io.results.checkpoints import Saved
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
+from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level
 
-LIMIT_KEYS = ("lower", "estimate", "upper", "alpha", "levelled_off", "reason", "linear_solves")
-"""Keys of ``limit`` in ``summary.json``."""
+LIMIT_KEYS = (
+    *("method", "lower", "estimate", "upper", "alpha", "levelled_off", "reason"),
+    *("iterations", "linear_solves", "factorisations"),
+)
+"""Keys of ``limit`` in ``summary.json``, besides ``body``."""
 
 
 class ResultWriter:
@@ -79,16 +85,40 @@ class ResultWriter:
                 self._fields.write(number, self._output.update(level), level.report)
             self.results.add(level.report)
 
-    def write_limit(self, limit: LimitLoad) -> None:
+    def write_limit(self, limit: LimitLoad, body: BodyBounds | None = None) -> None:
         """Write a limit load and its mechanism. Collective.
+
+        Args:
+            limit: The limit load of the mesh.
+            body: What is proven of the body.
 
         Raises:
             InputError: On every rank, if the system refuses; what was there before is whole.
         """
         with self.results.timed("output"):
-            if self._fields is not None:
-                work = dissipation(self._problem, limit.mechanism)
+            if self._fields is not None and self._output is not None and limit.collapses:
+                problem = body.problem if body else self._problem
+                if problem is not self._problem:  # the mesh was split
+                    folder, prescribed = self.results.folder, Prescribed.WORK
+                    self._fields = FieldSeries(folder, problem, prescribed)
+                    self._output = OutputFields(problem)
+                work = dissipation(problem, limit.mechanism)
+                fields = {"mechanism": limit.mechanism, "dissipation": work}
+                if limit.stress is not None and limit.contact_forces is not None:
+                    fields |= self._output.of_stress(limit.stress, limit.contact_forces)
                 alpha = 0.0 if limit.alpha is None else limit.alpha
-                self._fields.write_mechanism(limit.mechanism, work, limit.lower, alpha)
-            self.results.summary.limit = {key: getattr(limit, key) for key in LIMIT_KEYS}
+                self._fields.write_mechanism(fields, limit.lower, alpha)
+            table = {key: getattr(limit, key) for key in LIMIT_KEYS}
+            self.results.summary.limit = table | {"body": body and _table(body)}
             self.results.write()
+
+
+def _table(body: BodyBounds) -> dict[str, Any]:
+    """What ``summary.json`` says of the body: bounds that hold for it, and no others."""
+    return {
+        "lower": body.lower.value if body.lower.strict else None,
+        "upper": body.upper.value if body.upper.strict else None,
+        "strict": body.strict,
+        "why_not": body.why_not,
+        "certificates": dict(body.certificates),
+    }

@@ -198,6 +198,32 @@ def test_limit_runs_have_options_that_suit_them(read: Read) -> None:
     assert own.options == NewtonOptions(stopping="energy", tolerance=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("loading", "method", "degree", "tolerance"),
+    [
+        ('control = "work"\nuntil = "limit"', "interior-point", 1, 1e-3),
+        ('control = "work"\nuntil = "limit"\nlimit_method = "path"', "work-newton", 1, 1e-3),
+        ('control = "bounds"', "interior-point", 2, 1e-4),
+        ('control = "bounds"\nlimit_tolerance = 0.01', "interior-point", 2, 0.01),
+        ('control = "work"\nvalues = [1.0]', "work-newton", 1, None),
+    ],
+)
+def test_how_a_limit_load_is_found(
+    loading: str, method: str, degree: int, tolerance: float | None, read: Read, comm: MPI.Intracomm
+) -> None:
+    case = read(replaced(WORK[0], f"[loading]\n{loading}\n"))
+    problem = case.problem(comm)
+    assert case.method_on(problem) == method
+    assert problem.degree == degree
+    assert case.loading.limit_tolerance == tolerance
+
+
+def test_an_algorithm_means_a_path(read: Read, comm: MPI.Intracomm) -> None:
+    loading = '[solve]\nmethod = "bordered-newton"\n' + WORK[1] + 'until = "limit"\n'
+    case = read(replaced(WORK[0], loading))
+    assert case.method_on(case.problem(comm)) == "bordered-newton"
+
+
 def test_the_problem_is_built(read: Read, comm: MPI.Intracomm) -> None:
     problem = read(BASE).problem(comm)
     assert problem.num_dofs == 2 * 7 * 3 * 3 * 3
@@ -266,7 +292,11 @@ FORMAT_FAULTS = [
     ('"newton"', '"bordered-newton"', ["'bordered-newton'", "control = 'load'", "'newton'"]),
     (WORK[0], WORK[1] + "values = []", ["[loading]", "values is empty"]),
     (WORK[0], WORK[1] + "values = [-1.0]", ["[loading]", "-1.0", "works"]),
-    (WORK[0], WORK[1] + 'until = "limit"', ["[loading]", "limit_tolerance", "1e-4"]),
+    (WORK[0], WORK[1] + 'until = "limit"\nlimit_method = "guess"', ["limit_method", "'path'"]),
+    (WORK[0], WORK[1] + 'values = [1.0]\nlimit_method = "path"', ["limit_method", "until"]),
+    ('control = "load"\nvalues = [20.0, 40.0]', 'control = "bounds"', ["[solve]", "leave"]),
+    (WORK[0], '[loading]\ncontrol = "bounds"\nlimit_tolerance = 0', ["limit_tolerance = 0.0"]),
+    (WORK[0], '[loading]\ncontrol = "bounds"\nvalues = [1.0]', ["[loading]", "'values'"]),
     (WORK[0], WORK[1] + 'until = "collapse"\nlimit_tolerance = 1e-4', ["until", "limit"]),
     (WORK[0], WORK[1] + 'until = "limit"\nlimit_tolerance = 2.0', ["limit_tolerance = 2.0"]),
     (WORK[0], WORK[1] + "values = [1.0]\nlimit_tolerance = 1e-4", ["limit_tolerance", "until"]),

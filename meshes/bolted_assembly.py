@@ -1,0 +1,194 @@
+"""Two brackets bolted onto a plate, with a rod between them: ten bodies, sixteen contacts.
+
+The plate lies below z = 0, its long side along x. Each bracket has a foot on it and an upright, and
+three carriage bolts, each with its nut a body of its own: a square neck in the foot keeps it from
+turning, its round shank fits the plate. The rod has a square end in one upright and a round one in
+the other, with a nut outside each. Only the plate has supports; contact alone holds the rest.
+
+Volumes ``plate``, ``bracket_1`` and ``bracket_2``, ``bolt_1`` to ``bolt_6``, ``rod``; surfaces
+``ends`` (the plate's short sides) and ``grip`` (the middle of the rod), and one interface for each
+two bodies that touch: ``joint_1``, …, of which each side has its name, as in ``plate_joint_1``.
+A STEP file of the bodies is written beside the mesh.
+"""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import gmsh
+
+from meshes.command_line import mesh_parser, write_from
+from meshes.naming import interface, name
+from meshes.shapes import add_box
+from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
+
+LENGTH, WIDTH, THICKNESS = 240.0, 80.0, 10.0
+"""Of the plate (mm)."""
+
+FOOT, LEG, UPRIGHT, HEIGHT = 40.0, 8.0, 10.0, 60.0
+"""Of a bracket (mm): length and thickness of its foot, thickness and height of its upright."""
+
+INNER = 50.0
+"""From the middle to an upright (mm)."""
+
+SHANK, NECK, HEAD, HEAD_HEIGHT = 5.0, 12.0, 10.0, 6.0
+"""Of a bolt (mm): radius of the shank, side of the neck, radius and height of the head."""
+
+ROD, ROD_NECK, ROD_NUT, ROD_HEIGHT = 6.0, 14.0, 12.0, 38.0
+"""Of the rod (mm): radius, side of its square end, circumradius of its nuts, height of its axis."""
+
+GRIP = 15.0
+"""Half of the length on which the rod is pulled (mm)."""
+
+ROWS = (-26.0, 0.0, 26.0)
+"""Places y of a bracket's bolts (mm)."""
+
+ROUND = 10
+"""Elements about a circle, at least."""
+
+X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+Solid = tuple[int, int]
+"""Dimension and tag of a volume."""
+
+
+def write_bolted_assembly(
+    path: str | Path, size: float = 8.0, order: int = 1, glued: bool = False
+) -> None:
+    """Mesh the assembly and write a .msh and a .step file. On one process.
+
+    Args:
+        path: The .msh file to write; the .step file has the same name otherwise.
+        size: Largest edge length of the tetrahedra (mm); round parts have smaller ones.
+        order: Degree of the geometry, 1 or 2.
+        glued: Leave the bodies in one piece, for a comparison without contact.
+    """
+    with gmsh_session():
+        parts = {"plate": _plate()}
+        for number, side in ((1, -1), (2, 1)):
+            parts[f"bracket_{number}"] = _bracket(side)
+        places = [(side, y) for side in (-1, 1) for y in ROWS]
+        for number, (side, y) in enumerate(places, start=1):
+            parts[f"bolt_{number}"] = _bolt(side * (INNER + UPRIGHT + (FOOT - UPRIGHT) / 2), y)
+        parts["rod"] = _rod()
+        bodies = _fragment(parts)
+        gmsh.write(str(Path(path).with_suffix(".step")))
+        name(3, bodies)
+        ends = [tag for x in (-LENGTH / 2, LENGTH / 2) for tag in on_plane(2, 0, x)]
+        name(2, {"ends": ends, "grip": _grip(bodies["rod"])} | _joints(bodies))
+
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", max(ROUND, 2 * math.pi * SHANK / size))
+        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.setOrder(order)
+        if glued:
+            gmsh.write(str(path))
+        else:
+            write_split(path)
+
+
+def _plate() -> list[Solid]:
+    corner = (-LENGTH / 2, -WIDTH / 2, -THICKNESS)
+    return [add_box(corner, (LENGTH, WIDTH, THICKNESS))]
+
+
+def _bracket(side: int) -> list[Solid]:
+    """The bracket on the side of positive or negative x."""
+    foot = _from_middle(side, FOOT, (0.0, LEG))
+    upright = _from_middle(side, UPRIGHT, (0.0, HEIGHT))
+    return gmsh.model.occ.fuse([foot], [upright])[0]
+
+
+def _from_middle(side: int, length: float, z: tuple[float, float]) -> Solid:
+    """A box that begins where uprights do and is as wide as the plate."""
+    x = INNER if side > 0 else -INNER - length
+    return add_box((x, -WIDTH / 2, z[0]), (length, WIDTH, z[1] - z[0]))
+
+
+def _bolt(x: float, y: float) -> list[Solid]:
+    """A carriage bolt with its nut below the plate."""
+    occ = gmsh.model.occ
+    bottom = -THICKNESS - HEAD_HEIGHT
+    head = occ.addCylinder(x, y, LEG, 0, 0, HEAD_HEIGHT, HEAD)
+    neck = add_box((x - NECK / 2, y - NECK / 2, 0.0), (NECK, NECK, LEG))
+    shank = occ.addCylinder(x, y, bottom, 0, 0, -bottom, SHANK)
+    nut = _hexagon((x, y, bottom), Z, HEAD, HEAD_HEIGHT)
+    return occ.fuse([(3, head)], [neck, (3, shank), nut])[0]
+
+
+def _rod() -> list[Solid]:
+    """The rod, with its square end at negative x, in three pieces: the middle one is the grip."""
+    occ = gmsh.model.occ
+    outer = INNER + UPRIGHT
+    low = (-outer, -ROD_NECK / 2, ROD_HEIGHT - ROD_NECK / 2)
+    neck = add_box(low, (UPRIGHT, ROD_NECK, ROD_NECK))
+    pieces = []
+    for start, end, more in ((-outer, -GRIP, [neck]), (GRIP, outer, [])):
+        shaft = occ.addCylinder(start, 0, ROD_HEIGHT, end - start, 0, 0, ROD)
+        place = start - HEAD_HEIGHT if start < 0 else end
+        nut = _hexagon((place, 0.0, ROD_HEIGHT), X, ROD_NUT, HEAD_HEIGHT)
+        pieces += occ.fuse([(3, shaft)], [*more, nut])[0]
+    return [*pieces, (3, occ.addCylinder(-GRIP, 0, ROD_HEIGHT, 2 * GRIP, 0, 0, ROD))]
+
+
+def _hexagon(centre: Sequence[float], axis: Sequence[float], radius: float, height: float) -> Solid:
+    """A hexagonal prism from a centre along an axis."""
+    occ = gmsh.model.occ
+    along_x = axis[0] > 0
+    corners = []
+    for k in range(6):
+        a, b = radius * math.cos(k * math.pi / 3), radius * math.sin(k * math.pi / 3)
+        offset = (0.0, a, b) if along_x else (a, b, 0.0)
+        corners.append(occ.addPoint(*(c + d for c, d in zip(centre, offset, strict=True))))
+    lines = [occ.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    face = occ.addPlaneSurface([occ.addCurveLoop(lines)])
+    extruded = occ.extrude([(2, face)], *(height * component for component in axis))
+    occ.remove([(2, face)])
+    return next(entity for entity in extruded if entity[0] == 3)
+
+
+def _fragment(parts: dict[str, list[Solid]]) -> dict[str, list[int]]:
+    """Cut the bodies along each other; where two overlap, the later one has what both had.
+
+    Returns:
+        The tags of the volumes by name.
+    """
+    occ = gmsh.model.occ
+    solids = [solid for own in parts.values() for solid in own]
+    _, images = occ.fragment(solids, [])
+    occ.synchronize()
+    owner: dict[int, str] = {}
+    places = iter(images)
+    for label, own in parts.items():
+        for _ in own:
+            owner.update({tag: label for _, tag in next(places)})
+    return {label: [tag for tag, body in owner.items() if body == label] for label in parts}
+
+
+def _joints(bodies: dict[str, list[int]]) -> dict[str, list[int]]:
+    """The faces that two bodies share, numbered by pair of bodies."""
+    owner = {tag: body for body, tags in bodies.items() for tag in tags}
+    joints: dict[tuple[str, ...], list[int]] = {}
+    for tag in interface(2):
+        both = tuple(sorted({owner[solid] for solid in gmsh.model.getAdjacencies(2, tag)[0]}))
+        if len(both) == 2:
+            joints.setdefault(both, []).append(tag)
+    return {f"joint_{k}": tags for k, tags in enumerate(joints.values(), start=1)}
+
+
+def _grip(rod: list[int]) -> list[int]:
+    """The outer face of the piece of the rod in the middle."""
+    middle = next(t for t in rod if abs(gmsh.model.occ.getCenterOfMass(3, t)[0]) < GRIP)
+    faces = gmsh.model.getAdjacencies(3, middle)[1]
+    return [tag for tag in faces if tag not in interface(2)]
+
+
+def main() -> None:
+    """Write the mesh that the command line asks for."""
+    parser = mesh_parser(write_bolted_assembly, "Mesh a bolted assembly of ten bodies.")
+    parser.add_argument("--glued", action="store_true", help="leave the bodies in one piece")
+    write_from(parser, write_bolted_assembly)
+
+
+if __name__ == "__main__":
+    main()

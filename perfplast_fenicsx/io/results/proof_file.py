@@ -1,0 +1,259 @@
+"""``bounds.h5``: what proves bounds of a limit load, to be checked without the program.
+
+The groups ``lower`` and ``upper`` have a stress and a velocity, each with the bodies that they are
+of as plain arrays; :class:`proof.body.Body` says which, :mod:`proof.checker` checks them.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.obstacles import Plane
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.results.global_ordering import (
+    Ordering,
+    cell_ordering,
+    node_ordering,
+    with_ghosts,
+)
+from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
+from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
+from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction
+from perfplast_fenicsx.problem.problem import Problem
+
+Blocks = dict[str, Block]
+
+OFF_DIAGONAL = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)]}
+"""Components of a stress behind the diagonal ones in a Mandel vector, by dimension."""
+
+
+@dataclass(frozen=True)
+class StressProof:
+    """A stress that proves a lower bound.
+
+    Attributes:
+        problem: On straight cells.
+        bound: λ.
+        stress: Mandel vectors at the vertices of this rank's cells, shape (num_cells, tdim + 1, m).
+            Or of their parts, shape (num_cells, tdim + 1, tdim + 1, m): in part a the barycentre
+            stands for vertex a.
+    """
+
+    problem: Problem
+    bound: float
+    stress: Floats
+
+
+@dataclass(frozen=True)
+class VelocityProof:
+    """A velocity that proves an upper bound.
+
+    Attributes:
+        problem: On straight cells.
+        bound: λ.
+        velocity: A function of its V, with up-to-date ghosts.
+    """
+
+    problem: Problem
+    bound: float
+    velocity: fem.Function
+
+
+def write_proof(
+    folder: ResultFolder, path: Path, lower: StressProof | None, upper: VelocityProof | None
+) -> None:
+    """Write what proves bounds. Collective.
+
+    Args:
+        folder: Tells which ranks, and what to say where the system refuses.
+        path: The file; its folder exists.
+        lower: The lower half, if there is one.
+        upper: The upper half; its bodies may be meshed differently.
+
+    Raises:
+        InputError: If cells or obstacles are curved, elements linear, or a load is of a kind that
+            the file cannot say; or where the system refuses.
+    """
+    blocks: Blocks = {}
+    bounds: dict[str, float] = {}
+    for half in (lower, upper):
+        if half is not None:
+            _check(half.problem)
+    if lower is not None:
+        whole = lower if lower.stress.ndim == 3 else _split(lower)
+        blocks |= _named("lower", _body(whole.problem) | _stress(whole))
+        bounds["lower"] = lower.bound
+    if upper is not None:
+        blocks |= _named("upper", _body(upper.problem) | _velocity(upper))
+        bounds["upper"] = upper.bound
+
+    def describe(file: h5py.File) -> None:
+        for kind, bound in bounds.items():
+            file.create_group(kind).attrs["bound"] = bound
+
+    write_arrays(folder, path, blocks, describe=describe)
+
+
+def _check(problem: Problem) -> None:
+    """Refuse what the file cannot say. Collective."""
+    if has_curved_cells(problem.tagged_mesh.mesh):
+        raise InputError("cells are curved, and no bound is strict then; use first-order cells.")
+    for obstacle in problem.given.obstacles:
+        if not isinstance(obstacle, Plane):
+            raise InputError(f"the obstacle at '{obstacle.on}' is curved; a proof knows planes.")
+    for load in problem.given.loads:
+        if not isinstance(load, Pressure | Traction | BodyForce):
+            raise InputError(f"a {type(load).__name__} is no load that a proof can have.")
+    if problem.moves_supports or not problem.loads.is_proportional():
+        raise InputError("supports move or loads are constant; a proof knows loads that all grow.")
+
+
+def _named(group: str, blocks: Blocks) -> Blocks:
+    return {f"{group}/{name}": rows for name, rows in blocks.items()}
+
+
+def _split(proof: StressProof) -> StressProof:
+    """A stress of the parts of cells as one of cells. Collective."""
+    coarse = proof.problem.tagged_mesh
+    split = alfeld_split(coarse)
+    (cells, points), (parts, places) = corners(coarse.mesh), corners(split.mesh)
+    x, y = points[cells][split.parents], places[parts]
+    same = np.linalg.norm(y[:, :, None] - x[:, None], axis=3)
+    slots = np.argmin(same, axis=2)
+    centres = np.argmax(same.min(axis=2), axis=1)[:, None]
+    missing = slots.shape[1] * (slots.shape[1] - 1) // 2 - (
+        slots.sum(axis=1, keepdims=True) - np.take_along_axis(slots, centres, axis=1)
+    )
+    np.put_along_axis(slots, centres, missing, axis=1)
+    stress = proof.stress[split.parents[:, None], missing, slots]
+    return StressProof(proof.problem.on(split), proof.bound, stress)
+
+
+def _stress(proof: StressProof) -> Blocks:
+    """The stress as symmetric matrices. Collective."""
+    mesh, mandel = proof.problem.tagged_mesh.mesh, proof.stress
+    d = mesh.geometry.dim
+    matrices = np.zeros((*mandel.shape[:2], d, d))
+    for i in range(d):
+        matrices[..., i, i] = mandel[..., i]
+    for place, (i, j) in enumerate(OFF_DIAGONAL[d], start=3):
+        matrices[..., i, j] = matrices[..., j, i] = mandel[..., place] / np.sqrt(2)
+    return {"stress": block(cell_ordering(mesh), matrices)}
+
+
+def _velocity(proof: VelocityProof) -> Blocks:
+    """The velocity at its nodes, and the nodes of the cells. Collective."""
+    V, mesh = proof.problem.V, proof.problem.tagged_mesh.mesh
+    if proof.problem.degree != 2:
+        raise InputError(
+            "elements are linear, and a proof has quadratic velocities; use degree = 2."
+        )
+    d, index_map = mesh.topology.dim, V.dofmap.index_map
+    nodes = node_ordering(mesh, V.dofmap.list, index_map)
+    layout = V.dofmap.dof_layout
+    columns = [layout.entity_dofs(0, i)[0] for i in range(d + 1)]
+    edges = {}
+    for edge in range(d * (d + 1) // 2):
+        middle = layout.entity_dofs(1, edge)
+        ends = [columns.index(n) for n in layout.entity_closure_dofs(1, edge) if n not in middle]
+        edges[tuple(sorted(ends))] = middle[0]
+    columns += [edges[pair] for pair in combinations(range(d + 1), 2)]
+    numbers = with_ghosts(index_map, nodes.numbers())
+    owned = mesh.topology.index_map(d).size_local
+    values = proof.velocity.x.array.reshape(-1, d)[: index_map.size_local]
+    return {
+        "velocity": block(nodes, values),
+        "nodes": block(cell_ordering(mesh), numbers[V.dofmap.list[:owned][:, columns]]),
+    }
+
+
+def _body(problem: Problem) -> Blocks:
+    """The bodies with loads, supports and contact. Collective."""
+    tagged_mesh, given = problem.tagged_mesh, problem.given
+    mesh = tagged_mesh.mesh
+    d, topology = mesh.topology.dim, mesh.topology
+    cells, points = corners(mesh)
+    vertices = node_ordering(mesh, cells, topology.index_map(0))
+    numbers = with_ghosts(topology.index_map(0), vertices.numbers())
+    of_cells = cell_ordering(mesh)
+    outer = outer_facets(mesh)
+    keys = (d + 1) * np.asarray(topology.original_cell_index, dtype=np.int64)[outer.cells]
+    of_facets = Ordering(problem.comm, keys + outer.places)
+    around = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
+    facets = np.take_along_axis(cells[outer.cells], around[outer.places], axis=1)
+
+    tags = {name: number for number, name in enumerate(sorted(tagged_mesh.surfaces), start=1)}
+    surface = np.zeros(len(outer.facets), dtype=np.int64)
+    for name, number in tags.items():
+        surface[np.isin(outer.facets, tagged_mesh.facets(name))] = number
+    held = np.zeros((len(surface), d), dtype=np.uint8)
+    for support in given.supports:
+        held[np.ix_(surface == tags[support.on], support.axes(d))] = 1
+    contacts = [[tags[contact.primary], tags[contact.secondary]] for contact in given.contacts]
+    walls = [obstacle for obstacle in given.obstacles if isinstance(obstacle, Plane)]
+    into = [plane.towards(np.zeros((1, d)))[1][0] for plane in walls]
+    return {
+        "vertices": block(vertices, points[: topology.index_map(0).size_local]),
+        "cells": block(of_cells, numbers[cells]),
+        "yield_radius": block(of_cells, _yield_radii(problem)),
+        "body_force": block(of_cells, _body_forces(problem, len(cells))),
+        "facets": block(of_facets, numbers[facets]),
+        "surface": block(of_facets, surface),
+        "held": block(of_facets, held),
+        "traction": block(of_facets, _tractions(problem, outer, surface, tags)),
+        "contacts": _table(problem, contacts, (2,), np.int64),
+        "obstacles": _table(problem, [tags[plane.on] for plane in walls], (), np.int64),
+        "obstacle_normals": _table(problem, into, (d,), np.float64),
+    }
+
+
+def _table(problem: Problem, rows: list, shape: tuple[int, ...], kind: npt.DTypeLike) -> Block:
+    """What every rank knows, as an array that rank 0 has."""
+    values = np.asarray(rows, dtype=kind).reshape(len(rows), *shape)
+    return Block(values if problem.comm.rank == 0 else values[:0], 0, len(rows))
+
+
+def _yield_radii(problem: Problem) -> Floats:
+    """γ of each owned cell. Collective."""
+    topology = problem.tagged_mesh.mesh.topology
+    strains = PointStrains(problem)
+    owned = topology.index_map(topology.dim).size_local
+    radii: Floats = strains.radii[problem.Q.dofmap.list[:owned, 0]]
+    strains.destroy()
+    return radii
+
+
+def _body_forces(problem: Problem, count: int) -> Floats:
+    """Force per volume of each owned cell."""
+    tagged_mesh = problem.tagged_mesh
+    forces = np.zeros((count, tagged_mesh.mesh.geometry.dim))
+    for load in problem.given.loads:
+        if isinstance(load, BodyForce):
+            cells = tagged_mesh.cells(load.on)
+            forces[cells[cells < count]] += np.asarray(load.value)
+    return forces
+
+
+def _tractions(
+    problem: Problem, outer: OuterFacets, surface: npt.NDArray, tags: dict[str, int]
+) -> Floats:
+    """Force per area at the vertices of outer facets."""
+    d = outer.normals.shape[1]
+    values = np.zeros((len(surface), d))
+    for load in problem.given.loads:
+        here = surface == tags.get(load.on, -1)
+        if isinstance(load, Pressure):
+            values[here] -= load.value * outer.normals[here]
+        elif isinstance(load, Traction):
+            values[here] += np.asarray(load.value)
+    return np.repeat(values[:, None], d, axis=1)

@@ -1,0 +1,163 @@
+"""Bounds of the limit load of the body that a mesh fills, and not just of the mesh."""
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, interior_point
+from perfplast_fenicsx.limit_analysis.entering import without_entering
+from perfplast_fenicsx.limit_analysis.gap_shares import gap_shares
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, from_interior_point
+from perfplast_fenicsx.limit_analysis.static_bound import StaticBound, strict_lower_bound
+from perfplast_fenicsx.limit_analysis.strict_work import Bound, Scope, strict_upper_bound
+from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.problem.certificate import contact_forces
+from perfplast_fenicsx.problem.problem import Problem
+
+log = logging.getLogger(__name__)
+
+NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("no stress was sought",))
+
+
+@dataclass(frozen=True)
+class BodyBounds:
+    """What is known of the limit load of a body.
+
+    Attributes:
+        problem: On whose mesh the mechanism is; in space each cell is split from its centre.
+        lower: A lower bound.
+        upper: An upper bound.
+        mechanism: Velocity v of the upper bound, with L(v) = 1; zero where none was found.
+        mesh: The limit load of this mesh, which bounds that of the body on neither side.
+        static: The lower bound with its stress; None where none was sought.
+        shares: What each owned cell of the given mesh, before it was split, has of the gap
+            (:mod:`gap_shares`), shape (num_cells,); None without both bounds.
+        certificates: What is left of what a bound asks for, by name.
+        steps: Of the interior point method, for both bounds.
+        factorisations: For both bounds.
+    """
+
+    problem: Problem
+    lower: Bound
+    upper: Bound
+    mechanism: fem.Function
+    mesh: LimitLoad
+    static: StaticBound | None = None
+    shares: Floats | None = None
+    certificates: Mapping[str, float] = field(default_factory=dict)
+    steps: int = 0
+    factorisations: int = 0
+
+    @property
+    def strict(self) -> bool:
+        """Whether both hold for the body, but for rounding."""
+        return self.lower.strict and self.upper.strict
+
+    @property
+    def why_not(self) -> list[str]:
+        """Why one of them does not; nothing where both do."""
+        bounds = (self.lower, self.upper)
+        return [f"{bound.kind} bound: {why}" for bound in bounds for why in bound.why_not]
+
+    def __repr__(self) -> str:
+        return f"BodyBounds({self.lower!r}, {self.upper!r}; {self.factorisations} factorisations)"
+
+    def in_words(self) -> str:
+        """What they say, in a sentence or two."""
+        lower, upper = self.lower.strict, self.upper.strict
+        reasons = f" ({'; '.join(self.why_not)})" if self.why_not else ""
+        body = "The body that the mesh fills"
+        if lower and upper:
+            return (
+                f"{body} collapses between {self.lower.value:.6g} and {self.upper.value:.6g};"
+                " both bounds are strict."
+            )
+        if upper:
+            return f"{body} collapses at {self.upper.value:.6g} at most, strictly{reasons}."
+        if lower:
+            return f"{body} carries {self.lower.value:.6g} at least, strictly{reasons}."
+        return f"Nothing is proven of the body that the mesh fills{reasons}."
+
+
+def limit_bounds(
+    problem: Problem, rtol: float = 1e-4, monitor: Callable[[InteriorStep], None] | None = None
+) -> BodyBounds:
+    """Find bounds of the limit load of the body that the mesh fills. Collective.
+
+    The mechanism is the best of the mesh that keeps the volume everywhere, for which tetrahedra are
+    split from their centres, and enters no other body between the nodes either.
+
+    Args:
+        problem: The bodies and their loads; quadratic elements are wanted, as linear ones lock.
+        rtol: How near each bound comes to the best of its kind on this mesh, relative.
+        monitor: Called on every rank after each step.
+
+    Raises:
+        InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, a body
+            has another law than those of von Mises and Hooke, or no stress can carry the loads.
+    """
+    given, split = problem, None
+    tagged_mesh = problem.tagged_mesh
+    if problem.bodies.gdim == 3 and problem.degree == 2 and not has_curved_cells(tagged_mesh.mesh):
+        split = alfeld_split(tagged_mesh)
+        problem = problem.on(split)
+    log.info("upper bound: a mechanism on %s", problem)
+    found = interior_point(without_entering(problem) or problem, rtol, monitor)
+    limit = from_interior_point(found)
+    forces = contact_forces(problem, found.stress, limit.lower)  # of pairs, not of coefficients
+    bounds = bounds_of_mesh(problem, replace(limit, contact_forces=forces))
+    log.info("lower bound: a stress on the same cells")
+    static = strict_lower_bound(given, rtol, monitor)
+    certificates = vars(static.certificate) if static.certificate else {}
+    return replace(
+        bounds,
+        lower=static.bound,
+        static=static,
+        shares=_shares(bounds, static, split),
+        certificates={**bounds.certificates, **certificates},
+        steps=bounds.steps + len(static.steps),
+        factorisations=bounds.factorisations + static.factorisations,
+    )
+
+
+def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
+    """What the limit load of a mesh tells of the body: the work of its mechanism. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        limit: As found by the interior point method.
+    """
+    if limit.upper is None:
+        upper = Bound(None, "upper", Scope.MESH, ("no admissible mechanism was found",))
+    else:
+        upper = strict_upper_bound(problem, limit.mechanism)
+    certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
+    return BodyBounds(
+        problem=problem,
+        lower=NOT_SOUGHT,
+        upper=upper,
+        mechanism=limit.mechanism,
+        mesh=limit,
+        certificates=certificates,
+        steps=limit.iterations,
+        factorisations=limit.factorisations or 0,
+    )
+
+
+def _shares(bounds: BodyBounds, static: StaticBound, split: AlfeldSplit | None) -> Floats | None:
+    """Those of the cells of the given mesh. Collective."""
+    if static.bound.value is None or bounds.upper.value is None:
+        return None
+    if split is None:
+        return gap_shares(bounds.problem, bounds.mechanism, static.stress)
+    part = split.mesh.topology.original_cell_index % static.stress.shape[1]
+    stress = static.stress[split.parents, part]
+    shares = gap_shares(bounds.problem, bounds.mechanism, stress)
+    total: Floats = np.zeros(len(static.stress))
+    np.add.at(total, split.parents, shares)
+    return total

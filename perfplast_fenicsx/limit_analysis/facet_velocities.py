@@ -1,0 +1,110 @@
+"""Velocities of the facets' vertices, d a vertex, d² a facet, numbered over all ranks.
+
+Facets have DOLFINx's numbers, their vertices follow each other by global number. Where two bodies
+touch, the velocity of one side along the normal is that of the other side plus the jump: the jump
+is the unknown there, and the facet has a *twin*.
+"""
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+from dolfinx.mesh import Mesh
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+
+
+@dataclass(frozen=True)
+class FacetNumbers:
+    """The facets of this rank's cells.
+
+    Attributes:
+        facets: Local facet opposite each vertex of each owned cell, shape (num_cells, d + 1).
+        places: Place of each of its vertices, as they are in the cell, among the facet's own, shape
+            (num_cells, d + 1, d).
+    """
+
+    facets: Ints
+    places: Longs
+
+
+def facet_numbers(mesh: Mesh) -> FacetNumbers:
+    """Number the facets' vertices, from either cell alike. Collective."""
+    topology = mesh.topology
+    tdim = topology.dim
+    topology.create_connectivity(tdim, tdim - 1)
+    owned = topology.index_map(tdim).size_local
+    facets = topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)[:owned]
+    vertices = topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)[:owned]
+    numbers = topology.index_map(0).local_to_global(vertices.ravel()).reshape(vertices.shape)
+    others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
+    places = np.argsort(np.argsort(numbers[:, others], axis=2), axis=2)
+    return FacetNumbers(facets, places)
+
+
+class FacetVelocities:
+    """Facet velocities as a PETSc vector, and as arrays of the cells.
+
+    Attributes:
+        count: Unknowns that this rank owns.
+        of_cells: Local unknowns of each owned cell, in the order of
+            :class:`stress_cells.CellLayout`, shape (num_cells, num_outer).
+        numbers: Global numbers of the local unknowns, ghosts too.
+        twins: Global number that the value of a local unknown is to be added to, −1 for none.
+    """
+
+    def __init__(self, mesh: Mesh, numbers: FacetNumbers, twins: Longs) -> None:
+        """Number the unknowns. Collective.
+
+        Args:
+            mesh: The mesh.
+            numbers: Of its facets.
+            twins: Of the local unknowns, ghosts too.
+        """
+        tdim = mesh.topology.dim
+        index_map, size = mesh.topology.index_map(tdim - 1), tdim**2
+        num_local = index_map.size_local + index_map.num_ghosts
+        of_facets = index_map.local_to_global(np.arange(num_local, dtype=np.int32))
+        self.count = index_map.size_local * size
+        self.numbers: Longs = (of_facets[:, None] * size + np.arange(size)).ravel()
+        self.twins = twins
+        at = (numbers.facets[:, :, None] * tdim + numbers.places)[..., None] * tdim
+        self.of_cells: Longs = (at + np.arange(tdim)).reshape(len(at), -1).astype(np.int64)
+        self._hosts = np.flatnonzero(twins >= 0)
+        needed = np.concatenate([self.numbers, twins[self._hosts]]).astype(PETSc.IntType)
+        self.vector = PETSc.Vec().createMPI((self.count, None), comm=mesh.comm)
+        self._local = PETSc.Vec().createSeq(len(needed))
+        there = PETSc.IS().createGeneral(needed, comm=mesh.comm)
+        self._scatter = PETSc.Scatter().create(self.vector, there, self._local, None)
+        there.destroy()
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        for thing in (self.vector, self._local, self._scatter):
+            thing.destroy()
+
+    def gather(self, owned: Floats) -> Floats:
+        """Velocities by cell, shape (num_cells, num_outer), of those owned here. Collective."""
+        self.vector.array[:] = owned
+        self._scatter.scatter(self.vector, self._local, addv=PETSc.InsertMode.INSERT)
+        local = self._local.array_r
+        values: Floats = local[: len(self.numbers)].copy()
+        values[self._hosts] += local[len(self.numbers) :]
+        return values[self.of_cells]
+
+    def add_up(self, forces: Floats) -> Floats:
+        """Forces of those owned here from those by cell, the transpose of that. Collective."""
+        at, count = self.of_cells.ravel(), len(self.numbers)
+        sums = np.bincount(at, weights=forces.ravel(), minlength=count)
+        self._local.array[:count] = sums
+        self._local.array[count:] = sums[self._hosts]
+        self.vector.set(0)
+        self._scatter.scatter(
+            self._local,
+            self.vector,
+            addv=PETSc.InsertMode.ADD,
+            mode=PETSc.ScatterMode.REVERSE,
+        )
+        summed: Floats = self.vector.array_r.copy()
+        return summed

@@ -1,0 +1,132 @@
+"""Steps of the interior point method until it is known what the limit load is."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
+from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
+from perfplast_fenicsx.problem.problem import Problem
+
+MOST_STEPS = 60
+
+CLOSER = 0.1
+"""Share of the tolerance that the steps leave between static and kinematic load."""
+
+SETTLED = 1e-5
+"""Forces without balance, and work that is missing, that the bounds then do away with."""
+
+ALMOST = 1e-3
+"""The same where no bound is sought; a velocity that is less admissible is far from a mechanism."""
+
+FAR = 50.0
+"""A load so many times that of a viscous flow, without any mechanism in sight, has no bound."""
+
+NOTHING = 1e-7
+"""A load below this share of that of a viscous flow is none."""
+
+STUCK = 1e-6
+"""Length of a step that counts as none."""
+
+
+class Verdict(StrEnum):
+    """What came of the search for a limit load."""
+
+    FOUND = "found"
+    UNBOUNDED = "unbounded"
+    NO_RESISTANCE = "no resistance"
+    STALLED = "stalled"
+
+
+@dataclass(frozen=True)
+class InteriorStep:
+    """One step of the method.
+
+    Attributes:
+        number: From 1.
+        load: λ of the stress, a lower bound once forces balance.
+        gap: What λ of the velocity exceeds it by, relative, once that is admissible.
+        unbalanced: Largest force that nothing balances, relative to the largest of the loads.
+        inadmissible: Volume change of v in plastic bodies, and strain in elastic ones, relative to
+            ‖ε(v)‖.
+        length: Of the step, at most 1.
+        seconds: Wall time so far.
+    """
+
+    number: int
+    load: float
+    gap: float
+    unbalanced: float
+    inadmissible: float
+    length: float
+    seconds: float
+
+
+def iterate(
+    iteration: InteriorIteration,
+    rtol: float,
+    steps: list[InteriorStep],
+    monitor: Callable[[InteriorStep], None] | None,
+) -> tuple[Verdict, str]:
+    """Step until it is known what the limit load is. Collective."""
+    program, began = iteration.program, time.perf_counter()
+    while len(steps) < MOST_STEPS:
+        try:
+            length = iteration.step()
+        except SingularStiffness as failure:
+            return Verdict.STALLED, str(failure)
+        if length < STUCK:
+            return Verdict.STALLED, "the steps became too short"
+        load, gap = iteration.now.load, iteration.gap()
+        unbalanced, missing = iteration.unbalanced(), iteration.missing_work()
+        wrong, rate = iteration.rates()
+        inadmissible = wrong / rate if rate > 0 else 0.0
+        step = InteriorStep(
+            number=len(steps) + 1,
+            load=load * program.load_unit,
+            gap=gap / abs(load) if load else np.inf,
+            unbalanced=unbalanced,
+            inadmissible=inadmissible,
+            length=length,
+            seconds=time.perf_counter() - began,
+        )
+        steps.append(step)
+        if monitor is not None:
+            monitor(step)
+        if load > FAR * program.degree and unbalanced <= ALMOST < inadmissible:
+            return Verdict.UNBOUNDED, (
+                "stresses within yield carry the loads beyond ζ ="
+                f" {FAR * program.load_unit * program.degree:.3g}, so that nothing seems to bound"
+                " them"
+            )
+        at_rest = rate <= NOTHING  # bodies move as rigid ones, and what strains is rounding
+        if max(unbalanced, missing) > SETTLED or (inadmissible > ALMOST and not at_rest):
+            continue
+        if abs(load) + gap <= NOTHING * program.degree:
+            reason = (
+                "no stress can carry the loads: they move bodies off what holds them,"
+                " and meet no resistance"
+            )
+            return Verdict.NO_RESISTANCE, reason
+        if gap <= CLOSER * rtol * load:
+            return Verdict.FOUND, f"static and kinematic load are within {rtol:g} of each other"
+    return Verdict.STALLED, f"the bounds have not met in {MOST_STEPS} steps"
+
+
+def check_proportional(problem: Problem, rtol: float) -> None:
+    """Refuse what no limit load is known of. Collective.
+
+    Raises:
+        InputError: If ``rtol`` is not between 0 and 1, or supports move or loads are constant.
+    """
+    if not 0 < rtol < 1:
+        raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
+    if problem.moves_supports or not problem.loads.is_proportional():
+        raise InputError(
+            "supports move or loads are constant, and a limit load is that of loads that all grow;"
+            " leave out what does not grow with the load factor."
+        )

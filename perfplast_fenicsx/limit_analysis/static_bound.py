@@ -1,0 +1,185 @@
+"""A lower bound of the limit load of the body: a stress that is in equilibrium everywhere.
+
+The stress is linear in each cell, in space in each of four parts of it, with tractions that are
+continuous and nowhere above yield; without friction and tension on contact. That it is so at
+vertices is enough, since yield sets are convex. It is found by the interior point method
+(:mod:`interior_iteration`), with the multipliers of equilibrium as velocities, and scaled into the
+yield set in the end, so that its load is a bound whatever the method has reached.
+"""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
+from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions, facet_conditions
+from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
+from perfplast_fenicsx.limit_analysis.interior_steps import (
+    InteriorStep,
+    Verdict,
+    check_proportional,
+    iterate,
+)
+from perfplast_fenicsx.limit_analysis.static_certificate import StaticCertificate, certify_stress
+from perfplast_fenicsx.limit_analysis.static_program import StaticProgram, static_program
+from perfplast_fenicsx.limit_analysis.stress_cells import mandel_vectors
+from perfplast_fenicsx.limit_analysis.strict_work import Bound, Scope
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.problem.problem import Problem
+
+BALANCED = 1e-13
+"""Forces without balance, relative to the largest load, that need not be corrected."""
+
+MOST_CORRECTIONS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class StaticBound:
+    """A lower bound and the stress that proves it.
+
+    Attributes:
+        bound: The bound, and what it is one of.
+        verdict: Whether the best stress of the mesh was found.
+        reason: The same in words.
+        stress: σ at the bound, Mandel vectors in the user's units, linear between vertices. In the
+            plane of shape (num_owned_cells, 3, 4), vertices in the order of the mesh's geometry
+            (that of its topology); in space (num_owned_cells, 4, 4, 6), by part and vertex, where
+            part a is the one in which the barycentre replaces vertex a.
+        contact_facets: Owned facets on which ``contact_pressure`` is given, one of each pair.
+        contact_pressure: Pressure at their vertices, by global number, shape (num_facets, d).
+        dissipation: γ‖ε‖ of the multipliers, of each owned cell, with L = 1; the sum over all cells
+            is the bound, but for the tolerance. Where it is large, smaller cells would help.
+        certificate: What the stress leaves; None where there is none.
+        steps: What was done.
+        factorisations: Of a stiffness.
+    """
+
+    bound: Bound
+    verdict: Verdict
+    reason: str
+    stress: Floats
+    contact_facets: Longs
+    contact_pressure: Floats
+    dissipation: Floats
+    certificate: StaticCertificate | None
+    steps: list[InteriorStep]
+    factorisations: int
+
+    def __repr__(self) -> str:
+        return f"StaticBound({self.bound!r}; {len(self.steps)} steps; {self.reason})"
+
+
+def strict_lower_bound(
+    problem: Problem,
+    rtol: float = 1e-4,
+    monitor: Callable[[InteriorStep], None] | None = None,
+) -> StaticBound:
+    """Bound the limit load of the body from below. Collective.
+
+    Only mesh, materials, supports, loads and contact of the problem matter, not the degree of its
+    displacements.
+
+    Args:
+        problem: The bodies and their loads.
+        rtol: What is left between the bound and the best one on this mesh, relative.
+        monitor: Called on every rank after each step.
+
+    Raises:
+        InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, or a
+            body has another law than those of von Mises and Hooke.
+    """
+    check_proportional(problem, rtol)
+    conditions = facet_conditions(problem)
+    if conditions.prevents is not None:
+        return _nothing(conditions, Verdict.STALLED, conditions.prevents)
+    why_not = conditions.why_not
+    if has_curved_cells(problem.tagged_mesh.mesh):
+        why_not = ("cells are curved", *why_not)
+    with ExitStack() as made:
+        static = static_program(problem, conditions)
+        program = static.program
+        made.callback(program.destroy)
+        if program.degree == program.num_pairs:
+            reason = "nothing can yield; give the bodies that may collapse a yield stress"
+            return _nothing(conditions, Verdict.UNBOUNDED, reason)
+        try:
+            program.choose_units()
+        except SingularStiffness as failure:
+            return _nothing(conditions, Verdict.STALLED, str(failure))
+        iteration = InteriorIteration(program)
+        made.callback(iteration.destroy)
+        steps: list[InteriorStep] = []
+        verdict, reason = iterate(iteration, rtol, steps, monitor)
+        return _result(static, iteration, conditions, why_not, verdict, reason, steps)
+
+
+def _result(
+    static: StaticProgram,
+    iteration: InteriorIteration,
+    conditions: FacetConditions,
+    why_not: tuple[str, ...],
+    verdict: Verdict,
+    reason: str,
+    steps: list[InteriorStep],
+) -> StaticBound:
+    """What an iterate proves. Collective."""
+    program, strains = static.program, static.strains
+    for _ in range(MOST_CORRECTIONS):
+        if iteration.unbalanced() <= BALANCED:
+            break
+        iteration.equilibrate()
+    now = iteration.now
+    sizes = np.linalg.norm(now.deviator, axis=1) * program.stress_unit
+    ratio = program.comm.allreduce(float((sizes / strains.radii).max(initial=0)), MPI.MAX)
+    scale = program.stress_unit / max(1.0, ratio)
+    pressure, deviator = scale * now.pressure, scale * now.deviator
+    value = now.load * program.load_unit / max(1.0, ratio)
+    certificate, pushes = certify_stress(static, pressure, deviator, value)
+    scope = Scope.MESH if why_not else Scope.BODY
+    bound = Bound(value, "lower", scope, why_not)
+    if not certificate.holds:
+        words = "no stress in equilibrium was reached"
+        bound = Bound(None, "lower", Scope.MESH, (words,))
+        reason += f"; {words}"
+    tdim, count = strains.gdim, strains.num_cells
+    stress = np.column_stack([pressure, deviator]) @ mandel_vectors(tdim)
+    shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
+    _, rates = strains.of(iteration.velocity)
+    powers = np.zeros(strains.count)
+    plastic, gammas = program.plastic, program.radii
+    powers[plastic] = program.weights[plastic] * gammas * np.linalg.norm(rates[plastic], axis=1)
+    return StaticBound(
+        bound=bound,
+        verdict=verdict,
+        reason=reason,
+        stress=stress.reshape(shape),
+        contact_facets=np.sort(conditions.hosts),
+        contact_pressure=pushes.reshape(-1, tdim),
+        dissipation=powers.reshape(count, -1).sum(axis=1) * program.load_unit,
+        certificate=certificate,
+        steps=steps,
+        factorisations=program.stiffness.factorisations,
+    )
+
+
+def _nothing(conditions: FacetConditions, verdict: Verdict, reason: str) -> StaticBound:
+    """No bound at all."""
+    count, _, tdim = conditions.vertices.shape
+    shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
+    return StaticBound(
+        bound=Bound(None, "lower", Scope.MESH, (reason,)),
+        verdict=verdict,
+        reason=reason,
+        stress=np.zeros(shape),
+        contact_facets=np.zeros(0, dtype=np.int64),
+        contact_pressure=np.zeros((0, tdim)),
+        dissipation=np.zeros(count),
+        certificate=None,
+        steps=[],
+        factorisations=0,
+    )

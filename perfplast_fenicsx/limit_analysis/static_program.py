@@ -1,0 +1,95 @@
+"""The limit load as that of linear stresses in equilibrium: a lower bound of the body's."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.condensed_stiffness import CondensedStiffness
+from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, Discretisation
+from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions
+from perfplast_fenicsx.limit_analysis.facet_velocities import FacetVelocities
+from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrains
+from perfplast_fenicsx.limit_analysis.point_strains import yield_radii
+from perfplast_fenicsx.limit_analysis.stress_cells import gradients
+from perfplast_fenicsx.problem.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class StaticProgram:
+    """A conic program with what its unknowns mean.
+
+    Attributes:
+        program: Its velocities are the multipliers of the equilibrium of stresses.
+        strains: The same as the program's.
+        areas: Area that a vertex of an owned facet stands for, shape (num_facets,).
+        volumes: Of the cells.
+        load: L before it was scaled, in the user's units.
+        jumps: Whether an owned facet unknown is a jump of contact, shape (num_unknowns,).
+        slips: Whether it is a tangential one on a surface in contact.
+    """
+
+    program: ConicProgram
+    strains: MultiplierStrains
+    areas: Floats
+    volumes: Floats
+    load: Floats
+    jumps: npt.NDArray[np.bool_]
+    slips: npt.NDArray[np.bool_]
+
+
+def static_program(problem: Problem, conditions: FacetConditions) -> StaticProgram:
+    """Put the program together. Collective.
+
+    Raises:
+        InputError: If a body has another law than those of von Mises and Hooke.
+    """
+    mesh, at = problem.tagged_mesh.mesh, conditions
+    tdim, on = mesh.topology.dim, conditions.numbers.facets
+    size = tdim**2
+    twins = np.full((len(at.held), tdim, tdim), -1)
+    twins[:, :, 0] = at.twins
+    facets = FacetVelocities(mesh, at.numbers, twins.ravel())
+    axes = np.where(at.held[:, :, None], 0.0, at.axes)[on]
+    points = problem.Q.dofmap.list[: len(on)]
+    radii = yield_radii(problem)[points].min(axis=1)
+    strains = MultiplierStrains(facets, at.vertices, axes, radii)
+
+    num_owned = facets.count // size
+    everywhere = np.zeros((num_owned, tdim, tdim), dtype=bool)
+    jumps, slips, held = everywhere.copy(), everywhere.copy(), everywhere
+    jumps[at.hosts, :, 0] = True
+    slips[at.in_contact, :, 1:] = True
+    held[:] = at.held[:num_owned, None]
+    stiffness = CondensedStiffness(
+        strains,
+        np.flatnonzero(held).astype(np.int32),
+        np.flatnonzero(jumps).astype(np.int32),
+    )
+
+    slopes, volumes = gradients(at.vertices)
+    shares = np.linalg.norm(slopes, axis=2) * volumes[:, None]  # area / d
+    areas = np.zeros(len(at.held))
+    areas[on] = shares
+    pushes = np.einsum("cfik,cfk->cfi", axes, at.tractions[on]) * shares[:, :, None]
+    load = strains.create_vector()
+    of_facets = np.repeat(pushes, tdim, axis=1).reshape(len(on), -1)
+    load.array[: facets.count] = facets.add_up(of_facets)
+    layout = strains.layout
+    parts = layout.rows[:, 0, 0] - layout.outer
+    strains.inner(load.array)[:, parts] = (at.forces * volumes[:, None] / len(parts))[:, None]
+    unscaled = load.array_r.copy()
+    return StaticProgram(
+        program=ConicProgram(
+            Discretisation(
+                problem.comm, strains, stiffness, load, np.flatnonzero(jumps).astype(np.int32)
+            )
+        ),
+        strains=strains,
+        areas=areas[:num_owned],
+        volumes=volumes,
+        load=unscaled,
+        jumps=jumps.ravel(),
+        slips=slips.ravel() & ~held.ravel(),
+    )

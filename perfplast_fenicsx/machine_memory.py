@@ -1,0 +1,30 @@
+"""The memory of the machines that the ranks run on."""
+
+import os
+
+from mpi4py import MPI
+
+
+def has_memory(comm: MPI.Intracomm, needed: float) -> tuple[bool, float, float]:
+    """Whether the machines have the memory that their ranks need. Collective.
+
+    Args:
+        comm: The ranks.
+        needed: What this rank needs (bytes).
+
+    Returns:
+        Whether each machine has as much as its ranks need; what all ranks need; what all machines
+        have.
+    """
+    machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    has = physical_memory()
+    fits = machine.allreduce(needed) <= has
+    first = machine.rank == 0
+    machine.Free()
+    enough: bool = comm.allreduce(fits, MPI.LAND)
+    return enough, comm.allreduce(needed), comm.allreduce(has if first else 0)
+
+
+def physical_memory() -> int:
+    """Of this machine (bytes)."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")

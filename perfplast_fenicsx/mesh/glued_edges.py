@@ -1,0 +1,178 @@
+"""The edges of a mesh of bodies that share no node, with those that lie on each other as one.
+
+Where bodies are in contact their surfaces have the same edges twice. What is decided for one of
+them has to hold for the other, or the nodes of the surfaces do not match any more.
+"""
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import la
+from dolfinx.mesh import Mesh
+
+from perfplast_fenicsx.arrays import Floats, Longs, PairFlags
+from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.parallel import exchange_rows, fetch_rows, send_rows
+
+
+class GluedEdges:
+    """Local edges of a straight mesh, in an order that all ranks and both sides agree on.
+
+    Attributes:
+        of_cell: Local edges of each owned cell, shape (num_cells, edges_per_cell).
+        vertices: Local vertices of each local edge, shape (num_edges, 2).
+        middles: Midpoints, shape (num_edges, 3).
+        order: A number for each local edge, larger for longer ones and different for all edges of a
+            cell. Of two edges of a cell the same is the larger on every rank, and on the other
+            side of a contact.
+    """
+
+    def __init__(self, mesh: Mesh, opposite: Longs) -> None:
+        """Find which edges lie on each other. Collective.
+
+        Args:
+            mesh: Triangles or tetrahedra of first order.
+            opposite: Pairs of vertices that lie on each other, by their global numbers, any of them
+                on any rank, shape (num_pairs, 2).
+        """
+        topology, comm, tdim = mesh.topology, mesh.comm, mesh.topology.dim
+        topology.create_entities(1)
+        topology.create_connectivity(tdim, 1)
+        topology.create_connectivity(1, 0)
+        self._comm, self._map = comm, topology.index_map(1)
+        self._owned = self._map.size_local
+        num_edges = self._owned + self._map.num_ghosts
+        num_cells = topology.index_map(tdim).size_local
+        shape = (-1, 3 if tdim == 2 else 6)
+        self.of_cell = topology.connectivity(tdim, 1).array.reshape(shape)[:num_cells]
+        self.vertices = topology.connectivity(1, 0).array.reshape(num_edges, 2)
+        ends = vertex_coordinates(mesh)[self.vertices]
+        self.middles: Floats = ends.mean(axis=1)
+
+        labels, glued = _labels(mesh, opposite)
+        both = glued[self.vertices].all(axis=1)[: self._owned]
+        self._twins = np.flatnonzero(both)
+        self._meeting = _Meeting(comm, np.sort(labels[self.vertices[self._twins]], axis=1))
+        length = self._largest(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[: self._owned])
+        place = self._largest(_place(self.middles[: self._owned]))
+        first, last = self._map.local_range
+        number = self._largest(np.arange(first, last, dtype=np.float64))
+        self.order = np.empty(num_edges, dtype=np.int64)
+        self.order[np.lexsort((number, place, length))] = np.arange(num_edges)
+
+    def anywhere(self, marks: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Edges that are marked on any rank or any side. Collective.
+
+        Args:
+            marks: Of the local edges, shape (num_edges,).
+        """
+        vector = la.vector(self._map, 1, dtype=np.float64)
+        vector.array[:] = marks
+        vector.scatter_reverse(la.InsertMode.add)
+        found: npt.NDArray[np.bool_] = self._largest(vector.array[: self._owned]) > 0
+        return found
+
+    def new_numbers(self, marks: npt.NDArray[np.bool_], first: int) -> Longs:
+        """Numbers of a new vertex on each marked edge, −1 on the others. Collective.
+
+        Args:
+            marks: What :meth:`anywhere` has returned.
+            first: The first number that this rank gives away.
+        """
+        mine = marks[: self._owned]
+        vector = la.vector(self._map, 1, dtype=np.int64)
+        vector.array[: self._owned] = np.where(mine, first - 1 + np.cumsum(mine), -1)
+        vector.scatter_forward()
+        return vector.array.copy()
+
+    def new_points(self, marks: npt.NDArray[np.bool_]) -> Floats:
+        """The points of these numbers, in their order, shape (num_new, 3)."""
+        return self.middles[: self._owned][marks[: self._owned]]
+
+    def _largest(self, values: Floats) -> Floats:
+        """Values of owned edges made those of the local ones, the largest of both sides."""
+        vector = la.vector(self._map, 1, dtype=np.float64)
+        vector.array[: self._owned] = values
+        vector.array[self._twins] = self._meeting.largest(values[self._twins])
+        vector.scatter_forward()
+        return vector.array.copy()
+
+
+def vertex_coordinates(mesh: Mesh) -> Floats:
+    """Coordinates of the local vertices, shape (num_vertices, 3)."""
+    topology = mesh.topology
+    count = topology.index_map(0).size_local + topology.index_map(0).num_ghosts
+    size = topology.dim + 1
+    x = np.empty((count, 3))
+    vertices = topology.connectivity(topology.dim, 0).array.reshape(-1, size)
+    x[vertices] = mesh.geometry.x[geometry_dofmap(mesh)[:, :size]]
+    return x
+
+
+IRRATIONAL = np.array([0.754877666, 0.569840291, 0.328125733])
+"""A direction along which hardly any two edges of a mesh have their middles at the same place."""
+
+
+def _place(middles: Floats) -> Floats:
+    """What decides between edges of the same length, whatever their numbers on so many ranks."""
+    place: Floats = (middles * IRRATIONAL).sum(axis=1)
+    return place
+
+
+def _labels(mesh: Mesh, opposite: Longs) -> tuple[Longs, PairFlags]:
+    """The smallest number among the vertices that lie on each other, for each local vertex.
+
+    Several may, at edges where more than two bodies meet; so it is passed on until nothing changes.
+
+    Returns:
+        The numbers, and whether there is another vertex, shape (num_vertices,).
+    """
+    comm, vertices = mesh.comm, mesh.topology.index_map(0)
+    first, last = vertices.local_range
+    ends = np.concatenate([opposite, opposite[:, ::-1]])
+    owner = np.searchsorted(comm.allgather(last), ends[:, 0], side="right")
+    ends = send_rows(comm, ends, owner)
+    mine, other = ends[:, 0] - first, ends[:, 1]
+    label = np.arange(first, last, dtype=np.int64)
+    glued = np.zeros(label.size, dtype=np.int64)
+    glued[mine] = 1
+    changed = True
+    while changed:
+        before = label.copy()
+        np.minimum.at(label, mine, fetch_rows(comm, before, other))
+        changed = comm.allreduce(bool((label != before).any()), MPI.LOR)
+    both = la.vector(vertices, 2, dtype=np.int64)
+    both.array[: 2 * label.size] = np.column_stack([label, glued]).ravel()
+    both.scatter_forward()
+    pairs = both.array.reshape(-1, 2)
+    return pairs[:, 0].copy(), pairs[:, 1] > 0
+
+
+class _Meeting:
+    """Rows of all ranks that have the same key, brought together on one rank."""
+
+    def __init__(self, comm: MPI.Intracomm, keys: Longs) -> None:
+        """Send the keys where they meet. Collective.
+
+        Args:
+            comm: The ranks.
+            keys: Shape (num_rows, 2).
+        """
+        destination = keys[:, 0] % comm.size
+        self._comm, self._order = comm, np.argsort(destination, kind="stable")
+        self._sent = np.bincount(destination, minlength=comm.size)
+        self._received = np.empty_like(self._sent)
+        comm.Alltoall(self._sent, self._received)
+        arrived = exchange_rows(comm, keys[self._order], self._sent, self._received)
+        met, group = np.unique(arrived, axis=0, return_inverse=True)
+        self._group, self._count = group.ravel(), len(met)
+
+    def largest(self, values: Floats) -> Floats:
+        """For each row the largest value of those with its key. Collective."""
+        arrived = exchange_rows(self._comm, values[self._order], self._sent, self._received)
+        top = np.full(self._count, -np.inf)
+        np.maximum.at(top, self._group, arrived)
+        out = np.empty(len(values))
+        out[self._order] = exchange_rows(self._comm, top[self._group], self._received, self._sent)
+        return out

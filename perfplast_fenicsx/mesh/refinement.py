@@ -1,0 +1,191 @@
+"""Finer meshes of the same bodies, with their names and with surfaces that still match.
+
+Cells are cut at midpoints of edges (:mod:`bisection`): where the error is, to keep their shape, and
+into fans around points where the stress depends on the direction alone.
+"""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import la
+from dolfinx.mesh import Mesh, MeshTags, create_mesh, meshtags
+
+from perfplast_fenicsx.arrays import Ints, Longs
+from perfplast_fenicsx.compat import coordinate_map
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.bisection import cut, edges_of_faces
+from perfplast_fenicsx.mesh.glued_edges import GluedEdges, vertex_coordinates
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import fetch_rows
+
+_UNNAMED = np.iinfo(np.int32).min
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A finer mesh.
+
+    Attributes:
+        tagged_mesh: The mesh, distributed anew, without ghost cells.
+        parents: Number in the coarser mesh, through all ranks, of the cell that each owned cell is
+            a part of; shape (num_cells,).
+    """
+
+    tagged_mesh: TaggedMesh
+    parents: Longs
+
+
+def check_refinable(tagged_mesh: TaggedMesh) -> None:
+    """Make sure that the cells are straight.
+
+    Raises:
+        InputError: If the mesh has nodes besides its vertices, on every rank alike.
+    """
+    degree = coordinate_map(tagged_mesh.mesh).degree
+    if degree > 1:
+        raise InputError(
+            f"the mesh has cells of order {degree}, and only straight ones can be refined; save it"
+            " with elements of first order (Mesh.ElementOrder = 1 in gmsh)."
+        )
+
+
+def refine(
+    tagged_mesh: TaggedMesh, marked: npt.NDArray[np.bool_], opposite: Longs | None = None
+) -> Refined:
+    """Cut marked cells at all their edges, and others so that the mesh fits. Collective.
+
+    In every triangle that has a cut edge the longest edge is cut first, so that angles stay
+    bounded however often this is done.
+
+    Args:
+        tagged_mesh: Bodies that share no vertex, of straight cells.
+        marked: Of the cells that this rank owns, shape (num_cells,).
+        opposite: Pairs of vertices that lie on each other where bodies are in contact, by their
+            global numbers, on any rank, shape (num_pairs, 2). They lie on each other afterwards
+            too, and so do the new ones on the edges between them.
+
+    Raises:
+        InputError: If cells are not straight.
+    """
+    check_refinable(tagged_mesh)
+    comm = tagged_mesh.mesh.comm
+    edges = GluedEdges(tagged_mesh.mesh, _pairs(opposite))
+    marks: npt.NDArray[np.bool_] = np.zeros(len(edges.order), dtype=np.bool_)
+    marks[edges.of_cell[marked]] = True
+    faces = edges.of_cell[:, edges_of_faces(tagged_mesh.mesh.topology.dim)].reshape(-1, 3)
+    longest = faces[np.arange(len(faces)), edges.order[faces].argmax(axis=1)]
+    more = True
+    while more:
+        marks = edges.anywhere(marks)
+        wanted = longest[marks[faces].any(axis=1)]
+        more = comm.allreduce(not marks[wanted].all(), MPI.LOR)
+        marks[wanted] = True
+    return _cut(tagged_mesh, edges, marks, edges.order[edges.of_cell])
+
+
+def fan(tagged_mesh: TaggedMesh, points: Ints, opposite: Longs | None = None) -> Refined:
+    """Cut the cells around points of a plane mesh in two, at the edges opposite. Collective.
+
+    Args:
+        tagged_mesh: As of :func:`refine`, plane.
+        points: Local vertices; each has to be given on all ranks that have it.
+        opposite: As of :func:`refine`.
+
+    Raises:
+        InputError: If cells are not straight, or no triangles.
+    """
+    check_refinable(tagged_mesh)
+    topology = tagged_mesh.mesh.topology
+    if topology.dim != 2:
+        raise InputError("fans of cells are made in plane meshes only; refine the mesh instead.")
+    edges = GluedEdges(tagged_mesh.mesh, _pairs(opposite))
+    vertices = topology.connectivity(2, 0).array.reshape(-1, 3)[: len(edges.of_cell)]
+    here = np.isin(vertices, points)  # edge k is opposite vertex k
+    marks: npt.NDArray[np.bool_] = np.zeros(len(edges.order), dtype=np.bool_)
+    marks[edges.of_cell[here]] = True
+    marks = edges.anywhere(marks)
+    # any order in a cell will do in the plane, where cells share no more than edges
+    first = edges.order[edges.of_cell] + here * len(edges.order)
+    return _cut(tagged_mesh, edges, marks, first)
+
+
+def _pairs(opposite: Longs | None) -> Longs:
+    return np.empty((0, 2), dtype=np.int64) if opposite is None else opposite
+
+
+def _cut(
+    tagged_mesh: TaggedMesh, edges: GluedEdges, marks: npt.NDArray[np.bool_], order: Longs
+) -> Refined:
+    """Cut the owned cells at marked edges, and distribute what comes of it. Collective."""
+    mesh = tagged_mesh.mesh
+    topology, comm = mesh.topology, mesh.comm
+    dim, owned = topology.dim, len(edges.of_cell)
+    old, new = vertex_coordinates(mesh)[: topology.index_map(0).size_local], edges.new_points(marks)
+    first = (comm.scan(len(old) + len(new)) or 0) - len(old) - len(new)
+    number = la.vector(topology.index_map(0), 1, dtype=np.int64)
+    number.array[: len(old)] = first + np.arange(len(old))
+    number.scatter_forward()
+    middles = edges.new_numbers(marks, first + len(old))
+
+    vertices = topology.connectivity(dim, 0).array.reshape(-1, dim + 1)[:owned]
+    bodies = _values(tagged_mesh.cell_tags, owned)
+    parts = cut(
+        number.array[vertices],
+        _facet_tags(tagged_mesh, owned),
+        middles[edges.of_cell],
+        order,
+        inner=_UNNAMED,
+    )
+    parents = topology.index_map(dim).local_range[0] + parts.parents
+    element = basix.ufl.element("Lagrange", mesh.topology.cell_name(), 1, shape=(dim,))
+    finer = create_mesh(
+        comm, parts.cells, x=np.concatenate([old, new])[:, :dim], e=ufl.Mesh(element)
+    )
+    rows = np.column_stack([bodies[parts.parents], parents, parts.facets])
+    told = fetch_rows(comm, rows, np.asarray(finer.topology.original_cell_index, dtype=np.int64))
+    return Refined(
+        TaggedMesh(
+            mesh=finer,
+            cell_tags=meshtags(
+                finer, dim, np.arange(len(told), dtype=np.int32), told[:, 0].astype(np.int32)
+            ),
+            facet_tags=_facet_meshtags(finer, told[:, 2:].astype(np.int32)),
+            volumes=tagged_mesh.volumes,
+            surfaces=tagged_mesh.surfaces,
+        ),
+        parents=told[:, 1],
+    )
+
+
+def _values(tags: MeshTags, count: int) -> Ints:
+    """The tag of each of the first local entities."""
+    values = np.full(max(count, tags.indices.max(initial=-1) + 1), _UNNAMED, dtype=np.int32)
+    values[tags.indices] = tags.values
+    return values[:count]
+
+
+def _facet_tags(tagged_mesh: TaggedMesh, owned: int) -> Ints:
+    """Tags of the facets of the first cells, shape (owned, dim + 1)."""
+    topology = tagged_mesh.mesh.topology
+    dim = topology.dim
+    topology.create_connectivity(dim, dim - 1)
+    facets = topology.index_map(dim - 1)
+    tags = _values(tagged_mesh.facet_tags, facets.size_local + facets.num_ghosts)
+    of_cell: Ints = tags[topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1)[:owned]]
+    return of_cell
+
+
+def _facet_meshtags(mesh: Mesh, of_cell: Ints) -> MeshTags:
+    """The tags of facets that are told cell by cell."""
+    dim = mesh.topology.dim
+    mesh.topology.create_connectivity(dim, dim - 1)
+    facets = mesh.topology.connectivity(dim, dim - 1).array
+    values = of_cell.ravel()
+    named = values != _UNNAMED
+    found, at = np.unique(facets[named], return_index=True)
+    return meshtags(mesh, dim - 1, found, values[named][at])

@@ -1,0 +1,64 @@
+"""Vertices of straight cells, and their outer facets, as arrays."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx.mesh import Mesh, exterior_facet_indices
+
+from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.compat import entity_nodes
+
+
+def corners(mesh: Mesh) -> tuple[Ints, Floats]:
+    """Vertices of the cells of this rank. Not collective but for connectivities.
+
+    Returns:
+        Local vertices of each owned cell, shape (num_cells, tdim + 1), and coordinates of all local
+        vertices.
+    """
+    topology = mesh.topology
+    tdim = topology.dim
+    topology.create_connectivity(0, tdim)
+    vertices = topology.index_map(0)
+    every = np.arange(vertices.size_local + vertices.num_ghosts, dtype=np.int32)
+    places = entity_nodes(mesh, 0, every).reshape(-1)
+    count = topology.index_map(tdim).size_local
+    cells: Ints = topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)[:count]
+    return cells, np.asarray(mesh.geometry.x[places, : mesh.geometry.dim], dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class OuterFacets:
+    """Facets of one cell, which this rank owns.
+
+    Attributes:
+        facets: Local indices, sorted.
+        cells: Their cells.
+        places: Their place in it: facet i of a simplex is opposite vertex i.
+        normals: Outward unit normals, shape (num_facets, gdim).
+    """
+
+    facets: Ints
+    cells: Ints
+    places: Ints
+    normals: Floats
+
+
+def outer_facets(mesh: Mesh) -> OuterFacets:
+    """The outer facets of this rank. Collective."""
+    topology = mesh.topology
+    tdim = topology.dim
+    topology.create_connectivity(tdim - 1, tdim)
+    topology.create_connectivity(tdim, tdim - 1)
+    facets = exterior_facet_indices(topology)
+    to_cell = topology.connectivity(tdim - 1, tdim)
+    cells = to_cell.array[to_cell.offsets[facets]]
+    of_cells = topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
+    places = np.argmax(of_cells[cells] == facets[:, None], axis=1).astype(np.int32)
+    vertices, points = corners(mesh)
+    x = points[vertices[cells]]
+    inner = np.linalg.inv(x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
+    inward = np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
+    inward = np.take_along_axis(inward, places[:, None, None], axis=1)[:, 0]
+    normals = -inward / np.linalg.norm(inward, axis=1, keepdims=True)
+    return OuterFacets(facets, cells, places, normals)

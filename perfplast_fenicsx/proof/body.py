@@ -1,0 +1,199 @@
+"""What half a proof says of the bodies: cells, yield radii, surfaces, loads, supports, contact."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Longs = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+
+class ProofError(ValueError):
+    """A file that is no proof; the message is a sentence."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """The bodies of dimension d, as they are on file. Stresses and loads are in the same units.
+
+    Attributes:
+        vertices: Shape (num_vertices, d).
+        cells: Their vertices, shape (num_cells, d + 1).
+        yield_radius: Largest ‖dev σ‖ of each cell, ∞ in elastic bodies.
+        body_force: Force per volume of λ = 1, shape (num_cells, d).
+        facets: Vertices of the outer facets, shape (num_facets, d).
+        surface: Tag of the surface of each; 0 for none.
+        held: Which components of the velocity are zero there, shape (num_facets, d).
+        traction: Force per area of λ = 1 at their vertices, linear between, (num_facets, d, d).
+        contacts: Tags of two surfaces that cannot enter each other, shape (num_contacts, 2).
+        obstacles: Tags of surfaces that cannot enter a half space.
+        obstacle_normals: Unit vectors into these, shape (num_obstacles, d).
+    """
+
+    vertices: Floats
+    cells: Longs
+    yield_radius: Floats
+    body_force: Floats
+    facets: Longs
+    surface: Longs
+    held: Flags
+    traction: Floats
+    contacts: Longs
+    obstacles: Longs
+    obstacle_normals: Floats
+
+    def __post_init__(self) -> None:
+        n, d = self.vertices.shape if self.vertices.ndim == 2 else (0, 0)
+        c, f, k = len(self.cells), len(self.facets), len(self.obstacles)
+        shapes = {
+            "cells": (c, d + 1),
+            "yield_radius": (c,),
+            "body_force": (c, d),
+            "facets": (f, d),
+            "surface": (f,),
+            "held": (f, d),
+            "traction": (f, d, d),
+            "contacts": (len(self.contacts), 2),
+            "obstacles": (k,),
+            "obstacle_normals": (k, d),
+        }
+        wrong = [name for name, shape in shapes.items() if getattr(self, name).shape != shape]
+        if d not in (2, 3) or wrong:
+            raise ProofError(f"the shape of {', '.join(wrong) or 'vertices'} fits nothing.")
+        for name in ("cells", "facets"):
+            numbers = getattr(self, name)
+            if numbers.size and not (numbers.min() >= 0 and numbers.max() < n):
+                raise ProofError(f"{name} names vertices that there are not.")
+        known = (self.vertices, self.body_force, self.traction, self.obstacle_normals)
+        if not all(np.isfinite(values).all() for values in known):
+            raise ProofError("vertices, loads or normals are not finite.")
+        if not (self.yield_radius > 0).all():
+            raise ProofError("a yield radius is not positive.")
+        if not (np.abs(np.linalg.norm(self.obstacle_normals, axis=1) - 1) <= 1e-12).all():
+            raise ProofError("a normal of an obstacle is no unit vector.")
+        size = np.ptp(self.vertices[self.cells], axis=1).max(axis=1)
+        if not (self.volumes > 1e-12 * size**d).all():
+            raise ProofError("a cell has no volume.")
+        self._check_facets()
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, npt.NDArray]) -> "Body":
+        """The bodies of arrays by name.
+
+        Raises:
+            ProofError: If one is missing, or they do not fit together.
+        """
+        missing = [name for name in cls.__dataclass_fields__ if name not in arrays]
+        if missing:
+            raise ProofError(f"{', '.join(missing)} is missing.")
+        floats = ("vertices", "yield_radius", "body_force", "traction", "obstacle_normals")
+        longs = ("cells", "facets", "surface", "contacts", "obstacles")
+        values: dict[str, Any] = {name: np.asarray(arrays[name], np.float64) for name in floats}
+        values |= {name: np.asarray(arrays[name], np.int64) for name in longs}
+        return cls(**values, held=np.asarray(arrays["held"]) != 0)
+
+    @property
+    def dim(self) -> int:
+        """D."""
+        return self.vertices.shape[1]
+
+    @property
+    def plastic(self) -> Flags:
+        """Cells that can yield."""
+        return np.isfinite(self.yield_radius)
+
+    @cached_property
+    def gradients(self) -> Floats:
+        """Of the barycentric coordinates, shape (num_cells, d + 1, d)."""
+        x = self.vertices[self.cells]
+        with np.errstate(all="ignore"):
+            inner = np.linalg.inv(x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
+        return np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
+
+    @cached_property
+    def volumes(self) -> Floats:
+        """Of the cells."""
+        x = self.vertices[self.cells]
+        size: Floats = np.abs(np.linalg.det(x[:, 1:] - x[:, :1]))
+        return size / (2 if self.dim == 2 else 6)
+
+    @cached_property
+    def corners(self) -> Longs:
+        """Places in a cell of the vertices of the facet opposite each, shape (d + 1, d)."""
+        every = range(self.dim + 1)
+        return np.array([[j for j in every if j != i] for i in every])
+
+    @cached_property
+    def sides(self) -> tuple[Longs, Longs]:
+        """Cell and place in it of each inner facet's two sides and of each outer facet's one.
+
+        Sides are numbers cell · (d + 1) + place.
+
+        Returns:
+            Shapes (num_inner, 2) and (num_outer,).
+
+        Raises:
+            ProofError: If three cells meet in a facet.
+        """
+        every = np.sort(self.cells[:, self.corners].reshape(-1, self.dim), axis=1)
+        order = np.lexsort(every.T)
+        starts = np.flatnonzero(np.diff(every[order], axis=0, prepend=-1).any(axis=1))
+        counts = np.diff(starts, append=len(order))
+        if counts.max(initial=0) > 2:
+            raise ProofError("more than two cells meet in a facet.")
+        inner = starts[counts == 2]
+        return np.stack([order[inner], order[inner + 1]], axis=1), order[starts[counts == 1]]
+
+    @cached_property
+    def outer(self) -> Longs:
+        """The side of each of ``facets``."""
+        return self._found[0]
+
+    @cached_property
+    def places(self) -> Longs:
+        """Places in its cell of the vertices of each of ``facets``, shape (num_facets, d)."""
+        cells = self.cells[self.outer // (self.dim + 1)]
+        return np.argmax(cells[:, None] == self.facets[:, :, None], axis=2)
+
+    @cached_property
+    def normals(self) -> Floats:
+        """Outward unit normals of ``facets``."""
+        return self.normals_of(self.outer)
+
+    def normals_of(self, sides: Longs) -> Floats:
+        """Unit normals of sides, out of their cells."""
+        inward = self.gradients.reshape(-1, self.dim)[sides]
+        return -inward / np.linalg.norm(inward, axis=1, keepdims=True)
+
+    @cached_property
+    def areas(self) -> Floats:
+        """Of ``facets``."""
+        inward = self.gradients.reshape(-1, self.dim)[self.outer]
+        height = 1 / np.linalg.norm(inward, axis=1)
+        return self.dim * self.volumes[self.outer // (self.dim + 1)] / height
+
+    def on(self, tag: np.int64) -> Longs:
+        """Numbers of the facets of a surface."""
+        return np.flatnonzero(self.surface == tag)
+
+    @cached_property
+    def _found(self) -> tuple[Longs, bool]:
+        """Sides of the facets on file, and whether those are all the outer ones, each once."""
+        outer = self.sides[1]
+        mine = np.sort(self.cells[:, self.corners].reshape(-1, self.dim)[outer], axis=1)
+        given = np.sort(self.facets, axis=1)
+        if len(mine) != len(given):
+            return outer[:0], False
+        by_mine, by_given = np.lexsort(mine.T), np.lexsort(given.T)
+        found = np.empty(len(given), dtype=np.int64)
+        found[by_given] = outer[by_mine]
+        return found, bool((mine[by_mine] == given[by_given]).all())
+
+    def _check_facets(self) -> None:
+        if not self._found[1]:
+            raise ProofError("facets are not those that bound the cells.")

@@ -1,0 +1,204 @@
+"""Does a velocity prove an upper bound? It is quadratic in each cell, and continuous.
+
+∫γ‖ε(v)‖/L(v) is an upper bound of the limit load of the bodies where v = 0 at supports, div v = 0
+in bodies that yield and ε(v) = 0 in elastic ones, and v enters nothing. ε(v) is linear in a cell,
+so that div v vanishes everywhere if it does at the vertices, and the integral is at most that of
+the linear interpolation of ‖ε(v)‖ on any subdivision (kinematic theorem, W. Prager, P. G. Hodge,
+Theory of Perfectly Plastic Solids, 1951).
+"""
+
+from functools import lru_cache
+from itertools import combinations
+from math import factorial
+
+import numpy as np
+
+from perfplast_fenicsx.proof.body import Body, Floats, Longs, ProofError
+from perfplast_fenicsx.proof.touching import touching
+
+CHILDREN = {
+    2: ("00 01 02", "01 11 12", "02 12 22", "01 02 12"),
+    3: (
+        *("00 01 02 03", "01 11 12 13", "02 12 22 23", "03 13 23 33"),
+        *("01 02 03 13", "01 02 12 13", "02 03 13 23", "02 12 13 23"),
+    ),
+}
+"""Parts of a simplex whose edges are halved, by dimension: ends of the edges whose middles are the
+vertices. The order is that of J. Bey, Tetrahedral grid refinement, Computing 55 (1995), 355."""
+
+
+def check_nodes(body: Body, nodes: Longs, count: int) -> None:
+    """Make sure that the velocity is continuous.
+
+    Args:
+        body: The bodies.
+        nodes: Nodes of each cell: those at its vertices and then those at the middles of its edges
+            01, 02, ..., 12, ...
+        count: How many there are.
+
+    Raises:
+        ProofError: If a vertex or an edge has another node in another cell.
+    """
+    pairs = list(combinations(range(body.dim + 1), 2))
+    if nodes.shape != (len(body.cells), body.dim + 1 + len(pairs)):
+        raise ProofError("nodes do not fit the cells.")
+    if nodes.size and not (nodes.min() >= 0 and nodes.max() < count):
+        raise ProofError("nodes without a velocity.")
+    ends = np.sort(body.cells[:, pairs].reshape(-1, 2), axis=1)
+    edges = ends[:, 0] * len(body.vertices) + ends[:, 1]
+    for things, theirs in (
+        (body.cells.ravel(), nodes[:, : body.dim + 1].ravel()),
+        (edges, nodes[:, body.dim + 1 :].ravel()),
+    ):
+        _, first, inverse = np.unique(things, return_index=True, return_inverse=True)
+        if (theirs[first][inverse.ravel()] != theirs).any():
+            raise ProofError("the velocity is not continuous: a place has two nodes.")
+
+
+def measure_velocity(
+    body: Body, v: Floats, subdivisions: int
+) -> tuple[dict[str, float], float, float, str | None]:
+    """What is left of each condition, dissipation and work, and what forbids to tell.
+
+    Args:
+        body: The bodies.
+        v: Velocity at the nodes of each cell, shape (num_cells, nodes_per_cell, d).
+        subdivisions: How often an edge is halved for the integral.
+
+    Returns:
+        ``volume_change`` and ``elastic_strain``, relative to ‖ε(v)‖; ``moved_supports`` and
+        ``entering``, relative to the largest velocity; the dissipation from above; L(v); a reason
+        why the conditions of contact cannot be told, or None.
+    """
+    d, plastic = body.dim, body.plastic
+    rates = strain_rates(body, v)
+    trace = np.trace(rates, axis1=2, axis2=3)
+    deviator = rates - trace[..., None, None] / d * np.eye(d)
+    whole = _norm(body, rates) or 1.0
+    largest = float(np.abs(v).max(initial=0)) or 1.0
+    at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
+    entering, reason = _entering(body, at_facets)
+    measured = {
+        "volume_change": _norm(body, np.where(plastic[:, None], trace, 0.0)) / whole,
+        "elastic_strain": _norm(body, np.where(plastic[:, None, None, None], 0.0, rates)) / whole,
+        "moved_supports": float(np.abs(at_facets * body.held[:, None]).max(initial=0)) / largest,
+        "entering": entering / largest,
+    }
+    radii = np.where(plastic, body.yield_radius, 0.0)
+    points, shares = halved(d, subdivisions)
+    dissipation = 0.0
+    for point, share in zip(points, shares, strict=True):
+        norms = np.linalg.norm(np.einsum("v,cvij->cij", point, deviator), axis=(1, 2))
+        dissipation += share * float(norms @ (radii * body.volumes))
+    return measured, dissipation, _work(body, v, at_facets), reason
+
+
+def strain_rates(body: Body, v: Floats) -> Floats:
+    """ε(v) at the vertices of each cell, shape (num_cells, d + 1, d, d)."""
+    g, d = body.gradients, body.dim
+    gradient = np.einsum("cvi,cvj,kv->ckij", v[:, : d + 1], g, 4 * np.eye(d + 1) - 1)
+    for node, (a, b) in enumerate(combinations(range(d + 1), 2), start=d + 1):
+        gradient[:, a] += 4 * np.einsum("ci,cj->cij", v[:, node], g[:, b])
+        gradient[:, b] += 4 * np.einsum("ci,cj->cij", v[:, node], g[:, a])
+    rates: Floats = (gradient + gradient.transpose(0, 1, 3, 2)) / 2
+    return rates
+
+
+@lru_cache
+def halved(dim: int, times: int) -> tuple[Floats, Floats]:
+    """Points and shares of the vertex rule on a simplex whose edges are halved some times.
+
+    Returns:
+        Barycentric coordinates, shape (num_points, dim + 1), and shares of the volume.
+    """
+    parts: Floats = np.eye(dim + 1)[None]
+    ends = np.array([[list(map(int, edge)) for edge in child.split()] for child in CHILDREN[dim]])
+    for _ in range(times):
+        parts = ((parts[:, ends[..., 0]] + parts[:, ends[..., 1]]) / 2).reshape(
+            -1, dim + 1, dim + 1
+        )
+    points, inverse = np.unique(parts.reshape(-1, dim + 1), axis=0, return_inverse=True)
+    return points, np.bincount(inverse.ravel()) / inverse.size
+
+
+def _norm(body: Body, values: Floats) -> float:
+    """The L² norm of what is linear in each cell, from its values at the vertices."""
+    d = body.dim
+    flat = values.reshape(len(values), d + 1, -1)
+    squares = (flat**2).sum(axis=(1, 2)) + (flat.sum(axis=1) ** 2).sum(axis=1)
+    return float(np.sqrt(body.volumes @ squares / ((d + 1) * (d + 2))))
+
+
+def _facet_nodes(body: Body) -> Longs:
+    """Places in the cell of each facet's vertices and of the middles of its edges."""
+    d = body.dim
+    number = np.zeros((d + 1, d + 1), dtype=np.int64)
+    for node, (a, b) in enumerate(combinations(range(d + 1), 2), start=d + 1):
+        number[a, b] = number[b, a] = node
+    places = body.places
+    middles = [number[places[:, a], places[:, b]] for a, b in combinations(range(d), 2)]
+    return np.concatenate([places, np.stack(middles, axis=1)], axis=1)
+
+
+def _work(body: Body, v: Floats, at_facets: Floats) -> float:
+    """L(v), exact."""
+    d = body.dim
+    moments = np.array([[_moment(d - 1, [a, *b]) for b in _quadratic(d)] for a in range(d)])
+    work = np.einsum("f,fai,an,fni->", body.areas, body.traction, _nodal(moments, d), at_facets)
+    means = _nodal(np.array([[_moment(d, list(b)) for b in _quadratic(d + 1)]]), d + 1)[0]
+    return float(work + np.einsum("c,ci,n,cni->", body.volumes, body.body_force, means, v))
+
+
+def _quadratic(count: int) -> list[tuple[int, int]]:
+    """The products of barycentric coordinates: squares, then those of two."""
+    return [(a, a) for a in range(count)] + list(combinations(range(count), 2))
+
+
+def _moment(dim: int, factors: list[int]) -> float:
+    """Mean over a simplex of a product of barycentric coordinates."""
+    value = factorial(dim) / factorial(dim + len(factors))
+    for factor in set(factors):
+        value *= factorial(factors.count(factor))
+    return value
+
+
+def _nodal(moments: Floats, count: int) -> Floats:
+    """Means against the quadratic shape functions, from those against squares and products."""
+    # shape functions: λ_a(2λ_a − 1) = λ_a² − Σ_b≠a λ_a λ_b, and 4 λ_a λ_b
+    found = moments.copy()
+    for node, (a, b) in enumerate(combinations(range(count), 2), start=count):
+        found[:, a] -= moments[:, node]
+        found[:, b] -= moments[:, node]
+        found[:, node] *= 4
+    return found
+
+
+def _entering(body: Body, at_facets: Floats) -> tuple[float, str | None]:
+    """Largest Bernstein coefficient of what enters on facets of contact, and a reason."""
+    d, entering, reason = body.dim, 0.0, None
+    for one, other in body.contacts:
+        pair = touching(body, one, other)
+        if pair.apart:
+            reason = f"{pair.apart} facets of contact match none of those opposite"
+        edges = list(combinations(range(d), 2))
+        ends = np.sort(pair.order[:, edges], axis=2)
+        place = np.zeros((d, d), dtype=np.int64)
+        for node, (a, b) in enumerate(edges, start=d):
+            place[a, b] = node
+        order = np.concatenate([pair.order, place[ends[..., 0], ends[..., 1]]], axis=1)
+        opposite = np.take_along_axis(at_facets[pair.second], order[..., None], axis=1)
+        jump = at_facets[pair.first] - opposite
+        entering = max(entering, _bernstein(jump, body.normals[pair.first]))
+    for tag, normal in zip(body.obstacles, body.obstacle_normals, strict=True):
+        facets = body.on(tag)
+        entering = max(entering, _bernstein(at_facets[facets], np.tile(normal, (len(facets), 1))))
+    return entering, reason
+
+
+def _bernstein(jump: Floats, normals: Floats) -> float:
+    """Largest Bernstein coefficient of quadratic jumps along n; 0 if none is positive."""
+    d = normals.shape[1]
+    w = np.einsum("fni,fi->fn", jump, normals)
+    for node, (a, b) in enumerate(combinations(range(d), 2), start=d):
+        w[:, node] = 2 * w[:, node] - (w[:, a] + w[:, b]) / 2
+    return float(w.max(initial=0))

@@ -1,0 +1,64 @@
+"""Both bounds of a mesh are the best ones, by another program, where that is installed."""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import ResultFolder, read_gmsh
+from perfplast_fenicsx.io.results.proof_file import StressProof, VelocityProof, write_proof
+from perfplast_fenicsx.limit_analysis import (
+    interior_point,
+    strict_lower_bound,
+    without_entering,
+)
+from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
+from perfplast_fenicsx.proof.body import Body
+from tests.proof.conic_oracle import best_load, least_power
+from tests.random_bodies import problem_of, stack, write_stack
+
+COMM = MPI.COMM_WORLD
+INSIDE = {2: 1 / 6, 3: (5 - 5**0.5) / 20}
+"""Smallest barycentric coordinate of the points of the quadrature of degree 2."""
+
+
+@pytest.mark.parametrize(("seed", "dim"), [(1, 2), (2, 2), (5, 2), (13, 2), (17, 2), (9, 3)])
+def test_both_bounds_are_the_best_of_the_mesh(shared_tmp_path: Path, seed: int, dim: int) -> None:
+    pytest.importorskip("clarabel", reason="the conic solver Clarabel is not installed")
+    it = stack(seed, dim)
+    path = shared_tmp_path / "stack.msh"
+    if COMM.rank == 0:
+        write_stack(path, it)
+    COMM.barrier()
+    mesh = read_gmsh(COMM, path)
+    coarse, _ = problem_of(it, alfeld_split(mesh) if dim == 2 else mesh)
+    static = strict_lower_bound(coarse, 5e-5)
+    problem = coarse if dim == 2 else coarse.on(alfeld_split(mesh))
+    mended = without_entering(problem)
+    assert mended is not None
+    limit = interior_point(mended, 5e-5)
+    assert static.bound.value is not None
+    assert limit.estimate is not None
+
+    folder = ResultFolder(COMM, shared_tmp_path)
+    lower = StressProof(coarse, static.bound.value, static.stress)
+    upper = VelocityProof(problem, limit.estimate, limit.mechanism)
+    write_proof(folder, folder.file("bounds.h5"), lower, upper)
+    with h5py.File(folder.file("bounds.h5")) as file:
+        bodies = {kind: Body.of({n: a[()] for n, a in file[kind].items()}) for kind in file}
+        nodes = file["upper"]["nodes"][()]
+    points = np.full((dim + 1, dim + 1), INSIDE[dim]) + np.eye(dim + 1) * (
+        1 - (dim + 1) * INSIDE[dim]
+    )
+    answers = {
+        static.bound.value: best_load(bodies["lower"]),
+        limit.estimate: least_power(bodies["upper"], nodes, points),
+    }
+    known = {ours: theirs for ours, theirs in answers.items() if theirs is not None}
+    print(seed, answers)
+    for ours, theirs in known.items():
+        assert ours == pytest.approx(theirs, rel=1e-5)
+    assert known

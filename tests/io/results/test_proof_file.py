@@ -1,0 +1,51 @@
+"""What a file of bounds cannot say is refused in a sentence."""
+
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import pytest
+from dolfinx import fem
+
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx import Pressure, Problem, ResultFolder, Sphere, Support, stacked_blocks
+from perfplast_fenicsx.io.results.proof_file import VelocityProof, write_proof
+from tests.checks import assert_refused
+from tests.models import STEEL, Read
+
+COMM = MPI.COMM_WORLD
+
+
+def refused(problem: Problem, folder: Path, words: list[str]) -> None:
+    """Nothing is written."""
+    proof = VelocityProof(problem, 1.0, fem.Function(problem.V))
+    results = ResultFolder(COMM, folder)
+    assert_refused(lambda: write_proof(results, results.file("bounds.h5"), None, proof), words)
+    assert not results.file("bounds.h5").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"degree": 1}, ["linear", "degree = 2"]),
+        ({"obstacles": [Sphere("top", (0.5, 0.5, 5.0), 2.0)]}, ["'top'", "curved", "planes"]),
+    ],
+)
+def test_what_no_proof_can_say(shared_tmp_path: Path, changes: Any, words: list[str]) -> None:
+    arguments: dict[str, Any] = {"degree": 2} | changes
+    problem = Problem(
+        stacked_blocks(COMM, 1),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom"), Support("upper_bottom")],
+        [Pressure("lower_top", 1.0)],
+        **arguments,
+    )
+    refused(problem, shared_tmp_path, words)
+
+
+def test_curved_cells(shared_tmp_path: Path, read: Read) -> None:
+    tube = read(write_thick_tube, size=0.3, order=2)
+    supports = [Support("x0", "x"), Support("y0", "y")]
+    problem = Problem(tube, {"tube": STEEL}, supports, [Pressure("inner", 1.0)], degree=2)
+    refused(problem, shared_tmp_path, ["curved", "first-order"])

@@ -1,0 +1,95 @@
+"""Bounds of the limit load of a body, and what is said where there is none."""
+
+from pathlib import Path
+
+import pytest
+
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx import InputError, Pressure, Problem, Support, VonMises
+from perfplast_fenicsx.limit_analysis import BodyBounds, InteriorStep, limit_bounds
+from perfplast_fenicsx.problem import LoadCase
+from tests.limit_analysis.test_interior_point import BLOCK, COMM, K, blocks, footing, made
+from tests.limit_analysis.test_strict_work import blocks_in_space
+
+
+def upper(bounds: BodyBounds) -> float:
+    """The upper bound, which there must be."""
+    assert bounds.upper.strict
+    assert bounds.upper.value is not None
+    return bounds.upper.value
+
+
+@pytest.mark.mpi3
+def test_a_footing(shared_tmp_path: Path) -> None:
+    told: list[InteriorStep] = []
+    bounds = limit_bounds(footing(shared_tmp_path), monitor=told.append)
+    assert 5.17 < upper(bounds) / K < 5.18  # exact: 5.1416
+    assert bounds.mesh.upper is not None
+    assert bounds.mesh.upper < upper(bounds)
+    assert bounds.steps == len(told) <= 30
+    assert bounds.factorisations <= 18
+    assert bounds.certificates["inadmissible"] < 1e-9
+    assert not bounds.strict
+    assert bounds.why_not == ["lower bound: no stress was sought"]
+    assert f"collapses at {upper(bounds):.6g} at most, strictly" in bounds.in_words()
+
+
+def test_contact_is_not_entered_between_nodes(shared_tmp_path: Path) -> None:
+    problem = footing(shared_tmp_path, punch=True)
+    bounds = limit_bounds(problem)
+    assert bounds.problem is problem
+    assert 5.1416 < upper(bounds) / K < 1.02 * 5.1416
+    assert bounds.mesh.contact_forces is not None
+    pushed = COMM.allreduce(bounds.mesh.contact_forces.sum())
+    assert pushed == pytest.approx(bounds.mesh.lower, rel=1e-6)  # half of a footing of width 2
+
+
+@pytest.mark.mpi3
+def test_tetrahedra_are_split() -> None:
+    problem = blocks_in_space()
+    bounds = limit_bounds(problem, 1e-3)
+    assert upper(bounds) == pytest.approx(96.34, rel=1e-3)
+    cells = [
+        a.tagged_mesh.mesh.topology.index_map(3).size_global for a in (problem, bounds.problem)
+    ]
+    assert cells[1] == 4 * cells[0]
+    assert bounds.mechanism.function_space == bounds.problem.V
+
+
+def test_curved_cells(shared_tmp_path: Path) -> None:
+    mesh = made(shared_tmp_path, write_thick_tube, size=0.2, order=2)
+    problem = Problem(
+        mesh,
+        dict.fromkeys(mesh.volumes, VonMises(young=70e3, poisson=0.3, yield_stress=250.0)),
+        [Support("x0", "x"), Support("y0", "y")],
+        [Pressure("inner", 1.0)],
+        degree=2,
+    )
+    bounds = limit_bounds(problem)
+    assert not bounds.upper.strict
+    assert "upper bound: cells are curved" in bounds.why_not
+    assert bounds.in_words().startswith("Nothing is proven of the body")
+
+
+def test_loads_that_no_stress_can_carry() -> None:
+    with pytest.raises(InputError, match=r"no stress can carry the loads.*turn the loads around"):
+        limit_bounds(blocks(BLOCK, BLOCK, pressure=-1.0))
+
+
+def test_a_search_that_stalls_gives_the_bound_it_has(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = footing(shared_tmp_path)
+    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.interior_steps.MOST_STEPS", 6)
+    bounds = limit_bounds(problem)
+    assert "not met in 6 steps" in bounds.mesh.reason
+    assert bounds.mesh.estimate is None
+    assert 5.1416 < upper(bounds) / K < 5.3
+    assert problem.loads.alpha(bounds.mechanism.x.petsc_vec) == pytest.approx(1)
+
+
+def test_loads_that_were_replaced_stay_where_they_are() -> None:
+    problem = blocks(BLOCK, BLOCK)
+    problem.loads = LoadCase(problem.loads.dead, 2.0 * problem.loads.live)
+    with pytest.raises(InputError, match="loads were replaced"):
+        limit_bounds(problem)

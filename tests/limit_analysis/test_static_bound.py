@@ -1,0 +1,321 @@
+"""Lower bounds of the body: known values, exact ones above them, and stresses proven anew."""
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from dolfinx.mesh import (
+    CellType,
+    DiagonalType,
+    GhostMode,
+    compute_midpoints,
+    create_rectangle,
+    locate_entities_boundary,
+    meshtags,
+)
+
+from perfplast_fenicsx import (
+    BodyForce,
+    Contact,
+    InputError,
+    Plane,
+    Pressure,
+    Problem,
+    Support,
+    TaggedMesh,
+    Traction,
+    two_blocks,
+)
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis import (
+    Scope,
+    StaticBound,
+    Verdict,
+    interior_point,
+    strict_lower_bound,
+    strict_upper_bound,
+)
+from tests.limit_analysis.stress_checker import Checked, check_stress, opposite
+from tests.limit_analysis.test_interior_point import (
+    BLOCK,
+    COMM,
+    RIGID,
+    SOIL,
+    K,
+    blocks,
+    footing,
+)
+from tests.models import STEEL, punch_problem
+
+ROUNDING = 1e-8
+Where = Callable[[np.ndarray], np.ndarray]
+
+
+def rectangle(
+    counts: tuple[int, int],
+    size: tuple[float, float],
+    volumes: Mapping[str, Where],
+    surfaces: Mapping[str, Where],
+    shake: float = 0.0,
+    comm: MPI.Intracomm = COMM,
+) -> TaggedMesh:
+    """A rectangle of crossed triangles from the origin on, its inner vertices shaken."""
+    mesh = create_rectangle(
+        comm,
+        [(0.0, 0.0), size],
+        counts,
+        CellType.triangle,
+        diagonal=DiagonalType.crossed,
+        ghost_mode=GhostMode.none,
+    )
+    index_map = mesh.topology.index_map(2)
+    cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    middles, values = compute_midpoints(mesh, 2, cells).T, np.zeros(len(cells), dtype=np.int32)
+    for i, where in enumerate(volumes.values()):
+        values[where(middles)] = i
+    found = [locate_entities_boundary(mesh, 1, where) for where in surfaces.values()]
+    facets = np.concatenate(found)
+    tags = np.repeat(np.arange(len(found), dtype=np.int32), [len(some) for some in found])
+    order = np.argsort(facets)
+    tagged = TaggedMesh(
+        mesh,
+        meshtags(mesh, 2, cells, values),
+        meshtags(mesh, 1, facets[order], tags[order]),
+        {name: i for i, name in enumerate(volumes)},
+        {name: i for i, name in enumerate(surfaces)},
+    )
+    x = mesh.geometry.x
+    inside = ((x[:, :2] > 1e-9) & (x[:, :2] < np.array(size) - 1e-9)).all(axis=1)
+    moved = inside & (np.abs(x[:, 1] - 1.0) > 1e-9)  # where volumes meet
+    cell = min(size[0] / counts[0], size[1] / counts[1])
+    angle = 1e4 * x[:, 0] + 3e3 * x[:, 1]  # the same on every rank
+    x[moved, :2] += shake * cell * np.column_stack([np.sin(angle), np.cos(angle)])[moved]
+    return tagged
+
+
+def platens(n: int, shake: float = 0.0, comm: MPI.Intracomm = COMM, degree: int = 2) -> Problem:
+    """A quarter of a block 4×2 between rough strong platens, n cells along its height."""
+    mesh = rectangle(
+        (2 * n, 3 * n // 2),
+        (2.0, 1.5),
+        {"block": lambda x: x[1] < 1, "platen": lambda x: x[1] > 1},
+        {
+            "x0": lambda x: x[0] < 1e-9,
+            "y0": lambda x: x[1] < 1e-9,
+            "top": lambda x: x[1] > 1.5 - 1e-9,
+        },
+        shake,
+        comm,
+    )
+    supports = [Support("x0", "x"), Support("y0", "y")]
+    return Problem(
+        mesh, {"block": SOIL, "platen": RIGID}, supports, [Pressure("top", 1.0)], degree=2
+    )
+
+
+def proven(problem: Problem, found: StaticBound, force: tuple[float, ...] | None = None) -> Checked:
+    """Show what is true of any bound of the body, from its stress alone."""
+    assert found.verdict is Verdict.FOUND
+    assert found.bound.strict
+    assert found.bound.kind == "lower"
+    assert found.certificate is not None
+    assert found.certificate.holds
+    assert len(found.steps) <= 30
+    assert found.factorisations == len(found.steps) + 1
+    value = found.bound.value
+    assert value is not None
+    total = problem.comm.allreduce(float(found.dissipation.sum()))
+    assert total == pytest.approx(value, rel=1e-4)
+    assert (found.dissipation >= 0).all()
+    per_volume = None if force is None else tuple(value * f for f in force)
+    checked = check_stress(problem, found.stress, per_volume)
+    scale = problem.comm.allreduce(float(np.abs(found.stress).max(initial=0)), MPI.MAX)
+    assert checked.divergence < ROUNDING * scale
+    assert checked.jump < ROUNDING * scale
+    return checked
+
+
+def below(deviators: Floats, radius: float) -> bool:
+    """Whether the stress is nowhere above yield."""
+    return bool((deviators <= radius * (1 + 1e-12)).all())
+
+
+def is_frictionless(checked: Checked, chosen: np.ndarray) -> bool:
+    """Whether the chosen facets are pressed, and no more."""
+    along = np.einsum("fvi,fi->fv", checked.tractions, checked.normals)[chosen]
+    shear = checked.tractions[chosen] - along[:, :, None] * checked.normals[chosen][:, None]
+    scale = np.abs(along).max()
+    return bool((np.abs(shear) < ROUNDING * scale).all() and (along < ROUNDING * scale).all())
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize(("n", "expected"), [(4, 2.3952), (16, 2.41855)])
+def test_rough_platens(n: int, expected: float) -> None:
+    problem = platens(n)
+    found = strict_lower_bound(problem)
+    checked = proven(problem, found)
+    value = (found.bound.value or 0) / K
+    assert value == pytest.approx(expected, abs=1e-4)
+    assert value < 2.42768
+    assert below(checked.deviators[_of(problem, "block")], SOIL.yield_radius)
+    top = checked.normals[:, 1] > 0.9
+    pressed = checked.tractions[top]
+    assert np.allclose(pressed, [0, -value * K], atol=ROUNDING * K * 10)
+    side = checked.normals[:, 0] > 0.9
+    assert np.allclose(checked.tractions[side], 0, atol=ROUNDING * K * 10)
+    assert f"{found.bound.value:.6g}" in repr(found)
+
+
+def _of(problem: Problem, name: str) -> np.ndarray:
+    """Owned cells of a volume."""
+    cells = problem.tagged_mesh.cells(name)
+    topology = problem.tagged_mesh.mesh.topology
+    return np.asarray(cells[cells < topology.index_map(topology.dim).size_local])
+
+
+@pytest.mark.parametrize("shake", [0.1, 0.2, 0.3])
+def test_bounds_of_irregular_meshes_enclose_the_limit(shake: float) -> None:
+    problem = platens(6, shake)
+    found = strict_lower_bound(problem)
+    proven(problem, found)
+    limit = interior_point(problem)
+    upper = strict_upper_bound(problem, limit.mechanism)
+    assert upper.value is not None
+    assert found.bound.value is not None
+    assert found.bound.value < 2.42768 * K < upper.value
+    assert upper.value < 1.05 * found.bound.value
+
+
+@pytest.mark.mpi3
+def test_a_pressed_strip_ends_in_three_cells(shared_tmp_path: Path) -> None:
+    """At its end each cell has one stress, which bounds the load whatever the rest of the mesh."""
+    problem = footing(shared_tmp_path)
+    found = strict_lower_bound(problem)
+    assert below(proven(problem, found).deviators, SOIL.yield_radius)
+    assert found.bound.value is not None
+    assert 3.24 < found.bound.value / K < 2 * math.sqrt(3)
+
+
+@pytest.mark.mpi3
+def test_a_punch_in_contact(shared_tmp_path: Path) -> None:
+    problem = footing(shared_tmp_path, punch=True)
+    found = strict_lower_bound(problem)
+    checked = proven(problem, found)
+    assert found.bound.value is not None
+    assert 4.9 < found.bound.value / K < 2 + math.pi
+    on = np.isclose(checked.x[..., 1], 0).all(axis=1) & (checked.normals[:, 1] > 0)
+    on &= (checked.x[..., 0] < 1 + 1e-9).all(axis=1)
+    assert is_frictionless(checked, on)
+    assert np.allclose(checked.tractions[on], -opposite(checked, on), atol=ROUNDING * 10 * K)
+    assert (found.contact_pressure >= -ROUNDING * K).all()
+
+
+def test_a_block_on_a_rigid_plane() -> None:
+    mesh = rectangle(
+        (4, 4),
+        (1.0, 1.0),
+        {"block": lambda x: x[1] < 2},
+        {
+            "x0": lambda x: x[0] < 1e-9,
+            "y0": lambda x: x[1] < 1e-9,
+            "top": lambda x: x[1] > 1 - 1e-9,
+        },
+        shake=0.2,
+    )
+    problem = Problem(
+        mesh,
+        {"block": SOIL},
+        [Support("x0", "x")],
+        [Pressure("top", 1.0)],
+        obstacles=[Plane("y0", point=(0.0, -1.0), normal=(0.0, 2.0))],
+    )
+    found = strict_lower_bound(problem)
+    checked = proven(problem, found)
+    assert is_frictionless(checked, checked.normals[:, 1] < -0.9)
+    assert found.bound.value == pytest.approx(2 * K, rel=1e-4)
+    assert np.allclose(found.contact_pressure, found.bound.value, rtol=1e-6)
+
+
+def test_a_column_under_its_weight() -> None:
+    """The lowest cells carry the weight of all, and none more than 2k: 2k/h."""
+    height, n = 2.0, 4
+    mesh = rectangle(
+        (n, 2 * n),
+        (1.0, height),
+        {"block": lambda x: x[1] < 3},
+        {"x0": lambda x: x[0] < 1e-9, "y0": lambda x: x[1] < 1e-9},
+    )
+    supports = [Support("x0", "x"), Support("y0", "y")]
+    problem = Problem(mesh, {"block": SOIL}, supports, [BodyForce("block", (0.0, -1.0))])
+    found = strict_lower_bound(problem)
+    assert below(proven(problem, found, (0.0, -1.0)).deviators, SOIL.yield_radius)
+    assert found.bound.value is not None
+    assert K < found.bound.value < 2.2 * K
+
+
+def test_blocks_in_space() -> None:
+    problem = blocks(BLOCK, BLOCK)
+    found = strict_lower_bound(problem)
+    checked = proven(problem, found)
+    assert below(checked.deviators, BLOCK.yield_radius)
+    assert found.bound.value == pytest.approx(300, rel=1e-4)
+    seam = np.isclose(checked.x[..., 2], 0.7).all(axis=1) & (checked.normals[:, 2] > 0.9)
+    assert is_frictionless(checked, seam)
+    assert np.allclose(checked.tractions[seam], -opposite(checked, seam), atol=ROUNDING * 300)
+
+
+@pytest.mark.mpi3
+def test_cantilevers_in_contact() -> None:
+    """Partly open; bounds of the same mesh enclose the limit load."""
+    problem = Problem(
+        two_blocks(COMM, 2),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("left")],
+        [Traction("top", (0.0, 0.0, -1.0))],
+        [Contact("upper_bottom", "lower_top")],
+        degree=2,
+    )
+    found = strict_lower_bound(problem)
+    checked = proven(problem, found)
+    assert below(checked.deviators, STEEL.yield_radius)
+    assert found.bound.value is not None
+    assert 71 < found.bound.value < 87
+    seam = np.isclose(checked.x[..., 2], 1.0).all(axis=1) & (checked.normals[:, 2] > 0.9)
+    assert is_frictionless(checked, seam)
+    assert np.allclose(checked.tractions[seam], -opposite(checked, seam), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "make", [lambda comm: platens(4, 0.2, comm), lambda comm: punch_problem(2, comm=comm)]
+)
+def test_every_number_of_ranks_finds_the_same(make: Callable[[MPI.Intracomm], Problem]) -> None:
+    alone, together = strict_lower_bound(make(MPI.COMM_SELF)), strict_lower_bound(make(COMM))
+    assert alone.bound.value == pytest.approx(together.bound.value, rel=1e-8)
+
+
+def test_the_degree_of_displacements_does_not_matter() -> None:
+    values = [strict_lower_bound(platens(2, degree=degree)).bound.value for degree in (1, 2)]
+    assert values[0] == pytest.approx(values[1], rel=1e-8)
+
+
+def test_nothing_can_yield() -> None:
+    found = strict_lower_bound(blocks(RIGID, RIGID))
+    assert found.verdict is Verdict.UNBOUNDED
+    assert found.bound.value is None
+    assert found.bound.of is Scope.MESH
+    assert "yield stress" in found.reason
+
+
+def test_loads_that_no_stress_carries() -> None:
+    found = strict_lower_bound(blocks(BLOCK, BLOCK, pressure=-1.0))
+    assert found.verdict is Verdict.NO_RESISTANCE
+
+
+@pytest.mark.parametrize("rtol", [0.0, 1.0, math.nan])
+def test_a_tolerance_must_be_one(rtol: float) -> None:
+    with pytest.raises(InputError, match="not between 0 and 1"):
+        strict_lower_bound(punch_problem(2), rtol)

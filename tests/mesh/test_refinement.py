@@ -1,0 +1,184 @@
+"""Finer meshes: bodies, names and matching surfaces stay what they are."""
+
+from mpi4py import MPI
+
+import dolfinx
+import numpy as np
+import numpy.typing as npt
+import pytest
+import ufl
+
+from meshes.contact_patch import write_contact_patch
+from meshes.strip_footing import write_strip_footing
+from perfplast_fenicsx import Contact, InputError, TaggedMesh, stacked_blocks, two_blocks
+from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.contact.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.mesh import Refined, fan, refine
+from perfplast_fenicsx.mesh.bisection import cut
+from perfplast_fenicsx.parallel import fetch_rows
+from tests.mesh.test_meshes import area_vector, check_interface, volume
+from tests.models import Read
+
+Floats = npt.NDArray[np.float64]
+
+
+def corners(tagged_mesh: TaggedMesh) -> Floats:
+    """Vertices of the owned cells, shape (num_cells, gdim + 1, gdim)."""
+    mesh = tagged_mesh.mesh
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    x: Floats = mesh.geometry.x[geometry_dofmap(mesh)[:owned], : mesh.geometry.dim]
+    return x
+
+
+def sizes(tagged_mesh: TaggedMesh) -> Floats:
+    """Volumes of the owned cells."""
+    x = corners(tagged_mesh)
+    out: Floats = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / (2 if x.shape[2] == 2 else 6)
+    return out
+
+
+def quality(tagged_mesh: TaggedMesh) -> float:
+    """The least volume of a cell beside the cube (square) of its longest edge."""
+    x = corners(tagged_mesh)
+    longest = np.linalg.norm(x[:, :, None] - x[:, None], axis=-1).max(axis=(1, 2))
+    least = (sizes(tagged_mesh) / longest ** x.shape[2]).min(initial=np.inf)
+    return tagged_mesh.mesh.comm.allreduce(least, MPI.MIN)
+
+
+def boundary(tagged_mesh: TaggedMesh) -> float:
+    """Area of all facets with one cell only."""
+    mesh = tagged_mesh.mesh
+    one = dolfinx.fem.Constant(mesh, np.float64(1))
+    return mesh.comm.allreduce(dolfinx.fem.assemble_scalar(dolfinx.fem.form(one * ufl.ds(mesh))))
+
+
+def near(tagged_mesh: TaggedMesh, point: tuple[float, ...], body: str) -> npt.NDArray[np.bool_]:
+    """The owned cells of a body with a vertex at the point."""
+    x = corners(tagged_mesh)
+    marks = np.zeros(len(x), dtype=np.bool_)
+    marks[tagged_mesh.cells(body)] = True
+    at: npt.NDArray[np.bool_] = (np.linalg.norm(x - np.array(point), axis=2) < 1e-9).any(axis=1)
+    return marks & at
+
+
+def check_finer(coarse: TaggedMesh, finer: Refined) -> None:
+    """Bodies, surfaces and boundary measure the same, and cells fill those they are parts of."""
+    tagged_mesh = finer.tagged_mesh
+    comm = tagged_mesh.mesh.comm
+    assert len(finer.parents) == len(corners(tagged_mesh))
+    assert boundary(tagged_mesh) == pytest.approx(boundary(coarse), rel=1e-12)
+    for name in coarse.volumes:
+        assert volume(tagged_mesh, name) == pytest.approx(volume(coarse, name), rel=1e-12)
+    for name in coarse.surfaces:
+        old, new = area_vector(coarse, name), area_vector(tagged_mesh, name)
+        np.testing.assert_allclose(new, old, atol=1e-12)
+    mine = np.column_stack([sizes(coarse), corners(coarse).mean(axis=1)])
+    of_parent = fetch_rows(comm, mine, finer.parents)
+    parts = np.concatenate(comm.allgather(finer.parents))
+    whole = np.bincount(parts, weights=np.concatenate(comm.allgather(sizes(tagged_mesh))))
+    np.testing.assert_allclose(whole, np.concatenate(comm.allgather(sizes(coarse))), rtol=1e-12)
+    away = np.linalg.norm(corners(tagged_mesh).mean(axis=1) - of_parent[:, 1:], axis=1)
+    assert (away ** (of_parent.shape[1] - 1) < 60 * of_parent[:, 0]).all()
+
+
+@pytest.mark.mpi3
+def test_marks_in_one_body_refine_the_other_at_their_contact(comm: MPI.Intracomm) -> None:
+    contacts = [Contact("upper_bottom", "lower_top")]
+    coarse = two_blocks(comm, 2)
+    for _ in range(4):
+        marked = near(coarse, (1.0, 0.5, 1.0), "upper")
+        finer = refine(coarse, marked, opposite_vertices(coarse, contacts))
+        check_finer(coarse, finer)
+        check_interface(finer.tagged_mesh, "upper_bottom", "lower_top")
+        coarse = finer.tagged_mesh
+    assert quality(coarse) > quality(two_blocks(comm, 2)) / 20
+
+
+def test_surfaces_apart_match_still(comm: MPI.Intracomm) -> None:
+    """A gap far wider than the cells, at which each side keeps its place."""
+    coarse = stacked_blocks(comm, 3)
+    x = coarse.mesh.geometry.x
+    x[np.unique(geometry_dofmap(coarse.mesh)[coarse.cells("upper")]), 2] += 2.0
+    contacts = [Contact("lower_top", "upper_bottom")]
+    for _ in range(3):
+        pairs = opposite_vertices(coarse, contacts)
+        finer = refine(coarse, near(coarse, (0.0, 0.0, 1.0), "lower"), pairs)
+        check_finer(coarse, finer)
+        coarse = finer.tagged_mesh
+    pairs = opposite_vertices(coarse, contacts)
+    count = comm.allreduce(len(pairs))
+    assert count > 30
+    assert len(np.unique(np.concatenate(comm.allgather(pairs)))) == 2 * count
+
+
+@pytest.mark.mpi3
+def test_refined_mesh_does_not_depend_on_ranks(comm: MPI.Intracomm, read: Read) -> None:
+    def middles(ranks: MPI.Intracomm) -> Floats:
+        tagged_mesh = read(write_contact_patch, comm=ranks, dim=2)
+        (contact,) = [Contact("upper_seam", "lower_seam")]
+        for _ in range(5):
+            x = corners(tagged_mesh).mean(axis=1)
+            marked = np.linalg.norm(x - (0.3, 0.4), axis=1) < 0.2
+            pairs = opposite_vertices(tagged_mesh, [contact])
+            tagged_mesh = refine(tagged_mesh, marked, pairs).tagged_mesh
+        all_x = np.concatenate(ranks.allgather(corners(tagged_mesh).mean(axis=1)))
+        out: Floats = all_x[np.lexsort(np.round(all_x, 9).T)]
+        return out
+
+    np.testing.assert_allclose(middles(comm), middles(MPI.COMM_SELF), atol=1e-12)
+
+
+@pytest.mark.mpi3
+def test_angles_stay_bounded(comm: MPI.Intracomm, read: Read) -> None:
+    tagged_mesh = read(write_strip_footing)
+    least = quality(tagged_mesh)
+    for _ in range(12):
+        tagged_mesh = refine(tagged_mesh, near(tagged_mesh, (1.0, 0.0), "ground")).tagged_mesh
+    assert quality(tagged_mesh) > least / 4
+    assert sizes(tagged_mesh).min(initial=0.0) < 1e-7
+
+
+@pytest.mark.mpi3
+def test_fan_doubles_the_cells_at_a_point(comm: MPI.Intracomm, read: Read) -> None:
+    coarse = read(write_strip_footing)
+    at = (1.0, 0.0)
+    for _ in range(3):
+        vertices = coarse.mesh.topology.index_map(0)
+        assert vertices.size_global > 0
+        points = dolfinx.mesh.locate_entities(
+            coarse.mesh, 0, lambda x: np.hypot(x[0] - at[0], x[1] - at[1]) < 1e-9
+        )
+        before = comm.allreduce(np.count_nonzero(near(coarse, at, "ground")))
+        finer = fan(coarse, points)
+        check_finer(coarse, finer)
+        coarse = finer.tagged_mesh
+        assert comm.allreduce(np.count_nonzero(near(coarse, at, "ground"))) == 2 * before
+
+
+def test_parts_fit_whatever_edges_are_cut() -> None:
+    """Two tetrahedra, all marks on their face: it is cut alike in both."""
+    cells = np.array([[0, 1, 2, 3], [2, 4, 1, 0]])
+    names = np.array([[10, 11, 12, 13], [20, 21, 22, 23]], dtype=np.int32)
+    edges = {(0, 1): 5, (0, 2): 6, (1, 2): 7, (0, 4): 8}
+    local = [(2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1)]
+    for order in np.random.default_rng(1).permuted(np.tile(np.arange(4), (8, 1)), axis=1):
+        number = dict(zip(edges, order, strict=True))
+        keys = [[tuple(sorted((cell[i], cell[j]))) for i, j in local] for cell in cells]
+        middles = np.array([[edges.get(key, -1) for key in row] for row in keys])
+        ranks = np.array([[number.get(key, -1) for key in row] for row in keys])
+        parts = cut(cells, names, middles, ranks, inner=0)
+        sides = [
+            {tuple(sorted(np.delete(c, k))) for c, t in zip(parts.cells, parts.facets, strict=True)
+             for k in range(4) if t[k] == tag}
+            for tag in (13, 21)
+        ]  # fmt: skip
+        assert sides[0] == sides[1]
+        assert len(sides[0]) == 4
+
+
+def test_what_cannot_be_refined_is_refused(comm: MPI.Intracomm, read: Read) -> None:
+    curved = read(write_strip_footing, order=2)
+    with pytest.raises(InputError, match=r"^the mesh has cells of order 2, and only straight"):
+        refine(curved, np.ones(len(corners(curved)), dtype=np.bool_))
+    with pytest.raises(InputError, match=r"^fans of cells are made in plane meshes only"):
+        fan(stacked_blocks(comm, 1), np.array([0], dtype=np.int32))
