@@ -4,6 +4,7 @@
         (v_a − v_b)·n ≤ g at contact nodes
 """
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -20,6 +21,7 @@ from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.formulations import find_constraints
 from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
+from perfplast_fenicsx.contact.loose_bodies import loose_motions
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.contact.rigid_motions import RigidMotions
 from perfplast_fenicsx.errors import InputError
@@ -38,6 +40,8 @@ from perfplast_fenicsx.problem.spaces import make_spaces, space_at_points
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.problem.work_form import work_form
 from perfplast_fenicsx.profiling import phase
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -198,6 +202,9 @@ class Problem:
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
         motions = RigidMotions(V, self.bodies, fixed, self.constraints)
         motions.check()
+        for loose in loose_motions(V, self.bodies, fixed, self.constraints):
+            if self.comm.rank == 0:
+                log.warning("%s", loose)
         self.first_active: PairFlags = motions.first_active()
         self.basis: JumpBasis = make_basis(V, self.constraints, fixed)
         if self.moves_supports:
