@@ -104,7 +104,9 @@ class Judge:
     def ahead(self, reached: Reached) -> Leap | None:
         """A leap along the mechanism of the last level, where it has one. Collective."""
         if not self._asked:
-            self._look_ahead(reached.before, reached.last)  # as the run before did
+            solves = self.solves
+            self._look_ahead(reached.before, reached.last)  # as the run before did,
+            self.solves = solves  # and counted
         if self._ahead is None:
             return None
         farthest = LEAP if reached.newton_iterations <= EASY else STRIDE
