@@ -20,6 +20,7 @@ from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.io.case.schema import described, shown
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
+from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.methods import METHODS
 
@@ -173,6 +174,8 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     ),
     "support": ("[[support]]", _single(Support)),
     "load": ("[[load]]", _single(tables.LoadTable)),
+    "temperature": ("[[temperature]]", _single(Temperature)),
+    "initial_stress": ("[[initial_stress]]", _single(InitialStress)),
     "contact": ("[[contact]]", _single(Contact)),
     "obstacle": ("[[obstacle]]", _chosen("shape", OBSTACLES, None, "What it is.")),
     "element": ("[element]", _single(tables.ElementOptions)),

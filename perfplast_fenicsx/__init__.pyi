@@ -27,7 +27,10 @@ from .mesh.sample_meshes import two_blocks as two_blocks
 from .mesh.tagged_mesh import TaggedMesh as TaggedMesh
 from .mesh.tagged_mesh import read_gmsh as read_gmsh
 from .pictures.drawing_process import draw as draw
+from .problem.initial_strain import InitialStress as InitialStress
+from .problem.initial_strain import Temperature as Temperature
 from .problem.loads import BodyForce as BodyForce
+from .problem.loads import PorePressure as PorePressure
 from .problem.loads import Pressure as Pressure
 from .problem.loads import Traction as Traction
 from .problem.problem import Problem as Problem

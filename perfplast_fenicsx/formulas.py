@@ -19,12 +19,12 @@ VARIABLES = ("x", "y", "z", "pi")
 
 FUNCTIONS = (
     *("abs", "arccos", "arccosh", "arcsin", "arcsinh", "arctan", "arctan2", "arctanh", "ceil"),
-    *("cos", "cosh", "exp", "expm1", "floor", "fmod", "log", "log10", "log1p", "sin", "sinh"),
-    *("sqrt", "tan", "tanh", "where"),
+    *("cos", "cosh", "exp", "expm1", "floor", "fmod", "log", "log10", "log1p", "maximum"),
+    *("minimum", "sin", "sinh", "sqrt", "tan", "tanh", "where"),
 )
 """Of NumPy, by these names; they act point by point."""
 
-ARGUMENTS = {"arctan2": 2, "fmod": 2, "where": 3}
+ARGUMENTS = {"arctan2": 2, "fmod": 2, "maximum": 2, "minimum": 2, "where": 3}
 """How many a function takes, if not one."""
 
 OPERATORS: dict[type[ast.AST], tuple[str, Callable[..., Any]]] = {
@@ -97,7 +97,7 @@ def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
         at = ", ".join(f"{coordinate:.6g}" for coordinate in x[np.argmax(wrong)])
         raise InputError(
             f"{place}: {_quoted(formula)} is {values[wrong][0]} at ({at}); give a number or formula"
-            " that is finite on the whole surface."
+            " that is finite wherever it is needed."
         )
     largest = np.abs(values).max(initial=0)
     if largest > LARGEST:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.formulas import FUNCTIONS, LONGEST, evaluate
+from perfplast_fenicsx.formulas import ARGUMENTS, FUNCTIONS, LONGEST, evaluate
 
 X = np.array([[0.0, 0.0, 0.0], [0.5, -1.0, 2.0], [3.0, 0.25, -0.125]])
 x, y, z = X.T
@@ -42,7 +42,7 @@ def test_values_are_writable_and_may_be_none_at_all() -> None:
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_every_function_that_is_named_exists(name: str) -> None:
-    count = {"arctan2": 2, "fmod": 2, "where": 3}.get(name, 1)
+    count = ARGUMENTS.get(name, 1)
     arguments = ", ".join(["x > 0.75", "x", "y"] if count == 3 else ["x", "y"][:count])
     point = np.array([[1.0, 0.5, 0.0]])
     assert np.isfinite(evaluate(f"{name}({arguments})", point, "here") if name != "arctanh" else 0)

@@ -167,10 +167,10 @@ def in_brackets(bounds: BodyBounds) -> str:
     """The bounds that hold for the body, or why there are none."""
     lower, upper = bounds.lower, bounds.upper
     if bounds.strict:
-        return f"{lower.value:.6g} ... {upper.value:.6g}"
+        return f"{lower.shown} ... {upper.shown}"
     if upper.strict:
-        return f"<= {upper.value:.6g}"
-    return f">= {lower.value:.6g}" if lower.strict else f"none: {', '.join(upper.why_not)}"
+        return f"<= {upper.shown}"
+    return f">= {lower.shown}" if lower.strict else f"none: {', '.join(upper.why_not)}"
 
 
 HEADING = (

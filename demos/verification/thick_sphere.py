@@ -24,6 +24,7 @@
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -144,7 +145,9 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
                 seams.append(row("mean seam pressure", about, pressure, exact, 0, began))
             began = time.perf_counter()
             found = collapse(problem, rtol=1e-3 if interface else 1e-4)
-            limits.append(row("limit load", about, found.zeta, EXACT, found.solves, began))
+            limit = row("limit load", about, found.zeta, EXACT, found.solves, began)
+            factorisations = found.limit.factorisations
+            limits.append(replace(limit, factorisations=factorisations, bracket=found.bracket))
         if degree == 2:
             for of_meshes in (whole, seams, limits):
                 assert all(abs(b.error) < abs(a.error) for a, b in pairwise(of_meshes))

@@ -21,7 +21,7 @@ from perfplast_fenicsx.limit_analysis.body_bounds import bounds_of_mesh, limit_b
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.pictures.drawing_process import draw
-from perfplast_fenicsx.solvers.load_stepping import load_path
+from perfplast_fenicsx.solvers.load_stepping import load_path, rests_first
 
 SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
 """Exit statuses of the command line; an interrupted run has that of :class:`Interrupted`."""
@@ -104,8 +104,10 @@ def _solve(context: RunContext, solver: Any) -> int:
         with at(case.path.name):
             limit = _limit(context, solver, recorder, case.loading.limit_tolerance)
     else:
-        values = (case.loading.values or [])[len(saved.reports) :]
+        values = case.loading.values or []
         start = saved.level.state if saved.level else None
+        if start is not None:
+            values = values[len(saved.reports) - rests_first(solver, values) :]
         for level in load_path(solver, values, recorder.iteration, start):
             recorder.level(level)
     results = recorder.results
@@ -115,6 +117,8 @@ def _solve(context: RunContext, solver: Any) -> int:
             log.info("path.png alone is drawn: fields.png needs fields = true under [output]")
         with results.timed("pictures"):
             draw(context.folder)
+    if recorder.last is not None:
+        context.terminal.reactions(recorder.last.report)
     results.summary.timings["total"] = recorder.elapsed()
     results.write()
     context.terminal.results(context.folder)

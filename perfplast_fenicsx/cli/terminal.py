@@ -123,6 +123,14 @@ class Terminal:
             f" bound {upper} ({effort(limit)}): {limit.reason}."
         )
 
+    def reactions(self, report: LevelReport) -> None:
+        """Say what loads, supports, obstacles and contacts exert on the bodies, a line each."""
+        width = max(map(len, report.reactions), default=0)
+        self.say(f"Forces at zeta = {report.zeta:.6g}, in balance to {report.balance:.1e}:")
+        for name, force in report.reactions.items():
+            cells = "  ".join(f"{component:>12.6g}" for component in force)
+            self.say(f"  {name:<{width}}  {cells}")
+
     def body(self, bounds: BodyBounds) -> None:
         """Say what is proven of the body."""
         self.say(bounds.in_words())

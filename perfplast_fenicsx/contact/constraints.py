@@ -30,7 +30,7 @@ class Constraints:
     Attributes:
         B: Shape (m, num_dofs), sparse: rows as hosts are distributed, columns as V's unknowns.
         host: Local block dof of each host, owned by this rank, shape (m_local,).
-        gap: Initial gap g ≥ 0 (length), shape (m_local,).
+        gap: Initial gap g (length), negative for interference, shape (m_local,).
         normal: Unit normal out of a's body, shape (m_local, gdim).
         surface: Number of the contact or obstacle from 0, shape (m_local,); obstacles count on
             behind the contacts.

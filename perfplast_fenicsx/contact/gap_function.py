@@ -5,6 +5,7 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.node_matching import Matching
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.formulas import evaluate
@@ -23,7 +24,7 @@ OVERLAP = 1e-9
 def normals_and_gaps(
     comm: MPI.Intracomm,
     place: str,
-    given: float | str | None,
+    contact: Contact,
     matching: Matching,
     size: float,
 ) -> tuple[Floats, Floats]:
@@ -32,7 +33,7 @@ def normals_and_gaps(
     Args:
         comm: The ranks.
         place: Where the contact stands, for messages.
-        given: Its gap, a number or a formula; None to measure it.
+        contact: Its gap, a number or a formula, or None to measure it; whether it may be negative.
         matching: Nodes of both surfaces, rows of :func:`surface_nodes.surface_node_type`.
         size: Of the surfaces (length).
 
@@ -70,9 +71,11 @@ def normals_and_gaps(
             f" {farthest:.3g} aside); mesh the two surfaces with the same nodes, for instance by"
             " fragmenting and splitting in gmsh."
         )
-    if given is None:
-        return normal, without_overlap(comm, place, apart, size)
-    return normal, _given_gap(comm, place, given, primary["x"], size)
+    if contact.gap is not None:
+        return normal, _given_gap(comm, place, contact, primary["x"], size)
+    if contact.interference:
+        return normal, np.where(np.abs(apart) > OVERLAP * size, apart, 0.0)
+    return normal, without_overlap(comm, place, apart, size)
 
 
 def without_overlap(comm: MPI.Intracomm, place: str, gap: Floats, size: float) -> Floats:
@@ -84,23 +87,26 @@ def without_overlap(comm: MPI.Intracomm, place: str, gap: Floats, size: float) -
     overlap = -comm.allreduce(float(gap.min(initial=0)), MPI.MIN)
     if overlap > OVERLAP * size:
         raise InputError(
-            f"{place}: the bodies overlap at first, by up to {overlap:.6g}; move one of them."
+            f"{place}: the bodies overlap at first, by up to {overlap:.6g}; move one of them, or"
+            " say that it is meant by interference = true of a contact."
         )
     return np.where(gap > OVERLAP * size, gap, 0.0)
 
 
-def _given_gap(comm: MPI.Intracomm, place: str, gap: float | str, x: Floats, size: float) -> Floats:
-    """Gaps of a number or formula at points, none of them negative. Collective."""
+def _given_gap(comm: MPI.Intracomm, place: str, contact: Contact, x: Floats, size: float) -> Floats:
+    """Gaps of a number or formula at points, negative only where that is meant. Collective."""
     message: str | None = None
+    gap = 0.0 if contact.gap is None else contact.gap
     gaps: Floats = np.zeros(len(x))
     try:
         gaps = evaluate(gap, x, f"{place}: gap")
-        if (gaps < -OVERLAP * size).any():
+        if not contact.interference and (gaps < -OVERLAP * size).any():
             message = (
                 f"{place}: gap = {gap} is negative ({gaps.min():.6g}) at some nodes, but bodies"
-                " cannot overlap at first; give a gap of zero or more."
+                " cannot overlap at first; give a gap of zero or more, or interference = true where"
+                " it is meant."
             )
     except InputError as error:
         message = str(error)
     raise_together(comm, message)
-    return np.maximum(gaps, 0.0)
+    return gaps if contact.interference else np.maximum(gaps, 0.0)

@@ -54,7 +54,7 @@ class NodeToNode:
         )
         size = extent(comm, np.concatenate([primary["x"], secondary["x"]]))
         matching = match_nodes(comm, primary, secondary, MATCHING_TOLERANCE * size)
-        normal, gap = normals_and_gaps(comm, self.place, contact.gap, matching, size)
+        normal, gap = normals_and_gaps(comm, self.place, contact, matching, size)
         pairs = _to_hosts(comm, matching, normal, gap)
         every, coefficient = np.arange(len(pairs)), pairs["sign"][:, None] * pairs["normal"]
         host = pairs["host"] + V.dofmap.index_map.local_range[0]

@@ -8,7 +8,7 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, interior_point
+from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
 from perfplast_fenicsx.limit_analysis.gap_shares import gap_shares
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, from_interior_point
@@ -21,7 +21,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)
 
-NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("no stress was sought",))
+NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("none was sought, as with control = 'bounds'",))
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,8 @@ class BodyBounds:
         mechanism: Velocity v of the upper bound, with L(v) = 1; zero where none was found.
         mesh: The limit load of this mesh, which bounds that of the body on neither side.
         static: The lower bound with its stress; None where none was sought.
+        stress: That stress, Mandel vectors at the vertices of this rank's cells of ``problem``,
+            shape (num_cells, d + 1, m); None without a lower bound.
         shares: What each owned cell of the given mesh, before it was split, has of the gap
             (:mod:`gap_shares`), shape (num_cells,); None without both bounds.
         certificates: What is left of what a bound asks for, by name.
@@ -48,6 +50,7 @@ class BodyBounds:
     mechanism: fem.Function
     mesh: LimitLoad
     static: StaticBound | None = None
+    stress: Floats | None = None
     shares: Floats | None = None
     certificates: Mapping[str, float] = field(default_factory=dict)
     steps: int = 0
@@ -70,17 +73,26 @@ class BodyBounds:
     def in_words(self) -> str:
         """What they say, in a sentence or two."""
         lower, upper = self.lower.strict, self.upper.strict
+        early = []
+        if not self.mesh.levelled_off and upper:
+            early.append(f" The upper one is not the best of this mesh: {self.mesh.reason}.")
+        if self.static is not None and self.static.verdict is not Verdict.FOUND and lower:
+            early.append(f" The lower one is not the best of this mesh: {self.static.reason}.")
+        return self._proven(lower, upper) + "".join(early)
+
+    def _proven(self, lower: bool, upper: bool) -> str:
+        """What is proven, in a sentence."""
         reasons = f" ({'; '.join(self.why_not)})" if self.why_not else ""
         body = "The body that the mesh fills"
         if lower and upper:
             return (
-                f"{body} collapses between {self.lower.value:.6g} and {self.upper.value:.6g};"
+                f"{body} collapses between {self.lower.shown} and {self.upper.shown};"
                 " both bounds are strict."
             )
         if upper:
-            return f"{body} collapses at {self.upper.value:.6g} at most, strictly{reasons}."
+            return f"{body} collapses at {self.upper.shown} at most, strictly{reasons}."
         if lower:
-            return f"{body} carries {self.lower.value:.6g} at least, strictly{reasons}."
+            return f"{body} carries {self.lower.shown} at least, strictly{reasons}."
         return f"Nothing is proven of the body that the mesh fills{reasons}."
 
 
@@ -114,11 +126,18 @@ def limit_bounds(
     log.info("lower bound: a stress on the same cells")
     static = strict_lower_bound(given, rtol, monitor)
     certificates = vars(static.certificate) if static.certificate else {}
+    stress = shares = None
+    if static.bound.value is not None:
+        stress = static.stress if split is None else _on_parts(static.stress, split)
+        if bounds.upper.value is not None:
+            shares = gap_shares(problem, bounds.mechanism, stress)
+            shares = shares if split is None else _of_parents(shares, split)
     return replace(
         bounds,
         lower=static.bound,
         static=static,
-        shares=_shares(bounds, static, split),
+        stress=stress,
+        shares=shares,
         certificates={**bounds.certificates, **certificates},
         steps=bounds.steps + len(static.steps),
         factorisations=bounds.factorisations + static.factorisations,
@@ -149,15 +168,15 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
     )
 
 
-def _shares(bounds: BodyBounds, static: StaticBound, split: AlfeldSplit | None) -> Floats | None:
-    """Those of the cells of the given mesh. Collective."""
-    if static.bound.value is None or bounds.upper.value is None:
-        return None
-    if split is None:
-        return gap_shares(bounds.problem, bounds.mechanism, static.stress)
-    part = split.mesh.topology.original_cell_index % static.stress.shape[1]
-    stress = static.stress[split.parents, part]
-    shares = gap_shares(bounds.problem, bounds.mechanism, stress)
-    total: Floats = np.zeros(len(static.stress))
-    np.add.at(total, split.parents, shares)
-    return total
+def _on_parts(stress: Floats, split: AlfeldSplit) -> Floats:
+    """The stress of the parts of cells, as that of the cells of the split mesh."""
+    part = np.asarray(split.mesh.topology.original_cell_index) % stress.shape[1]
+    chosen: Floats = stress[split.parents, part]
+    return chosen
+
+
+def _of_parents(values: Floats, split: AlfeldSplit) -> Floats:
+    """Sums over the parts of each cell."""
+    sums: Floats = np.zeros(len(values) // (split.mesh.topology.dim + 1))
+    np.add.at(sums, split.parents, values)
+    return sums

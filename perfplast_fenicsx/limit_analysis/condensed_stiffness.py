@@ -9,6 +9,7 @@ from perfplast_fenicsx.limit_analysis.conic_program import NONE, SingularStiffne
 from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrains
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
+from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
 from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
 
 AT_ONCE = 3_000_000
@@ -19,6 +20,9 @@ RIDGE = 1e-13
 meet at right angles or cross."""
 
 TINY = 1e-300
+
+SMALL = 17
+"""Triangular matrices of this size are inverted at once."""
 
 UNPIVOTED = {**DIRECT, "mat_mumps_cntl_1": 0.0}
 """K is nowhere negative: pivots that MUMPS would look for take memory, and time."""
@@ -107,8 +111,7 @@ class CondensedStiffness:
             except np.linalg.LinAlgError:
                 singular = True
                 break
-            unit = np.broadcast_to(np.eye(L.shape[-1]), L.shape)
-            self._inverse[some] = np.linalg.solve(L, unit)
+            self._inverse[some] = _inverse(np.asarray(L, dtype=np.float64))
             self._across[some] = across = self._inverse[some] @ K[:, outer:, :outer]
             values[some] = K[:, :outer, :outer] - np.swapaxes(across, 1, 2) @ across
         if strains.facets.vector.comm.tompi4py().allreduce(singular):
@@ -155,8 +158,11 @@ class CondensedStiffness:
 
         Raises:
             SingularStiffness: If that fails.
+            InputError: If it takes more memory than there is, before the first one.
         """
         self._ksp.setOperators(self._matrix)
+        if not self.factorisations:
+            check_memory(self._ksp)
         self._ksp.setUp()
         self.factorisations += 1
         if self._ksp.getPC().getFailedReason():
@@ -190,3 +196,16 @@ def _roots(bulk: Floats, a: Floats, normal: Floats) -> Floats:
     along = np.einsum("n,ni,nj->nij", share, normal, normal)
     roots[:, 1:, 1:] = np.sqrt(a)[:, None, None] * (np.eye(size) - along)
     return roots
+
+
+def _inverse(L: Floats) -> Floats:
+    """Inverses of lower triangular matrices, shape (n, size, size), by halves."""
+    size = L.shape[-1]
+    if size <= SMALL:
+        return np.asarray(np.linalg.solve(L, np.broadcast_to(np.eye(size), L.shape)), np.float64)
+    half = size // 2
+    found = np.zeros_like(L)
+    found[:, :half, :half] = first = _inverse(L[:, :half, :half])
+    found[:, half:, half:] = last = _inverse(L[:, half:, half:])
+    found[:, half:, :half] = -last @ (L[:, half:, :half] @ first)
+    return found

@@ -201,6 +201,12 @@ class ConicProgram:
         self.load_unit *= unit
         self.load.scale(unit)
 
+    def viscous_stress(self, velocity: PETSc.Vec) -> tuple[Floats, Floats]:
+        """Pressure and deviator of the flow that units are chosen by. Collective."""
+        trace, deviator = self.strains.of(velocity)
+        viscosity = self.at_points(self.viscosities, 1 / PROXIMAL) * self.weights
+        return self.weights / PROXIMAL * trace, viscosity[:, None] * deviator
+
     def at_points(self, plastic: Floats, elastic: float) -> Floats:
         """Values at all points from those at the plastic ones."""
         values: Floats

@@ -14,7 +14,7 @@ from perfplast_fenicsx.limit_analysis.entering import CURVED
 from perfplast_fenicsx.limit_analysis.facet_pairs import FacetRows, facet_type, pair_facets
 from perfplast_fenicsx.limit_analysis.facet_velocities import FacetNumbers, facet_numbers
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
-from perfplast_fenicsx.problem.loads import BodyForce, Pressure
+from perfplast_fenicsx.problem.loads import BodyForce, Pressure, uniform
 from perfplast_fenicsx.problem.problem import Problem
 
 ALONG = 1e-10
@@ -107,15 +107,16 @@ def facet_conditions(problem: Problem) -> FacetConditions:
     held = _held(problem, facets)
     tractions, forces = np.zeros((facets.num, tdim)), np.zeros((len(vertices), tdim))
     for load in given.loads:
+        value = uniform(load)
         if isinstance(load, BodyForce):
             cells = problem.tagged_mesh.cells(load.on)
-            forces[cells[cells < len(vertices)]] += load.value
+            forces[cells[cells < len(vertices)]] += value
             continue
         on = facets.of(problem, load.on)
         if isinstance(load, Pressure):
-            tractions[on] -= load.value * facets.normals(on)
+            tractions[on] -= value * facets.normals(on)
         else:
-            tractions[on] += load.value
+            tractions[on] += value
 
     axes = np.tile(np.eye(tdim), (facets.num, 1, 1))
     twins = np.full((facets.num, tdim), -1)

@@ -64,10 +64,11 @@ def pair_facets(comm: MPI.Intracomm, primary: FacetRows, secondary: FacetRows) -
     Returns:
         The pairs; None if the surfaces do not match facet by facet.
     """
-    low, high = bounding_box(comm, np.concatenate([primary["x"], secondary["x"]]))
+    gdim = primary["normal"].shape[1]
+    corners = np.concatenate([primary["corners"], secondary["corners"]]).reshape(-1, gdim)
+    low, high = bounding_box(comm, np.pad(corners, ((0, 0), (0, 3 - gdim))))
     found = match_nodes(comm, primary, secondary, TOUCHING * float(np.linalg.norm(high - low)))
     a, b = found.primary, found.secondary
-    gdim = a["normal"].shape[1]
     best = np.full(len(a), np.inf)
     order = np.zeros((len(a), gdim), dtype=np.int64)
     for permutation in permutations(range(gdim)):

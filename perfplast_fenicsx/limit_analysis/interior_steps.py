@@ -121,12 +121,14 @@ def check_proportional(problem: Problem, rtol: float) -> None:
     """Refuse what no limit load is known of. Collective.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, or supports move or loads are constant.
+        InputError: If ``rtol`` is not between 0 and 1, supports move, loads are constant, or bodies
+            are strained at first.
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
-    if problem.moves_supports or not problem.loads.is_proportional():
+    if not problem.is_proportional():
         raise InputError(
-            "supports move or loads are constant, and a limit load is that of loads that all grow;"
+            "supports move, loads are constant or bodies are strained at first, and strict bounds"
+            " and the interior point method are for loads that all grow; give method = 'path', or"
             " leave out what does not grow with the load factor."
         )

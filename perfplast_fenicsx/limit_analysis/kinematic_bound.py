@@ -1,15 +1,15 @@
 """An upper bound of the limit load from a collapse mechanism that the laws admit.
 
 For v with v = 0 on supports, no jump into the other body, and ε(v) admissible for the law of each
-body, the limit load is at most D(v)/L(v) with D the dissipation, the support function of the yield
-sets (kinematic theorem of limit analysis, E. Christiansen, Handbook of Numerical Analysis IV,
-1996). For von Mises admissible means div v = 0, and D(v) = ∫ γ‖dev ε(v)‖; for elastic bodies
+body, the limit load is at most (D(v) − L₀(v))/L₁(v) with D the dissipation, the support function of
+the yield sets (kinematic theorem of limit analysis, E. Christiansen, Handbook of Numerical Analysis
+IV, 1996). For von Mises admissible means div v = 0, and D(v) = ∫ γ‖dev ε(v)‖; for elastic bodies
 ε(v) = 0.
 
 The increments of a loading come near such a v. From v_k the next one is the flow with the viscosity
-η_k = γ/‖dev ε(v_k)‖ (Kačanov's iteration). It does not dissipate more, as with L(v) = 1
+η_k = γ/‖dev ε(v_k)‖ (Kačanov's iteration). It gives no larger bound, as with L₁(v) = 1
 
-    2 D(v) ≤ ∫ γ(‖dev ε(v)‖²/‖dev ε(v_k)‖ + ‖dev ε(v_k)‖),
+    D(v) − L₀(v) ≤ ½ ∫ γ(‖dev ε(v)‖²/‖dev ε(v_k)‖ + ‖dev ε(v_k)‖) − L₀(v),
 
 of which it has the smallest right-hand side.
 """
@@ -34,7 +34,7 @@ MOST_FLOWS = 6
 """From a velocity to a mechanism."""
 
 SETTLED = 1e-5
-"""Change of the dissipation in a flow, relative, that makes it the last."""
+"""Change of the bound in a flow, relative to the dissipation, that makes it the last."""
 
 STIFF = (1e4, 1e2)
 """What flows less than the mean is at most so many times more viscous; the next one where rounding
@@ -49,11 +49,11 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class UpperBound:
-    """D(v)/L(v), or None and the reason why there is none.
+    """(D(v) − L₀(v))/L₁(v), or None and the reason why there is none.
 
     Attributes:
         value: The bound.
-        mechanism: v with L(v) = 1; None where there is no bound.
+        mechanism: v with L₁(v) = 1; None where there is no bound.
         solves: Linear systems solved.
         reason: Why there is no bound; empty where there is one.
     """
@@ -130,7 +130,7 @@ class KinematicBound:
             return UpperBound(None, None, flow.solves - before, reason)
         mechanism = flow.velocity.copy()
         mechanism.name = flow.velocity.name
-        return UpperBound(self._power(), mechanism, flow.solves - before)
+        return UpperBound(self._power() - flow.dead_work(), mechanism, flow.solves - before)
 
     def _enter_nothing(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
         """Let the bodies flow, with pairs that close held as well."""
@@ -144,13 +144,14 @@ class KinematicBound:
         raise NoFlow("the mechanism closes open pairs")
 
     def _descend(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
-        """Let the bodies flow until they dissipate no less, and then admissibly."""
-        power = np.inf
+        """Let the bodies flow until the bound falls no more, and then admissibly."""
+        bound = np.inf
         for _ in range(MOST_FLOWS):
             self._thicken(flow, stiff)
             flow.solve(held)
-            before, power = power, self._power()
-            if abs(before - power) <= SETTLED * power:
+            power = self._power()
+            before, bound = bound, power - flow.dead_work()
+            if abs(before - bound) <= SETTLED * power:
                 break
         flow.make_admissible()
 

@@ -40,7 +40,8 @@ class Search:
     """What the search for a limit load has found so far; plain data, for a restart.
 
     Attributes:
-        points: (α, ζ) of the levels.
+        points: (α − α₀, ζ) of the levels.
+        rest: α₀, that of ζ = 0, once it is known; None where nothing but ζ loads the bodies.
         estimates: Of the limit load, one for each level from where there is one.
         upper: The least upper bound.
         levelled_off: Whether the estimate is known to the tolerance.
@@ -51,6 +52,7 @@ class Search:
 
     points: list[tuple[float, float]] = field(default_factory=list)
     estimates: list[float] = field(default_factory=list)
+    rest: float | None = None
     upper: float | None = None
     levelled_off: bool = False
     ended: bool = False
@@ -94,10 +96,13 @@ class Judge:
     def __call__(self, state: State, before: State | None, plastic_cells: int) -> None:
         """Add a level, and the state of the one before, to the search. Collective."""
         search, points = self._search, self._search.points
-        points.append((state.alpha, state.zeta))
+        if before is None and not self._problem.is_proportional():
+            search.rest = state.alpha
+            return
+        points.append((state.alpha - (search.rest or 0.0), state.zeta))
         self._look_ahead(before, state)
         self._decide(self._estimate())
-        far = state.alpha >= NEARLY * FAR * points[0][0]
+        far = points[-1][0] >= NEARLY * FAR * points[0][0]
         if not search.ended and (far or len(points) == MOST_LEVELS):
             self._give_up(before, state, plastic_cells)
 
@@ -112,7 +117,8 @@ class Judge:
         farthest = LEAP if reached.newton_iterations <= EASY else STRIDE
         growth = min(max((self._search.apart / self._rtol) ** 2, STRIDE), farthest)
         end = FAR * self._search.points[0][0]
-        return Leap(min(growth * reached.last.alpha, end), self._ahead)
+        far = min(growth * (reached.last.alpha - reached.rest), end)
+        return Leap(reached.rest + far, self._ahead)
 
     def stop(self, before: State | None, last: State | None, why: str) -> None:
         """Conclude from the levels there are, as the next one cannot be solved. Collective."""
@@ -198,14 +204,15 @@ class Judge:
 
 
 def collapse_mechanism(problem: Problem, before: State | None, last: State | None) -> fem.Function:
-    """The last increment of displacement, normalised to L(v) = 1 (zero without any level).
+    """The last increment of displacement, normalised to L₁(v) = 1; zero without one.
 
     Collective.
     """
     v = fem.Function(problem.V, name="mechanism")
-    if last is not None:
-        v.x.array[:] = last.u.x.array
-        if before is not None:
-            v.x.array[:] -= before.u.x.array
-        v.x.array[:] /= problem.loads.alpha(v.x.petsc_vec)
+    if last is None or (before is None and not problem.is_proportional()):
+        return v
+    v.x.array[:] = last.u.x.array
+    if before is not None:
+        v.x.array[:] -= before.u.x.array
+    v.x.array[:] /= problem.loads.alpha(v.x.petsc_vec)
     return v

@@ -45,8 +45,8 @@ class LimitLoad:
             and no plateau was found. See :attr:`uncertainty`.
         residual: Change of the estimate with the last level, relative; None without two estimates,
             as without a path.
-        upper: D(v)/L(v) of a discretely incompressible mechanism, an upper bound of the discrete
-            limit load; None where none was found.
+        upper: (D(v) − L₀(v))/L₁(v) of a discretely incompressible mechanism, an upper bound of the
+            discrete limit load; None where none was found.
         alpha: Work reached by the path; None without one.
         levelled_off: Whether the estimate is known to the tolerance: the bounds have met, or ζ(α)
             has levelled off.
@@ -54,7 +54,7 @@ class LimitLoad:
         iterations: Steps of the interior point method, or levels.
         linear_solves: Linear systems solved for all of it, the bounds included.
         factorisations: Of the interior point method.
-        mechanism: Velocity v of the collapse, normalised to L(v) = 1.
+        mechanism: Velocity v of the collapse, normalised to L₁(v) = 1.
         levels: The loading path; behind a restart what came after it.
         stress: σ at the lower bound, Mandel vectors at the quadrature points; None of a path, whose
             levels have theirs.
@@ -106,7 +106,9 @@ class LimitLoad:
 
 
 def method_for(problem: Problem) -> LimitMethod:
-    """The interior point method where it knows the laws and a factorisation fits."""
+    """The interior point method where it knows laws and loads, and a factorisation fits."""
+    if not problem.is_proportional():
+        return LimitMethod.PATH
     small = problem.num_dofs <= MOST_UNKNOWNS[problem.bodies.gdim]
     return LimitMethod.INTERIOR_POINT if small and can_bound(problem) else LimitMethod.PATH
 

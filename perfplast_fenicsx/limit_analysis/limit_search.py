@@ -55,8 +55,9 @@ def limit_load(
         reached: Where that run had come to.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, or the
-            interior point method finds that no stress can carry the loads.
+        InputError: If ``rtol`` is not between 0 and 1, all loads are constant, the interior point
+            method is asked for beside constant loads and the like, or it finds that no stress can
+            carry the loads.
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
@@ -90,10 +91,10 @@ def limit_load(
         estimate=estimates[-1] if known else None,
         residual=abs(1 - estimates[-2] / estimates[-1]) if len(estimates) > 1 else None,
         upper=search.upper,
-        alpha=search.points[-1][0] if search.points else 0.0,
+        alpha=(search.rest or 0.0) + (search.points[-1][0] if search.points else 0.0),
         levelled_off=search.levelled_off,
         reason=search.reason,
-        iterations=len(search.points),
+        iterations=len(search.points) + (search.rest is not None),
         linear_solves=search.linear_solves,
         factorisations=None,
         mechanism=judge.mechanism or collapse_mechanism(problem, before, last),

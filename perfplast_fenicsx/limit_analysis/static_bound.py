@@ -25,6 +25,7 @@ from perfplast_fenicsx.limit_analysis.interior_steps import (
     check_proportional,
     iterate,
 )
+from perfplast_fenicsx.limit_analysis.rebalancing import rebalance
 from perfplast_fenicsx.limit_analysis.static_certificate import StaticCertificate, certify_stress
 from perfplast_fenicsx.limit_analysis.static_program import StaticProgram, static_program
 from perfplast_fenicsx.limit_analysis.stress_cells import mandel_vectors
@@ -35,7 +36,18 @@ from perfplast_fenicsx.problem.problem import Problem
 BALANCED = 1e-13
 """Forces without balance, relative to the largest load, that need not be corrected."""
 
+ALMOST_BALANCED = 1e-10
+"""The same that is left to correct with other factors than those of the last step."""
+
 MOST_CORRECTIONS = 4
+"""With the same factors."""
+
+CORNERS = (
+    "no stress that is linear in the cells can carry the loads: where loaded, free and supported"
+    " surfaces meet in a corner, one cell alone would have to; divide it, or refine the mesh there"
+)
+
+REPLACED = "loads were put in the place of those that the problem was declared with"
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +107,8 @@ def strict_lower_bound(
     """
     check_proportional(problem, rtol)
     conditions = facet_conditions(problem)
+    if not problem.as_declared:
+        return _nothing(conditions, Verdict.STALLED, REPLACED)
     if conditions.prevents is not None:
         return _nothing(conditions, Verdict.STALLED, conditions.prevents)
     why_not = conditions.why_not
@@ -111,6 +125,9 @@ def strict_lower_bound(
             program.choose_units()
         except SingularStiffness as failure:
             return _nothing(conditions, Verdict.STALLED, str(failure))
+        if not static.can_carry():
+            none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
+            return _nothing(conditions, Verdict.NO_RESISTANCE, CORNERS, none)
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
         steps: list[InteriorStep] = []
@@ -133,6 +150,8 @@ def _result(
         if iteration.unbalanced() <= BALANCED:
             break
         iteration.equilibrate()
+    if not iteration.unbalanced() <= ALMOST_BALANCED:
+        rebalance(iteration)
     now = iteration.now
     sizes = np.linalg.norm(now.deviator, axis=1) * program.stress_unit
     ratio = program.comm.allreduce(float((sizes / strains.radii).max(initial=0)), MPI.MAX)
@@ -167,12 +186,14 @@ def _result(
     )
 
 
-def _nothing(conditions: FacetConditions, verdict: Verdict, reason: str) -> StaticBound:
-    """No bound at all."""
+def _nothing(
+    conditions: FacetConditions, verdict: Verdict, reason: str, bound: Bound | None = None
+) -> StaticBound:
+    """The stress 0, and no bound unless one is given."""
     count, _, tdim = conditions.vertices.shape
     shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
     return StaticBound(
-        bound=Bound(None, "lower", Scope.MESH, (reason,)),
+        bound=bound or Bound(None, "lower", Scope.MESH, (reason,)),
         verdict=verdict,
         reason=reason,
         stress=np.zeros(shape),

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from petsc4py import PETSc
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,6 +16,9 @@ from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrain
 from perfplast_fenicsx.limit_analysis.point_strains import yield_radii
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
 from perfplast_fenicsx.problem.problem import Problem
+
+MISSING = 1e-3
+"""Share of the loads that, where it is left, no stress can carry."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +42,24 @@ class StaticProgram:
     load: Floats
     jumps: npt.NDArray[np.bool_]
     slips: npt.NDArray[np.bool_]
+
+    def can_carry(self) -> bool:
+        """Whether any stress is in equilibrium with the loads, pulling contact too. Collective.
+
+        Asked after ``program.choose_units()``, whose factors are used.
+        """
+        program = self.program
+        flow, left = program.create_vector(), program.create_vector()
+        program.stiffness.solve(program.load, flow)
+        pressure, deviator = program.viscous_stress(flow)
+        program.internal_forces(pressure, deviator, left)
+        left.array[program.jumps] += program.springs * flow.array_r[program.jumps]
+        left.axpy(-1.0, program.load)
+        largest = PETSc.NormType.NORM_INFINITY
+        missing = left.norm(largest) / program.load.norm(largest)
+        for vector in (flow, left):
+            vector.destroy()
+        return bool(missing <= MISSING)
 
 
 def static_program(problem: Problem, conditions: FacetConditions) -> StaticProgram:

@@ -17,10 +17,12 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 SUBDIVISIONS = 8
 """Parts of a cell's edge in the composite vertex rule."""
@@ -58,8 +60,15 @@ class Bound:
         """Whether it holds for the body, but for rounding."""
         return self.value is not None and self.of is Scope.BODY
 
+    @property
+    def shown(self) -> str:
+        """The value in a few digits, rounded so that it is a bound as well."""
+        if self.value is None:
+            return "none"
+        return rounded_down(self.value) if self.kind == "lower" else rounded_up(self.value)
+
     def __repr__(self) -> str:
-        value = "none" if self.value is None else f"{self.value:.6g}"
+        value = self.shown
         told = f"; not strict: {', '.join(self.why_not)}" if self.why_not else ""
         return f"Bound({self.kind} {value} of the {self.of}{told})"
 
@@ -78,7 +87,15 @@ def strict_upper_bound(
     Returns:
         The bound; without a value where the mechanism is not admissible at the points or does no
         work, and of the mesh alone where the reasons say so.
+
+    Raises:
+        InputError: If loads are constant.
     """
+    if not problem.loads.is_proportional():
+        raise InputError(
+            "loads are constant, and a strict bound is one of loads that all grow; leave out what"
+            " does not grow with the load factor."
+        )
     strains = PointStrains(problem)
     try:
         trace, deviator = strains.of_function(mechanism)

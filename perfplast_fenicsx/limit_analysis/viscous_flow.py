@@ -1,7 +1,7 @@
 """The slow flow of bodies as viscous as one says, under their loads: a system that is factorised.
 
-v minimises ½∫ η‖ε(v)‖² over the velocities with L(v) = 1 that enter no other body and of which the
-laws admit ε(v), by the method of multipliers.
+v minimises ½∫ η‖ε(v)‖² − L₀(v) over the velocities with L₁(v) = 1 that enter no other body and of
+which the laws admit ε(v), by the method of multipliers.
 """
 
 from petsc4py import PETSc
@@ -45,7 +45,7 @@ class ViscousFlow:
     """Flows of the bodies of a problem whose laws tell linearly what is admissible.
 
     Attributes:
-        velocity: v, with L(v) = 1 after a solve.
+        velocity: v, with L₁(v) = 1 after a solve.
         viscosity: η > 0 at the points, to be set before one.
         factorisations: So far.
         solves: Linear systems solved so far.
@@ -86,16 +86,17 @@ class ViscousFlow:
         self._operator = ContactOperator(problem, self._stiffness)
         self._force = problem.create_vector()
         self._b, self._y = problem.create_vector(), problem.create_vector()
+        self._live, self._rest = problem.create_vector(), problem.create_vector()
         self._ksp = PETSc.KSP().create(problem.comm)
         self._ksp.setOptionsPrefix(own_prefix(BOUND, _preset(problem)))
         self._ksp.setFromOptions()
-        self._work = 1.0  # of the velocity before it was normalised
+        self._work = 1.0  # L₁ of the flow under L₁
         self._closed: Ints = np.zeros(0, dtype=np.int32)
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
-        parts = (self._ksp, self._operator.matrix, self._stiffness, self._force, self._b, self._y)
-        for part in parts:
+        vectors = (self._force, self._b, self._y, self._live, self._rest)
+        for part in (self._ksp, self._operator.matrix, self._stiffness, *vectors):
             part.destroy()
 
     def solve(self, held: PairFlags) -> None:
@@ -107,12 +108,23 @@ class ViscousFlow:
         Raises:
             NoFlow: If there is none.
         """
-        self._closed = self._problem.basis.index[held]
+        problem = self._problem
+        self._closed = problem.basis.index[held]
         self._factorise(self._closed)
         for multiplier, _ in self._multipliers:
             multiplier.x.array[:] = 0
-        self._iterate()
-        self._normalise()
+        problem.loads.live.copy(self._force)
+        self._solve(self._force, self._live)
+        problem.basis.T.mult(self._live, self.velocity.x.petsc_vec)
+        self._work = problem.loads.alpha(self.velocity.x.petsc_vec)
+        largest = float(self._live.norm(PETSc.NormType.NORM_INFINITY))
+        if not self._work > ROUNDING * problem.loads.live.norm() * largest:
+            raise NoFlow("the loads do no work on the flow")
+        self._rest.set(0)
+        if not problem.loads.is_proportional():
+            problem.loads.dead.copy(self._force)
+            self._solve(self._force, self._rest)
+        self._combine()
 
     def make_admissible(self) -> None:
         """Do away with what is inadmissible in the last flow, but for rounding. Collective.
@@ -120,30 +132,39 @@ class ViscousFlow:
         Raises:
             NoFlow: If nothing is left of it.
         """
-        self.velocity.x.array[:] *= self._work
-        left = self._inadmissible()
+        problem, left = self._problem, self._inadmissible()
         for _ in range(MOST_ITERATIONS):
             if left <= EXACT:
                 break
             for multiplier, ascent in self._multipliers:
                 ascent.interpolate(multiplier)
-            self._iterate()
+            assemble_force(self._force, self._force_form, problem.bcs)
+            self._force.axpy(1.0, problem.loads.dead)
+            self._solve(self._force, self._rest)
+            self._combine()
             before, left = left, self._inadmissible()
             if not left < before / 2:
                 raise NoFlow("no velocity is admissible: nothing can flow, or the elements lock")
         else:
             raise NoFlow("the flow does not become admissible")
-        self._normalise()
 
-    def _iterate(self) -> None:
-        """The velocity of the present multipliers."""
-        problem, v = self._problem, self.velocity
-        assemble_force(self._force, self._force_form, problem.bcs)
-        self._force.axpy(1.0, problem.loads.live)
-        problem.basis.T.multTranspose(self._force, self._b)
+    def dead_work(self) -> float:
+        """L₀(v). Collective."""
+        return float(self._problem.loads.dead.dot(self.velocity.x.petsc_vec))
+
+    def _solve(self, force: PETSc.Vec, y: PETSc.Vec) -> None:
+        """The flow in the contact basis under nodal forces."""
+        self._problem.basis.T.multTranspose(force, self._b)
         self._b.array[self._closed] = 0
-        self._ksp.solve(self._b, self._y)
+        self._ksp.solve(self._b, y)
         self.solves += 1
+
+    def _combine(self) -> None:
+        """V of the flow under the rest of the forces and as much of L₁ as makes L₁(v) = 1."""
+        problem, v = self._problem, self.velocity
+        problem.basis.T.mult(self._rest, v.x.petsc_vec)
+        share = (1 - problem.loads.alpha(v.x.petsc_vec)) / self._work
+        self._y.waxpy(share, self._live, self._rest)
         problem.basis.T.mult(self._y, v.x.petsc_vec)
         v.x.scatter_forward()
 
@@ -151,24 +172,14 @@ class ViscousFlow:
         """Relative to ‖ε(v)‖."""
         return float(np.sqrt(self._lost() / (self._square() or 1.0)))
 
-    def _normalise(self) -> None:
-        problem, v = self._problem, self.velocity
-        work, largest = problem.loads.alpha(v.x.petsc_vec), self._largest()
-        if not work > ROUNDING * problem.loads.live.norm() * largest:
-            raise NoFlow("the loads do no work on the flow")
-        v.x.array[:] /= work
-        self._work = work
-
     def jumps(self) -> Floats:
         """Of the last flow at the pairs hosted here, relative to its largest velocity. Collective.
 
         Returns:
             Shape (num_pairs,), positive where a pair closes.
         """
-        return self._y.array_r[self._problem.basis.index] / (self._largest() or 1.0)
-
-    def _largest(self) -> float:
-        return float(self._y.norm(PETSc.NormType.NORM_INFINITY))
+        largest = float(self._y.norm(PETSc.NormType.NORM_INFINITY))
+        return self._y.array_r[self._problem.basis.index] / (largest or 1.0)
 
     def _factorise(self, closed: Ints) -> None:
         self._stiffness.zeroEntries()

@@ -79,6 +79,7 @@ class Elastic:
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
+        expansion: Strain of a change of temperature by one degree (1/temperature).
 
     Raises:
         InputError: If a number is out of its range.
@@ -88,9 +89,12 @@ class Elastic:
 
     young: float
     poisson: float
+    expansion: float = 0.0
 
     def __post_init__(self) -> None:
         require_positive("young", self.young)
+        if not math.isfinite(self.expansion):
+            raise InputError(f"expansion = {self.expansion} is not finite; give a number, or none.")
         if not -1.0 < self.poisson < 0.5:
             raise InputError(
                 f"poisson = {self.poisson} is outside (-1, 1/2); give Poisson's ratio strictly"

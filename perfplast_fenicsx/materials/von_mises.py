@@ -120,6 +120,7 @@ class VonMises:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
         yield_stress: Uniaxial yield stress σ_y > 0.
+        expansion: Strain of a change of temperature by one degree (1/temperature).
 
     Raises:
         InputError: If a number is out of its range.
@@ -130,9 +131,10 @@ class VonMises:
     young: float
     poisson: float
     yield_stress: float
+    expansion: float = 0.0
 
     def __post_init__(self) -> None:
-        Elastic(self.young, self.poisson)
+        Elastic(self.young, self.poisson, self.expansion)
         require_positive("yield_stress", self.yield_stress)
 
     @property

@@ -1,6 +1,5 @@
 """What a picture shows around the bodies: arrows of the loads, rigid obstacles, and from where."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.contact.obstacles import Obstacle
+from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.problem.loads import Pressure, Traction
 
@@ -45,13 +45,12 @@ def load_arrows(surface: Surface, points: Floats, loads: Sequence[Traction | Pre
     starts, vectors = [np.zeros((0, 3))], [np.zeros((0, 3))]
     for i, load in enumerate(loads):
         chosen = np.flatnonzero(surface.marks[f"load {i}"])
-        normals, facets = surface.normals[chosen], surface.facets[chosen]
-        if isinstance(load, Pressure):
-            directions = -math.copysign(1.0, load.value) * normals
-        else:
-            directions = np.tile([*load.value, 0.0][:3], (len(chosen), 1))
-        if not np.any(directions):
+        directions = _directions(load, surface, chosen)
+        acts = directions.any(axis=1)
+        if not acts.any():
             continue
+        chosen, directions = chosen[acts], directions[acts]
+        normals, facets = surface.normals[chosen], surface.facets[chosen]
         total = np.linalg.norm(normals, axis=1).sum()
         spacing = max((total / ARROWS) ** (1 / (facets.shape[1] - 1)), APART * surface.size)
         weights, facet = _spread(surface.points[facets], spacing)
@@ -62,6 +61,15 @@ def load_arrows(surface: Surface, points: Floats, loads: Sequence[Traction | Pre
         starts.append(ends - d * pushes)
         vectors.append(d)
     return Arrows(np.concatenate(starts), np.concatenate(vectors))
+
+
+def _directions(load: Traction | Pressure, surface: Surface, chosen: Longs) -> Floats:
+    """Of a load at the middles of facets, shape (num_facets, 3); zero where it does not act."""
+    middles = surface.points[surface.facets[chosen]].mean(axis=1)
+    if isinstance(load, Pressure):
+        signs = np.sign(evaluate(load.value, middles, load.on))
+        return -signs[:, None] * surface.normals[chosen]
+    return np.column_stack([evaluate(value, middles, load.on) for value in [*load.value, 0.0][:3]])
 
 
 def _spread(corners: Floats, spacing: float) -> tuple[Floats, Longs]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 FORMATS = (".gif", ".webp")
 """Of animations."""
@@ -137,9 +138,9 @@ def _collapse(limit: StoredLimit) -> str:
     lower, upper = (limit.body.get(name) for name in ("lower", "upper"))
     zeta = f"ζ = {limit.lower:.6g} on this mesh"
     if lower is not None and upper is not None:
-        zeta = f"ζ = {lower:.6g} to {upper:.6g}"
+        zeta = f"ζ = {rounded_down(lower)} to {rounded_up(upper)}"
     elif upper is not None:
-        zeta += f"; the body's is {upper:.6g} at most"
+        zeta += f"; the body's is {rounded_up(upper)} at most"
     return f"collapse mechanism at {zeta}"
 
 

@@ -126,7 +126,7 @@ class ResultReader:
 
     @cached_property
     def reports(self) -> list[LevelReport]:
-        """All levels so far."""
+        """All levels so far, without their reactions, which no picture shows."""
 
         def rows(path: Path) -> list[LevelReport]:
             with path.open(encoding="utf-8", newline="") as file:
@@ -240,6 +240,8 @@ class ResultReader:
 def _report(row: dict[str, Any]) -> LevelReport:
     values = {}
     for field in dataclasses.fields(LevelReport):
+        if field.name == "reactions":
+            continue
         text = row[field.name]
         values[field.name] = text == "True" if field.type is bool else field.type(text)  # type: ignore[operator]
     return LevelReport(**values)

@@ -1,11 +1,14 @@
 from .certificate import Certificate as Certificate
 from .certificate import certify as certify
+from .initial_strain import InitialStress as InitialStress
+from .initial_strain import Temperature as Temperature
 from .integrals import Integral as Integral
 from .law_on_cells import LawOnCells as LawOnCells
 from .load_case import LoadCase as LoadCase
 from .loads import LOADS as LOADS
 from .loads import BodyForce as BodyForce
 from .loads import Load as Load
+from .loads import PorePressure as PorePressure
 from .loads import Pressure as Pressure
 from .loads import Traction as Traction
 from .prescribed import Prescribed as Prescribed

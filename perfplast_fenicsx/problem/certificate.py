@@ -7,11 +7,17 @@ from petsc4py import PETSc
 
 import numpy as np
 from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.problem.energy_norms import RIGID
 from perfplast_fenicsx.problem.integrals import assemble_force
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.resultants import Resultants, resultants
+
+SMALLEST = 1e-300
+"""What nothing is divided by less of."""
 
 
 @dataclass(frozen=True)
@@ -28,17 +34,21 @@ class Certificate:
     complementarity: float
     equilibrium: float
     duality_gap: float
+    resultants: Resultants
 
 
 def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certificate:
     """Judge the state that ``fields`` is at. Collective.
 
-    The dual functional is S(σ) + Σ force × gap − ⟨reactions, u_D⟩, and inf J_ζ is minus that at the
-    solution, so the sum of both is the duality gap. It vanishes for the solution alone. Gaps are
-    those of the basis, which what u_D closes is taken from.
+    The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap − ⟨reactions, u_D⟩, and inf J_ζ is minus
+    that at the solution, so the sum of both is the duality gap. It vanishes for the solution alone,
+    and is told relative to Ψ + S, the sum of what is never negative in both. Gaps are those of the
+    basis, which what u_D closes is taken from.
     """
     comm, basis = problem.comm, problem.basis
-    residual = fields.assemble_force().copy()
+    internal = fields.assemble_all_forces()
+    residual = internal.copy()
+    fem_petsc.set_bc(residual, problem.bcs)
     problem.loads.subtract_from(residual, zeta)
     r = residual.duplicate()
     basis.T.multTranspose(residual, r)
@@ -49,13 +59,17 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     room = basis.gap - y.array_r[basis.index]
     slack = comm.allreduce(float(np.dot(forces, room)))
     resisted = comm.allreduce(float(np.dot(forces, basis.gap)))
-    energy = fields.potential() - problem.loads.work(fields.u.x.petsc_vec, zeta)
-    moved = _moved(problem, fields)
-    dual = fields.conjugate() + resisted - moved.work
-    scale = max(abs(energy) + abs(moved.work), 1e-300)
+    potential, conjugate = fields.potential(), fields.conjugate()
+    energy = potential - problem.loads.work(fields.u.x.petsc_vec, zeta)
+    moved = _moved(problem, internal)
+    dual = conjugate + fields.initial_work() + resisted - moved.work
+    least = RIGID**2 * fields.jagged_norm2()
+    rigid = potential + conjugate <= least
+    scale = max(potential + conjugate, least, SMALLEST)
     free = r.copy()
     free.array[basis.index] = 0
-    norm = max(problem.loads.norm(zeta), moved.norm, 1e-300)
+    least_force = RIGID * fields.gross_force() if rigid else 0.0
+    norm = max(problem.loads.norm(zeta), moved.norm, least_force, SMALLEST)
     certificate = Certificate(
         forces,
         max_penetration=comm.allreduce(max(0.0, float((-room).max(initial=0))), MPI.MAX),
@@ -63,6 +77,7 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
         complementarity=slack / scale,
         equilibrium=free.norm(PETSc.NormType.NORM_2) / norm,
         duality_gap=(energy + dual) / scale,
+        resultants=resultants(problem, internal, forces, zeta, least_force),
     )
     for vector in (residual, r, y, free):
         vector.destroy()
@@ -93,16 +108,12 @@ class _Moved:
     norm: float
 
 
-def _moved(problem: Problem, fields: QuadratureFields) -> _Moved:
+def _moved(problem: Problem, internal: PETSc.Vec) -> _Moved:
     """⟨σ, ε(ũ_D)⟩ with ũ_D zero at all other unknowns, and so no work of loads. Collective."""
     if not problem.moves_supports:
         return _Moved(0.0, 0.0)
-    forces = problem.create_vector()
-    assemble_force(forces, fem.form(problem.internal_form(fields.stress)), [])
-    u = problem.prescribed.ravel()[: forces.getLocalSize()]
-    moved = _Moved(problem.comm.allreduce(float(forces.array_r @ u)), float(forces.norm()))
-    forces.destroy()
-    return moved
+    u = problem.prescribed.ravel()[: internal.getLocalSize()]
+    return _Moved(problem.comm.allreduce(float(internal.array_r @ u)), float(internal.norm()))
 
 
 def _smallest(comm: MPI.Intracomm, forces: Floats) -> float:

@@ -1,11 +1,16 @@
-"""The energy norms ‖σ‖² = ∫ σ:C⁻¹σ of stresses and ‖e‖² = ∫ e:Ce of strains."""
+"""The energy norms ‖σ‖² = ∫ σ:C⁻¹σ of stresses and ‖e‖² = ∫ e:Ce of strains, and what is small."""
 
 import ufl
+from dolfinx import fem
 
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.problem.integrals import Integral
 from perfplast_fenicsx.problem.law_on_cells import LawOnCells, OfLaw, integrate
 from perfplast_fenicsx.problem.problem import Problem
+
+RIGID = 1e-5
+"""Where the norm of strains is below this share of :func:`jagged_norm2` bodies move as if rigid:
+what is left of strain and stress is next to rounding, and nothing is measured by it."""
 
 
 def stress_norm2(problem: Problem, stress: OfLaw) -> Integral:
@@ -23,5 +28,19 @@ def strain_norm2(problem: Problem, strain: Expr) -> Integral:
 
     def square(on: LawOnCells) -> Expr:
         return ufl.dot(on.law.elastic.hooke(strain), strain)
+
+    return Integral(problem.comm, integrate(problem.laws, square))
+
+
+def jagged_norm2(problem: Problem, u: fem.Function) -> Integral:
+    """‖u‖² if neighbouring nodes moved against each other, ∫ 2μ|u|²/h²; compiled once. Collective.
+
+    Rounding errors of ε(u) are relative to this norm, however smooth u is.
+    """
+    mesh = problem.tagged_mesh.mesh
+    h2 = abs(ufl.JacobianDeterminant(mesh)) ** (2 / mesh.geometry.dim)
+
+    def square(on: LawOnCells) -> Expr:
+        return 2 * on.law.elastic.shear * ufl.inner(u, u) / h2
 
     return Integral(problem.comm, integrate(problem.laws, square))

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 from petsc4py import PETSc
 
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+
 
 @dataclass(frozen=True)
 class LoadCase:
@@ -16,10 +19,22 @@ class LoadCase:
     Attributes:
         dead: L₀ as a vector in V's dual, zero at supported unknowns (ghosts summed).
         live: L₁, the same of the loads of ζ = 1.
+        held: What of both acts on supported unknowns, which no displacement sees, and supports
+            take up at once; None for nothing.
     """
 
     dead: PETSc.Vec
     live: PETSc.Vec
+    held: "LoadCase | None" = None
+
+    @staticmethod
+    def of(dead: PETSc.Vec, live: PETSc.Vec, bcs: list[fem.DirichletBC]) -> "LoadCase":
+        """Loads from vectors that have entries at supported unknowns too, which become zero."""
+        held = LoadCase(dead.copy(), live.copy())
+        for all_of_it, rest in ((dead, held.dead), (live, held.live)):
+            fem_petsc.set_bc(all_of_it, bcs)
+            rest.axpy(-1.0, all_of_it)
+        return LoadCase(dead, live, held)
 
     def total(self, zeta: float, out: PETSc.Vec) -> PETSc.Vec:
         """Set ``out`` to L₀ + ζL₁, and return it."""
@@ -47,6 +62,17 @@ class LoadCase:
         """Work of all loads L₀(u) + ζL₁(u)."""
         return float(self.dead.dot(u)) + zeta * self.alpha(u)
 
+    def add_all_to(self, force: PETSc.Vec, zeta: float) -> None:
+        """Add L₀ + ζL₁ and what of them acts on supported unknowns."""
+        for loads in (self, self.held):
+            if loads is not None:
+                force.axpy(zeta, loads.live)
+                force.axpy(1.0, loads.dead)
+
     def is_proportional(self) -> bool:
         """Whether nothing is loaded at ζ = 0."""
         return float(self.dead.norm()) == 0
+
+    def grows(self) -> bool:
+        """Whether ζ multiplies anything."""
+        return float(self.live.norm()) > 0

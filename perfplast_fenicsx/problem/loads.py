@@ -1,8 +1,21 @@
-"""Loads, named by physical surface or volume."""
+"""Loads, named by physical surface or volume.
+
+What a load is given by may be a formula in the coordinates, such as ``"10*maximum(8 - y, 0)"``
+(:mod:`perfplast_fenicsx.formulas`). It is taken at the nodes of quadratic cells, so that one of
+degree 2 is exact.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
+
+Formula = float | str
+"""A number, or a formula in x, y, z."""
 
 
 @dataclass(frozen=True)
@@ -11,11 +24,15 @@ class Traction:
 
     Args:
         on: Physical surface.
-        value: The force per area (stress), one number a direction.
+        value: The force per area (stress), a number or formula a direction.
+        name: What messages call it.
+        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
     on: str
-    value: Sequence[float]
+    value: Sequence[Formula]
+    name: str = ""
+    constant: bool = False
 
 
 @dataclass(frozen=True)
@@ -24,11 +41,15 @@ class Pressure:
 
     Args:
         on: Physical surface.
-        value: The pressure (stress); a positive one pushes on the body.
+        value: The pressure (stress), a number or formula; a positive one pushes on the body.
+        name: What messages call it.
+        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
     on: str
-    value: float
+    value: Formula
+    name: str = ""
+    constant: bool = False
 
 
 @dataclass(frozen=True)
@@ -37,14 +58,57 @@ class BodyForce:
 
     Args:
         on: Physical volume.
-        value: The force per volume, one number a direction.
+        value: The force per volume, a number or formula a direction.
+        name: What messages call it.
+        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
     on: str
-    value: Sequence[float]
+    value: Sequence[Formula]
+    name: str = ""
+    constant: bool = False
 
 
-Load = Traction | Pressure | BodyForce
+@dataclass(frozen=True)
+class PorePressure:
+    """Pressure p of water in the pores of a volume, whose law is one of effective stresses.
 
-LOADS: dict[str, type[Any]] = {"traction": Traction, "pressure": Pressure, "body_force": BodyForce}
+    The total stress is σ − p δ (tension is positive), so that p does the work ∫ p div v.
+
+    Args:
+        on: Physical volume.
+        value: The pressure (stress), a number or formula.
+        name: What messages call it.
+        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+    """
+
+    on: str
+    value: Formula
+    name: str = ""
+    constant: bool = True
+
+
+Load = Traction | Pressure | BodyForce | PorePressure
+
+LOADS: dict[str, type[Any]] = {
+    "traction": Traction,
+    "pressure": Pressure,
+    "body_force": BodyForce,
+    "pore_pressure": PorePressure,
+}
 """Kinds of loads by their name in case files."""
+
+
+def uniform(load: Load) -> Floats:
+    """What a load gives, as numbers: one of a pressure, else one a direction.
+
+    Raises:
+        InputError: If it is a formula, or the pressure in pores, which strict bounds do not know.
+    """
+    values = np.atleast_1d(np.asarray(load.value))
+    if isinstance(load, PorePressure) or values.dtype.kind not in "fiu":
+        raise InputError(
+            f"the load on '{load.on}' is a formula or a pore pressure, and strict bounds are for"
+            " uniform loads; give it as numbers, or seek the limit load of the mesh alone."
+        )
+    return values.astype(np.float64)

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.surface_nodes import LEAST_COSINE
 from perfplast_fenicsx.contact.surface_normals import face_nodes
@@ -20,12 +20,13 @@ ROUNDING = 1e-9
 
 def known_displacements(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, supports: Sequence[Support]
-) -> tuple[npt.NDArray[np.bool_], Floats]:
+) -> tuple[npt.NDArray[np.bool_], Floats, Ints]:
     """Which components the supports hold, and where. Collective.
 
     Returns:
-        Flags, and displacements (length) that are 0 at other components; both of all local nodes,
-        ghosts too, shape (num_nodes, gdim).
+        Flags, displacements (length) that are 0 at other components, and the number of the first
+        support that holds them, −1 at others; all of local nodes, ghosts too, shape
+        (num_nodes, gdim).
 
     Raises:
         InputError: An unknown surface, wrong components, a value that is not finite, or two values
@@ -35,7 +36,8 @@ def known_displacements(
     index_map = V.dofmap.index_map
     shape = (index_map.size_local + index_map.num_ghosts, gdim)
     fixed, values, message = np.zeros(shape, dtype=bool), np.zeros(shape), None
-    for support in supports:
+    holder = np.full(shape, -1, dtype=np.int32)
+    for number, support in enumerate(supports):
         if not np.isfinite(support.value):
             raise InputError(
                 f"value = {support.value} of the support on '{support.on}' is not finite; give a"
@@ -51,10 +53,12 @@ def known_displacements(
                     f" {AXES[axis]} that another support moves by {other[0]:g}; leave the component"
                     " out of one of them, or part their surfaces."
                 )
+            fresh = nodes[~fixed[nodes, axis]]
+            holder[fresh, axis] = number
             fixed[nodes, axis] = True
             values[nodes, axis] = support.value
     raise_together(tagged_mesh.mesh.comm, message)
-    return fixed, values
+    return fixed, values, holder
 
 
 def check_moved_surfaces(

@@ -16,7 +16,7 @@ import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
 
-from perfplast_fenicsx.arrays import PairFlags
+from perfplast_fenicsx.arrays import Ints, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.formulations import find_constraints
@@ -29,6 +29,7 @@ from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.initial_strain import Initial, initial_strain
 from perfplast_fenicsx.problem.law_on_cells import lay_out
 from perfplast_fenicsx.problem.load_case import LoadCase
 from perfplast_fenicsx.problem.loads import Load
@@ -54,6 +55,7 @@ class Given:
     contacts: Sequence[Contact]
     obstacles: Sequence[Obstacle]
     degree: int
+    initial: Sequence[Initial]
 
 
 class Problem:
@@ -71,13 +73,17 @@ class Problem:
             DOLFINx makes such an array each time and leaves it to Python's cyclic collector.
         bodies: Connected components and their rigid motions.
         laws: The material laws, each on the cells of its bodies.
+        initial_strain: e₀, which the laws do not see of ε(u); None for none.
         bcs: Supports, homogeneous as those of increments are.
         fixed: Supported components of each local node, ghosts too, shape (num_nodes, gdim).
+        support_names: Surfaces with supports, each once.
+        held_by: Which of them holds a component, −1 where none does; shape as of ``fixed``.
         prescribed: u_D, the displacement of these components (length), 0 elsewhere.
         moves_supports: Whether u_D is anything but 0.
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
         has_gaps: Whether any pair is open at first.
+        interferes: Whether any gap is negative.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
         first_active: Pairs that an active set begins with, so that no body is free to move.
         basis: Basis in which contact is a bound: what u_D closes of a gap is taken from it.
@@ -93,6 +99,7 @@ class Problem:
         contacts: Sequence[Contact] = (),
         obstacles: Sequence[Obstacle] = (),
         degree: int = 1,
+        initial: Sequence[Initial] = (),
     ) -> None:
         """Declare the problem. Collective.
 
@@ -100,17 +107,18 @@ class Problem:
             tagged_mesh: Mesh with named volumes and surfaces.
             materials: Of each volume, anything that is a :class:`Material`.
             supports: Where the displacement is known.
-            loads: What L₁(v) is the work of.
+            loads: What L₁(v) is the work of and, of those that are constant, L₀(v).
             contacts: Pairs of surfaces that cannot penetrate each other.
             obstacles: Rigid bodies that surfaces cannot penetrate.
             degree: 1 for linear displacements, as in the paper, or 2 for quadratic ones, which do
                 not lock in plastic flow.
+            initial: Changes of temperature, and stress in bodies that are not deformed.
 
         Raises:
             InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
         self.tagged_mesh = tagged_mesh
-        self.given = Given(materials, supports, loads, contacts, obstacles, degree)
+        self.given = Given(materials, supports, loads, contacts, obstacles, degree, initial)
         spaces = make_spaces(tagged_mesh.mesh, degree)
         self.degree, self.dx = degree, spaces.dx
         self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
@@ -119,6 +127,7 @@ class Problem:
         self.cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         self.bodies: Bodies = find_bodies(self.V)
         self.laws = lay_out(tagged_mesh, spaces, materials)
+        self.initial_strain = initial_strain(tagged_mesh, spaces, materials, self.laws, initial)
         self.bcs = self._supports(supports)
         self._contact(contacts, obstacles)
         self.loads = self._declared = self._loads(loads)
@@ -137,7 +146,7 @@ class Problem:
         Raises:
             InputError: As for a new problem, or if its ``loads`` are not those that were declared.
         """
-        if self.loads is not self._declared:
+        if not self.as_declared:
             raise InputError(
                 "the problem's loads were replaced after it was declared, so that it cannot be put"
                 " on another mesh; give the loads as Pressure, Traction and BodyForce."
@@ -148,6 +157,11 @@ class Problem:
     def comm(self) -> MPI.Intracomm:
         """The ranks that share the mesh."""
         return self.tagged_mesh.mesh.comm
+
+    @property
+    def as_declared(self) -> bool:
+        """Whether ``loads`` are those that were declared, and not others put in their place."""
+        return self.loads is self._declared
 
     @property
     def num_dofs(self) -> int:
@@ -174,6 +188,11 @@ class Problem:
         for name, function in self.history.items():
             function.x.array[:] = history[name].x.array if history else 0.0
 
+    def is_proportional(self) -> bool:
+        """Whether nothing but ζ loads or moves the bodies. Collective."""
+        at_rest = not (self.moves_supports or self.interferes or self.initial_strain)
+        return at_rest and self.loads.is_proportional()
+
     def create_vector(self) -> PETSc.Vec:
         """A vector of zeros with an entry for each displacement unknown. Collective."""
         vector = self.loads.live.duplicate()
@@ -186,7 +205,10 @@ class Problem:
 
     def _supports(self, supports: Sequence[Support]) -> list[fem.DirichletBC]:
         V, gdim, zero = self.V, self.tagged_mesh.mesh.geometry.dim, default_scalar_type(0)
-        self.fixed, self.prescribed = known_displacements(V, self.tagged_mesh, supports)
+        self.fixed, self.prescribed, holder = known_displacements(V, self.tagged_mesh, supports)
+        self.support_names = tuple(dict.fromkeys(support.on for support in supports))
+        numbers = [self.support_names.index(support.on) for support in supports]
+        self.held_by: Ints = np.array([*numbers, -1], dtype=np.int32)[holder]
         self.moves_supports: bool = self.comm.allreduce(bool(self.prescribed.any()), MPI.LOR)
         nodes = [np.flatnonzero(self.fixed[:, i]).astype(np.int32) for i in range(gdim)]
         return [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
@@ -200,6 +222,7 @@ class Problem:
         self.contact_tags = tuple(sorted(tagged_mesh.surfaces[name] for name in touching))
         self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
+        self.interferes: bool = self.comm.allreduce(bool((self.constraints.gap < 0).any()), MPI.LOR)
         motions = RigidMotions(V, self.bodies, fixed, self.constraints)
         motions.check()
         for loose in loose_motions(V, self.bodies, fixed, self.constraints):
@@ -216,15 +239,28 @@ class Problem:
             self.basis = replace(self.basis, gap=self.basis.gap - closed)
 
     def _loads(self, loads: Sequence[Load]) -> LoadCase:
-        form = fem.form(work_form(self.tagged_mesh, loads, ufl.TestFunction(self.V)))
-        live = fem_petsc.assemble_vector(form)
-        live.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        fem_petsc.set_bc(live, self.bcs)
-        if live.norm() == 0:
+        if not loads:
+            raise InputError(
+                "no load is given, so nothing can be increased; give at least one load."
+            )
+        growing = [load for load in loads if not load.constant]
+        constant = [load for load in loads if load.constant]
+        parts = [self._work(part) if part else None for part in (constant, growing)]
+        none = next(part for part in parts if part is not None).duplicate()
+        none.set(0)
+        dead, live = (none if part is None else part for part in parts)
+        case = LoadCase.of(dead, live, self.bcs)
+        if not case.grows() and (growing or case.is_proportional()):
             raise InputError(
                 "the loads do no work on any admissible displacement, so nothing can be increased;"
                 " give a load that is not zero on a surface that is free to move."
             )
-        dead = live.duplicate()
-        dead.set(0)
-        return LoadCase(dead, live)
+        return case
+
+    def _work(self, loads: Sequence[Load]) -> PETSc.Vec:
+        """L(v) of some loads as a vector, at supported unknowns too."""
+        work = fem_petsc.assemble_vector(
+            fem.form(work_form(self.tagged_mesh, loads, ufl.TestFunction(self.V)))
+        )
+        work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        return work

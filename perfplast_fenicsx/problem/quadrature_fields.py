@@ -6,11 +6,12 @@ All forms and Expressions are compiled once for a problem. Nothing here loops ov
 from mpi4py import MPI
 from petsc4py import PETSc
 
+import ufl
 from dolfinx import default_scalar_type, fem
 
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.materials.mandel import strain
-from perfplast_fenicsx.problem.energy_norms import strain_norm2, stress_norm2
+from perfplast_fenicsx.problem.energy_norms import jagged_norm2, strain_norm2, stress_norm2
 from perfplast_fenicsx.problem.integrals import Integral, assemble_force
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, OfLaw, integrate
 from perfplast_fenicsx.problem.problem import Problem
@@ -24,13 +25,14 @@ class QuadratureFields:
     Attributes:
         problem: Whose they are.
         u: Displacement.
-        e: ε(u), Mandel vectors at the quadrature points, as all strains and stresses.
+        e: ε(u) − e₀, Mandel vectors at the quadrature points, as all strains and stresses.
         stress: Σ(e).
         force: Of :meth:`assemble_force`.
         potential: Ψ(ε(u)).
-        conjugate: S(σ) of the duality gap.
+        conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩.
         stress_norm2: ‖σ‖² in the energy norm, ∫ σ:C⁻¹σ.
         u_norm2: ‖u‖² in the energy norm, ∫ ε(u):Cε(u).
+        jagged_norm2: What rounding errors of it are relative to (:mod:`energy_norms`).
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -44,12 +46,18 @@ class QuadratureFields:
         def integral(density: OfLaw) -> Integral:
             return Integral(comm, integrate(laws, density))
 
-        self._strain = fem.Expression(strain(self.u), interpolation_points(S.element))
+        initial = problem.initial_strain
+        seen = strain(self.u) if initial is None else strain(self.u) - initial
+        self._strain = fem.Expression(seen, interpolation_points(S.element))
+        self._initial = (
+            None if initial is None else Integral(comm, ufl.dot(s, initial) * problem.dx)
+        )
         self._stress = LawExpression(laws, S, lambda on: on.law.stress(e, on.old))
         self.potential = integral(lambda on: on.law.potential(e, on.old))
         self.conjugate = integral(lambda on: on.law.conjugate(s, on.old))
         self.stress_norm2 = stress_norm2(problem, lambda on: s)
         self.u_norm2 = strain_norm2(problem, e)
+        self.jagged_norm2 = jagged_norm2(problem, self.u)
         self._plastic_volume = integral(lambda on: on.law.plastic(e, on.old))
         one = fem.Constant(mesh, default_scalar_type(1))
         self._volume = Integral(comm, one * problem.dx)()
@@ -68,6 +76,13 @@ class QuadratureFields:
         """Bring strain and stress to u. Its ghosts must be up to date."""
         self.e.interpolate(self._strain, self.problem.cells)
         self._stress.interpolate(self.stress)
+
+    def take_elastic_stress(self) -> None:
+        """Let the stress be Ce until the next update. Collective."""
+        hooke = LawExpression(
+            self.problem.laws, self.problem.S, lambda on: on.law.elastic.hooke(self.e)
+        )
+        hooke.interpolate(self.stress)
 
     def updated_history(self) -> dict[str, fem.Function]:
         """The internal variables by name after a level that ends here; {} for Hencky's laws.
@@ -96,11 +111,26 @@ class QuadratureFields:
         """Share of the volume that is plastic. Collective."""
         return self._plastic_volume() / self._volume
 
+    def initial_work(self) -> float:
+        """⟨σ, e₀⟩. Collective."""
+        return 0.0 if self._initial is None else self._initial()
+
     @phase("assembly")
     def assemble_force(self) -> PETSc.Vec:
         """⟨Σ(e), ε(v)⟩ as a vector, zero at supports. Collective."""
         assemble_force(self.force, self._force_form, self.problem.bcs)
         return self.force
+
+    @phase("assembly")
+    def assemble_all_forces(self) -> PETSc.Vec:
+        """⟨Σ(e), ε(v)⟩ as a vector, at supports too; ``force`` as well. Collective."""
+        assemble_force(self.force, self._force_form, [])
+        return self.force
+
+    def gross_force(self) -> float:
+        """Norm (force) that rounding errors of all nodal forces are relative to. Collective."""
+        size = self.u.x.petsc_vec.norm()
+        return self.jagged_norm2() / size if size > 0 else 0.0
 
     def _updated(self, name: str) -> LawExpression:
         """What a variable of the history becomes."""

@@ -3,7 +3,7 @@
 Whoever reads results needs no more than this, so that nothing of DOLFINx or MPI is imported here.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 
@@ -70,14 +70,15 @@ class LevelReport:
         contact_pairs: All pairs.
         max_penetration: Largest (u_a − u_b)·n − g, at least 0 (length).
         smallest_contact_force: Of all pairs (force); negative means an adhesive one. 0 without any.
-        complementarity: Σ force × remaining gap, relative to the same.
+        complementarity: Σ force × remaining gap, relative to Ψ + S, as the duality gap.
         equilibrium: Norm of the forces that nothing balances (contact forces apart, which the three
             numbers above judge), relative to that of the loads or, where supports move, of all
             nodal forces if that is larger.
-        duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to |J_ζ| and, where
-            supports move, the work of their reactions.
+        duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to Ψ(ε(u)) + S(σ).
         max_displacement: Largest nodal displacement (length).
         seconds: Wall time of the level.
+        reactions: Forces on the bodies (:class:`resultants.Resultants`), one number a direction.
+        balance: Their sum or moment, relative to all nodal forces.
     """
 
     zeta: float
@@ -101,6 +102,8 @@ class LevelReport:
     duality_gap: float
     max_displacement: float
     seconds: float
+    reactions: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    balance: float = 0.0
 
     def __repr__(self) -> str:
         return f"LevelReport({self.summary()})"

@@ -1,4 +1,4 @@
-"""L(v), the work of the loads of ζ = 1."""
+"""L(v), the work of loads."""
 
 from collections.abc import Sequence
 
@@ -6,43 +6,83 @@ import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
 
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.arrays import Ints
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.formulas import evaluate
+from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.loads import BodyForce, Load, Pressure
+from perfplast_fenicsx.problem.loads import LOADS, BodyForce, Formula, Load, PorePressure, Pressure
 
 
 def work_form(tagged_mesh: TaggedMesh, loads: Sequence[Load], v: ufl.Argument) -> ufl.Form:
-    """The linear form L(v) of all loads.
+    """The linear form L(v) of some loads, at least one. Collective.
 
     Raises:
-        InputError: No load at all, an unknown name, or a value that is not finite.
+        InputError: An unknown name, a value that is not finite, or a formula that is none.
     """
-    if not loads:
-        raise InputError("no load is given, so nothing can be increased; give at least one load.")
     mesh = tagged_mesh.mesh
     ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged_mesh.facet_tags)
     dx = ufl.Measure("dx", domain=mesh, subdomain_data=tagged_mesh.cell_tags)
     terms = []
     for load in loads:
-        kind = type(load).__name__.lower()
-        value = np.atleast_1d(np.asarray(load.value, dtype=default_scalar_type))
-        expected = 1 if isinstance(load, Pressure) else mesh.geometry.dim
-        if value.shape != (expected,) or not np.isfinite(value).all():
-            raise InputError(
-                f"the {kind} on '{load.on}' is {load.value}, where {expected} finite"
-                f" number{'s are' if expected > 1 else ' is'} needed; correct its value."
-            )
-        if isinstance(load, BodyForce):
-            tagged_mesh.cells(load.on)
-            tag = tagged_mesh.volumes[load.on]
-            terms.append(ufl.inner(fem.Constant(mesh, value), v) * dx(tag))
+        density = _density(tagged_mesh, load)
+        if isinstance(load, PorePressure):
+            terms.append(density[0] * ufl.div(v) * dx(tagged_mesh.volumes[load.on]))
+        elif isinstance(load, BodyForce):
+            terms.append(ufl.inner(density, v) * dx(tagged_mesh.volumes[load.on]))
+        elif isinstance(load, Pressure):
+            push = -density[0] * ufl.FacetNormal(mesh)
+            terms.append(ufl.inner(push, v) * ds(tagged_mesh.surfaces[load.on]))
         else:
-            tagged_mesh.facets(load.on)
-            tag = tagged_mesh.surfaces[load.on]
-            density = (
-                -fem.Constant(mesh, value[0]) * ufl.FacetNormal(mesh)
-                if isinstance(load, Pressure)
-                else fem.Constant(mesh, value)
-            )
-            terms.append(ufl.inner(density, v) * ds(tag))
+            terms.append(ufl.inner(density, v) * ds(tagged_mesh.surfaces[load.on]))
     return sum(terms[1:], start=terms[0])
+
+
+def _density(tagged_mesh: TaggedMesh, load: Load) -> Expr:
+    """What a load gives, as a vector of one number or formula or of one a direction."""
+    mesh = tagged_mesh.mesh
+    in_volume, scalar = (
+        isinstance(load, kinds) for kinds in ((BodyForce, PorePressure), (Pressure, PorePressure))
+    )
+    entities = tagged_mesh.cells(load.on) if in_volume else tagged_mesh.facets(load.on)
+    values: list[Formula] = [load.value] if scalar else list(load.value)  # type: ignore[list-item, arg-type]
+    expected = 1 if scalar else mesh.geometry.dim
+    numbers = [value for value in values if not isinstance(value, str)]
+    if len(values) != expected or not np.isfinite(np.asarray(numbers, dtype=float)).all():
+        raise InputError(
+            f"the {_kind(load)} on '{load.on}' is {load.value}, where {expected} finite"
+            f" number{'s are' if expected > 1 else ' is'} needed; correct its value."
+        )
+    if len(numbers) == len(values):
+        return fem.Constant(mesh, np.asarray(values, dtype=default_scalar_type))
+    tdim = mesh.topology.dim
+    found = [_field(tagged_mesh, load, value, tdim - (not in_volume), entities) for value in values]
+    return ufl.as_vector(found)
+
+
+def _field(
+    tagged_mesh: TaggedMesh, load: Load, value: Formula, dim: int, entities: Ints
+) -> fem.Function | fem.Constant:
+    """A number, or a formula at the nodes of quadratic cells; 0 where the load does not act."""
+    mesh = tagged_mesh.mesh
+    if not isinstance(value, str):
+        return fem.Constant(mesh, default_scalar_type(value))
+    W = fem.functionspace(mesh, ("Lagrange", 2))
+    field, message = fem.Function(W), None
+    if dim == mesh.topology.dim:
+        nodes = np.unique(W.dofmap.list[entities])
+    else:
+        nodes = fem.locate_dofs_topological(W, dim, entities)
+    try:
+        x = W.tabulate_dof_coordinates()[nodes]
+        field.x.array[nodes] = evaluate(value, x, f"the {_kind(load)} on '{load.on}'")
+    except InputError as error:
+        message = str(error)
+    raise_together(mesh.comm, message)
+    return field
+
+
+def _kind(load: Load) -> str:
+    """What messages call a load."""
+    kind = next(kind for kind, cls in LOADS.items() if isinstance(load, cls)).replace("_", " ")
+    return f"{kind} '{load.name}'" if load.name else kind

@@ -172,10 +172,11 @@ class AugmentedLagrangian(LevelSolver):
         self._q.x.array[:] = self._next_q.x.array
         self._step_3.interpolate(self._sigma)
         r = float(self._r.value)
-        primal = _ratio(primal2, iterate.fields.u_norm2())
-        dual = r * _ratio(dual2, self._stress2())
+        least = iterate.least_norm2()
+        primal = _ratio(primal2, max(iterate.fields.u_norm2(), least))
+        dual = r * _ratio(dual2, max(self._stress2(), least))
         if not history:
-            self._first_work = iterate.total_work(zeta)
+            self._first_work = iterate.first_work(zeta)
         return Step(
             zeta,
             increment=max(primal, dual),

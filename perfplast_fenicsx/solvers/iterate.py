@@ -8,6 +8,7 @@ Those in jump unknowns, of the jump basis, have names of y: y = M u, and ``delta
 δu = T δy; forces there are Tᵀ times the nodal ones.
 """
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -15,6 +16,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.problem.direction import Direction
+from perfplast_fenicsx.problem.energy_norms import RIGID
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.state import State
@@ -38,6 +40,7 @@ class Iterate:
         fields: u (nodal) with its strain, stress, integrals.
         direction: δu (nodal) and the integrals along it.
         y: u in jump unknowns.
+        lifted: Whether the start had not yet what supports, interference and initial strain ask.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -51,6 +54,7 @@ class Iterate:
         self._gradient_u = problem.create_vector()
         self._gradient_y = problem.create_vector()
         self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
+        self.lifted = False
         self._operator = ContactOperator(problem, self._stiffness.matrix)
 
     def begin(self, start: State | None) -> PairFlags:
@@ -68,15 +72,22 @@ class Iterate:
             u.x.array[:] = 0
         else:
             u.x.array[:] = start.u.x.array
+        self.lifted = start is None and bool(problem.initial_strain)
         if problem.moves_supports:
-            u.x.array[problem.fixed.ravel()] = problem.prescribed[problem.fixed]
+            held, known = problem.fixed.ravel(), problem.prescribed[problem.fixed]
+            moved = bool((u.x.array[held] != known).any())
+            self.lifted |= problem.comm.allreduce(moved, MPI.LOR)
+            u.x.array[held] = known
         basis.M.mult(u.x.petsc_vec, self.y)
         jumps = self.y.array_r[basis.index]
         if problem.comm.allreduce(int((jumps > basis.gap).sum())):
             self.y.array[basis.index] = np.minimum(jumps, basis.gap)
             basis.T.mult(self.y, u.x.petsc_vec)
             u.x.scatter_forward()
+            self.lifted |= start is None
         self.fields.update()
+        if self.lifted:  # or the first step would start from cells that yield without reason
+            self.fields.take_elastic_stress()
         return problem.first_active.copy() if start is None else start.active.copy()
 
     def room(self) -> Floats:
@@ -138,6 +149,10 @@ class Iterate:
         enough = max(SLOPE_REDUCTION * abs(at_zero), noise)
         if at_one <= enough or at_zero >= -noise:
             return 1.0
+        if self.fields.stress_norm2() <= self.least_norm2():
+            noise = ROUNDING * float(np.sqrt(self.fields.jagged_norm2() * direction.du_norm2()))
+            if at_one <= noise:
+                return 1.0
         low, high = 0.0, 1.0
         for _ in range(MOST_BISECTIONS):
             middle = (low + high) / 2
@@ -168,7 +183,8 @@ class Iterate:
     def take_step(self, beta: float, stopping: str, zeta: float = 0.0) -> float:
         """Advance by β δu and tell how large the step was by a criterion of Remark 1.
 
-        "energy" is the relative change of J_ζ; with ζ = 0, as for prescribed work, of Ψ − L₀.
+        "energy" is the change of J_ζ, with ζ = 0, as for prescribed work, of Ψ − L₀, relative to
+        the same or, beside constant loads and supports that move, to Ψ + S.
         """
         if stopping != "energy":
             increment = self.increment(stopping)
@@ -177,7 +193,10 @@ class Iterate:
         before = self.energy(zeta)
         self.advance(beta)
         after = self.energy(zeta)
-        return abs(after - before) / max(abs(after) + abs(before), 1e-300)
+        total = max(abs(after) + abs(before), self.least_norm2())
+        if not self.problem.is_proportional():  # J_ζ may pass zero
+            total = max(total, self.fields.potential() + self.fields.conjugate())
+        return abs(after - before) / total if total > 0 else 0.0
 
     def increment(self, stopping: str) -> float:
         """‖δu‖ or ‖δσ‖_E relative to the states before and after the full step (Remark 1)."""
@@ -191,8 +210,34 @@ class Iterate:
         else:
             change, before = direction.du_norm2(), fields.u_norm2()
             after = direction.moved_norm2()
-        total = np.sqrt(before) + np.sqrt(after)
+        total = max(np.sqrt(before) + np.sqrt(after), np.sqrt(self.least_norm2()))
         return float(np.sqrt(max(change, 0)) / total) if total > 0 else 0.0
+
+    def least_norm2(self) -> float:
+        """‖·‖² below which strain and stress at u are next to rounding. Collective."""
+        return RIGID**2 * self.fields.jagged_norm2()
+
+    def load_change(self, change: float, zeta: float) -> float:
+        """A change of ζ relative to ζ, or to what else there is of forces. Collective.
+
+        ζ may be exactly 0, where supports that move and constant loads balance alone, or bodies
+        move as if rigid.
+        """
+        fields, loads = self.fields, self.problem.loads
+        forces = abs(zeta) * loads.live.norm()
+        if not self.problem.is_proportional():
+            forces = max(forces, loads.dead.norm(), fields.assemble_all_forces().norm())
+        if fields.u_norm2() <= self.least_norm2():
+            forces = max(forces, RIGID * fields.gross_force())
+        return abs(change) * loads.live.norm() / forces if forces > 0 else 0.0
+
+    def first_work(self, zeta: float) -> float:
+        """What later works are compared with, behind the first step. Collective.
+
+        L₀(u) + ζL₁(u), which may vanish, or Ψ + S, which does not.
+        """
+        fields = self.fields
+        return max(abs(self.total_work(zeta)), fields.potential() + fields.conjugate())
 
     def advance(self, beta: float) -> None:
         """Take the step: u ← u + β δu."""

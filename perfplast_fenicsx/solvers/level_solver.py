@@ -128,13 +128,21 @@ class LevelSolver(Stepper, ABC):
     prescribes: ClassVar[Prescribed]
     steps_called = "Newton steps"
 
-    def __init__(self, problem: Problem, max_iterations: int, criterion: str) -> None:
-        """Compile the forms and create the solvers. Collective."""
+    def __init__(
+        self,
+        problem: Problem,
+        max_iterations: int,
+        criterion: str,
+        lender: "LevelSolver | None" = None,
+    ) -> None:
+        """Compile the forms and create the solvers, or borrow another algorithm's. Collective."""
         self.problem = problem
         self.max_iterations, self.criterion = max_iterations, criterion
-        self.iterate = Iterate(problem)
-        self.linear = LinearSolver(problem)
-        self.program = ContactProgram(problem, self.linear)
+        self.iterate: Iterate = lender.iterate if lender else Iterate(problem)
+        self.linear: LinearSolver = lender.linear if lender else LinearSolver(problem)
+        self.program: ContactProgram = (
+            lender.program if lender else ContactProgram(problem, self.linear)
+        )
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.problem!r})"
@@ -159,3 +167,7 @@ class LevelSolver(Stepper, ABC):
         """
         check_finite(self.prescribes.value, value)
         return solve_level(self, value, start, monitor)
+
+    def at_rest(self, monitor: Monitor | None = None) -> Level:
+        """The level ζ = 0: what constant loads and supports that move do alone. Collective."""
+        return self.solve(0.0, None, monitor)

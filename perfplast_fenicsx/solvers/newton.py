@@ -32,10 +32,16 @@ class Newton(LevelSolver):
     method = "newton"
     prescribes = Prescribed.LOAD_FACTOR
 
-    def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
-        """Compile the forms and create the solvers. Collective."""
+    def __init__(
+        self,
+        problem: Problem,
+        options: NewtonOptions | None = None,
+        lender: LevelSolver | None = None,
+    ) -> None:
+        """Compile the forms and create the solvers, or borrow another algorithm's. Collective."""
         self.options = options or NewtonOptions()
-        super().__init__(problem, self.options.max_iterations, criterion_met(self.options))
+        criterion = criterion_met(self.options)
+        super().__init__(problem, self.options.max_iterations, criterion, lender)
         self._first_work = 0.0
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
@@ -51,14 +57,14 @@ class Newton(LevelSolver):
     ) -> Step:
         """Minimise the quadratic model, and go along δu as far as the energy falls. Collective."""
         options, iterate = self.options, self.iterate
-        rho = regularisation(options, history)
+        rho = regularisation(options, history, iterate.lifted)
         found = newton_direction(self, options, zeta, active, history, rho)
         iterate.aim(found.delta)
         beta = iterate.line_search(zeta) if options.damping else 1.0
         increment = iterate.take_step(beta, options.stopping, zeta)
         finished = increment < options.tolerance and found.settled and beta == 1
         if not history:
-            self._first_work = iterate.total_work(zeta)
+            self._first_work = iterate.first_work(zeta)
         return Step(zeta, increment, found.active, found.iterations, finished, beta, rho)
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:

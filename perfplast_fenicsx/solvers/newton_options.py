@@ -56,20 +56,28 @@ LARGEST_RHO, SMALLEST_RHO = 1e-3, 1e-8
 """Range of the adaptive regularisation."""
 
 
-def regularisation(options: NewtonOptions, history: Sequence[Iteration]) -> float:
+def regularisation(
+    options: NewtonOptions, history: Sequence[Iteration], lifted: bool = False
+) -> float:
     """ρ of the next step: fixed, or raised after damped steps and lowered after full ones.
 
     It starts at its largest value and vanishes near the solution, where steps are not damped, so
     that convergence is quadratic. Larger values than 1e-3 only make near-collapse states slower.
+
+    Args:
+        options: Of the Newton method.
+        history: The steps so far.
+        lifted: Whether supports alone have just been moved: cells at them are then strained beyond
+            all measure, and the first step is elastic.
     """
     if options.regularisation != "adaptive":
         return float(options.regularisation)
     if not history:
-        return LARGEST_RHO
+        return 1.0 if lifted else LARGEST_RHO
     last = history[-1]
     if last.beta < 0.5:
         return min(10 * last.rho, LARGEST_RHO)
-    return max(last.rho / 10, SMALLEST_RHO)
+    return max(min(last.rho, LARGEST_RHO) / 10, SMALLEST_RHO)
 
 
 PATIENCE = 10

@@ -117,6 +117,8 @@ class Progress:
             duality_gap=certificate.duality_gap,
             max_displacement=comm.allreduce(largest, MPI.MAX),
             seconds=time.perf_counter() - self._began,
+            reactions=certificate.resultants.forces,
+            balance=certificate.resultants.balance,
         )
         stress = fem.Function(problem.S, name="stress")
         stress.x.array[:] = fields.stress.x.array

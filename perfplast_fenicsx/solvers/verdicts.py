@@ -14,6 +14,12 @@ CREDIBLE = 1e-2
 def above_limit(zeta: float, history: Sequence[Iteration]) -> str:
     """The verdict that (P)_ζ has no solution, with its evidence."""
     first, last = history[0], history[-1]
+    if zeta == 0:
+        return (
+            f"the constant loads alone are above what the bodies carry: at ζ = 0 J fell from"
+            f" {first.energy:.4g} to {last.energy:.4g}, and falls on along a collapse mechanism"
+            f" beyond {BEYOND:g} times the work of the first step"
+        )
     return (
         f"no equilibrium exists at ζ = {zeta:.9g}, it is above the limit load: J_ζ fell from"
         f" {first.energy:.4g} to {last.energy:.4g} while the work of the loads grew from"

@@ -25,7 +25,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
-from perfplast_fenicsx.solvers.newton import criterion_met, newton_direction
+from perfplast_fenicsx.solvers.newton import Newton, criterion_met, newton_direction
 from perfplast_fenicsx.solvers.newton_options import Monitor, NewtonOptions, regularisation
 from perfplast_fenicsx.solvers.progress import Step
 
@@ -38,7 +38,16 @@ class WorkNewton(LevelSolver):
     damped = True
 
     def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
-        """Compile the forms and create the solvers. Collective."""
+        """Compile the forms and create the solvers. Collective.
+
+        Raises:
+            InputError: If all loads are constant.
+        """
+        if not problem.loads.grows():
+            raise InputError(
+                "all loads are constant, so that none does a work that could be prescribed or grow"
+                " to a limit; make one that is not, or prescribe load factors."
+            )
         self.options = options or NewtonOptions()
         super().__init__(problem, self.options.max_iterations, criterion_met(self.options))
 
@@ -50,7 +59,7 @@ class WorkNewton(LevelSolver):
         Raises:
             InputError: If α is not finite, or negative where nothing but ζ loads the bodies.
         """
-        if value < 0 and self._is_proportional():
+        if value < 0 and self.problem.is_proportional():
             raise InputError(f"the work alpha = {value} is negative; give zero or more.")
         return super().solve(value, start, monitor)
 
@@ -70,20 +79,47 @@ class WorkNewton(LevelSolver):
         Collective.
         """
         options, iterate = self.options, self.iterate
-        rho, missing = regularisation(options, history), value - iterate.work()
+        rho, missing = regularisation(options, history, iterate.lifted), value - iterate.work()
         found = newton_direction(self, options, zeta, active, history, rho, missing)
         zeta += found.multiplier
         iterate.aim(found.delta)
         damp = self.damped and options.damping and history
         beta = iterate.line_search(zeta) if damp else 1.0
         increment = iterate.take_step(beta, options.stopping)
-        increment = max(increment, _change(found.multiplier, zeta))
+        change = _change(found.multiplier, zeta)
+        if increment < options.tolerance <= change:
+            change = iterate.load_change(found.multiplier, zeta)
+        increment = max(increment, change)
         finished = increment < options.tolerance and found.settled and beta == 1
         return Step(zeta, increment, found.active, found.iterations, finished, beta, rho)
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
         """Never: there is a solution for every work that some displacement in K_h has."""
         return None
+
+    def at_rest(self, monitor: Monitor | None = None) -> Level:
+        """The level ζ = 0, where the work is α₀. Collective."""
+        return Newton(self.problem, self.options, lender=self).solve(0.0, None, monitor)
+
+    def first_step(self, rest: State) -> float:
+        """How far beyond α₀ the first work may lie: where live loads alone would yield. Collective.
+
+        A guess, as the bodies are taken as elastic, and pairs that are closed as tied.
+
+        Args:
+            rest: The state at ζ = 0.
+
+        Raises:
+            LinearFailure: If the elastic problem cannot be solved.
+        """
+        iterate, loads = self.iterate, self.problem.loads
+        active = iterate.begin(rest)
+        self.program.set_operator(iterate.operator(1.0))
+        iterate.aim(self.program.response(loads.live, active, rtol=1e-8))
+        unit = iterate.direction.du
+        iterate.fields.e.x.array[:] = iterate.direction.de.x.array
+        overstress = iterate.fields.largest_overstress()
+        return loads.alpha(unit.x.petsc_vec) / (overstress if overstress > 0 else 1.0)
 
     def first_yield(self) -> State:
         """The state at which the first point yields, were all gaps closed. Collective.
@@ -95,11 +131,11 @@ class WorkNewton(LevelSolver):
             InputError: If something besides ζ loads the bodies.
             LinearFailure: If the elastic problem cannot be solved.
         """
-        if not self._is_proportional():
+        if not self.problem.is_proportional():
             raise InputError(
-                "supports move or loads are constant, so that steps of the work cannot be chosen"
-                " from first yield on; give the works as values, or leave out what does not grow"
-                " with the load factor."
+                "supports move, loads are constant or bodies are strained at first, so that the"
+                " first yield is no multiple of an elastic state; leave out what does not grow with"
+                " the load factor."
             )
         iterate = self.iterate
         closed = np.zeros_like(self.problem.basis.gap)
@@ -113,10 +149,6 @@ class WorkNewton(LevelSolver):
         zeta = 1 / overstress if overstress > 0 else 1.0
         state.u.x.array[:] *= zeta
         return State(state.u, zeta, zeta * state.alpha, state.active)
-
-    def _is_proportional(self) -> bool:
-        """Whether the unloaded bodies are at rest at ζ = 0. Collective."""
-        return not self.problem.moves_supports and self.problem.loads.is_proportional()
 
 
 class BorderedNewton(WorkNewton):

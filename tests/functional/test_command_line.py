@@ -13,6 +13,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import h5py
+import numpy as np
 import pytest
 
 import perfplast_fenicsx
@@ -23,6 +24,8 @@ from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, NO_SOLUTION, SOLVED
 from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.terminal import Terminal, shows
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.proof import check
+from perfplast_fenicsx.rounding import rounded_up
 from tests.io.results.test_result_folder import report
 from tests.models import punch_case, write_case
 
@@ -63,11 +66,18 @@ def test_run(
     out, err = capsys.readouterr()
     assert err == ""
     if comm.rank == 0:
-        header, columns, *levels, files = out.splitlines()
+        header, columns, first, second, *forces, files = out.splitlines()
+        levels = (first, second)
         assert header.startswith("A punch on a block: base, punch; ")
         assert "9 contact pairs" not in header
         assert "4 contact pairs; method newton on" in header
-        assert len(levels) == 2
+        assert forces[0].startswith("Forces at zeta = 80, in balance to ")
+        words = [line.split() for line in forces[1:]]
+        assert [" ".join(line[:-3]) for line in words] == [
+            *("loads", "support x0", "support y0", "support bottom"),
+            "contact punch_bottom base_top",
+        ]
+        assert (words[0][-1], words[3][-1]) == ("-20", "20")  # on a quarter of 1
         assert {len(line) for line in levels} == {len(columns)}
         assert levels[0].split()[:2] == ["1", "50"]
         assert "\r" not in out
@@ -104,6 +114,34 @@ def test_a_load_above_the_limit(
         rows = list(csv.DictReader(file))
     assert [row["converged"] for row in rows] == ["True", "True", "False"]
     assert len(json.loads((results / "fields.vtkhdf.series").read_text())["files"]) == 2
+
+
+CONSTANT = """[[load]]
+on = "top"
+pressure = {pressure}
+constant = true
+[[load]]"""
+
+
+def test_a_constant_load(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
+) -> None:
+    """ζ = 0 is a level of its own."""
+    text = CASE.replace("[[load]]", CONSTANT.format(pressure='"30 + 0*x"'))
+    case, results = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results), "--quiet"]) == NO_SOLUTION
+    summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    assert [step["zeta"] for step in summary["steps"]] == [0.0, 50.0, 80.0]
+    assert [step["converged"] for step in summary["steps"]] == [True, True, False]
+    loads = [step["reactions"]["loads"][2] for step in summary["steps"]]
+    assert loads == pytest.approx([-7.5, -20.0, -27.5])
+    assert max(step["balance"] for step in summary["steps"][:2]) < 1e-10
+
+    heavy = write(comm, shared_tmp_path, text.replace("30 + 0*x", "130"))
+    assert main(["run", str(heavy), "-o", str(shared_tmp_path / "heavy")]) == NO_SOLUTION
+    out, _ = capsys.readouterr()
+    if comm.rank == 0:
+        assert "No solution at zeta = 0: the constant loads alone are above" in out
 
 
 def test_limit_load_by_a_path(
@@ -153,7 +191,8 @@ def test_limit_load_by_default(
     assert body["upper"] == pytest.approx(100.0, rel=1e-3)
     assert body["lower"] is None
     assert not body["strict"]
-    assert body["why_not"] == ["lower bound: no stress was sought"]
+    assert body["why_not"] == ["lower bound: none was sought, as with control = 'bounds'"]
+    assert not (results / "bounds.h5").exists()  # a proof has quadratic velocities
     assert body["certificates"]["inadmissible"] < 1e-9
     log = (results / "run.log").read_text(encoding="utf-8")
     assert log.count(" step ") == limit["iterations"]
@@ -162,7 +201,9 @@ def test_limit_load_by_default(
         assert "MUMPS Cholesky" in out
         assert "Newton" not in out
         assert f"({limit['factorisations']} factorisations)" in out
-        assert f"The body that the mesh fills collapses at {body['upper']:.6g} at most" in out
+        assert (
+            f"The body that the mesh fills collapses at {rounded_up(body['upper'])} at most" in out
+        )
 
 
 def test_bounds(
@@ -174,11 +215,24 @@ def test_bounds(
     assert main(["run", str(case), "-o", str(results)]) == SOLVED
     out, _ = capsys.readouterr()
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
-    assert summary["limit"]["body"]["upper"] == pytest.approx(100.0, rel=2e-3)
+    body = summary["limit"]["body"]
+    assert body["upper"] == pytest.approx(100.0, rel=2e-3)
+    assert body["lower"] == pytest.approx(100.0, rel=2e-3)
+    assert body["strict"]
+    assert body["why_not"] == []
+    proven = check(results / "bounds.h5")
+    for kind in ("lower", "upper"):
+        assert not proven[kind].faults
+        assert proven[kind].proven == pytest.approx(body[kind], rel=1e-9)
     with h5py.File(results / "mechanism.vtkhdf", locking=False) as file:
         cells = file["VTKHDF/CellData"]
         assert {*file["VTKHDF/PointData"]} == {"mechanism", "contact_pressure"}
-        assert {*cells} == {"body", "dissipation", "stress", "yield_ratio"}
+        ours = {"lower_bound_stress", "gap_share"}
+        assert {*cells} == {"body", "dissipation", "stress", "yield_ratio"} | ours
+        assert np.sum(cells["gap_share"]) == pytest.approx(4)  # a share of the whole in each part
+        stress = np.reshape(cells["lower_bound_stress"], (-1, 3, 3))
+        assert np.allclose(stress, stress.transpose(0, 2, 1))
+        assert stress[:, 2, 2].mean() < -10
         assert len(cells["dissipation"]) == 4 * summary["mesh"]["cells"]
     if comm.rank == 0:
         assert "P2" in out

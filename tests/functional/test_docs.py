@@ -22,6 +22,7 @@ from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
+from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.methods import METHODS
 from tests.test_walls import BELOW
@@ -33,6 +34,8 @@ TABLES = {
     "[material.NAME]": [*MATERIALS.values()],
     "[[support]]": [Support],
     "[[load]]": [schemas.LoadTable],
+    "[[temperature]]": [Temperature],
+    "[[initial_stress]]": [InitialStress],
     "[[contact]]": [Contact],
     "[[obstacle]]": [*OBSTACLES.values()],
     "[element]": [schemas.ElementOptions],

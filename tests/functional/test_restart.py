@@ -29,11 +29,12 @@ STRONG = VonMises(2e5, 0.3, PUNCH_LIMIT)
 CASE = punch_case(STRONG, STRONG, "0.0004 * x**2", more="[output]\npictures = false\n")
 
 LOADINGS = {
-    "newton": "values = [200.0, 350.0, 450.0]",
+    "newton": "values = [200.0, 350.0, 380.0]",
     "augmented-lagrangian": "values = [200.0, 350.0, 450.0]",
     "work-newton": 'control = "work"\nvalues = [3e-4, 6e-4, 1.2e-3]',
     "bordered-newton": 'control = "work"\nvalues = [3e-4, 6e-4, 1.2e-3]',
 }
+CONSTANT = '[[load]]\non = "top"\npressure = "100 + x"\nconstant = true'
 OTHERS = list(LOADINGS)[1:]
 LIMIT = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-3'
 
@@ -117,7 +118,10 @@ def test_a_run_goes_on(
 ) -> None:
     if comm.size > 1 and method != "newton":
         pytest.skip("nothing else is parallel in it")
-    case = write_case(comm, shared_tmp_path / "case.toml", solved_by(method, LOADINGS[method]))
+    more = "" if method in OTHERS else CONSTANT  # ζ = 0 is then a level too
+    case = write_case(
+        comm, shared_tmp_path / "case.toml", solved_by(method, LOADINGS[method], more)
+    )
     whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
     assert main(["run", str(case), "-o", str(whole)]) == SOLVED
     ended_after(2)
@@ -133,19 +137,21 @@ def test_a_run_goes_on(
     same_path(parts, whole)
 
 
+@pytest.mark.parametrize("more", ["", CONSTANT])
 def test_a_search_for_the_limit_load_goes_on(
+    more: str,
     comm: MPI.Intracomm,
     shared_tmp_path: Path,
     ended_after: Callable[[int], None],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    case = write_case(comm, shared_tmp_path / "case.toml", solved_by("work-newton", LIMIT))
+    case = write_case(comm, shared_tmp_path / "case.toml", solved_by("work-newton", LIMIT, more))
     whole = shared_tmp_path / "whole"
     assert main(["run", str(case), "-o", str(whole)]) == SOLVED
     levels = len(path_of(whole))
     assert levels >= 3
     expected = json.loads((whole / "summary.json").read_text())["limit"]
-    for ended in (2, levels):
+    for ended in (1, 2) if more else (2, levels):
         parts = shared_tmp_path / f"parts{ended}"
         ended_after(ended)
         assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM

@@ -259,6 +259,18 @@ def test_every_number_of_ranks_finds_the_same(
     assert alone.upper == pytest.approx(together.upper, rel=share)
 
 
+@pytest.mark.parametrize("most", [5, 7])
+def test_what_enters_once_it_keeps_the_volume_is_held(
+    most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of steps that end early, the projected velocity enters some pairs that did not push."""
+    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.interior_steps.MOST_STEPS", most)
+    given = two_blocks_problem(2).given
+    limit = interior_point(Problem(two_blocks(COMM, 2), **vars(given) | {"degree": 2}))
+    assert limit.verdict is Verdict.STALLED
+    assert limit.upper == pytest.approx(96.0, rel=3e-3)
+
+
 def test_nothing_can_yield() -> None:
     limit = interior_point(blocks(RIGID, RIGID))
     assert limit.verdict is Verdict.UNBOUNDED

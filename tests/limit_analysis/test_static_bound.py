@@ -18,6 +18,7 @@ from dolfinx.mesh import (
     meshtags,
 )
 
+from meshes.thick_tube import OUTER, write_thick_tube
 from perfplast_fenicsx import (
     BodyForce,
     Contact,
@@ -28,6 +29,7 @@ from perfplast_fenicsx import (
     Support,
     TaggedMesh,
     Traction,
+    machine_memory,
     two_blocks,
 )
 from perfplast_fenicsx.arrays import Floats
@@ -39,6 +41,9 @@ from perfplast_fenicsx.limit_analysis import (
     strict_lower_bound,
     strict_upper_bound,
 )
+from perfplast_fenicsx.limit_analysis.facet_pairs import facet_type, pair_facets
+from perfplast_fenicsx.problem import LoadCase
+from tests.checks import assert_refused
 from tests.limit_analysis.stress_checker import Checked, check_stress, opposite
 from tests.limit_analysis.test_interior_point import (
     BLOCK,
@@ -48,6 +53,7 @@ from tests.limit_analysis.test_interior_point import (
     K,
     blocks,
     footing,
+    made,
 )
 from tests.models import STEEL, punch_problem
 
@@ -62,14 +68,15 @@ def rectangle(
     surfaces: Mapping[str, Where],
     shake: float = 0.0,
     comm: MPI.Intracomm = COMM,
+    diagonal: DiagonalType = DiagonalType.crossed,
 ) -> TaggedMesh:
-    """A rectangle of crossed triangles from the origin on, its inner vertices shaken."""
+    """A rectangle of triangles from the origin on, its inner vertices shaken."""
     mesh = create_rectangle(
         comm,
         [(0.0, 0.0), size],
         counts,
         CellType.triangle,
-        diagonal=DiagonalType.crossed,
+        diagonal=diagonal,
         ghost_mode=GhostMode.none,
     )
     index_map = mesh.topology.index_map(2)
@@ -125,7 +132,7 @@ def proven(problem: Problem, found: StaticBound, force: tuple[float, ...] | None
     assert found.certificate is not None
     assert found.certificate.holds
     assert len(found.steps) <= 30
-    assert found.factorisations == len(found.steps) + 1
+    assert found.factorisations <= len(found.steps) + 2
     value = found.bound.value
     assert value is not None
     total = problem.comm.allreduce(float(found.dissipation.sum()))
@@ -313,6 +320,114 @@ def test_nothing_can_yield() -> None:
 def test_loads_that_no_stress_carries() -> None:
     found = strict_lower_bound(blocks(BLOCK, BLOCK, pressure=-1.0))
     assert found.verdict is Verdict.NO_RESISTANCE
+
+
+def test_shear_that_ends_in_a_corner_of_one_cell() -> None:
+    """There the traction of the free side asks for none."""
+    mesh = quarters(COMM)
+    problem = Problem(
+        mesh,
+        {"block": SOIL},
+        [Support("bottom")],
+        [Traction("top", (1.0, 0.0))],
+    )
+    found = strict_lower_bound(problem)
+    assert found.verdict is Verdict.NO_RESISTANCE
+    assert "corner" in found.reason
+    assert found.bound.strict
+    assert found.bound.value == 0.0
+    assert not found.stress.any()
+
+
+def quarters(comm: MPI.Intracomm) -> TaggedMesh:
+    """A unit square of two triangles in each of its quarters."""
+    return rectangle(
+        (2, 2),
+        (1.0, 1.0),
+        {"block": lambda x: x[1] < 2},
+        {"bottom": lambda x: x[1] < 1e-9, "top": lambda x: x[1] > 1 - 1e-9},
+        comm=comm,
+        diagonal=DiagonalType.left,
+    )
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("most", [3, 6])
+def test_an_iteration_that_ends_early_has_a_bound(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int
+) -> None:
+    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.interior_steps.MOST_STEPS", most)
+    problem = footing(shared_tmp_path)
+    found = strict_lower_bound(problem)
+    assert found.verdict is Verdict.STALLED
+    assert f"in {most} steps" in found.reason
+    assert found.bound.strict
+    assert found.certificate is not None
+    assert found.certificate.holds
+    assert found.bound.value is not None
+    assert 0.5 < found.bound.value / K < 3.24548
+
+
+def test_what_replaced_loads_are_is_not_known() -> None:
+    problem = platens(2)
+    live = problem.loads.live
+    problem.loads = LoadCase(dead=problem.create_vector(), live=live)
+    found = strict_lower_bound(problem)
+    assert found.bound.value is None
+    assert "in the place of" in found.bound.why_not[0]
+
+
+def test_curved_cells_are_taken_as_straight(shared_tmp_path: Path) -> None:
+    mesh = made(shared_tmp_path, write_thick_tube, size=0.2, order=2, interface=1.15)
+    problem = Problem(
+        mesh,
+        dict.fromkeys(mesh.volumes, SOIL),
+        [Support("x0", "x"), Support("y0", "y")],
+        [Pressure("inner", 1.0)],
+        [Contact("inner_tube_seam", "outer_tube_seam")],
+        degree=2,
+    )
+    found = strict_lower_bound(problem)
+    assert found.certificate is not None
+    assert found.certificate.holds
+    assert found.bound.of is Scope.MESH
+    assert found.bound.why_not == ("cells are curved",)
+    assert found.bound.value is not None
+    assert 0.9 < found.bound.value / (2 * K * math.log(OUTER)) < 1
+
+
+@pytest.mark.parametrize("other", [False, True])
+def test_facets_that_do_not_match(other: bool) -> None:
+    """A square in space, divided along the one diagonal below and the other one above."""
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    below = np.array([[0, 1, 2], [0, 2, 3]])
+    above = np.array([[1, 2, 3], [0, 1, 3]]) if other else below[:, ::-1]
+    sides = []
+    for corners, height, up in ((below, 0.0, 1.0), (above, 0.25, -1.0)):
+        rows = np.zeros(2 if COMM.rank == 0 else 0, dtype=facet_type(3))
+        if len(rows):
+            rows["corners"] = square[corners] + [0, 0, height]
+            rows["x"] = rows["corners"].mean(axis=1)
+            rows["normal"] = [0, 0, up]
+            rows["facet"] = rows["number"] = [4, 7]
+            rows["free"] = True
+        sides.append(rows)
+    pairs = pair_facets(COMM, *sides)
+    if other:
+        assert pairs is None
+        return
+    assert pairs is not None
+    if COMM.rank == 0:
+        order = np.argsort(pairs.host)
+        assert (pairs.host[order] == [4, 7]).all()
+        assert (pairs.guest[order] == 9 * np.array([[4], [7]]) + [6, 3, 0]).all()
+        assert (np.sort(pairs.turned) == [4, 7]).all()
+
+
+def test_a_bound_that_does_not_fit_into_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = punch_problem(2)
+    monkeypatch.setattr(machine_memory, "physical_memory", lambda: 2**10)
+    assert_refused(lambda: strict_lower_bound(problem), ["unknowns needs", "coarser mesh"])
 
 
 @pytest.mark.parametrize("rtol", [0.0, 1.0, math.nan])

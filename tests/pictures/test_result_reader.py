@@ -2,6 +2,7 @@
 
 import shutil
 from collections import ChainMap
+from dataclasses import replace
 from itertools import combinations, pairwise
 from pathlib import Path
 
@@ -124,7 +125,8 @@ def test_the_skin_is_that_of_the_run(
         writer.write(level)
         reader = ResultReader(folder.path)
         if comm.rank == 0:  # times differ from rank to rank
-            assert reader.reports == writer.results.reports
+            written = [replace(report, reactions={}) for report in writer.results.reports]
+            assert reader.reports == written
         assert reader.scene.marks == scene.marks
         assert reader.limit is None
         last = reader.levels[-1]

@@ -169,6 +169,6 @@ def test_nodes_at_an_obstacle_that_cannot_give_way_are_refused() -> None:
         problem(2e-3)
 
 
-def test_the_search_for_a_limit_load_is_refused() -> None:
+def test_the_interior_point_method_is_refused() -> None:
     with pytest.raises(InputError, match="supports move"):
-        limit_load(stack(Support("top", "z", value=-1e-3)))
+        limit_load(stack(Support("top", "z", value=-1e-3)), method="interior-point")

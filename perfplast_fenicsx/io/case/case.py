@@ -15,7 +15,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.io.case.loading_options import LOADINGS, Control
+from perfplast_fenicsx.io.case.loading_options import LOADINGS, BoundsControl, Control
 from perfplast_fenicsx.io.case.scene import Scene, Units
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.io.case.tables import (
@@ -32,7 +32,9 @@ from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
+from perfplast_fenicsx.problem.initial_strain import Initial, InitialStress, Temperature
 from perfplast_fenicsx.problem.loads import Load
+from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.methods import METHODS
@@ -60,6 +62,7 @@ class Case:
     loading: Control
     output: OutputOptions
     units: Units
+    initial: list[Initial]
 
     @property
     def scene(self) -> Scene:
@@ -102,6 +105,7 @@ class Case:
                 self.contacts,
                 self.obstacles,
                 self.element.degree,
+                self.initial,
             )
 
     def solver(self, problem: Problem) -> Any:
@@ -169,11 +173,26 @@ def _case(path: Path, table: Table) -> Case:
     loading: Control = convert(rest, schema, place)
     method, options = _algorithm(top.solve, loading, f"{name}, [solve]")
     held = [convert(support, Support, place) for place, support in supports]
-    if loading.values is None and any(support.value for support in held):
-        raise InputError(
-            f"{place}: a limit load goes with supports at rest, but one has a value; leave it out,"
-            " for the limit load is the same without, or give values = [...] of the work."
-        )
+    kinds: dict[str, tuple[list[Table], type[Initial]]] = {
+        "temperature": (top.temperature, Temperature),
+        "initial_stress": (top.initial_stress, InitialStress),
+    }
+    initial: list[Initial] = []
+    for kind, (tables, schema_of) in kinds.items():
+        for where, entry in _numbered(tables, f"{name}, [[{kind}]]"):
+            initial.append(convert(entry, schema_of, where))
+    meant = any(convert(contact, Contact, where).interference for where, contact in contacts)
+    with at(place):
+        constant = any(load.constant for load in loads)
+        if constant or any(one.value for one in held) or initial or meant:
+            _check_not_proportional(loading)
+        elif not isinstance(loading, BoundsControl):
+            loading.check_proportional()
+        if loading.prescribes is Prescribed.WORK and all(load.constant for load in loads):
+            raise InputError(
+                "control = 'work' goes with a load that grows, but all loads are constant; take"
+                " constant = true from one of them, or give control = 'load'."
+            )
     return Case(
         path=path,
         table=table,
@@ -190,7 +209,18 @@ def _case(path: Path, table: Table) -> Case:
         loading=loading,
         output=convert(top.output, OutputOptions, f"{name}, [output]"),
         units=convert(top.units, Units, f"{name}, [units]"),
+        initial=initial,
     )
+
+
+def _check_not_proportional(loading: Control) -> None:
+    """Refuse what is for loads that all grow, and nothing else."""
+    if loading.limit_method == LimitMethod.INTERIOR_POINT:
+        raise InputError(
+            "supports move, loads are constant or bodies are strained at first, and strict bounds"
+            " and the interior point method are for loads that all grow; give control = 'work',"
+            " until = 'limit' and limit_method = 'path', or leave out what does not grow."
+        )
 
 
 def _algorithm(table: Table, loading: Control, place: str) -> tuple[str, Any]:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import ClassVar, Literal
 
 from perfplast_fenicsx.errors import InputError
@@ -18,10 +19,11 @@ class LoadControl:
     """Loading by the load factor ζ.
 
     Args:
-        values: Load factors, increasing, not negative.
+        values: Load factors, increasing, not negative. Beside constant loads they may be negative
+            or fall; ζ = 0 is then solved first.
 
     Raises:
-        InputError: No value at all, or values that are not finite, negative or not increasing.
+        InputError: No value at all, or values that are not finite, or neither rise nor fall.
     """
 
     prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
@@ -34,13 +36,18 @@ class LoadControl:
     def __post_init__(self) -> None:
         _check_values(self.values, "load factors")
 
+    def check_proportional(self) -> None:
+        """Refuse what makes sense beside constant loads or moving supports alone."""
+        _check_rising(self.values, "load factors")
+
 
 @dataclass(frozen=True)
 class WorkControl:
     """Loading by the work of the loads α = L(u), with given values or until the limit load.
 
     Args:
-        values: Works, increasing, not negative.
+        values: Works, increasing, not negative. Beside constant loads and supports that move, where
+            α = α₀ at ζ = 0, they may be negative or fall.
         until: "limit" seeks the limit load.
         limit_tolerance: How near to each other its bounds must be, or to its limit ζ(α), relative,
             between 0 and 1; 1e-3 where it is not given. With ``until`` only.
@@ -74,6 +81,10 @@ class WorkControl:
             if self.limit_tolerance is None:
                 object.__setattr__(self, "limit_tolerance", LIMIT_TOLERANCE)
             _check_tolerance(self.limit_tolerance)
+
+    def check_proportional(self) -> None:
+        """Refuse what makes sense beside constant loads or moving supports alone."""
+        _check_rising(self.values or [], "works")
 
 
 @dataclass(frozen=True)
@@ -110,14 +121,30 @@ def _check_tolerance(tolerance: float | None) -> None:
 def _check_values(values: list[float], what: str) -> None:
     if not values:
         raise InputError(f"values is empty; give at least one of the {what}.")
-    for before, value in zip([-math.inf, *values], values, strict=False):
-        if not math.isfinite(value) or value < 0:
-            raise InputError(f"values has {value}, but {what} are finite numbers >= 0; correct it.")
-        if value <= before:
+    for value in values:
+        if not math.isfinite(value):
+            raise InputError(f"values has {value}, but {what} are finite numbers; correct it.")
+    falls = len(values) > 1 and values[1] < values[0]
+    for before, value in pairwise(values):
+        if value == before or (value < before) != falls:
             raise InputError(
-                f"values has {value} after {before}, but {what} must increase; sort them and give"
-                " each once."
+                f"values has {value} after {before}, but {what} must increase (or, beside constant"
+                " loads, all decrease); sort them and give each once."
             )
+
+
+def _check_rising(values: list[float], what: str) -> None:
+    for value in values:
+        if value < 0:
+            raise InputError(
+                f"values has {value}, but without constant loads {what} are finite numbers >= 0;"
+                " correct it."
+            )
+    if len(values) > 1 and values[1] < values[0]:
+        raise InputError(
+            f"values has {values[1]} after {values[0]}, but without constant loads {what} must"
+            " increase; sort them and give each once."
+        )
 
 
 LOADINGS: dict[str, type[Control]] = {

@@ -52,7 +52,7 @@ class Scene:
 
     Attributes:
         title: Heading of pictures.
-        loads: What acts, times ζ.
+        loads: What acts, times ζ but for constant ones.
         contacts: Pairs of surfaces.
         obstacles: Rigid ones.
         units: For legends.

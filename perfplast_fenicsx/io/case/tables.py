@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.formulas import check
 from perfplast_fenicsx.io.case.schema import Table, shown
 from perfplast_fenicsx.problem.loads import LOADS, Load
 
@@ -20,10 +21,13 @@ class Document:
     Args:
         mesh: The bodies.
         material: The law of each body; NAME is that of its physical volume.
-        load: What pushes and pulls, at least once. All loads are multiplied by the load factor ζ.
+        load: What pushes and pulls, at least once. The load factor ζ multiplies all loads but those
+            that are constant.
         loading: How far the bodies are loaded, and by what it is controlled.
         title: For people; the name of the file where it is missing.
         support: What holds the bodies.
+        temperature: Where the temperature changes.
+        initial_stress: Where bodies have stress before they are deformed.
         contact: Which bodies touch, or may touch, each other.
         obstacle: Rigid obstacles that do not move.
         element: The finite elements.
@@ -38,6 +42,8 @@ class Document:
     loading: Table
     title: str = ""
     support: list[Table] = field(default_factory=list)
+    temperature: list[Table] = field(default_factory=list)
+    initial_stress: list[Table] = field(default_factory=list)
     contact: list[Table] = field(default_factory=list)
     obstacle: list[Table] = field(default_factory=list)
     element: Table = field(default_factory=dict)
@@ -98,39 +104,55 @@ class MeshBuilder:
 
 @dataclass(frozen=True)
 class LoadTable:
-    """A load on a surface or in a volume: give exactly one of its three kinds.
+    """A load on a surface or in a volume: give exactly one of its four kinds.
+
+    Numbers may be formulas in x, y, z, such as ``"10*maximum(8 - y, 0)"``, which are taken at the
+    nodes of quadratic cells.
 
     Args:
-        on: Physical surface, or volume for a ``body_force``.
-        traction: Force per area (stress), one number a direction.
-        pressure: Pressure (stress); a positive one pushes on the body.
-        body_force: Force per volume, one number a direction.
+        on: Physical surface, or volume for a ``body_force`` or ``pore_pressure``.
+        traction: Force per area (stress), one number or formula a direction.
+        pressure: Pressure (stress), a number or formula; a positive one pushes on the body.
+        body_force: Force per volume, one number or formula a direction.
+        pore_pressure: Pressure of water in the pores (stress), a number or formula; the stress of
+            the material is then the effective one.
+        constant: Whether the load acts in full at any load factor, as a weight does; without it
+            true of a ``pore_pressure``, and false of others.
+        name: What messages call the load.
     """
 
     on: str
-    traction: list[float] | None = None
-    pressure: float | None = None
-    body_force: list[float] | None = None
+    traction: list[float | str] | None = None
+    pressure: float | str | None = None
+    body_force: list[float | str] | None = None
+    pore_pressure: float | str | None = None
+    constant: bool | None = None
+    name: str = ""
 
     def load(self, place: str) -> Load:
         """The load that it describes.
 
         Raises:
-            InputError: If it has none or several of the three kinds, or one that is not finite.
+            InputError: If it has none or several of the four kinds, or one that is not finite.
         """
         given = {kind: getattr(self, kind) for kind in LOADS}
         given = {kind: value for kind, value in given.items() if value is not None}
         if len(given) != 1:
             what = " and ".join(given) or "no load"
             raise InputError(
-                f"{place}: '{self.on}' has {what}; give exactly one of traction, pressure and"
-                " body_force (several loads are several [[load]] tables)."
+                f"{place}: '{self.on}' has {what}; give exactly one of traction, pressure,"
+                " body_force and pore_pressure (several loads are several [[load]] tables)."
             )
         ((kind, value),) = given.items()
         numbers = value if isinstance(value, list) else [value]
-        if not all(map(math.isfinite, numbers)):
+        if not all(isinstance(one, str) or math.isfinite(one) for one in numbers):
             raise InputError(
                 f"{place}: {kind} = {shown(value)} is not finite; give finite numbers."
             )
-        load: Load = LOADS[kind](self.on, value)
+        for formula in numbers:
+            if isinstance(formula, str):
+                check(formula, f"{place}: {kind}")
+        cls = LOADS[kind]
+        constant = cls.constant if self.constant is None else self.constant
+        load: Load = cls(self.on, value, self.name, constant)
         return load

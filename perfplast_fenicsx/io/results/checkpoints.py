@@ -83,7 +83,9 @@ class Saved:
         """How far a loading by chosen steps has come."""
         if self.level is None:
             return None
-        return Reached(self.level.state, self.before, self.level.report.newton_iterations)
+        rest = self.search.rest if self.search else None
+        steps = self.level.report.newton_iterations
+        return Reached(self.level.state, self.before, steps, rest or 0.0)
 
 
 class Checkpoints:

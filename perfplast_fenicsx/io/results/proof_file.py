@@ -28,7 +28,7 @@ from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
-from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction
+from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction, uniform
 from perfplast_fenicsx.problem.problem import Problem
 
 Blocks = dict[str, Block]
@@ -114,7 +114,8 @@ def _check(problem: Problem) -> None:
     for load in problem.given.loads:
         if not isinstance(load, Pressure | Traction | BodyForce):
             raise InputError(f"a {type(load).__name__} is no load that a proof can have.")
-    if problem.moves_supports or not problem.loads.is_proportional():
+        uniform(load)
+    if not problem.is_proportional():
         raise InputError("supports move or loads are constant; a proof knows loads that all grow.")
 
 
@@ -240,7 +241,7 @@ def _body_forces(problem: Problem, count: int) -> Floats:
     for load in problem.given.loads:
         if isinstance(load, BodyForce):
             cells = tagged_mesh.cells(load.on)
-            forces[cells[cells < count]] += np.asarray(load.value)
+            forces[cells[cells < count]] += uniform(load)
     return forces
 
 
@@ -253,7 +254,7 @@ def _tractions(
     for load in problem.given.loads:
         here = surface == tags.get(load.on, -1)
         if isinstance(load, Pressure):
-            values[here] -= load.value * outer.normals[here]
+            values[here] -= uniform(load) * outer.normals[here]
         elif isinstance(load, Traction):
-            values[here] += np.asarray(load.value)
+            values[here] += uniform(load)
     return np.repeat(values[:, None], d, axis=1)

@@ -8,6 +8,7 @@ NEWEST, BEFORE = "checkpoint.h5", "checkpoint_before.h5"
 """The checkpoint of the last level, and of the one before."""
 
 SERIES, FIELDS, MECHANISM = "fields.vtkhdf.series", "fields", "mechanism.vtkhdf"
+PROOF = "bounds.h5"
 MESH = f"{FIELDS}/mesh.vtkhdf"
 
 EARLIER = ("model.json", "fields.xdmf", "fields.h5", "mechanism.xdmf", "mechanism.h5")

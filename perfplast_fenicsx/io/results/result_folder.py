@@ -30,15 +30,17 @@ from perfplast_fenicsx.io.results.result_files import (
     FIELDS,
     MECHANISM,
     NEWEST,
+    PROOF,
     SERIES,
 )
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import LevelReport
+from perfplast_fenicsx.problem.supports import AXES
 
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
-    *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png"),
+    *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png", PROOF),
     *(NEWEST, BEFORE, *EARLIER),
 )
 """What a run looks for before it writes, and removes when it is told to."""
@@ -50,7 +52,7 @@ STEP_KEYS = (
     *("zeta", "alpha", "converged", "reason"),
     *("newton_iterations", "active_set_iterations", "linear_iterations", "damping_min"),
     *("plastic_fraction", "plastic_cells", "active_contacts", "contact_pairs"),
-    *("max_penetration", "duality_gap", "max_displacement", "seconds"),
+    *("max_penetration", "duality_gap", "max_displacement", "seconds", "reactions", "balance"),
 )
 """Keys of a step of ``summary.json``, on which other tools rely; ``path.csv`` has all there is."""
 
@@ -234,12 +236,11 @@ class Results:
     def _path(self) -> str:
         """What ``path.csv`` says."""
         text = io.StringIO()
-        columns = [field.name for field in dataclasses.fields(LevelReport)]
-        writer = csv.DictWriter(text, ["step", *columns], lineterminator="\n")
-        if self.reports:
+        rows = [_row(step, report) for step, report in enumerate(self.reports, start=1)]
+        writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+        if rows:
             writer.writeheader()
-        for step, report in enumerate(self.reports, start=1):
-            writer.writerow({"step": step} | dataclasses.asdict(report))
+        writer.writerows(rows)
         return text.getvalue()
 
     @contextmanager
@@ -260,6 +261,14 @@ class Results:
             replace(self.folder.file("summary.json"), text.encode())
 
         self.folder.on_root(write)
+
+
+def _row(step: int, report: LevelReport) -> dict[str, Any]:
+    """A row of ``path.csv``, with a column for each component of each reaction."""
+    row = {"step": step} | dataclasses.asdict(report)
+    for name, force in row.pop("reactions").items():
+        row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(AXES, force, strict=False)}
+    return row
 
 
 def peak_memory() -> float:

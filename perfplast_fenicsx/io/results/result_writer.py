@@ -4,9 +4,12 @@ from typing import Any
 
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.io.case.scene import Scene, write_scene
+from perfplast_fenicsx.io.results.bound_fields import bound_fields
 from perfplast_fenicsx.io.results.checkpoints import Saved
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
+from perfplast_fenicsx.io.results.proof_file import StressProof, VelocityProof, write_proof
+from perfplast_fenicsx.io.results.result_files import PROOF
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
@@ -106,11 +109,26 @@ class ResultWriter:
                 fields = {"mechanism": limit.mechanism, "dissipation": work}
                 if limit.stress is not None and limit.contact_forces is not None:
                     fields |= self._output.of_stress(limit.stress, limit.contact_forces)
+                if body is not None:
+                    fields |= bound_fields(body)
                 alpha = 0.0 if limit.alpha is None else limit.alpha
                 self._fields.write_mechanism(fields, limit.lower, alpha)
+            if body is not None:
+                self._write_proof(body)
             table = {key: getattr(limit, key) for key in LIMIT_KEYS}
             self.results.summary.limit = table | {"body": body and _table(body)}
             self.results.write()
+
+    def _write_proof(self, body: BodyBounds) -> None:
+        """Write what proves the bounds that hold for the body, if any. Collective."""
+        lower = upper = None
+        if body.lower.value is not None and body.lower.strict and body.stress is not None:
+            lower = StressProof(body.problem, body.lower.value, body.stress)
+        if body.upper.value is not None and body.upper.strict and body.problem.degree == 2:
+            upper = VelocityProof(body.problem, body.upper.value, body.mechanism)
+        if lower is not None or upper is not None:
+            folder = self.results.folder
+            write_proof(folder, folder.file(PROOF), lower, upper)
 
 
 def _table(body: BodyBounds) -> dict[str, Any]:

@@ -69,7 +69,7 @@ class ContactProgram:
         self._comm = problem.comm
         self._equality = EqualityProgram(problem, linear)
         self._inequality = VariationalInequality(problem, self._equality)
-        self._index = problem.basis.index
+        self._T, self._index = problem.basis.T, problem.basis.index
         self._contact = problem.num_pairs > 0
         self._r, self._delta, self._gradient = (problem.create_vector() for _ in range(3))
 
@@ -116,6 +116,25 @@ class ContactProgram:
         if settled:
             solution, settled = self._inequality.solve(solution)
         return _step(solution, solution.held, settled)
+
+    def response(self, load: PETSc.Vec, held: PairFlags, rtol: float) -> PETSc.Vec:
+        """δ with Aδ = load where these pairs keep their jumps and all others are free. Collective.
+
+        Args:
+            load: In nodal unknowns.
+            held: Shape (num_pairs,).
+            rtol: Relative tolerance of the linear solve.
+
+        Returns:
+            In the jump basis; valid until the next solve.
+
+        Raises:
+            LinearFailure: If the linear system cannot be solved.
+        """
+        self._T.multTranspose(load, self._r)
+        self._r.scale(-1)
+        model = QuadraticModel(self._r, np.zeros(len(held)), None, rtol)
+        return self._equality.minimise(model, held, self._delta).delta
 
     def _push_back(self, solution: Solution) -> None:
         """Open the pairs that δ closes beyond their room."""

@@ -16,7 +16,7 @@ from perfplast_fenicsx.io.case.loading_options import LoadControl, WorkControl
 from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile, OutputOptions
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.von_mises import VonMises
-from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction
+from perfplast_fenicsx.problem.loads import BodyForce, PorePressure, Pressure, Traction
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.augmented_lagrangian import AugmentedLagrangian
@@ -183,9 +183,42 @@ def test_a_support_that_moves(read: Read, comm: MPI.Intracomm) -> None:
     assert case.supports == [Support("left", "yz"), Support("left", "x", -1e-3)]
     assert case.problem(comm).moves_supports
     loading = WORK[1] + 'until = "limit"\nlimit_tolerance = 1e-5\n'
-    with pytest.raises(InputError, match="supports at rest") as refusal:
-        read(replaced(WORK[0], loading).replace(*moved))
-    assert "[loading]" in str(refusal.value)
+    assert read(replaced(WORK[0], loading).replace(*moved)).loading.values is None
+
+
+WEIGHT = """[[load]]
+name = "weight"
+on = "upper"
+body_force = [0.0, 0.0, "-1 - z"]
+constant = true
+[[load]]
+on = "lower"
+pore_pressure = "10*maximum(1 - z, 0)"
+[solve]
+"""
+
+
+def test_loads_that_are_constant(read: Read, comm: MPI.Intracomm) -> None:
+    case = read(replaced("[solve]\n", WEIGHT))
+    assert case.loads == [
+        Traction("top", [0.0, 0.0, -1.0]),
+        BodyForce("upper", [0.0, 0.0, "-1 - z"], "weight", constant=True),
+        PorePressure("lower", "10*maximum(1 - z, 0)"),
+    ]
+    assert [load.constant for load in case.loads] == [False, True, True]
+    assert not case.problem(comm).is_proportional()
+    falling = replaced("[solve]\n", WEIGHT).replace("[20.0, 40.0]", "[-20.0, -40.0]")
+    assert read(falling).loading.values == [-20.0, -40.0]
+
+
+@pytest.mark.parametrize(
+    "loading", ['until = "limit"\nlimit_tolerance = 1e-5\n', "values = [1.0]\n"]
+)
+def test_constant_loads_alone_have_no_limit(read: Read, comm: MPI.Intracomm, loading: str) -> None:
+    text = replaced(WORK[0], WORK[1] + loading)
+    with pytest.raises(InputError) as refusal:
+        read(text.replace("traction = ", "constant = true\ntraction = "))
+    assert_one_sentence(comm, refusal.value, "[loading]", "all loads are constant")
 
 
 def test_limit_runs_have_options_that_suit_them(read: Read) -> None:
@@ -256,7 +289,7 @@ FORMAT_FAULTS = [
     ("[solve]", "[[solve]]", ["solve = [", "[solve]"]),
     ("[material.upper]", "[material]", ["material = {", "[material.NAME]"]),
     ("traction = [0.0, 0, -1.0]", "traction = 1", ["[[load]]", "traction = 1", "a list"]),
-    ("traction = [0.0, 0, -1.0]", 'traction = ["a"]', ["[[load]]", "traction = ['a']"]),
+    ("traction = [0.0, 0, -1.0]", 'traction = ["a"]', ["[[load]]", "traction", "the name 'a'"]),
     ("gap = 0.0", "gap = [0.0]", ["[[contact]]", "gap = [0.0]", "a number or a string"]),
     ("damping = true", "damping = 1", ["[solve]", "damping = 1", "true or false"]),
     ("regularisation = 1e-3", "regularisation = true", ["[solve]", "regularisation = true"]),

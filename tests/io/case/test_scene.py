@@ -49,7 +49,8 @@ def test_arrays_are_written_as_lists(tmp_path: Path) -> None:
     path = tmp_path / "scene.json"
     write_scene(Scene("", [Traction("top", np.array([0.0, 0.0, -1.0]))]), tagged_mesh, path)
     (load,) = json.loads(path.read_text(encoding="utf-8"))["loads"]
-    assert load == {"kind": "traction", "on": "top", "value": [0.0, 0.0, -1.0]}
+    assert load["value"] == [0.0, 0.0, -1.0]
+    assert load["kind"] == "traction"
 
 
 @pytest.mark.parametrize(

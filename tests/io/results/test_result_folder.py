@@ -37,6 +37,7 @@ SUMMARY_KEYS = [
 def report(zeta: float, **changes: object) -> LevelReport:
     """A report with made-up numbers, all different."""
     values: dict[str, object] = {"converged": True, "reason": "criterion met, at last"}
+    values["reactions"] = {"loads": [0.5, 0.0, -2.5], "support floor": [-0.5, 0.0, 2.5]}
     for number, field in enumerate(dataclasses.fields(LevelReport), start=1):
         if field.name not in values:
             values[field.name] = number if field.type is int else number / 8
@@ -168,11 +169,16 @@ def test_summary_and_path(comm: MPI.Intracomm, shared_tmp_path: Path, problem: P
             rows = list(csv.DictReader(file))
         assert len(rows) == number
         assert rows[-1]["step"] == str(number)
-        for key, value in dataclasses.asdict(level).items():
+        numbers = dataclasses.asdict(level)
+        forces = numbers.pop("reactions")
+        for key, value in numbers.items():
             assert rows[-1][key] == str(value)
+        assert [rows[-1][f"loads_{axis}"] for axis in "xyz"] == [*map(str, forces["loads"])]
+        assert rows[-1]["support_floor_z"] == "2.5"
         comm.barrier()
     assert [list(step) for step in summary["steps"]] == [list(STEP_KEYS)] * 2
     assert summary["steps"][0]["alpha"] == given[0].alpha
+    assert summary["steps"][0]["reactions"] == given[0].reactions
     assert summary["steps"][1]["duality_gap"] is None
     assert summary["steps"][1]["converged"] is False
     assert list(summary["timings"]) == ["solve"]

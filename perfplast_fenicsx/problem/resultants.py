@@ -1,0 +1,100 @@
+"""Forces on the bodies as resultants: of the loads, each support, obstacle and contact.
+
+They balance: internal forces do no work on rigid motions, so that the sum of all resultants is what
+the residual at unknowns without supports adds up to, and so for moments.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.problem.problem import Problem
+
+
+@dataclass(frozen=True)
+class Resultants:
+    """Resultants by what exerts them, and how well they balance.
+
+    Attributes:
+        forces: One number a direction (force; in the plane for each unit of depth), of ``loads``,
+            ``support NAME``, ``obstacle NAME`` and ``contact PRIMARY SECONDARY``: that on the
+            primary surface's body, and none on both together. What two supports hold alike is told
+            of the first one.
+        balance: Sum of the forces on the bodies, or moment about the middle of the bodies over
+            their size, whichever is larger, relative to the sum of all nodal forces.
+    """
+
+    forces: Mapping[str, list[float]]
+    balance: float
+
+
+def resultants(
+    problem: Problem, internal: PETSc.Vec, contact: Floats, zeta: float, least: float = 0.0
+) -> Resultants:
+    """The resultants at a state. Collective.
+
+    Args:
+        problem: The bodies, their loads and what holds them.
+        internal: ⟨σ, ε(·)⟩ in nodal unknowns, at supports too.
+        contact: Forces of the pairs hosted by this rank, shape (num_pairs,).
+        zeta: Load factor.
+        least: Nodal forces (force) that add up to less are next to rounding.
+    """
+    comm, gdim = problem.comm, problem.bodies.gdim
+    loads, pushes = problem.create_vector(), problem.create_vector()
+    problem.loads.add_all_to(loads, zeta)
+    rows = problem.constraints.B.createVecLeft()
+    rows.array[:] = -contact
+    problem.constraints.B.multTranspose(rows, pushes)
+    external, pushed, reaction = (
+        vector.array_r.reshape(-1, gdim).copy() for vector in (loads, pushes, internal)
+    )
+    for vector in (loads, pushes, rows):
+        vector.destroy()
+    reaction -= external + pushed
+    held_by = problem.held_by[: len(reaction)]
+    reaction[held_by < 0] = 0
+
+    names = [f"support {name}" for name in problem.support_names]
+    names += [f"contact {a.primary} {a.secondary}" for a in problem.given.contacts]
+    names += [f"obstacle {obstacle.on}" for obstacle in problem.given.obstacles]
+    supports, sums = len(problem.support_names), np.zeros((len(names) + 1, gdim))
+    for axis in range(gdim):
+        held = held_by[:, axis] >= 0
+        sums[:supports, axis] = np.bincount(
+            held_by[held, axis], reaction[held, axis], minlength=supports
+        )
+    on_pairs = -contact[:, None] * problem.constraints.normal
+    np.add.at(sums, supports + problem.constraints.surface, on_pairs)
+    sums[-1] = external.sum(axis=0)
+    sums = comm.allreduce(sums)
+
+    forces: dict[str, Floats] = {"loads": np.zeros(gdim)}
+    for name, force in zip([*names, "loads"], sums, strict=True):
+        forces[name] = forces.get(name, np.zeros(gdim)) + force
+    outer = [force for name, force in forces.items() if not name.startswith("contact ")]
+    missing = float(np.linalg.norm(np.sum(outer, axis=0)))
+    parts = (external, pushed, reaction)
+    total = comm.allreduce(sum(float(np.linalg.norm(part, axis=1).sum()) for part in parts))
+    total = max(total, least)
+    missing = max(missing, _moment(problem, external + pushed + reaction))
+    told = {name: [float(number) for number in force] for name, force in forces.items()}
+    return Resultants(told, missing / total if total > 0 else 0.0)
+
+
+def _moment(problem: Problem, forces: Floats) -> float:
+    """Norm of their moment about the middle of the nodes, over the distance of the farthest."""
+    comm = problem.comm
+    x = problem.V.tabulate_dof_coordinates()[: len(forces)]
+    middle = comm.allreduce(x.sum(axis=0)) / problem.V.dofmap.index_map.size_global
+    arms = x - middle
+    in_space = np.zeros_like(arms)
+    in_space[:, : forces.shape[1]] = forces
+    moment = comm.allreduce(np.cross(arms, in_space).sum(axis=0))
+    farthest = comm.allreduce(float(np.linalg.norm(arms, axis=1).max(initial=0)), MPI.MAX)
+    return float(np.linalg.norm(moment)) / farthest if farthest > 0 else 0.0
