@@ -156,7 +156,7 @@ GROUPS = {
         (
             case("bolted", 2, "--degree", "2", solver="multigrid"),
             case("bolted", 2, "--degree", "2", solver="multigrid", ranks=2),
-            case("bolted", 2, "--degree", "2", ranks=2),
+            case("bolted", 2, "--degree", "2", solver="direct", ranks=2),
         ),
     ),
     "bolted_250k": Group(

@@ -226,6 +226,35 @@ GOALS = (
         10.0,
     ),
     Goal(
+        "CG iterations per solve, bolted assembly of 270 thousand unknowns, elastic levels",
+        ("bolted_250k",),
+        lambda jobs: float(jobs[MULTIGRID_2]["iterations_per_solve"]),
+        25.0,
+        15.0,
+    ),
+    Goal(
+        "their growth from 42 thousand to 1 million unknowns",
+        ("bolted_40k", "bolted_1m"),
+        lambda few, many: (
+            many[DEFAULT_2]["iterations_per_solve"] / few[MULTIGRID_2]["iterations_per_solve"]
+        ),
+        1.5,
+    ),
+    Goal(
+        "E per Newton step, bolted assembly of 270 thousand unknowns, 2 ranks",
+        ("bolted_250k",),
+        lambda jobs: float(jobs[DEFAULT_2]["E_per_newton_step"]),
+        1.5,
+        0.8,
+    ),
+    Goal(
+        "bolted assembly of 1 M unknowns, 3 load levels, 2 ranks: memory in all, GB",
+        ("bolted_1m",),
+        lambda jobs: _memory(jobs, DEFAULT_2) * 2**20 / 1e9,
+        16.0,
+        12.0,
+    ),
+    Goal(
         "2 ranks against 1, two blocks n = 24: times faster",
         ("two_blocks_24",),
         lambda jobs: _path(jobs, MULTIGRID) / _path(jobs, MULTIGRID_2),

@@ -14,10 +14,12 @@ from typing import Any
 from docs.marks import replace_mark
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES
+from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.io.case import tables
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.io.case.schema import described, shown
+from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
@@ -139,9 +141,11 @@ def _mesh() -> Iterator[str]:
         HEAD
         + _choice("builder", BUILDERS, None, meaning["builder"])
         + row("...", "see below", "", meaning["arguments"])
+        + row("adapt", "a table", "none", meaning["adapt"])
     )
     for name, builder in BUILDERS.items():
         yield f'**`builder = "{name}"`.** {summary(builder)}\n\n{HEAD}{_parameters(builder)}'
+    yield f"**`adapt`.** {summary(Adaptation)}\n\n{HEAD}{rows(Adaptation)}"
 
 
 def _solve() -> Iterator[str]:
@@ -178,6 +182,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "initial_stress": ("[[initial_stress]]", _single(InitialStress)),
     "contact": ("[[contact]]", _single(Contact)),
     "obstacle": ("[[obstacle]]", _chosen("shape", OBSTACLES, None, "What it is.")),
+    "tie": ("[[tie]]", _single(Tie)),
     "element": ("[element]", _single(tables.ElementOptions)),
     "solve": ("[solve]", _solve),
     "loading": ("[loading]", _chosen("control", LOADINGS, "load", "What is prescribed.")),

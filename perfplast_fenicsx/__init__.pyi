@@ -5,6 +5,7 @@ from .contact.contact import Contact as Contact
 from .contact.obstacles import Cylinder as Cylinder
 from .contact.obstacles import Plane as Plane
 from .contact.obstacles import Sphere as Sphere
+from .contact.tie import Tie as Tie
 from .errors import InputError as InputError
 from .errors import raise_together as raise_together
 from .io.case.scene import Scene as Scene
@@ -13,6 +14,8 @@ from .io.results.output_fields import OutputFields as OutputFields
 from .io.results.result_folder import ResultFolder as ResultFolder
 from .io.results.result_folder import Results as Results
 from .io.results.result_writer import ResultWriter as ResultWriter
+from .limit_analysis.adaptation import Adaptation as Adaptation
+from .limit_analysis.adaptation import adaptive_bounds as adaptive_bounds
 from .limit_analysis.body_bounds import BodyBounds as BodyBounds
 from .limit_analysis.body_bounds import limit_bounds as limit_bounds
 from .limit_analysis.limit_methods import LimitLoad as LimitLoad

@@ -25,10 +25,35 @@ def send_rows(
     Returns:
         The rows that have arrived here, in the order of the ranks they come from.
     """
-    sent = np.bincount(destination, minlength=comm.size)
-    received = np.empty_like(sent)
-    comm.Alltoall(sent, received)
-    return exchange_rows(comm, rows[np.argsort(destination, kind="stable")], sent, received)
+    return Exchange(comm, destination).forward(rows)
+
+
+class Exchange:
+    """Sends rows to ranks, and answers of the same number back to where they came from."""
+
+    def __init__(self, comm: MPI.Intracomm, destination: npt.NDArray[np.integer]) -> None:
+        """Say how many rows go where. Collective.
+
+        Args:
+            comm: The ranks.
+            destination: Shape (num_rows,), the rank each row goes to.
+        """
+        self._comm = comm
+        self._order = np.argsort(destination, kind="stable")
+        self._sent = np.bincount(destination.ravel(), minlength=comm.size)
+        self._received = np.empty_like(self._sent)
+        comm.Alltoall(self._sent, self._received)
+
+    def forward(self, rows: npt.NDArray) -> npt.NDArray:
+        """The rows that arrive here of what all ranks send. Collective."""
+        return exchange_rows(self._comm, rows[self._order], self._sent, self._received)
+
+    def back(self, rows: npt.NDArray) -> npt.NDArray:
+        """Answers, one for each row that has arrived, to the rows that were sent. Collective."""
+        arrived = exchange_rows(self._comm, rows, self._received, self._sent)
+        answers = np.empty_like(arrived)
+        answers[self._order] = arrived
+        return answers
 
 
 def exchange_rows(

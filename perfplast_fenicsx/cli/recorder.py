@@ -10,6 +10,7 @@ from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
+from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_judge import Search
@@ -100,6 +101,16 @@ class Recorder:
         self._run.journal.interior(step)
         self._run.interrupts.check()
 
+    def mesh(self, round_: Round) -> None:
+        """Show and log the bounds on a mesh of several; a monitor of these. Collective.
+
+        Raises:
+            Interrupted: On every rank, if a signal has come.
+        """
+        self._run.terminal.mesh(round_)
+        self._run.journal.mesh(round_)
+        self._run.interrupts.check()
+
     def level(self, level: Level, search: Search | None = None) -> None:
         """Write a level, and a checkpoint if it is solved. Collective.
 
@@ -127,8 +138,18 @@ class Recorder:
         self._announce()
         self._run.interrupts.check()
 
-    def limit(self, limit: LimitLoad, body: BodyBounds | None = None) -> None:
+    def limit(
+        self,
+        limit: LimitLoad,
+        body: BodyBounds | None = None,
+        adaptive: AdaptiveBounds | None = None,
+    ) -> None:
         """Write and show the limit load, and what is proven of the body. Collective.
+
+        Args:
+            limit: Of the mesh, the last one of several.
+            body: What is proven.
+            adaptive: The meshes, where there are several.
 
         Raises:
             InputError: On every rank, if the system refuses.
@@ -140,7 +161,7 @@ class Recorder:
         if not self.results.reports:  # without levels nothing else has counted it
             solve = time.perf_counter() - self._solving
             self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
-        self._writer.write_limit(limit, body)
+        self._writer.write_limit(limit, body, adaptive)
 
     def elapsed(self) -> float:
         """Wall time of the run, with what it has gone on from (s)."""

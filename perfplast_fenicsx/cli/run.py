@@ -17,6 +17,7 @@ from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.adaptation import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body_bounds import bounds_of_mesh, limit_bounds
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
@@ -71,7 +72,9 @@ def run(
             folder.create()
             checkpoints.write(saved)
         with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
-            journal.header(case, describe(case.title, method, problem))
+            journal.header(
+                case, [describe(case.title, method, problem), *problem.constraints.remarks]
+            )
             context = RunContext(
                 case=case,
                 problem=problem,
@@ -130,9 +133,14 @@ def _limit(context: RunContext, solver: Any, recorder: Recorder, rtol: float) ->
     """Find a limit load, and what its mechanism proves of the body. Collective."""
     problem, saved = context.problem, context.saved
     if isinstance(context.case.loading, BoundsControl):
-        body = limit_bounds(problem, rtol, recorder.interior)
-        recorder.limit(body.mesh, body)
-        return body.mesh
+        adaptation = context.case.adapt
+        if adaptation is None:
+            body = limit_bounds(problem, rtol, recorder.interior)
+            recorder.limit(body.mesh, body)
+            return body.mesh
+        found = adaptive_bounds(problem, adaptation, rtol, recorder.mesh, recorder.interior)
+        recorder.limit(found.last.mesh, found.body, found)
+        return found.last.mesh
     if solver is None:
         limit = limit_load(
             problem, rtol, method=LimitMethod.INTERIOR_POINT, monitor=recorder.interior

@@ -8,7 +8,7 @@ import dataclasses
 import logging
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from types import TracebackType
 
@@ -19,6 +19,7 @@ from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.adaptation import Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
@@ -108,12 +109,12 @@ class RunLog:
         log.info("ended after %.1f s", time.perf_counter() - self._began)
         self._handled.__exit__(None, None, None)
 
-    def header(self, case: Case, description: str) -> None:
+    def header(self, case: Case, descriptions: Sequence[str]) -> None:
         """Say what runs on what. Collective.
 
         Args:
             case: What is solved.
-            description: The discrete problem in a line.
+            descriptions: The discrete problem, and how its contacts were made, a line each.
         """
         log.info("%s", ", ".join(f"{name} {version}" for name, version in versions().items()))
         for name, text in surroundings(self._comm).items():
@@ -122,7 +123,8 @@ class RunLog:
             log.info("case.%s: %s", field.name, getattr(case, field.name))
         options = PETSc.Options().getAll()
         log.info("PETSc options: %s", " ".join(f"-{key} {options[key]}" for key in options))
-        log.info("%s", description)
+        for description in descriptions:
+            log.info("%s", description)
 
     def iteration(self, record: Iteration) -> None:
         """Log a Newton step; a monitor of the algorithms."""
@@ -142,6 +144,10 @@ class RunLog:
             *(step.number, step.load, step.gap, step.unbalanced, step.inadmissible),
             *(step.length, step.seconds),
         )
+
+    def mesh(self, round_: Round) -> None:
+        """Log the bounds on a mesh of several; a monitor of these."""
+        log.info("%s", round_)
 
     def level(self, report: LevelReport) -> None:
         """Log the end of a level."""

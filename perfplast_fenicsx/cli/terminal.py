@@ -12,6 +12,7 @@ from typing import TextIO
 from mpi4py import MPI
 
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.adaptation import Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
@@ -79,6 +80,8 @@ class Terminal:
     def header(self, title: str, method: str, problem: Problem) -> None:
         """Say what is solved, and head the table if there are levels to come. Collective."""
         self.say(describe(title, method, problem))
+        for remark in problem.constraints.remarks:
+            self.say(remark)
         if method != LimitMethod.INTERIOR_POINT:
             self.say("  ".join(f"{name:>{width}}" for name, width in COLUMNS))
 
@@ -100,6 +103,14 @@ class Terminal:
             f" {step.unbalanced:.1e}, volume change {step.inadmissible:.1e}"
         )
 
+    def mesh(self, round_: Round) -> None:
+        """Write the bounds on a mesh of several; a monitor of these."""
+        apart = "" if round_.gap is None else f", the best {100 * round_.gap:.3g} % apart"
+        self.say(
+            f"Mesh {round_.number}: {round_.cells} cells, lower bound {number(round_.lower)}, upper"
+            f" bound {number(round_.upper)}{apart}, {round_.seconds:.1f} s"
+        )
+
     def level(self, report: LevelReport) -> None:
         """Write the line of a level."""
         self._steps += 1
@@ -116,11 +127,10 @@ class Terminal:
 
     def limit(self, limit: LimitLoad) -> None:
         """Say what is known of the limit load."""
-        upper = "none found" if limit.upper is None else f"{limit.upper:.6g}"
-        estimate = "none" if limit.estimate is None else f"{limit.estimate:.6g}"
         self.say(
-            f"Limit load of the mesh: lower bound {limit.lower:.6g}, estimate {estimate}, upper"
-            f" bound {upper} ({effort(limit)}): {limit.reason}."
+            f"Limit load of the mesh: lower bound {limit.lower:.6g}, estimate"
+            f" {number(limit.estimate)}, upper bound {number(limit.upper, 'none found')}"
+            f" ({effort(limit)}): {limit.reason}."
         )
 
     def reactions(self, report: LevelReport) -> None:
@@ -162,6 +172,11 @@ def effort(limit: LimitLoad) -> str:
     if limit.factorisations is None:
         return f"{limit.linear_solves} linear solves"
     return f"{limit.factorisations} factorisations"
+
+
+def number(bound: float | None, missing: str = "none") -> str:
+    """A bound, if there is one."""
+    return missing if bound is None else f"{bound:.6g}"
 
 
 def clock(seconds: float) -> str:

@@ -7,3 +7,4 @@ from .obstacles import Cylinder as Cylinder
 from .obstacles import Obstacle as Obstacle
 from .obstacles import Plane as Plane
 from .obstacles import Sphere as Sphere
+from .tie import Tie as Tie

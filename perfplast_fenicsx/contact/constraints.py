@@ -11,7 +11,13 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.contact.sparse_rows import Entries, entries_of, matrix_of_entries, unknowns
+from perfplast_fenicsx.contact.sparse_rows import (
+    Entries,
+    Sizes,
+    entries_of,
+    matrix_of_entries,
+    unknowns,
+)
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
@@ -34,6 +40,13 @@ class Constraints:
         normal: Unit normal out of a's body, shape (m_local, gdim).
         surface: Number of the contact or obstacle from 0, shape (m_local,); obstacles count on
             behind the contacts.
+        shares: Which share of a row's force each node gets along the normal: 1 at the host and its
+            guest where nodes match. On either side the shares add up to 1; on elements of second
+            order some may be negative. Shape (m, num_nodes), sparse, distributed as B and V's
+            nodes.
+        in_mean: Whether any row holds a mean of the jump on a surface, so that bodies may enter
+            each other a little between nodes and at them.
+        remarks: What there is to say of how contacts were made, a sentence each.
     """
 
     B: PETSc.Mat
@@ -41,6 +54,9 @@ class Constraints:
     gap: Floats
     normal: Floats
     surface: Ints
+    shares: PETSc.Mat
+    in_mean: bool = False
+    remarks: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"Constraints({len(self.host)} hosted by this rank)"
@@ -52,25 +68,6 @@ class Constraints:
         jumps: Floats = on_rows.array.copy()
         on_rows.destroy()
         return jumps
-
-    def nodal_magnitudes(self, V: fem.FunctionSpace) -> PETSc.Mat:
-        """‖B_ik‖ of row i at node k: the magnitude of the force there, for λ_i = 1. Collective.
-
-        1 at the host and its guest where nodes match, and the guest's weight where they do not;
-        on each side they add up to 1 if no weight of that side is negative.
-
-        Returns:
-            Shape (m, num_nodes), sparse, distributed as B and V's nodes.
-        """
-        row, column, value = entries_of(self.B)
-        index_map, gdim = V.dofmap.index_map, V.dofmap.index_map_bs
-        nodes = (index_map.size_local, index_map.size_global)
-        squares = [(row, column // gdim, value**2)]
-        magnitudes = matrix_of_entries(self.B.comm, self.B.getSizes()[0], nodes, squares)
-        pointer, node, square = magnitudes.getValuesCSR()
-        magnitudes.setValuesCSR(pointer, node, np.sqrt(square))
-        magnitudes.assemble()
-        return magnitudes
 
 
 class Formulation(Protocol):
@@ -101,6 +98,8 @@ def make_constraints(
     normal: Floats,
     surface: Ints,
     terms: Sequence[Entries],
+    in_mean: bool = False,
+    remarks: tuple[str, ...] = (),
 ) -> Constraints:
     """Rows as sums of terms c·u at nodes. Collective.
 
@@ -110,35 +109,65 @@ def make_constraints(
         gap: Initial gaps (length).
         normal: Unit normals.
         surface: Numbers of the contacts.
-        terms: Lists of terms: local rows, shape (n,), global block dofs of the nodes, shape (n,),
-            and coefficients c, shape (n, gdim).
+        terms: Lists of terms, each of nodes on one side: local rows, shape (n,), global block dofs
+            of the nodes, shape (n,), and coefficients c, shape (n, gdim).
+        in_mean: See :class:`Constraints`.
+        remarks: The same.
     """
     comm, gdim = V.mesh.comm, V.dofmap.index_map_bs
     rows = (len(host), comm.allreduce(len(host)))
     entries: list[Entries] = []
+    shares: list[Entries] = []
     for row, node, coefficient in terms:
         columns = np.asarray(node, dtype=np.int64)[:, None] * gdim + np.arange(gdim)
         entries.append((np.repeat(row, gdim), columns.ravel(), coefficient.ravel()))
+        along = np.einsum("ni,ni->n", coefficient, normal[row])
+        side = np.sign(np.bincount(row, along, len(host)))
+        shares.append((row, node, side[row] * along))
     B = matrix_of_entries(comm, rows, unknowns(V), entries)
-    return Constraints(B, host, gap, normal, surface)
+    at_nodes = matrix_of_entries(comm, rows, _nodes(V), shares)
+    return Constraints(B, host, gap, normal, surface, at_nodes, in_mean, remarks)
 
 
 def joined(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
     """The rows of all parts, whose matrices are destroyed. Collective."""
-    entries: list[Entries] = []
-    count = 0
+    whole = stacked(V, parts)
     for part in parts:
-        row, column, value = entries_of(part.B)
-        entries.append((row + count, column, value))
-        count += len(part.host)
         part.B.destroy()
+        part.shares.destroy()
+    return whole
+
+
+def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
+    """The rows of all parts, on each rank one below the other. Collective."""
+    count = sum(len(part.host) for part in parts)
     rows = (count, V.mesh.comm.allreduce(count))
-    B = matrix_of_entries(V.mesh.comm, rows, unknowns(V), entries)
     none = np.zeros(0, dtype=np.int32)
     return Constraints(
-        B,
+        _stacked(V, rows, unknowns(V), [part.B for part in parts]),
         np.concatenate([none, *(part.host for part in parts)]),
         np.concatenate([np.zeros(0), *(part.gap for part in parts)]),
         np.concatenate([np.zeros((0, V.dofmap.index_map_bs)), *(part.normal for part in parts)]),
         np.concatenate([none, *(part.surface for part in parts)]),
+        _stacked(V, rows, _nodes(V), [part.shares for part in parts]),
+        any(part.in_mean for part in parts),
+        tuple(remark for part in parts for remark in part.remarks),
     )
+
+
+def _stacked(
+    V: fem.FunctionSpace, rows: Sizes, columns: Sizes, parts: Sequence[PETSc.Mat]
+) -> PETSc.Mat:
+    """Matrices below each other on each rank. Collective."""
+    entries: list[Entries] = []
+    count = 0
+    for part in parts:
+        row, column, value = entries_of(part)
+        entries.append((row + count, column, value))
+        count += part.getLocalSize()[0]
+    return matrix_of_entries(V.mesh.comm, rows, columns, entries)
+
+
+def _nodes(V: fem.FunctionSpace) -> Sizes:
+    index_map = V.dofmap.index_map
+    return index_map.size_local, index_map.size_global

@@ -1,14 +1,14 @@
 """Contact of two named surfaces."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Frictionless contact of two surfaces whose nodes match.
+    """Frictionless contact of two surfaces.
 
-    They may touch or be apart, flat, curved or with edges. Which of the two is called primary does
-    not matter for the result.
+    They may touch or be apart, flat, curved or with edges, and their nodes need not match.
 
     Args:
         primary: Physical name of the first surface; the normal points out of its body.
@@ -17,9 +17,16 @@ class Contact:
             surface; without it, it is measured along the normal.
         interference: Whether a negative gap is meant, as in a press fit: bodies are made so much
             too large, and push each other apart.
+        formulation: "nodes" for pairs of opposite nodes, where which of the surfaces is called
+            primary does not matter for the result; "mortar" for weighted means of the jump, which
+            needs no opposite nodes; without it, nodes where they match, and mortar where not.
+        hosts: The surface, "primary" or "secondary", whose nodes carry mortar contact; without it,
+            the one that the other covers, or that with smaller facets.
     """
 
     primary: str
     secondary: str
     gap: float | str | None = None
     interference: bool = False
+    formulation: Literal["nodes", "mortar"] | None = None
+    hosts: Literal["primary", "secondary"] | None = None

@@ -1,6 +1,7 @@
 """Which formulation makes the rows of which contact."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -8,10 +9,45 @@ from dolfinx import fem
 
 from perfplast_fenicsx.contact.constraints import Constraints, Formulation, joined
 from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.gap_function import NoPartners
+from perfplast_fenicsx.contact.mortar import Mortar
 from perfplast_fenicsx.contact.node_to_node import NodeToNode
 from perfplast_fenicsx.contact.node_to_obstacle import NodeToObstacle
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
+
+@dataclass(frozen=True)
+class NodesOrMortar:
+    """Pairs of nodes where these match, and mortar where they do not.
+
+    Attributes:
+        contact: The two surfaces.
+        place: Where it stands, for messages.
+        number: Of the contact.
+    """
+
+    contact: Contact
+    place: str
+    number: int
+
+    def constraints(
+        self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
+    ) -> Constraints:
+        """See :meth:`constraints.Formulation.constraints`."""
+        named = (self.contact, self.place, self.number)
+        try:
+            return NodeToNode(*named).constraints(V, tagged_mesh, fixed)
+        except NoPartners:
+            return Mortar(*named).constraints(V, tagged_mesh, fixed)
+
+
+FORMULATIONS: dict[str | None, Callable[[Contact, str, int], Formulation]] = {
+    None: NodesOrMortar,
+    "nodes": NodeToNode,
+    "mortar": Mortar,
+}
+"""By what a contact asks for."""
 
 
 def find_constraints(
@@ -36,7 +72,7 @@ def find_constraints(
     chosen: list[Formulation] = []
     for count, contact in enumerate(contacts, start=1):
         place = f"contact {count} ('{contact.primary}', '{contact.secondary}')"
-        chosen.append(NodeToNode(contact, place, len(chosen)))
+        chosen.append(FORMULATIONS[contact.formulation](contact, place, len(chosen)))
     for count, obstacle in enumerate(obstacles, start=1):
         place = f"obstacle {count} ({type(obstacle).__name__.lower()} at '{obstacle.on}')"
         chosen.append(NodeToObstacle(obstacle, place, len(chosen)))

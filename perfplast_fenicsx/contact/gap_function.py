@@ -21,6 +21,10 @@ OVERLAP = 1e-9
 """Overlap, relative to the size of the surfaces, that is rounding."""
 
 
+class NoPartners(InputError):
+    """Surfaces whose nodes do not match, the same on every rank."""
+
+
 def normals_and_gaps(
     comm: MPI.Intracomm,
     place: str,
@@ -38,14 +42,14 @@ def normals_and_gaps(
         size: Of the surfaces (length).
 
     Raises:
-        InputError: Nodes without a partner opposite them, surfaces that do not face each other,
-            overlap, or a negative gap.
+        NoPartners: Nodes without a partner opposite them.
+        InputError: Surfaces that do not face each other, overlap, or a negative gap.
     """
     if matching.alone:
-        raise InputError(
+        raise NoPartners(
             f"{place}: {matching.alone} nodes have no partner on the other surface (the nearest is"
-            f" up to {matching.farthest:.3g} away); mesh the two surfaces with the same nodes, for"
-            " instance by fragmenting and splitting in gmsh."
+            f" up to {matching.farthest:.3g} away); choose formulation = 'mortar', or mesh the two"
+            " surfaces with the same nodes, for instance by fragmenting and splitting in gmsh."
         )
     primary, secondary = matching.primary, matching.secondary
     facing = np.einsum("ni,ni->n", primary["normal"], secondary["normal"])
@@ -66,13 +70,13 @@ def normals_and_gaps(
     shifted = comm.allreduce(int((sideways > allowed).sum()))
     if shifted:
         farthest = comm.allreduce(float(sideways.max(initial=0)), MPI.MAX)
-        raise InputError(
+        raise NoPartners(
             f"{place}: {shifted} nodes have no partner opposite them (the nearest is up to"
-            f" {farthest:.3g} aside); mesh the two surfaces with the same nodes, for instance by"
-            " fragmenting and splitting in gmsh."
+            f" {farthest:.3g} aside); choose formulation = 'mortar', or mesh the two surfaces with"
+            " the same nodes, for instance by fragmenting and splitting in gmsh."
         )
     if contact.gap is not None:
-        return normal, _given_gap(comm, place, contact, primary["x"], size)
+        return normal, given_gap(comm, place, contact, primary["x"], size)
     if contact.interference:
         return normal, np.where(np.abs(apart) > OVERLAP * size, apart, 0.0)
     return normal, without_overlap(comm, place, apart, size)
@@ -93,7 +97,7 @@ def without_overlap(comm: MPI.Intracomm, place: str, gap: Floats, size: float) -
     return np.where(gap > OVERLAP * size, gap, 0.0)
 
 
-def _given_gap(comm: MPI.Intracomm, place: str, contact: Contact, x: Floats, size: float) -> Floats:
+def given_gap(comm: MPI.Intracomm, place: str, contact: Contact, x: Floats, size: float) -> Floats:
     """Gaps of a number or formula at points, negative only where that is meant. Collective."""
     message: str | None = None
     gap = 0.0 if contact.gap is None else contact.gap

@@ -32,30 +32,38 @@ LONGEST_CHAIN = 8
 class JumpBasis:
     """u = T y and y = M u for u that vanishes at supports, and where y is bounded.
 
+    Jumps of ties are unknowns that are zero for ever: columns of T and rows of M that are zero.
+
     Attributes:
         T: Sparse matrix from jump unknowns to displacement.
-        M: Its inverse.
+        M: Its inverse, for u that keep to the ties.
         index: Local (owned) indices of the bounded entries of y, shape (num_pairs,), one for each
             row of the constraints.
         gap: Upper bounds g there (length).
+        tied: Local (owned) indices of the entries of y that are jumps of ties.
     """
 
     T: PETSc.Mat
     M: PETSc.Mat
     index: Ints
     gap: Floats
+    tied: Ints
 
 
 def make_basis(
-    V: fem.FunctionSpace, constraints: Constraints, fixed: npt.NDArray[np.bool_]
+    V: fem.FunctionSpace,
+    constraints: Constraints,
+    fixed: npt.NDArray[np.bool_],
+    num_ties: int = 0,
 ) -> JumpBasis:
     """Build T and M. Collective.
 
     Args:
         V: Displacement space.
-        constraints: The rows of B.
+        constraints: The rows of B, those of ties last on each rank.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim). They have
             no part in T and M, which then leave them as they are.
+        num_ties: How many rows of this rank are those of ties.
 
     Raises:
         InputError: If a node carries more contact conditions than it has freedom for, or the
@@ -77,7 +85,9 @@ def make_basis(
 
     plain = np.setdiff1d(np.arange(sizes[0]), row)
     identity = (plain, plain + first, np.ones(len(plain)))
-    M = matrix(identity, (row[pair], column, value))
+    bounded = len(row) - num_ties
+    of_bounds = pair < bounded
+    M = matrix(identity, (row[pair[of_bounds]], column[of_bounds], value[of_bounds]))
 
     # u_row = Σ_j inverse_j (s_j − the terms of pair j outside the replaced components of its host)
     one, slot = np.nonzero(mate >= 0)
@@ -90,7 +100,16 @@ def make_basis(
     T = _resolve(Q, P)
     Q.destroy()
     P.destroy()
-    return JumpBasis(T, M, row.astype(np.int32), constraints.gap)
+    index = row.astype(np.int32)
+    if comm.allreduce(num_ties):
+        kept = T.createVecRight()
+        kept.set(1.0)
+        kept.array[index[bounded:]] = 0.0
+        T.diagonalScale(None, kept)
+        kept.destroy()
+        T, whole = matrix(entries_of(T)), T
+        whole.destroy()
+    return JumpBasis(T, M, index[:bounded], constraints.gap[:bounded], index[bounded:])
 
 
 def _without_supports(B: PETSc.Mat, free: npt.NDArray[np.bool_]) -> tuple[Longs, Longs, Floats]:
@@ -186,6 +205,6 @@ def _resolve(Q: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
             return T
         T.axpy(1.0, term)
     raise InputError(
-        "the contact conditions are tied to each other in a ring of bodies; leave one of the"
-        " contacts of the ring out."
+        "contacts or ties follow each other in a ring of bodies; leave one of the contacts or ties"
+        " of the ring out."
     )

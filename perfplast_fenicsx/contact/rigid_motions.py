@@ -35,6 +35,7 @@ class RigidMotions:
         bodies: Bodies,
         fixed: npt.NDArray[np.bool_],
         constraints: Constraints,
+        ties: Constraints | None = None,
     ) -> None:
         """Form B R. Collective.
 
@@ -43,10 +44,14 @@ class RigidMotions:
             bodies: The bodies.
             fixed: Components held by supports at each local node, shape (num_nodes, gdim).
             constraints: The rows of B.
+            ties: Rows that are held for ever.
         """
         self._V, self._bodies, self._gap = V, bodies, constraints.gap
         self._supports = _support_gram(V, bodies, fixed)
         self._jumps = rigid_jumps(V, bodies, constraints.B)
+        if ties is not None:
+            tied = rigid_jumps(V, bodies, ties.B)
+            self._supports = self._supports + V.mesh.comm.allreduce(tied.T @ tied)
 
     def check(self) -> None:
         """Refuse bodies that supports and contact leave free to move rigidly. Collective.
@@ -96,7 +101,7 @@ def rigid_jumps(V: fem.FunctionSpace, bodies: Bodies, B: PETSc.Mat) -> Floats:
         Shape (num_pairs, bodies.count * bodies.num_modes).
     """
     gdim, total = V.dofmap.index_map_bs, bodies.count * bodies.num_modes
-    nodes = _nodes_of(B, gdim)
+    nodes = nodes_of(B, gdim)
     modes = bodies.rigid_modes(V.tabulate_dof_coordinates()[nodes])
     row = (nodes[:, None] * gdim + np.arange(gdim))[:, :, None]
     column = (bodies.of_node[nodes, None] * bodies.num_modes + np.arange(bodies.num_modes))[:, None]
@@ -112,7 +117,7 @@ def rigid_jumps(V: fem.FunctionSpace, bodies: Bodies, B: PETSc.Mat) -> Floats:
     return jumps
 
 
-def _nodes_of(B: PETSc.Mat, gdim: int) -> Longs:
+def nodes_of(B: PETSc.Mat, gdim: int) -> Longs:
     """Owned nodes with a part in any row. Collective."""
     counts = B.createVecRight()
     unknowns = B.getValuesCSR()[1]

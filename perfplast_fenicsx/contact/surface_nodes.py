@@ -7,7 +7,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.surface_normals import face_nodes
+from perfplast_fenicsx.contact.surface_normals import FaceNodes, face_nodes
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
 
@@ -50,7 +50,13 @@ def surface_nodes(
         surface: Name of the surface.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
     """
-    faces = face_nodes(V, tagged_mesh, surface)
+    return rows_of_nodes(V, face_nodes(V, tagged_mesh, surface), fixed)
+
+
+def rows_of_nodes(
+    V: fem.FunctionSpace, faces: FaceNodes, fixed: npt.NDArray[np.bool_]
+) -> SurfaceNodes:
+    """Rows of nodes whose faces are known. Not collective."""
     rows = np.empty(len(faces.node), dtype=surface_node_type(V.mesh.geometry.dim))
     rows["x"] = V.tabulate_dof_coordinates()[faces.node]
     rows["rank"] = V.mesh.comm.rank

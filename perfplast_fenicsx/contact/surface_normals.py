@@ -12,7 +12,7 @@ from dolfinx.mesh import exterior_facet_indices
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import coordinate_map, geometry_dofmap
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.parallel import send_rows
+from perfplast_fenicsx.parallel import Exchange
 
 SHARP = np.cos(np.radians(40.0))
 """Facets at a node whose normals have a smaller cosine belong to different faces."""
@@ -33,6 +33,38 @@ class FaceNodes:
     size: Floats
 
 
+@dataclass(frozen=True)
+class SurfaceFacets:
+    """Facets of a surface that this rank has, exterior ones alone.
+
+    Attributes:
+        nodes: Local block dofs of the displacements on each, shape (n, nodes of a facet).
+        x: Its coordinates, those that make up the geometry, shape (n, points of a facet, gdim).
+        normal: Its outward unit normal at its nodes, shape (n, nodes of a facet, gdim).
+        area: Its area (length, area), shape (n,).
+    """
+
+    nodes: Ints
+    x: Floats
+    normal: Floats
+    area: Floats
+
+
+@dataclass(frozen=True)
+class FaceNumbers:
+    """Where nodes of facets stand in the list of :class:`FaceNodes` on the ranks that own them.
+
+    Attributes:
+        rank: The owner of each node of each facet, shape (n, nodes of a facet).
+        place: Its place in the owner's list, same shape.
+        normal: The unit normal of its face, shape (n, nodes of a facet, gdim).
+    """
+
+    rank: Ints
+    place: Longs
+    normal: Floats
+
+
 def face_nodes(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> FaceNodes:
     """Find the nodes of a surface, vertices and midsides, with their normals. Collective.
 
@@ -40,16 +72,28 @@ def face_nodes(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> F
     differ by more than 40° are different faces: a smooth surface, flat or curved, gives one normal
     to each node, and an edge between flat faces gives one for each of them.
     """
-    index_map, gdim = V.dofmap.index_map, V.mesh.geometry.dim
-    nodes, normals, areas = _incidences(V, tagged_mesh, surface)
-    owners = np.full(index_map.size_local + index_map.num_ghosts, V.mesh.comm.rank)
+    return faces_of(V, surface_facets(V, tagged_mesh, surface))[0]
+
+
+def faces_of(V: fem.FunctionSpace, facets: SurfaceFacets) -> tuple[FaceNodes, FaceNumbers]:
+    """The nodes of facets, as :func:`face_nodes`, and where each facet finds its own.
+
+    Collective.
+    """
+    comm, index_map, gdim = V.mesh.comm, V.dofmap.index_map, V.mesh.geometry.dim
+    nodes = facets.nodes.ravel()
+    owners = np.full(index_map.size_local + index_map.num_ghosts, comm.rank, dtype=np.int32)
     owners[index_map.size_local :] = index_map.owners
     rows: npt.NDArray[np.void] = np.empty(
         len(nodes), dtype=[("node", np.int64), ("normal", np.float64, gdim), ("area", np.float64)]
     )
-    rows["node"], rows["normal"], rows["area"] = index_map.local_to_global(nodes), normals, areas
-    rows = send_rows(V.mesh.comm, rows, owners[nodes])
-    rows = rows[np.argsort(rows["node"], kind="stable")]
+    rows["node"] = index_map.local_to_global(nodes)
+    rows["normal"] = facets.normal.reshape(-1, gdim)
+    rows["area"] = np.repeat(facets.area, facets.nodes.shape[1])
+    sent = Exchange(comm, owners[nodes])
+    rows = sent.forward(rows)
+    order = np.argsort(rows["node"], kind="stable")
+    rows = rows[order]
     node, normals, areas = rows["node"], rows["normal"], rows["area"]
 
     corner, face = np.unique(
@@ -59,11 +103,19 @@ def face_nodes(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> F
     np.add.at(total, face, normals * areas[:, None])
     area = np.bincount(face, weights=areas, minlength=len(corner))
     count = np.maximum(np.bincount(face, minlength=len(corner)), 1)
-    return FaceNodes(
+    found = FaceNodes(
         (corner[:, 0] - index_map.local_range[0]).astype(np.int32),
         total / np.linalg.norm(total, axis=1, keepdims=True),
         (area / count) ** (1 / (gdim - 1)),
     )
+    place = np.empty(len(rows), dtype=np.int64)
+    place[order] = face
+    numbers = FaceNumbers(
+        owners[nodes].reshape(facets.nodes.shape),
+        sent.back(place).reshape(facets.nodes.shape),
+        sent.back(found.normal[place]).reshape(facets.normal.shape),
+    )
+    return found, numbers
 
 
 def _faces(node: Longs, normals: Floats) -> Longs:
@@ -80,14 +132,8 @@ def _faces(node: Longs, normals: Floats) -> Longs:
     return face
 
 
-def _incidences(
-    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str
-) -> tuple[Ints, Floats, Floats]:
-    """Each node of each exterior facet of a surface on this rank.
-
-    Returns:
-        Local block dofs, shape (n,); the facet's unit normal there, shape (n, gdim); its area.
-    """
+def surface_facets(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> SurfaceFacets:
+    """The exterior facets of a surface on this rank. Not collective."""
     mesh = V.mesh
     tdim, gdim = mesh.topology.dim, mesh.geometry.dim
     mesh.topology.create_connectivity(tdim - 1, tdim)
@@ -105,7 +151,7 @@ def _incidences(
     cmap = coordinate_map(mesh)
     nodes = of_facets(V.dofmap.list, V.dofmap.dof_layout)
     corners = of_facets(geometry_dofmap(mesh), cmap.create_dof_layout())
-    x = mesh.geometry.x[corners][:, :, :gdim]
+    x = mesh.geometry.x[corners][:, :, :gdim].astype(np.float64)
     slopes = _slopes(tdim - 1, V.element.basix_element.degree, cmap.degree)
     tangents = np.einsum("dpb,fbi->fpdi", slopes, x)
     if tdim == 3:
@@ -117,8 +163,7 @@ def _incidences(
     normals[~outward] *= -1
     lengths = np.linalg.norm(normals, axis=2)
     areas = lengths.mean(axis=1) / (2 if tdim == 3 else 1)
-    normals /= lengths[:, :, None]
-    return nodes.ravel(), normals.reshape(-1, gdim), np.repeat(areas, nodes.shape[1])
+    return SurfaceFacets(nodes, x, normals / lengths[:, :, None], areas)
 
 
 def _slopes(dim: int, degree: int, geometry: int) -> Floats:

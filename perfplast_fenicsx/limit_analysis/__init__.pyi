@@ -1,3 +1,7 @@
+from .adaptation import Adaptation as Adaptation
+from .adaptation import AdaptiveBounds as AdaptiveBounds
+from .adaptation import Round as Round
+from .adaptation import adaptive_bounds as adaptive_bounds
 from .body_bounds import BodyBounds as BodyBounds
 from .body_bounds import bounds_of_mesh as bounds_of_mesh
 from .body_bounds import limit_bounds as limit_bounds

@@ -32,6 +32,8 @@ ROUNDING = 1e-8
 
 CURVED = "normals of contact are averaged, or those of a curved obstacle"
 
+IN_MEAN = "surfaces whose nodes do not match are kept apart in the mean alone"
+
 
 def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str]:
     """Why bodies may enter each other, in words; nothing where they do not. Collective.
@@ -40,6 +42,8 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
         problem: The bodies and their contact, on straight cells.
         velocity: Its ghosts up to date.
     """
+    if problem.constraints.in_mean or problem.num_tied:
+        return [IN_MEAN]
     if not problem.num_pairs:
         return []
     comm = problem.comm
@@ -77,9 +81,11 @@ def without_entering(problem: Problem) -> Problem | None:
 
     Returns:
         A problem that shares all but contact with the given one; that one itself if its elements
-        are linear; None where contact is on curved faces.
+        are linear; None where contact is on curved faces or of nodes that do
+        not match.
     """
-    faces = _flat_faces(problem)
+    in_mean = problem.constraints.in_mean or problem.num_tied
+    faces = None if in_mean else _flat_faces(problem)
     if faces is None:
         return None
     if problem.degree == 1 or not problem.num_pairs:
@@ -144,19 +150,19 @@ def _at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Float
     Returns:
         For each local node, ghosts too; 0 and False at others.
     """
-    magnitudes = problem.constraints.nodal_magnitudes(problem.V)
-    on_nodes, on_rows = magnitudes.createVecs()
+    shares = problem.constraints.shares
+    on_nodes, on_rows = shares.createVecs()
 
     def summed(values: Floats) -> Floats:
         on_rows.array[:] = values
-        magnitudes.multTranspose(on_rows, on_nodes)
+        shares.multTranspose(on_rows, on_nodes)
         sums = la.vector(problem.V.dofmap.index_map, 1)
         sums.array[: on_nodes.getLocalSize()] = on_nodes.array_r
         sums.scatter_forward()
         return np.array(sums.array, dtype=np.float64)
 
     jump, weight = summed(np.where(chosen, jumps, 0.0)), summed(chosen.astype(np.float64))
-    for thing in (magnitudes, on_nodes, on_rows):
+    for thing in (on_nodes, on_rows):
         thing.destroy()
     known: PairFlags = weight > 0
     jump[known] /= weight[known]

@@ -14,7 +14,7 @@ from perfplast_fenicsx.limit_analysis.entering import CURVED
 from perfplast_fenicsx.limit_analysis.facet_pairs import FacetRows, facet_type, pair_facets
 from perfplast_fenicsx.limit_analysis.facet_velocities import FacetNumbers, facet_numbers
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
-from perfplast_fenicsx.problem.loads import BodyForce, Pressure, uniform
+from perfplast_fenicsx.problem.loads import BodyForce, PorePressure, Pressure, uniform
 from perfplast_fenicsx.problem.problem import Problem
 
 ALONG = 1e-10
@@ -24,7 +24,11 @@ UNMATCHED = "surfaces in contact do not match facet by facet"
 
 OBLIQUE = "a support holds a surface in contact obliquely to its normal"
 
+VARYING = "a load is a formula or a pressure in pores"
+
 TWICE = "a surface is in contact with more than one other"
+
+TIED = "surfaces are glued together in the mean alone"
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +110,11 @@ def facet_conditions(problem: Problem) -> FacetConditions:
     facets = _Facets(problem, numbers, vertices)
     held = _held(problem, facets)
     tractions, forces = np.zeros((facets.num, tdim)), np.zeros((len(vertices), tdim))
+    varies = False
     for load in given.loads:
+        if isinstance(load, PorePressure) or np.asarray(load.value).dtype.kind in "UO":
+            varies = True
+            continue
         value = uniform(load)
         if isinstance(load, BodyForce):
             cells = problem.tagged_mesh.cells(load.on)
@@ -159,7 +167,13 @@ def facet_conditions(problem: Problem) -> FacetConditions:
         if not isinstance(obstacle, Plane):
             why_not.append(CURVED)
     every = np.concatenate(touching)
-    faults = {UNMATCHED: not matched, OBLIQUE: oblique, TWICE: len(np.unique(every)) < len(every)}
+    faults = {
+        TIED: problem.num_tied > 0,
+        VARYING: varies,
+        UNMATCHED: not matched,
+        OBLIQUE: oblique,
+        TWICE: len(np.unique(every)) < len(every),
+    }
     found = [words for words, is_so in faults.items() if problem.comm.allreduce(is_so)]
     return FacetConditions(
         numbers=numbers,

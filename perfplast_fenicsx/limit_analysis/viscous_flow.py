@@ -109,8 +109,8 @@ class ViscousFlow:
             NoFlow: If there is none.
         """
         problem = self._problem
-        self._closed = problem.basis.index[held]
-        self._factorise(self._closed)
+        self._closed = np.concatenate([problem.basis.index[held], problem.basis.tied])
+        self._factorise(problem.basis.index[held])
         for multiplier, _ in self._multipliers:
             multiplier.x.array[:] = 0
         problem.loads.live.copy(self._force)

@@ -16,12 +16,12 @@ from dolfinx import la
 from dolfinx.mesh import Mesh, MeshTags, create_mesh, meshtags
 
 from perfplast_fenicsx.arrays import Ints, Longs
-from perfplast_fenicsx.compat import coordinate_map
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.bisection import cut, edges_of_faces
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.glued_edges import GluedEdges, vertex_coordinates
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.parallel import fetch_rows
+from perfplast_fenicsx.parallel import fetch_rows, send_rows
 
 _UNNAMED = np.iinfo(np.int32).min
 
@@ -41,16 +41,15 @@ class Refined:
 
 
 def check_refinable(tagged_mesh: TaggedMesh) -> None:
-    """Make sure that the cells are straight.
+    """Make sure that the cells are straight. Collective.
 
     Raises:
-        InputError: If the mesh has nodes besides its vertices, on every rank alike.
+        InputError: If they are not.
     """
-    degree = coordinate_map(tagged_mesh.mesh).degree
-    if degree > 1:
+    if has_curved_cells(tagged_mesh.mesh):
         raise InputError(
-            f"the mesh has cells of order {degree}, and only straight ones can be refined; save it"
-            " with elements of first order (Mesh.ElementOrder = 1 in gmsh)."
+            "cells are curved, and only straight ones can be refined; save the mesh with elements"
+            " of first order (Mesh.ElementOrder = 1 in gmsh)."
         )
 
 
@@ -63,14 +62,14 @@ def refine(
     bounded however often this is done.
 
     Args:
-        tagged_mesh: Bodies that share no vertex, of straight cells.
+        tagged_mesh: Bodies of straight cells; midside nodes do not get into the finer mesh.
         marked: Of the cells that this rank owns, shape (num_cells,).
         opposite: Pairs of vertices that lie on each other where bodies are in contact, by their
             global numbers, on any rank, shape (num_pairs, 2). They lie on each other afterwards
             too, and so do the new ones on the edges between them.
 
     Raises:
-        InputError: If cells are not straight.
+        InputError: If cells are curved.
     """
     check_refinable(tagged_mesh)
     comm = tagged_mesh.mesh.comm
@@ -97,7 +96,7 @@ def fan(tagged_mesh: TaggedMesh, points: Ints, opposite: Longs | None = None) ->
         opposite: As of :func:`refine`.
 
     Raises:
-        InputError: If cells are not straight, or no triangles.
+        InputError: If cells are curved, or no triangles.
     """
     check_refinable(tagged_mesh)
     topology = tagged_mesh.mesh.topology
@@ -141,12 +140,12 @@ def _cut(
         order,
         inner=_UNNAMED,
     )
-    parents = topology.index_map(dim).local_range[0] + parts.parents
-    element = basix.ufl.element("Lagrange", mesh.topology.cell_name(), 1, shape=(dim,))
-    finer = create_mesh(
-        comm, parts.cells, x=np.concatenate([old, new])[:, :dim], e=ufl.Mesh(element)
-    )
-    rows = np.column_stack([bodies[parts.parents], parents, parts.facets])
+    numbers = topology.index_map(dim).local_range[0] + parts.parents
+    rows = np.column_stack([bodies[parts.parents], numbers, parts.facets, parts.cells])
+    rows = _in_order(mesh, rows, parts.parents)
+    element = basix.ufl.element("Lagrange", topology.cell_name(), 1, shape=(dim,))
+    points = np.concatenate([old, new])[:, :dim]
+    finer = create_mesh(comm, rows[:, -(dim + 1) :].copy(), x=points, e=ufl.Mesh(element))
     told = fetch_rows(comm, rows, np.asarray(finer.topology.original_cell_index, dtype=np.int64))
     return Refined(
         TaggedMesh(
@@ -154,12 +153,27 @@ def _cut(
             cell_tags=meshtags(
                 finer, dim, np.arange(len(told), dtype=np.int32), told[:, 0].astype(np.int32)
             ),
-            facet_tags=_facet_meshtags(finer, told[:, 2:].astype(np.int32)),
+            facet_tags=_facet_meshtags(finer, told[:, 2 : dim + 3].astype(np.int32)),
             volumes=tagged_mesh.volumes,
             surfaces=tagged_mesh.surfaces,
         ),
         parents=told[:, 1],
     )
+
+
+def _in_order(mesh: Mesh, rows: Longs, parents: Longs) -> Longs:
+    """Rows of parts of owned cells in the order of the file's cells, on whatever ranks. Collective.
+
+    So cells are numbered alike on any number of ranks.
+    """
+    topology, comm = mesh.topology, mesh.comm
+    owned = topology.index_map(topology.dim)
+    place = np.asarray(topology.original_cell_index[: owned.size_local], dtype=np.int64)[parents]
+    arrived = send_rows(
+        comm, np.column_stack([place, rows]), place * comm.size // max(owned.size_global, 1)
+    )
+    ordered: Longs = arrived[np.argsort(arrived[:, 0], kind="stable"), 1:]
+    return ordered
 
 
 def _values(tags: MeshTags, count: int) -> Ints:
@@ -184,6 +198,7 @@ def _facet_meshtags(mesh: Mesh, of_cell: Ints) -> MeshTags:
     """The tags of facets that are told cell by cell."""
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim, dim - 1)
+    mesh.topology.create_connectivity(dim - 1, dim)
     facets = mesh.topology.connectivity(dim, dim - 1).array
     values = of_cell.ravel()
     named = values != _UNNAMED

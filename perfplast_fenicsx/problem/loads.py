@@ -99,6 +99,12 @@ LOADS: dict[str, type[Any]] = {
 """Kinds of loads by their name in case files."""
 
 
+def is_uniform(load: Load) -> bool:
+    """Whether a load is a traction, a pressure or a force given as numbers."""
+    numbers = np.asarray(load.value).dtype.kind in "fiu"
+    return numbers and not isinstance(load, PorePressure)
+
+
 def uniform(load: Load) -> Floats:
     """What a load gives, as numbers: one of a pressure, else one a direction.
 
@@ -106,7 +112,7 @@ def uniform(load: Load) -> Floats:
         InputError: If it is a formula, or the pressure in pores, which strict bounds do not know.
     """
     values = np.atleast_1d(np.asarray(load.value))
-    if isinstance(load, PorePressure) or values.dtype.kind not in "fiu":
+    if not is_uniform(load):
         raise InputError(
             f"the load on '{load.on}' is a formula or a pore pressure, and strict bounds are for"
             " uniform loads; give it as numbers, or seek the limit load of the mesh alone."

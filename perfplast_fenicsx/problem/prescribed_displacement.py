@@ -8,6 +8,7 @@ from dolfinx import fem, la
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.constraints import Constraints
+from perfplast_fenicsx.contact.rigid_motions import nodes_of
 from perfplast_fenicsx.contact.surface_nodes import LEAST_COSINE
 from perfplast_fenicsx.contact.surface_normals import face_nodes
 from perfplast_fenicsx.errors import InputError, raise_together
@@ -85,15 +86,9 @@ def check_moved_surfaces(
         InputError: Naming the surface.
     """
     message = None
-    magnitudes = constraints.nodal_magnitudes(V)
-    nodes, rows = magnitudes.createVecs()
-    rows.set(1.0)
-    magnitudes.multTranspose(rows, nodes)
     paired = la.vector(V.dofmap.index_map, 1)
-    paired.array[: nodes.getLocalSize()] = nodes.array_r
+    paired.array[nodes_of(constraints.B, V.dofmap.index_map_bs)] = 1
     paired.scatter_forward()
-    for thing in (magnitudes, nodes, rows):
-        thing.destroy()
     for name in surfaces:
         faces = face_nodes(V, tagged_mesh, name)
         along = np.abs(np.sum(faces.normal * prescribed[faces.node], axis=1))

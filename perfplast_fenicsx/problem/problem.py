@@ -12,18 +12,21 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Ints, PairFlags
-from perfplast_fenicsx.contact.constraints import Constraints
+from perfplast_fenicsx.contact.constraints import Constraints, stacked
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.formulations import find_constraints
 from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
 from perfplast_fenicsx.contact.loose_bodies import loose_motions
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.contact.rigid_motions import RigidMotions
+from perfplast_fenicsx.contact.tie import Tie
+from perfplast_fenicsx.contact.tied_rows import tied_rows
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.mandel import strain
@@ -56,6 +59,7 @@ class Given:
     obstacles: Sequence[Obstacle]
     degree: int
     initial: Sequence[Initial]
+    ties: Sequence[Tie]
 
 
 class Problem:
@@ -82,6 +86,8 @@ class Problem:
         moves_supports: Whether u_D is anything but 0.
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
+        ties: The equations B u = 0 of ties, with rows like those of contact.
+        num_tied: How many there are on all ranks together.
         has_gaps: Whether any pair is open at first.
         interferes: Whether any gap is negative.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
@@ -100,6 +106,7 @@ class Problem:
         obstacles: Sequence[Obstacle] = (),
         degree: int = 1,
         initial: Sequence[Initial] = (),
+        ties: Sequence[Tie] = (),
     ) -> None:
         """Declare the problem. Collective.
 
@@ -113,12 +120,13 @@ class Problem:
             degree: 1 for linear displacements, as in the paper, or 2 for quadratic ones, which do
                 not lock in plastic flow.
             initial: Changes of temperature, and stress in bodies that are not deformed.
+            ties: Pairs of surfaces that are glued together.
 
         Raises:
             InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
         self.tagged_mesh = tagged_mesh
-        self.given = Given(materials, supports, loads, contacts, obstacles, degree, initial)
+        self.given = Given(materials, supports, loads, contacts, obstacles, degree, initial, ties)
         spaces = make_spaces(tagged_mesh.mesh, degree)
         self.degree, self.dx = degree, spaces.dx
         self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
@@ -129,7 +137,8 @@ class Problem:
         self.laws = lay_out(tagged_mesh, spaces, materials)
         self.initial_strain = initial_strain(tagged_mesh, spaces, materials, self.laws, initial)
         self.bcs = self._supports(supports)
-        self._contact(contacts, obstacles)
+        taken = self._ties(ties)
+        self._contact(contacts, obstacles, taken)
         self.loads = self._declared = self._loads(loads)
 
     def __repr__(self) -> str:
@@ -214,22 +223,46 @@ class Problem:
         return [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
 
     @phase("contact set-up")
-    def _contact(self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
+    def _ties(self, ties: Sequence[Tie]) -> npt.NDArray[np.bool_]:
+        """Make the rows of ties. Collective.
+
+        Returns:
+            Components of local nodes that supports hold or ties host: contact cannot have them.
+        """
+        self.ties: Constraints = tied_rows(self.V, self.tagged_mesh, ties, self.fixed)
+        self.num_tied: int = self.comm.allreduce(len(self.ties.host))
+        if self.num_tied and self.moves_supports:
+            raise InputError(
+                "ties and supports that move do not go together; leave the values of the supports"
+                " or the ties out."
+            )
+        taken = self.fixed.copy()
+        taken[self.ties.host, np.argmax(self.ties.normal, axis=1)] = True
+        return taken
+
+    @phase("contact set-up")
+    def _contact(
+        self,
+        contacts: Sequence[Contact],
+        obstacles: Sequence[Obstacle],
+        taken: npt.NDArray[np.bool_],
+    ) -> None:
         V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
-        self.constraints: Constraints = find_constraints(V, tagged_mesh, contacts, obstacles, fixed)
+        self.constraints: Constraints = find_constraints(V, tagged_mesh, contacts, obstacles, taken)
         touching = {a.primary for a in contacts} | {a.secondary for a in contacts}
         touching |= {obstacle.on for obstacle in obstacles}
         self.contact_tags = tuple(sorted(tagged_mesh.surfaces[name] for name in touching))
         self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
         self.interferes: bool = self.comm.allreduce(bool((self.constraints.gap < 0).any()), MPI.LOR)
-        motions = RigidMotions(V, self.bodies, fixed, self.constraints)
+        motions = RigidMotions(V, self.bodies, fixed, self.constraints, self.ties)
         motions.check()
-        for loose in loose_motions(V, self.bodies, fixed, self.constraints):
+        rows = stacked(V, [self.constraints, self.ties]) if self.num_tied else self.constraints
+        for loose in loose_motions(V, self.bodies, fixed, rows):
             if self.comm.rank == 0:
                 log.warning("%s", loose)
         self.first_active: PairFlags = motions.first_active()
-        self.basis: JumpBasis = make_basis(V, self.constraints, fixed)
+        self.basis: JumpBasis = make_basis(V, rows, fixed, len(self.ties.host))
         if self.moves_supports:
             known = (self.constraints, fixed, self.prescribed)
             check_moved_surfaces(V, tagged_mesh, sorted(touching), *known)

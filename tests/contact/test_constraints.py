@@ -126,10 +126,10 @@ def test_forces_of_rows_are_in_balance(pressed: Any, comm: MPI.Intracomm) -> Non
     work = comm.allreduce(np.einsum("nim,ni->m", modes, on_nodes.array.reshape(-1, 3)))
     assert work == pytest.approx(np.zeros(6), abs=1e-13)
     # each side gets as much as there is
-    magnitudes = problem.constraints.nodal_magnitudes(V)
-    ones, twice = magnitudes.createVecRight(), magnitudes.createVecLeft()
+    shares = problem.constraints.shares
+    ones, twice = shares.createVecRight(), shares.createVecLeft()
     ones.set(1.0)
-    magnitudes.mult(ones, twice)
+    shares.mult(ones, twice)
     assert twice.array == pytest.approx(2.0)
 
 
@@ -169,7 +169,8 @@ def test_parts_are_joined_row_by_row(comm: MPI.Intracomm) -> None:
     of_single = single.jumps(u)
     count = len(single.host)
     second = Constraints(
-        -2.0 * single.B, single.host, single.gap + 1, -single.normal, single.surface + 1
+        *(-2.0 * single.B, single.host, single.gap + 1, -single.normal, single.surface + 1),
+        single.shares.copy(),
     )
     both = joined(V, [single, second])
     expected = np.concatenate([of_single, -2 * of_single])

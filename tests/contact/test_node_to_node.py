@@ -69,7 +69,11 @@ def test_where_supports_hold_one_side_the_other_one_carries_the_jump() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"contacts": [Contact("lower_top", "x0")]}, ["contact 1", "no partner", "away"]),
+        (
+            {"contacts": [Contact("lower_top", "x0", formulation="nodes")]},
+            ["contact 1", "no partner", "away", "formulation = 'mortar'"],
+        ),
+        ({"contacts": [Contact("lower_top", "x0")]}, ["contact 1", "nowhere opposite"]),
         ({"contacts": [Contact("lower_top", "lower_top")]}, ["contact 1", "itself"]),
         ({"contacts": [Contact("lower_top", "uper_bottom")]}, ["'uper_bottom'"]),
         ({"contacts": [Contact("lower_top", "upper_bottom", -0.1)]}, ["gap = -0.1", "negative"]),

@@ -9,12 +9,8 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import ResultFolder, read_gmsh
-from perfplast_fenicsx.io.results.proof_file import StressProof, VelocityProof, write_proof
-from perfplast_fenicsx.limit_analysis import (
-    interior_point,
-    strict_lower_bound,
-    without_entering,
-)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
 from perfplast_fenicsx.proof.body import Body
 from tests.proof.conic_oracle import best_load, least_power
@@ -34,19 +30,13 @@ def test_both_bounds_are_the_best_of_the_mesh(shared_tmp_path: Path, seed: int, 
         write_stack(path, it)
     COMM.barrier()
     mesh = read_gmsh(COMM, path)
-    coarse, _ = problem_of(it, alfeld_split(mesh) if dim == 2 else mesh)
-    static = strict_lower_bound(coarse, 5e-5)
-    problem = coarse if dim == 2 else coarse.on(alfeld_split(mesh))
-    mended = without_entering(problem)
-    assert mended is not None
-    limit = interior_point(mended, 5e-5)
-    assert static.bound.value is not None
-    assert limit.estimate is not None
+    problem, _ = problem_of(it, alfeld_split(mesh) if dim == 2 else mesh)
+    bounds = limit_bounds(problem, 5e-5)
+    assert bounds.lower.value is not None
+    assert bounds.mesh.estimate is not None
 
     folder = ResultFolder(COMM, shared_tmp_path)
-    lower = StressProof(coarse, static.bound.value, static.stress)
-    upper = VelocityProof(problem, limit.estimate, limit.mechanism)
-    write_proof(folder, folder.file("bounds.h5"), lower, upper)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds))
     with h5py.File(folder.file("bounds.h5")) as file:
         bodies = {kind: Body.of({n: a[()] for n, a in file[kind].items()}) for kind in file}
         nodes = file["upper"]["nodes"][()]
@@ -54,8 +44,8 @@ def test_both_bounds_are_the_best_of_the_mesh(shared_tmp_path: Path, seed: int, 
         1 - (dim + 1) * INSIDE[dim]
     )
     answers = {
-        static.bound.value: best_load(bodies["lower"]),
-        limit.estimate: least_power(bodies["upper"], nodes, points),
+        bounds.lower.value: best_load(bodies["lower"]),
+        bounds.mesh.estimate: least_power(bodies["upper"], nodes, points),
     }
     known = {ours: theirs for ours, theirs in answers.items() if theirs is not None}
     print(seed, answers)

@@ -16,6 +16,7 @@ from docs import api_pages, case_reference, command_reference, commands
 from docs.repository import LINK
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES
+from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.io.case import tables as schemas
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.case.scene import Units
@@ -38,6 +39,7 @@ TABLES = {
     "[[initial_stress]]": [InitialStress],
     "[[contact]]": [Contact],
     "[[obstacle]]": [*OBSTACLES.values()],
+    "[[tie]]": [Tie],
     "[element]": [schemas.ElementOptions],
     "[solve]": [entry.options for entry in METHODS.values()],
     "[loading]": [*LOADINGS.values()],

@@ -129,3 +129,15 @@ def test_loads_that_were_replaced_stay_where_they_are() -> None:
     problem.loads = LoadCase(problem.loads.dead, 2.0 * problem.loads.live)
     with pytest.raises(InputError, match="loads were replaced"):
         limit_bounds(problem)
+
+
+def test_loads_that_are_formulas() -> None:
+    given = blocks(BLOCK, BLOCK).given
+    loads = [Pressure("top", "1 + 0*x")]
+    problem = Problem(blocks(BLOCK, BLOCK).tagged_mesh, **vars(given) | {"loads": loads})
+    bounds = bounds_of_mesh(problem, limit_load(problem))
+    assert bounds.upper.value == pytest.approx(300.0, rel=1e-4)
+    assert not bounds.upper.strict
+    assert "no numbers" in bounds.why_not[-1]
+    with pytest.raises(InputError, match="strict bounds are for uniform loads"):
+        limit_bounds(problem)

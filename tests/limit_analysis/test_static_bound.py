@@ -377,6 +377,15 @@ def test_what_replaced_loads_are_is_not_known() -> None:
     assert "in the place of" in found.bound.why_not[0]
 
 
+def test_loads_that_vary_are_not_known() -> None:
+    given = platens(2).given
+    found = strict_lower_bound(
+        Problem(platens(2).tagged_mesh, given.materials, given.supports, [Pressure("top", "1 + x")])
+    )
+    assert found.bound.value is None
+    assert found.bound.why_not == ("a load is a formula or a pressure in pores",)
+
+
 def test_curved_cells_are_taken_as_straight(shared_tmp_path: Path) -> None:
     mesh = made(shared_tmp_path, write_thick_tube, size=0.2, order=2, interface=1.15)
     problem = Problem(

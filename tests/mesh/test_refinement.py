@@ -10,6 +10,7 @@ import ufl
 
 from meshes.contact_patch import write_contact_patch
 from meshes.strip_footing import write_strip_footing
+from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import Contact, InputError, TaggedMesh, stacked_blocks, two_blocks
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.contact.opposite_vertices import opposite_vertices
@@ -26,7 +27,9 @@ def corners(tagged_mesh: TaggedMesh) -> Floats:
     """Vertices of the owned cells, shape (num_cells, gdim + 1, gdim)."""
     mesh = tagged_mesh.mesh
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
-    x: Floats = mesh.geometry.x[geometry_dofmap(mesh)[:owned], : mesh.geometry.dim]
+    x: Floats = mesh.geometry.x[
+        geometry_dofmap(mesh)[:owned, : mesh.topology.dim + 1], : mesh.geometry.dim
+    ]
     return x
 
 
@@ -121,9 +124,10 @@ def test_refined_mesh_does_not_depend_on_ranks(comm: MPI.Intracomm, read: Read) 
             marked = np.linalg.norm(x - (0.3, 0.4), axis=1) < 0.2
             pairs = opposite_vertices(tagged_mesh, [contact])
             tagged_mesh = refine(tagged_mesh, marked, pairs).tagged_mesh
-        all_x = np.concatenate(ranks.allgather(corners(tagged_mesh).mean(axis=1)))
-        out: Floats = all_x[np.lexsort(np.round(all_x, 9).T)]
-        return out
+        x = corners(tagged_mesh).mean(axis=1)
+        place = tagged_mesh.mesh.topology.original_cell_index[: len(x)]
+        out: Floats = np.concatenate(ranks.allgather(x))
+        return out[np.argsort(np.concatenate(ranks.allgather(place)))]
 
     np.testing.assert_allclose(middles(comm), middles(MPI.COMM_SELF), atol=1e-12)
 
@@ -176,9 +180,16 @@ def test_parts_fit_whatever_edges_are_cut() -> None:
         assert len(sides[0]) == 4
 
 
+def test_midsides_of_straight_cells_are_left_out(comm: MPI.Intracomm, read: Read) -> None:
+    straight = read(write_strip_footing, order=2)
+    finer = refine(straight, near(straight, (1.0, 0.0), "ground"))
+    check_finer(straight, finer)
+    assert finer.tagged_mesh.mesh.geometry.dofmap.shape[1] == 3
+
+
 def test_what_cannot_be_refined_is_refused(comm: MPI.Intracomm, read: Read) -> None:
-    curved = read(write_strip_footing, order=2)
-    with pytest.raises(InputError, match=r"^the mesh has cells of order 2, and only straight"):
+    curved = read(write_thick_tube, order=2)
+    with pytest.raises(InputError, match=r"^cells are curved, and only straight ones can be ref"):
         refine(curved, np.ones(len(corners(curved)), dtype=np.bool_))
     with pytest.raises(InputError, match=r"^fans of cells are made in plane meshes only"):
         fan(stacked_blocks(comm, 1), np.array([0], dtype=np.int32))

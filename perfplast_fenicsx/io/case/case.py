@@ -1,8 +1,8 @@
 """Case files: what is solved and how, as TOML.
 
 A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
-``[[contact]]``, ``[[obstacle]]``, ``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and
-``[units]``; see
+``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[element]``, ``[solve]``, ``[loading]``,
+``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
+from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.loading_options import LOADINGS, BoundsControl, Control
 from perfplast_fenicsx.io.case.scene import Scene, Units
@@ -27,6 +28,7 @@ from perfplast_fenicsx.io.case.tables import (
     OutputOptions,
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
+from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod, method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
@@ -51,11 +53,13 @@ class Case:
     table: Table = field(repr=False)
     title: str
     mesh: MeshFile | MeshBuilder
+    adapt: Adaptation | None
     materials: dict[str, Material]
     supports: list[Support]
     loads: list[Load]
     contacts: list[Contact]
     obstacles: list[Obstacle]
+    ties: list[Tie]
     element: ElementOptions
     method: str
     options: Any
@@ -82,12 +86,18 @@ class Case:
         """Build or read the mesh. Collective.
 
         Raises:
-            InputError: If there is no such builder or file, or its arguments or content are wrong.
+            InputError: If there is no such builder or file, its arguments or content are wrong, or
+                it cannot be adapted where that is wanted.
         """
         with at(f"{self.path.name}, [mesh]"):
             if isinstance(self.mesh, MeshBuilder):
-                return build(comm, self.mesh.builder, **self.mesh.arguments)
-            return read_gmsh(comm, self.path.parent / self.mesh.file)
+                mesh = build(comm, self.mesh.builder, **self.mesh.arguments)
+            else:
+                mesh = read_gmsh(comm, self.path.parent / self.mesh.file)
+            if self.adapt is not None:
+                with at("adapt"):
+                    self.adapt.check(mesh)
+            return mesh
 
     def problem(self, comm: MPI.Intracomm) -> Problem:
         """Build the mesh and declare the problem on it. Collective.
@@ -106,6 +116,7 @@ class Case:
                 self.obstacles,
                 self.element.degree,
                 self.initial,
+                self.ties,
             )
 
     def solver(self, problem: Problem) -> Any:
@@ -193,16 +204,19 @@ def _case(path: Path, table: Table) -> Case:
                 "control = 'work' goes with a load that grows, but all loads are constant; take"
                 " constant = true from one of them, or give control = 'load'."
             )
+    mesh = _mesh(top.mesh, f"{name}, [mesh]")
     return Case(
         path=path,
         table=table,
         title=top.title or path.stem,
-        mesh=_mesh(top.mesh, f"{name}, [mesh]"),
+        mesh=mesh,
+        adapt=_adaptation(mesh.adapt, loading, f"{name}, [mesh], adapt"),
         materials=materials,
         supports=held,
         loads=loads,
         contacts=[convert(contact, Contact, place) for place, contact in contacts],
         obstacles=obstacles,
+        ties=[convert(tie, Tie, place) for place, tie in _numbered(top.tie, f"{name}, [[tie]]")],
         element=convert(loading.element | top.element, ElementOptions, f"{name}, [element]"),
         method=method,
         options=options,
@@ -255,9 +269,20 @@ def _mesh(table: Table, place: str) -> MeshFile | MeshBuilder:
         )
     if "file" in table:
         return convert(table, MeshFile, place)
-    builder = convert({"builder": table["builder"], "arguments": {}}, MeshBuilder, place).builder
-    arguments = {key: value for key, value in table.items() if key != "builder"}
-    return MeshBuilder(builder, arguments)
+    arguments = {key: value for key, value in table.items() if key not in ("builder", "adapt")}
+    named = {key: table[key] for key in ("builder", "adapt") if key in table}
+    return convert(named | {"arguments": arguments}, MeshBuilder, place)
+
+
+def _adaptation(table: Table | None, loading: Control, place: str) -> Adaptation | None:
+    if table is None:
+        return None
+    if not isinstance(loading, BoundsControl):
+        raise InputError(
+            f"{place}: meshes are adapted to bounds, but there are none without control = 'bounds'"
+            " under [loading]; choose it, or leave adapt out."
+        )
+    return convert(table, Adaptation, place)
 
 
 def _numbered(tables: list[Table], place: str) -> list[tuple[str, Table]]:

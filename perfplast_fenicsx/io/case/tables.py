@@ -30,6 +30,7 @@ class Document:
         initial_stress: Where bodies have stress before they are deformed.
         contact: Which bodies touch, or may touch, each other.
         obstacle: Rigid obstacles that do not move.
+        tie: Which bodies are glued together.
         element: The finite elements.
         solve: The algorithm and its options.
         output: What is written.
@@ -46,6 +47,7 @@ class Document:
     initial_stress: list[Table] = field(default_factory=list)
     contact: list[Table] = field(default_factory=list)
     obstacle: list[Table] = field(default_factory=list)
+    tie: list[Table] = field(default_factory=list)
     element: Table = field(default_factory=dict)
     solve: Table = field(default_factory=dict)
     output: Table = field(default_factory=dict)
@@ -84,9 +86,11 @@ class MeshFile:
     Args:
         file: Its path, relative to the folder of the case file. Bodies and surfaces have physical
             names.
+        adapt: With ``control = "bounds"``: bound the limit load on finer and finer meshes.
     """
 
     file: str
+    adapt: Table | None = None
 
 
 @dataclass(frozen=True)
@@ -96,10 +100,12 @@ class MeshBuilder:
     Args:
         builder: Its name.
         arguments: What the builder takes, each a key of its own.
+        adapt: As for files.
     """
 
     builder: str
     arguments: dict[str, Any]
+    adapt: Table | None = None
 
 
 @dataclass(frozen=True)

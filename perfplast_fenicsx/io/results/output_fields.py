@@ -64,7 +64,6 @@ class OutputFields:
         self._ratio = LawExpression(laws, Q, lambda on: on.law.yield_ratio(s))
         self._to_nodes = fem_petsc.interpolation_matrix(vertices, self._nodes)
         self._to_nodes.assemble()
-        self._magnitudes = problem.constraints.nodal_magnitudes(problem.V)
         self._areas = self._contact_areas(vertices)
 
     def update(self, level: Level) -> dict[str, fem.Function]:
@@ -97,15 +96,15 @@ class OutputFields:
     def _contact(self, forces: Floats) -> None:
         """Pressure p and resultants of the forces λ of the contact pairs.
 
-        The nodal force of node k is f_k = Σ_i ‖B_ik‖ λ_i. Each vertex j gets Σ_k f_k ψ_j(x_k) /
-        ∫ψ_j, with ψ_j the linear shape functions: forces of midsides go to the ends of their edges
-        in equal parts. So p is nowhere negative where no force is, it is exact for a constant
-        pressure, and on either side ∫p is Σλ.
+        The nodal force of node k is f_k = Σ_i s_ik λ_i with its shares s_ik of the rows' forces.
+        Each vertex j gets Σ_k f_k ψ_j(x_k) / ∫ψ_j, with ψ_j the linear shape functions: forces of
+        midsides go to the ends of their edges in equal parts. So p is exact for a constant
+        pressure, and on either side ∫p is Σλ; it is nowhere negative where nodes match.
         """
         constraints, comm = self._problem.constraints, self._problem.comm
-        on_pairs, on_nodes = self._magnitudes.createVecLeft(), fem.Function(self._nodes)
+        on_pairs, on_nodes = constraints.shares.createVecLeft(), fem.Function(self._nodes)
         on_pairs.array[:] = forces
-        self._magnitudes.multTranspose(on_pairs, on_nodes.x.petsc_vec)
+        constraints.shares.multTranspose(on_pairs, on_nodes.x.petsc_vec)
         on_pairs.destroy()
         pressure = self.fields["contact_pressure"].x
         self._to_nodes.multTranspose(on_nodes.x.petsc_vec, pressure.petsc_vec)

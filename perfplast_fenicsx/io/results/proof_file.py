@@ -24,8 +24,9 @@ from perfplast_fenicsx.io.results.global_ordering import (
 )
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
-from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
+from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
 from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction, uniform
@@ -45,8 +46,6 @@ class StressProof:
         problem: On straight cells.
         bound: λ.
         stress: Mandel vectors at the vertices of this rank's cells, shape (num_cells, tdim + 1, m).
-            Or of their parts, shape (num_cells, tdim + 1, tdim + 1, m): in part a the barycentre
-            stands for vertex a.
     """
 
     problem: Problem
@@ -67,6 +66,21 @@ class VelocityProof:
     problem: Problem
     bound: float
     velocity: fem.Function
+
+
+def proofs(bounds: BodyBounds) -> tuple[StressProof | None, VelocityProof | None]:
+    """What proves those bounds that are strict."""
+    problem, lower, upper, static = bounds.problem, bounds.lower, bounds.upper, bounds.static
+    stress_proof = velocity_proof = None
+    if lower.strict and lower.value is not None and static is not None:
+        stress, mesh = static.stress, problem.tagged_mesh
+        if isinstance(mesh, AlfeldSplit) and stress.ndim == 4:  # by cell of the mesh, and its part
+            part = mesh.mesh.topology.original_cell_index % stress.shape[1]
+            stress = stress[mesh.parents, part]
+        stress_proof = StressProof(problem, lower.value, stress)
+    if upper.strict and upper.value is not None:
+        velocity_proof = VelocityProof(problem, upper.value, bounds.mechanism)
+    return stress_proof, velocity_proof
 
 
 def write_proof(
@@ -90,8 +104,7 @@ def write_proof(
         if half is not None:
             _check(half.problem)
     if lower is not None:
-        whole = lower if lower.stress.ndim == 3 else _split(lower)
-        blocks |= _named("lower", _body(whole.problem) | _stress(whole))
+        blocks |= _named("lower", _body(lower.problem) | _stress(lower))
         bounds["lower"] = lower.bound
     if upper is not None:
         blocks |= _named("upper", _body(upper.problem) | _velocity(upper))
@@ -121,23 +134,6 @@ def _check(problem: Problem) -> None:
 
 def _named(group: str, blocks: Blocks) -> Blocks:
     return {f"{group}/{name}": rows for name, rows in blocks.items()}
-
-
-def _split(proof: StressProof) -> StressProof:
-    """A stress of the parts of cells as one of cells. Collective."""
-    coarse = proof.problem.tagged_mesh
-    split = alfeld_split(coarse)
-    (cells, points), (parts, places) = corners(coarse.mesh), corners(split.mesh)
-    x, y = points[cells][split.parents], places[parts]
-    same = np.linalg.norm(y[:, :, None] - x[:, None], axis=3)
-    slots = np.argmin(same, axis=2)
-    centres = np.argmax(same.min(axis=2), axis=1)[:, None]
-    missing = slots.shape[1] * (slots.shape[1] - 1) // 2 - (
-        slots.sum(axis=1, keepdims=True) - np.take_along_axis(slots, centres, axis=1)
-    )
-    np.put_along_axis(slots, centres, missing, axis=1)
-    stress = proof.stress[split.parents[:, None], missing, slots]
-    return StressProof(proof.problem.on(split), proof.bound, stress)
 
 
 def _stress(proof: StressProof) -> Blocks:

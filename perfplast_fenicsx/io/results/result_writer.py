@@ -1,5 +1,6 @@
 """What a run leaves behind for whoever looks at it: the scene, its levels, its limit load."""
 
+from dataclasses import asdict
 from typing import Any
 
 from perfplast_fenicsx._version import __version__
@@ -11,6 +12,7 @@ from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
 from perfplast_fenicsx.io.results.proof_file import StressProof, VelocityProof, write_proof
 from perfplast_fenicsx.io.results.result_files import PROOF
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
+from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
 from perfplast_fenicsx.problem.prescribed import Prescribed
@@ -88,12 +90,18 @@ class ResultWriter:
                 self._fields.write(number, self._output.update(level), level.report)
             self.results.add(level.report)
 
-    def write_limit(self, limit: LimitLoad, body: BodyBounds | None = None) -> None:
+    def write_limit(
+        self,
+        limit: LimitLoad,
+        body: BodyBounds | None = None,
+        adaptive: AdaptiveBounds | None = None,
+    ) -> None:
         """Write a limit load and its mechanism. Collective.
 
         Args:
             limit: The limit load of the mesh.
             body: What is proven of the body.
+            adaptive: The meshes on which that was sought, where there are several.
 
         Raises:
             InputError: On every rank, if the system refuses; what was there before is whole.
@@ -101,7 +109,7 @@ class ResultWriter:
         with self.results.timed("output"):
             if self._fields is not None and self._output is not None and limit.collapses:
                 problem = body.problem if body else self._problem
-                if problem is not self._problem:  # the mesh was split
+                if problem is not self._problem:  # the mesh was split or refined
                     folder, prescribed = self.results.folder, Prescribed.WORK
                     self._fields = FieldSeries(folder, problem, prescribed)
                     self._output = OutputFields(problem)
@@ -114,24 +122,25 @@ class ResultWriter:
                 alpha = 0.0 if limit.alpha is None else limit.alpha
                 self._fields.write_mechanism(fields, limit.lower, alpha)
             if body is not None:
-                self._write_proof(body)
+                halves = (adaptive.low, adaptive.high) if adaptive else (body, body)
+                self._write_proof(*halves)
             table = {key: getattr(limit, key) for key in LIMIT_KEYS}
-            self.results.summary.limit = table | {"body": body and _table(body)}
+            self.results.summary.limit = table | {"body": body and _table(body, adaptive)}
             self.results.write()
 
-    def _write_proof(self, body: BodyBounds) -> None:
-        """Write what proves the bounds that hold for the body, if any. Collective."""
+    def _write_proof(self, low: BodyBounds, high: BodyBounds) -> None:
+        """Write what proves the lower and the upper bound of the body, if any. Collective."""
         lower = upper = None
-        if body.lower.value is not None and body.lower.strict and body.stress is not None:
-            lower = StressProof(body.problem, body.lower.value, body.stress)
-        if body.upper.value is not None and body.upper.strict and body.problem.degree == 2:
-            upper = VelocityProof(body.problem, body.upper.value, body.mechanism)
+        if low.lower.value is not None and low.lower.strict and low.stress is not None:
+            lower = StressProof(low.problem, low.lower.value, low.stress)
+        if high.upper.value is not None and high.upper.strict and high.problem.degree == 2:
+            upper = VelocityProof(high.problem, high.upper.value, high.mechanism)
         if lower is not None or upper is not None:
             folder = self.results.folder
             write_proof(folder, folder.file(PROOF), lower, upper)
 
 
-def _table(body: BodyBounds) -> dict[str, Any]:
+def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
     """What ``summary.json`` says of the body: bounds that hold for it, and no others."""
     return {
         "lower": body.lower.value if body.lower.strict else None,
@@ -139,4 +148,5 @@ def _table(body: BodyBounds) -> dict[str, Any]:
         "strict": body.strict,
         "why_not": body.why_not,
         "certificates": dict(body.certificates),
+        "meshes": [asdict(round_) for round_ in adaptive.rounds] if adaptive else [],
     }

@@ -13,7 +13,6 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.petsc_options import COARSE, own_prefix
 
 AGGREGATION = {
@@ -128,22 +127,22 @@ def _prolong(Q: PETSc.Mat, coarse: Floats) -> Floats:
     return product
 
 
-def aggregate(problem: Problem, stiffness: PETSc.Mat) -> list[Aggregates]:
-    """Aggregate the nodes of a problem, with rigid motions. Collective.
+def aggregate(nodes: Floats, stiffness: PETSc.Mat) -> list[Aggregates]:
+    """Aggregate nodes, with rigid motions. Collective.
 
     Args:
-        problem: Whose nodes are meant.
-        stiffness: K in nodal unknowns; only its pattern and strengths matter.
+        nodes: Where the owned ones are, shape (num_nodes, gdim).
+        stiffness: K in nodal unknowns, in blocks; only its pattern and strengths matter.
 
     Returns:
         The aggregates of each level, finest first; none for a small problem.
     """
-    modes = _rigid_motions(problem)
+    modes = _rigid_motions(nodes, stiffness)
     stiffness.setNearNullSpace(modes)
     modes.destroy()
     prefix = own_prefix(COARSE, AGGREGATION)
     PETSc.Options()[prefix + "pc_gamg_agg_nsmooths"] = 0  # Q itself, whatever a user says
-    ksp = PETSc.KSP().create(problem.comm)
+    ksp = PETSc.KSP().create(stiffness.comm)
     ksp.setOptionsPrefix(prefix)
     pc = ksp.getPC()
     try:
@@ -160,11 +159,10 @@ def aggregate(problem: Problem, stiffness: PETSc.Mat) -> list[Aggregates]:
             thing.destroy()
 
 
-def _rigid_motions(problem: Problem) -> PETSc.NullSpace:
+def _rigid_motions(nodes: Floats, stiffness: PETSc.Mat) -> PETSc.NullSpace:
     """Rigid motions of all bodies together."""
-    x = problem.create_vector()
-    owned = problem.V.dofmap.index_map.size_local
-    x.array[:] = problem.V.tabulate_dof_coordinates()[:owned, : problem.bodies.gdim].ravel()
+    x = stiffness.createVecRight()
+    x.array[:] = nodes.ravel()
     modes = PETSc.NullSpace().createRigidBody(x)
     x.destroy()
     return modes

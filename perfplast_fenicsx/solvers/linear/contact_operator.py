@@ -6,6 +6,8 @@ is solved with, in which rows and columns of held unknowns are those of the iden
 
 from petsc4py import PETSc
 
+import numpy as np
+
 from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.profiling import phase
@@ -22,8 +24,9 @@ class ContactOperator:
 
     def __init__(self, problem: Problem, stiffness: PETSc.Mat) -> None:
         self.stiffness, self.matrix = stiffness, PETSc.Mat()
-        self._T = problem.basis.T
-        self._rows = ContactRows(problem) if problem.num_pairs else None
+        self._T, self._tied = problem.basis.T, problem.basis.tied
+        changed = problem.num_pairs or problem.num_tied
+        self._rows = ContactRows(problem) if changed else None
         self._u, self._image, self._y = (problem.create_vector() for _ in range(3))
 
     def mult_add(self, y: PETSc.Vec, r: PETSc.Vec, f: PETSc.Vec) -> None:
@@ -45,7 +48,7 @@ class ContactOperator:
             self._rows.transform(self.matrix)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         if self._rows is not None:
-            self._take_out(held)
+            self._take_out(np.concatenate([held, self._tied]))
 
     def _take_out(self, held: Ints) -> None:
         """Make rows and columns of held unknowns those of the identity times a scale."""

@@ -82,12 +82,16 @@ class SetUp:
     """What is known of the present set-up.
 
     Attributes:
+        usual: Krylov iterations a decimal digit that a full solve took when the last set-up before
+            it was new; 0 if none has.
         due: Nothing has been solved with it yet.
         kept: It is that of an earlier matrix.
-        rate: Krylov iterations a decimal digit that its first full solve took; 0 before that.
+        rate: Krylov iterations a decimal digit that its first full solve took, or ``usual`` where
+            the set-up was no longer new; 0 before that.
         excess: Krylov iterations beyond that rate which it has cost since.
     """
 
+    usual: float = 0.0
     due: bool = True
     kept: bool = False
     rate: float = 0.0
@@ -95,7 +99,9 @@ class SetUp:
 
     def note(self, iterations: int, rtol: float) -> None:
         """Count a full solve."""
-        self.rate = self.rate or iterations_a_digit(iterations, rtol)
+        if not self.kept:
+            self.usual = iterations_a_digit(iterations, rtol)
+        self.rate = self.rate or self.usual or iterations_a_digit(iterations, rtol)
         self.excess += iterations + self.rate * float(np.log10(rtol))
 
 
@@ -216,7 +222,7 @@ class LinearSolver:
     def _renew(self) -> None:
         """Set up anew; where bodies flow, for the last solution as well."""
         self._method.renew(self._flow if self._rate > WORTH_A_MOTION else None)
-        self._setup = SetUp()
+        self._setup = SetUp(self._setup.usual)
         self.setups += 1
 
     def _improve(self) -> bool:

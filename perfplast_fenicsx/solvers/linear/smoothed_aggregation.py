@@ -8,6 +8,9 @@ the jump basis y = M u the finest one is M P, without its rows of held unknowns:
 the host takes the normal displacement of its guest, and slides along it. Coarser levels do the same
 with the operators that they have. A set-up forms the coarse operators PᵀAP.
 
+Of quadratic elements the first coarse space is that of linear ones (:class:`LinearElements`), seen
+through M in the same way, and it is their nodes that are aggregated.
+
 A body that flows hardly changes its volume, and motions put together of rigid pieces do, which
 costs them an energy that the flow does not have. So the way in which it flows, of which the last
 Newton increment tells, can be made one more motion of every aggregate.
@@ -20,11 +23,12 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.arrays import Ints
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.aggregates import Aggregates, aggregate
 from perfplast_fenicsx.solvers.linear.contact_rows import every_column
 from perfplast_fenicsx.solvers.linear.krylov import blocked
+from perfplast_fenicsx.solvers.linear.linear_elements import LinearElements
 from perfplast_fenicsx.solvers.linear.petsc_options import SPECTRUM, default, own_prefix
 
 DAMPING = 1.4
@@ -57,20 +61,41 @@ class CoarseSpaces:
         """
         self._problem = problem
         self._spectrum = own_prefix(SPECTRUM, SPECTRAL_RADIUS)
-        self._rigid = aggregate(problem, stiffness)
+        self._linear = LinearElements(problem) if problem.degree == 2 else None
+        self._rigid = self._aggregate(stiffness)
         self.interpolations: list[PETSc.Mat] = []
         self._operators: list[PETSc.Mat] = []
         self._copies: list[PETSc.Mat] = []
-        if self._rigid:
+        if self.levels > 1:
             self._set(self._rigid, stiffness)
 
     @property
     def levels(self) -> int:
         """Levels of multigrid, with the finest one; 1 for a small problem."""
-        return len(self._rigid) + 1
+        return self._first + len(self._rigid) + 1
+
+    @property
+    def _first(self) -> int:
+        """The level whose nodes are aggregated, the finest one being 0."""
+        return 0 if self._linear is None else 1
+
+    def _aggregate(self, stiffness: PETSc.Mat) -> list[Aggregates]:
+        """Aggregate the nodes, or the vertices of quadratic elements. Collective."""
+        if self._linear is None:
+            return aggregate(_nodes(self._problem), stiffness)
+        linear = _regular(self._linear.stiffness(stiffness))
+        levels = aggregate(self._linear.nodes, linear)
+        linear.destroy()
+        return levels
 
     def destroy(self) -> None:
         """Give back memory at once. Collective."""
+        self._clear()
+        if self._linear is not None:
+            self._linear.destroy()
+
+    def _clear(self) -> None:
+        """Forget interpolations and operators. Collective."""
         for matrices in (self.interpolations, self._operators, self._copies):
             for matrix in matrices:
                 matrix.destroy()
@@ -86,13 +111,15 @@ class CoarseSpaces:
         nodal = motion.duplicate()
         self._problem.basis.T.mult(motion, nodal)
         moved = nodal.array.reshape(-1, self._problem.bodies.gdim)
+        if self._linear is not None:
+            moved = self._linear.at_vertices(nodal)
         levels = []
         for rigid in self._rigid:
             richer, moved = rigid.with_motion(moved, motion.comm)
             levels.append(richer)
         nodal.destroy()
         if self._aggregates is self._rigid or motion.getSize() >= LARGE:
-            self.destroy()
+            self._clear()
         K = stiffness()  # not before, since it needs memory
         self._set(levels, K)
         K.destroy()
@@ -100,9 +127,13 @@ class CoarseSpaces:
     def _set(self, levels: list[Aggregates], stiffness: PETSc.Mat) -> None:
         """Take these aggregates; those of coarser levels follow in a set-up. Collective."""
         self._aggregates = levels
-        nodal = _smoothed(stiffness, levels[0], self._spectrum)
-        self._put(0, self._problem.basis.M.matMult(nodal))
-        nodal.destroy()
+        M = self._problem.basis.M
+        if self._linear is None:
+            nodal = _smoothed(stiffness, levels[0], self._spectrum)
+            self._put(0, M.matMult(nodal))
+            nodal.destroy()
+        else:
+            self._put(0, M.matMult(self._linear.interpolation))
         self._rows = _rows(self.interpolations[0], self._problem.basis.index)
 
     def _put(self, depth: int, P: PETSc.Mat) -> None:
@@ -124,9 +155,10 @@ class CoarseSpaces:
                 operator is set by whoever solves with it.
         """
         self._hold(held)
-        for depth, aggregates in enumerate(self._aggregates):
-            level = len(self._aggregates) - depth
+        for depth in range(self.levels - 1):
+            level = self.levels - 1 - depth
             if depth == self._made:
+                aggregates = self._aggregates[depth - self._first]
                 self._put(depth, _smoothed(A, aggregates, self._spectrum))
             P = self.interpolations[depth]
             pc.setMGInterpolation(level, P)
@@ -149,6 +181,13 @@ class CoarseSpaces:
         rows = (index + finest.getOwnershipRange()[0]).astype(PETSc.IntType)
         finest.setValuesIJV(pointer, columns, kept, rowmap=rows)
         finest.assemble()
+
+
+def _nodes(problem: Problem) -> Floats:
+    """Where the owned nodes are, shape (num_nodes, gdim)."""
+    owned = problem.V.dofmap.index_map.size_local
+    nodes: Floats = problem.V.tabulate_dof_coordinates()[:owned, : problem.bodies.gdim]
+    return nodes
 
 
 def _smoothed(A: PETSc.Mat, aggregates: Aggregates, prefix: str) -> PETSc.Mat:

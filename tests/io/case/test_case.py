@@ -14,6 +14,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case import Case, read_case
 from perfplast_fenicsx.io.case.loading_options import LoadControl, WorkControl
 from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile, OutputOptions
+from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.von_mises import VonMises
 from perfplast_fenicsx.problem.loads import BodyForce, PorePressure, Pressure, Traction
@@ -110,6 +111,13 @@ def replaced(old: str, new: str) -> str:
     return BASE.replace(old, new, 1)
 
 
+def with_bounds(mesh: str) -> str:
+    """Bounds of the body, with other arguments of the builder."""
+    return replaced(BASE[BASE.index("[solve]") :], '[loading]\ncontrol = "bounds"\n').replace(
+        "n = 2", mesh
+    )
+
+
 def test_everything_arrives(read: Read, shared_tmp_path: Path) -> None:
     case = read(BASE)
     assert case.title == "Two blocks"
@@ -155,6 +163,10 @@ def test_other_choices(read: Read) -> None:
     assert case.contacts[0].gap == "0.1*x"
     case = read(replaced('builder = "two_blocks"\nn = 2', 'file = "a.msh"'))
     assert case.mesh == MeshFile("a.msh")
+    assert case.adapt is None
+    case = read(with_bounds("n = 2\nadapt = { cells = 4000 }"))
+    assert case.adapt == Adaptation(until=0.01, cells=4000)
+    assert case.mesh == MeshBuilder("two_blocks", {"n": 2}, {"cells": 4000})
 
 
 @pytest.mark.parametrize(
@@ -390,7 +402,7 @@ MESH_FAULTS = [
     ("gap = 0.0", 'gap = "x - 1"', ["contact 1", "x - 1", "negative"]),
     ("gap = 0.0", 'gap = "log(x - 5)"', ["contact 1", "log(x - 5)", "nan"]),
     ("gap = 0.0", "gap = \"__import__('os')\"", ["contact 1", "__import__", "allowed"]),
-    ('secondary = "lower_top"', 'secondary = "top"', ["contact 1", "partner"]),
+    ('secondary = "lower_top"', 'secondary = "left"', ["contact 1", "opposite"]),
     ('secondary = "lower_top"', 'secondary = "upper_bottom"', ["contact 1", "itself"]),
     ('on = "left"\ncomponents = "xyz"', 'on = "left"\ncomponents = "x"', ["y"]),
     ("[solve]\n", OBSTACLE.replace("lower_top", "lwr"), ["'lwr'", "lower_top"]),
@@ -409,6 +421,29 @@ def test_fault_seen_with_the_mesh(
     with pytest.raises(InputError) as caught:
         case.problem(comm)
     assert_one_sentence(comm, caught.value, "bad.toml", *parts)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "parts"),
+    [
+        ("adapt = { until = 2.0 }", ["[mesh], adapt", "until = 2.0", "try 0.01"]),
+        ("adapt = { cels = 5 }", ["[mesh], adapt", "'cels'", "'cells'"]),
+        ("adapt = true", ["[mesh]", "adapt = true", "a table"]),
+        ("adapt = { cells = 5 }", ["[mesh]: adapt: cells = 5", "288 of the first mesh"]),
+    ],
+)
+def test_adaptation_that_cannot_be(
+    read: Read, comm: MPI.Intracomm, mesh: str, parts: list[str]
+) -> None:
+    with pytest.raises(InputError) as caught:
+        read(with_bounds(f"n = 2\n{mesh}")).problem(comm)
+    assert_one_sentence(comm, caught.value, "bad.toml", *parts)
+
+
+def test_adaptation_goes_with_bounds(read: Read, comm: MPI.Intracomm) -> None:
+    with pytest.raises(InputError) as caught:
+        read(replaced("n = 2", "n = 2\nadapt = {}"))
+    assert_one_sentence(comm, caught.value, "bad.toml, [mesh], adapt", "control = 'bounds'")
 
 
 def test_a_body_held_by_nothing(read: Read, comm: MPI.Intracomm) -> None:
@@ -451,4 +486,5 @@ def test_elements_and_obstacles(read: Read, comm: MPI.Intracomm) -> None:
 @pytest.mark.parametrize("name", ["two_blocks", "punch"])
 def test_the_examples_are_valid(name: str, comm: MPI.Intracomm) -> None:
     case = read_case(Path(__file__).parents[3] / "demos" / f"{name}.toml", comm)
-    assert case.mesh == MeshBuilder(name, {"n": 8})
+    assert isinstance(case.mesh, MeshBuilder)
+    assert case.mesh.builder == name

@@ -1,4 +1,4 @@
-"""What a file of bounds cannot say is refused in a sentence."""
+"""Bounds are proven from their file; what it cannot say is refused in a sentence."""
 
 from pathlib import Path
 from typing import Any
@@ -8,9 +8,20 @@ from mpi4py import MPI
 import pytest
 from dolfinx import fem
 
+from meshes.contact_patch import write_contact_patch
 from meshes.thick_tube import write_thick_tube
-from perfplast_fenicsx import Pressure, Problem, ResultFolder, Sphere, Support, stacked_blocks
-from perfplast_fenicsx.io.results.proof_file import VelocityProof, write_proof
+from perfplast_fenicsx import (
+    Contact,
+    Pressure,
+    Problem,
+    ResultFolder,
+    Sphere,
+    Support,
+    stacked_blocks,
+)
+from perfplast_fenicsx.io.results.proof_file import VelocityProof, proofs, write_proof
+from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.proof import check
 from tests.checks import assert_refused
 from tests.models import STEEL, Read
 
@@ -49,3 +60,23 @@ def test_curved_cells(shared_tmp_path: Path, read: Read) -> None:
     supports = [Support("x0", "x"), Support("y0", "y")]
     problem = Problem(tube, {"tube": STEEL}, supports, [Pressure("inner", 1.0)], degree=2)
     refused(problem, shared_tmp_path, ["curved", "first-order"])
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_bounds_of_a_body(shared_tmp_path: Path, read: Read, dim: int) -> None:
+    blocks = read(write_contact_patch, dim=dim, size=0.7)
+    sides = [Support("x0", "x"), *([Support("y0", "y")] if dim == 3 else [])]
+    problem = Problem(
+        blocks,
+        {"lower": STEEL, "upper": STEEL},
+        [*sides, Support("bottom")],
+        [Pressure("top", 1.0)],
+        [Contact("lower_seam", "upper_seam")],
+        degree=2,
+    )
+    bounds = limit_bounds(problem)
+    results = ResultFolder(COMM, shared_tmp_path)
+    write_proof(results, results.file("bounds.h5"), *proofs(bounds))
+    found = check(results.file("bounds.h5"))
+    assert found["lower"].proven == pytest.approx(bounds.lower.value, rel=1e-9)
+    assert found["upper"].proven == pytest.approx(bounds.upper.value, rel=1e-9)

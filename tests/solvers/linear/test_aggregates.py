@@ -46,7 +46,8 @@ def levels(problem: Problem) -> list[Aggregates]:
     fields.update()
     PETSc.Options()[FEW] = 60
     try:
-        return aggregate(problem, Stiffness(fields).assemble(1.0).convert("aij", PETSc.Mat()))
+        stiffness = Stiffness(fields).assemble(1.0).convert("aij", PETSc.Mat())
+        return aggregate(_nodes(problem), stiffness)
     finally:
         PETSc.Options().delValue(FEW)
 

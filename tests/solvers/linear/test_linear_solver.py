@@ -206,6 +206,13 @@ def test_the_cost_of_a_set_up_is_counted_against_its_first_full_solve() -> None:
     assert setup.excess == pytest.approx(5.0)
 
 
+def test_a_set_up_that_only_corrections_saw_new_is_measured_by_the_one_before() -> None:
+    setup = SetUp(usual=3.0, kept=True)
+    setup.note(34, 1e-3)
+    assert setup.rate == pytest.approx(3.0)
+    assert setup.excess == pytest.approx(25.0)
+
+
 @pytest.fixture
 def asked(request: pytest.FixtureRequest) -> Iterator[dict[str, str]]:
     options = PETSc.Options()

@@ -1,0 +1,139 @@
+"""Where pieces of two surfaces lie opposite each other: clipped, all pairs at once.
+
+A piece is a straight segment in the plane or a triangle in space. The guest is projected on the
+host along the host's normal, so that all maps between reference coordinates are affine. Triangles
+are clipped by Sutherland and Hodgman's algorithm (Comm. ACM 17, 1974, doi 10.1145/360767.360802);
+corners stay in the order in which it finds them, and slivers keep their area.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Longs
+
+NONE = 1e-15
+"""An overlap is nothing if it is no more than this share of the host's length or area."""
+
+ON_EDGE = 1e-13
+"""Corners this near to an edge, relative to the size of the host, lie on it."""
+
+
+@dataclass(frozen=True)
+class Overlaps:
+    """Simplices in which a host piece and a guest piece lie opposite each other.
+
+    Attributes:
+        pair: Which pair of pieces, shape (n,).
+        host: Barycentric coordinates of the corners in the host, shape (n, corners, gdim).
+        guest: In the guest, same shape.
+        share: Length or area, relative to the host's, shape (n,).
+    """
+
+    pair: Longs
+    host: Floats
+    guest: Floats
+    share: Floats
+
+
+def overlaps(host: Floats, guest: Floats) -> Overlaps:
+    """Clip pairs of pieces.
+
+    Args:
+        host: Corners, shape (num_pairs, gdim, gdim).
+        guest: Corners, same shape.
+    """
+    flat = _projected(host, guest)
+    some = np.flatnonzero((flat.max(axis=1, initial=-np.inf) > 0).all(axis=1))  # not beside an edge
+    found = (_segments if host.shape[1] == 2 else _triangles)(flat[some])
+    return replace(found, pair=some[found.pair])
+
+
+def _projected(host: Floats, guest: Floats) -> Floats:
+    """Barycentric coordinates of the guests' corners in the hosts, along the hosts' normals.
+
+    Returns:
+        Shape (num_pairs, corners, gdim), adding up to 1.
+    """
+    edges = host[:, 1:] - host[:, :1]
+    inverse = np.linalg.inv(edges @ edges.transpose(0, 2, 1))
+    rest = (guest - host[:, :1]) @ (inverse @ edges).transpose(0, 2, 1)
+    return np.concatenate([1 - rest.sum(axis=2, keepdims=True), rest], axis=2)
+
+
+def _segments(guest: Floats) -> Overlaps:
+    ends = guest[:, :, 1]
+    low = np.clip(ends.min(axis=1), 0, 1)
+    high = np.clip(ends.max(axis=1), 0, 1)
+    pair = np.flatnonzero(high - low > NONE)
+    t = np.stack([low, high], axis=1)[pair]
+    s = (t - ends[pair, :1]) / (ends[pair, 1:] - ends[pair, :1])
+    return Overlaps(
+        pair, np.stack([1 - t, t], axis=2), np.stack([1 - s, s], axis=2), t[:, 1] - t[:, 0]
+    )
+
+
+def _triangles(guest: Floats) -> Overlaps:
+    """Clip the reference triangle by the guests, in the host's barycentric coordinates."""
+    corners = guest[:, :, 1:]
+    signed = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    turned = corners.copy()
+    turned[signed < 0] = corners[signed < 0][:, [0, 2, 1]]
+    polygon, count = _clipped(turned)
+    pairs: list[Longs] = []
+    cells: list[Floats] = []
+    for k in range(1, polygon.shape[1] - 1):
+        some = np.flatnonzero(count > k + 1)
+        pairs.append(some)
+        cells.append(polygon[some][:, [0, k, k + 1]])
+    pair, cell = np.concatenate(pairs), np.concatenate(cells)
+    share = _cross(cell[:, 1] - cell[:, 0], cell[:, 2] - cell[:, 0])
+    kept = share > NONE
+    pair, cell, share = pair[kept], cell[kept], share[kept]
+    first = corners[pair, :1]
+    edges = corners[pair, 1:] - first
+    area = _cross(edges[:, 0], edges[:, 1])[:, None]
+    b = _cross(cell - first, edges[:, None, 1]) / area
+    c = _cross(edges[:, None, 0], cell - first) / area
+    return Overlaps(
+        pair,
+        np.concatenate([1 - cell.sum(axis=2, keepdims=True), cell], axis=2),
+        np.stack([1 - b - c, b, c], axis=2),
+        share,
+    )
+
+
+def _clipped(guest: Floats) -> tuple[Floats, Longs]:
+    """The reference triangle clipped by counterclockwise triangles.
+
+    Returns:
+        Corners of the polygons, shape (n, most, 2), and how many each has, 0 to 6.
+    """
+    num = len(guest)
+    polygon = np.broadcast_to(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), (num, 3, 2))
+    count = np.full(num, 3)
+    for k in range(3):
+        begin, end = guest[:, k, None], guest[:, (k + 1) % 3, None]
+        along = (end - begin) / np.linalg.norm(end - begin, axis=2, keepdims=True)
+        inside = _cross(along, polygon - begin)
+        inside = np.where(np.abs(inside) < ON_EDGE, 0.0, inside)
+        number = np.arange(polygon.shape[1])
+        real = number < count[:, None]
+        after = np.where(number + 1 < count[:, None], number + 1, 0)
+        next_inside = np.take_along_axis(inside, after, axis=1)
+        kept, crossed = real & (inside >= 0), real & (inside * next_inside < 0)
+        share = np.where(crossed, inside / np.where(crossed, inside - next_inside, 1.0), 0.0)
+        onward = np.take_along_axis(polygon, after[..., None], axis=1) - polygon
+        both = np.stack([polygon, polygon + share[..., None] * onward], axis=2)
+        flags = np.stack([kept, crossed], axis=2).reshape(num, 2 * len(number))
+        most = polygon.shape[1] + 1  # a line cuts a corner off, or more
+        order = np.argsort(~flags, axis=1, kind="stable")[:, :most]
+        polygon = np.take_along_axis(
+            both.reshape(num, 2 * len(number), 2), order[..., None], axis=1
+        )
+        count = np.minimum(flags.sum(axis=1), most)
+    return polygon, count
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

@@ -1,0 +1,102 @@
+"""Contact of surfaces whose nodes need not match: dual mortar."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.contact.constraints import Constraints, make_constraints
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.gap_function import given_gap, without_overlap
+from perfplast_fenicsx.contact.mortar_sides import Side, Surface, choose_side
+from perfplast_fenicsx.contact.surface_facets import nodes_and_facets
+from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes, can_host, extent
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
+
+@dataclass(frozen=True)
+class Mortar:
+    """(1/d_j) ∫φ_j (u_a − u_b)·n ≤ g_j with a dual function φ_j for each node j of one surface.
+
+    The nodes of that surface are the hosts: the one that is covered by the other, or the one of
+    smaller facets if both or neither are covered. A dual function belongs to a smooth face of the
+    host surface; n is its normal at the node.
+
+    Attributes:
+        contact: The two surfaces.
+        place: Where it stands, for messages.
+        number: Of the contact.
+    """
+
+    contact: Contact
+    place: str
+    number: int
+
+    def constraints(
+        self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
+    ) -> Constraints:
+        """See :meth:`constraints.Formulation.constraints`.
+
+        Raises:
+            InputError: Unknown names, surfaces that are nowhere opposite each other or overlap, a
+                negative gap, or hosts that supports hold.
+        """
+        contact = self.contact
+        if contact.primary == contact.secondary:
+            raise InputError(f"{self.place}: a surface cannot touch itself; name two surfaces.")
+        surfaces = [
+            Surface(name, *nodes_and_facets(V, tagged_mesh, name, fixed))
+            for name in (contact.primary, contact.secondary)
+        ]
+        comm = V.mesh.comm
+        chosen = choose_side(comm, self.place, surfaces, contact.hosts, _along_normals)
+        primary = chosen.host is surfaces[0]
+        gap = self._gap(V, chosen, primary)
+        (rows,) = chosen.rows
+        nodes = chosen.host.nodes[rows.place]
+        coefficient = rows.weight[:, None] * nodes["normal"][rows.row]
+        sides = (rows.own, ~rows.own)
+        return make_constraints(
+            V,
+            nodes["node"],
+            gap,
+            nodes["normal"] if primary else -nodes["normal"],
+            np.full(len(nodes), self.number, dtype=np.int32),
+            [(rows.row[side], rows.node[side], coefficient[side]) for side in sides],
+            in_mean=True,
+            remarks=(self._remark(V, chosen),),
+        )
+
+    def _remark(self, V: fem.FunctionSpace, chosen: Side) -> str:
+        """What was chosen. Collective."""
+        count = V.mesh.comm.allreduce(len(chosen.rows[0].place))
+        shares = " and ".join(f"{min(share, 1):.0%}" for share in chosen.covered)
+        return (
+            f"{self.place}: mortar, hosted by {count} nodes of '{chosen.host.name}'; of it and of"
+            f" '{chosen.guest.name}' {shares} are covered by the other."
+        )
+
+    def _gap(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:
+        """Gap of each row (length). Collective."""
+        comm, gdim = V.mesh.comm, V.mesh.geometry.dim
+        (rows,) = chosen.rows
+        nodes = chosen.host.nodes[rows.place]
+        along = chosen.distances.along[rows.place]
+        size = extent(comm, nodes["x"])
+        if self.contact.gap is not None:
+            x = nodes["x"].copy()
+            if not primary:
+                x[:, :gdim] += along[:, None] * nodes["normal"]
+            return given_gap(comm, self.place, self.contact, x, size)
+        slack = chosen.distances.slack[rows.place]
+        along = np.where(np.abs(along) > slack, along, 0.0)
+        if self.contact.interference:
+            return along
+        return without_overlap(comm, self.place, along, size)
+
+
+def _along_normals(nodes: SurfaceNodes) -> list[PairFlags]:
+    return [can_host(nodes, nodes["normal"])]

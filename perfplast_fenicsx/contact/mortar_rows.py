@@ -1,0 +1,199 @@
+"""Rows of mortar contact: summed where their hosts are owned, and handed on where these are unfit.
+
+A node of which little more than nothing is covered, or that supports hold, cannot carry a
+multiplier. It is retired: its function is handed to its neighbours that can, in equal parts,
+before rows are divided by their weight d. So the functions still add up to 1, and forces and
+moments stay in balance.
+"""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats, Longs, PairFlags
+from perfplast_fenicsx.contact.mortar_integrals import ENDS, Integrals, own_basis
+from perfplast_fenicsx.contact.surface_facets import Facets
+from perfplast_fenicsx.parallel import Exchange, send_rows
+
+LEAST_COVERED = 0.1
+"""A node carries a multiplier if this share of its function is on the covered part."""
+
+ROUNDING = 1e-14
+"""Weights of a row that are no larger are rounding."""
+
+
+@dataclass(frozen=True)
+class MortarRows:
+    """Rows Σ weight · u of this rank's nodes, divided by d.
+
+    Attributes:
+        place: Place of each host among this rank's nodes of the surface, shape (num_rows,).
+        d: ∫Ñ of each host, with what it was handed (length, area), shape (num_rows,).
+        row: Row of each term, shape (num_terms,).
+        node: Global block dof of each term.
+        weight: Of each term; those of the host's surface add up to 1 in a row, the others to −1.
+        own: Whether the term is of the host's surface.
+        lost: How many covered nodes can neither carry a multiplier nor hand it on, of all ranks.
+    """
+
+    place: Longs
+    d: Floats
+    row: Longs
+    node: Longs
+    weight: Floats
+    own: npt.NDArray[np.bool_]
+    lost: int
+
+
+def mortar_rows(
+    comm: MPI.Intracomm, hosts: Facets, guests: Facets, found: Integrals, able: PairFlags
+) -> MortarRows:
+    """Make rows of integrals. Collective.
+
+    Args:
+        comm: The ranks.
+        hosts: The host facets that met here.
+        guests: The guest facets.
+        found: Their integrals.
+        able: Of this rank's nodes of the host surface, whether supports let them host.
+    """
+    count, each = len(able), hosts["node"].shape[1]
+    corners = Exchange(comm, hosts["rank"].ravel())
+    place = corners.forward(hosts["place"].ravel())
+
+    def summed(values: Floats) -> Floats:
+        return _sums(place, corners.forward(values.ravel()), count)
+
+    d = summed(found.d)
+    touched = summed(np.repeat(found.covered > 0, each).astype(np.float64)) > 0
+    able = able & touched & (d > 0)
+    fit = able & (d >= LEAST_COVERED * summed(found.full))
+    heirs = _heirs(comm, hosts, found, corners, place, fit)
+    fit = fit | (able & ~_among(count, heirs["place"]))
+    heirs = _heirs(comm, hosts, found, corners, place, fit)
+    lost = touched & ~fit & ~_among(count, heirs["place"])
+
+    terms = send_rows(comm, *_terms(hosts, guests, found))
+    stay = fit[terms["place"]]
+    handed = send_rows(comm, *_handed_on(terms[~stay], heirs))
+    place, own, node, value = _compressed(np.concatenate([terms[stay], handed]))
+    weight_of = _sums(place[own], value[own], count)
+    weight = value / np.where(fit, weight_of, 1.0)[place]
+    kept = np.abs(weight) > ROUNDING
+    number = np.cumsum(fit) - 1
+    places = np.flatnonzero(fit)
+    return MortarRows(
+        places,
+        weight_of[places],
+        number[place[kept]],
+        node[kept],
+        weight[kept],
+        own[kept],
+        comm.allreduce(int(lost.sum())),
+    )
+
+
+def _sums(group: Longs, values: Floats, count: int) -> Floats:
+    return np.asarray(np.bincount(group, values, count), dtype=np.float64)
+
+
+def _among(count: int, places: Longs) -> PairFlags:
+    flags = np.zeros(count, dtype=np.bool_)
+    flags[places] = True
+    return flags
+
+
+def _heirs(
+    comm: MPI.Intracomm,
+    hosts: Facets,
+    found: Integrals,
+    corners: Exchange,
+    place: Longs,
+    fit: PairFlags,
+) -> npt.NDArray[np.void]:
+    """Who takes over from the unfit nodes of this rank: fit ones of the same covered facets.
+
+    Collective.
+
+    Args:
+        comm: The ranks.
+        hosts: The host facets that met here.
+        found: Their integrals.
+        corners: From corners of facets to the owners of nodes.
+        place: Nodes of this rank that the corners of all ranks mean.
+        fit: Nodes of this rank that carry multipliers.
+
+    Returns:
+        Rows with the ``place`` of a node of this rank, and the ``rank`` and ``heir``, the place
+        there, of each node that takes over; sorted by place, each once.
+    """
+    fits = corners.back(fit[place]).reshape(hosts["node"].shape)
+    may = (~fits & (found.covered > 0)[:, None])[:, :, None] & fits[:, None, :]
+    if _coupled(hosts):
+        for middle, ends in enumerate(ENDS, start=3):  # lest ends refer to each other in a ring
+            may[:, middle, :3] &= ~np.any(fits[:, ends], axis=1, keepdims=True)
+    facet, old, new = np.nonzero(may)
+    rows = np.empty(len(facet), dtype=[("place", np.int64), ("rank", np.int32), ("heir", np.int64)])
+    rows["place"] = hosts["place"][facet, old]
+    rows["rank"] = hosts["rank"][facet, new]
+    rows["heir"] = hosts["place"][facet, new]
+    return np.unique(send_rows(comm, rows, hosts["rank"][facet, old]))
+
+
+def _coupled(hosts: Facets) -> bool:
+    """Whether the term of a midside is one of its ends too."""
+    return bool(hosts["x"].shape[2] == 3 and hosts["node"].shape[1] == 6)
+
+
+_TERM = np.dtype(
+    [("place", np.int64), ("own", np.bool_), ("node", np.int64), ("value", np.float64)]
+)
+"""A term of the row of the node at ``place``, before it is divided by d."""
+
+
+def _terms(
+    hosts: Facets, guests: Facets, found: Integrals
+) -> tuple[npt.NDArray[np.void], npt.NDArray[np.integer]]:
+    """All terms of the facets here, and the ranks that they go to."""
+    each = hosts["node"].shape[1]
+    basis = np.linalg.inv(own_basis(hosts["x"].shape[2], each)).T
+    facet, i, k = np.nonzero(found.d[:, :, None] * basis)
+    own = np.empty(len(facet), dtype=_TERM)
+    own["place"], own["own"] = hosts["place"][facet, i], True
+    own["node"], own["value"] = hosts["node"][facet, k], found.d[facet, i] * basis[i, k]
+    pair, j, m = np.nonzero(found.M)
+    of_host, of_guest = found.host[pair], found.guest[pair]
+    other = np.empty(len(pair), dtype=_TERM)
+    other["place"], other["own"] = hosts["place"][of_host, j], False
+    other["node"], other["value"] = guests["node"][of_guest, m], -found.M[pair, j, m]
+    ranks = (hosts["rank"][facet, i], hosts["rank"][of_host, j])
+    return np.concatenate([own, other]), np.concatenate(ranks)
+
+
+def _handed_on(
+    terms: npt.NDArray[np.void], heirs: npt.NDArray[np.void]
+) -> tuple[npt.NDArray[np.void], npt.NDArray[np.integer]]:
+    """Terms of nodes that do not carry multipliers, in equal parts for each of their heirs."""
+    begin = np.searchsorted(heirs["place"], terms["place"], side="left")
+    count = np.searchsorted(heirs["place"], terms["place"], side="right") - begin
+    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    heir = heirs[np.repeat(begin, count) + within]
+    handed = np.repeat(terms, count)
+    handed["value"] /= np.repeat(count, count)
+    handed["place"] = heir["heir"]
+    return handed, heir["rank"]
+
+
+def _compressed(
+    terms: npt.NDArray[np.void],
+) -> tuple[Longs, npt.NDArray[np.bool_], Longs, Floats]:
+    """Place, side, node and value of the terms, those of one node in one row added up."""
+    span = int(terms["node"].max(initial=0)) + 1
+    key = (terms["place"] * 2 + terms["own"]) * span + terms["node"]
+    keys, group = np.unique(key, return_inverse=True)
+    value = _sums(group, terms["value"], len(keys))
+    row, node = np.divmod(keys, span)
+    return row // 2, (row % 2).astype(np.bool_), node, value

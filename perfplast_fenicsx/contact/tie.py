@@ -1,0 +1,20 @@
+"""Two named surfaces that are glued together."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Two surfaces that move together in all directions, whatever their nodes.
+
+    Args:
+        primary: Physical name of the first surface.
+        secondary: Physical name of the second surface.
+        hosts: The surface, "primary" or "secondary", whose nodes follow the other; without it,
+            the one that the other covers, or that with smaller facets.
+    """
+
+    primary: str
+    secondary: str
+    hosts: Literal["primary", "secondary"] | None = None

@@ -1,0 +1,255 @@
+"""Bounds of the limit load on meshes that are refined where the bounds say.
+
+The difference of both bounds is the sum of shares of the cells, none below zero, and shows where
+the mechanism is poor; the dissipation of the lower bound's multipliers shows where the stress is.
+Cells that have most of either are refined. M. Ciria, J. Peraire and J. Bonet, doi:10.1002/nme.2310.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.contact.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
+from perfplast_fenicsx.limit_analysis.marking import largest_shares
+from perfplast_fenicsx.limit_analysis.singular_points import singular_points
+from perfplast_fenicsx.limit_analysis.strict_work import Bound
+from perfplast_fenicsx.mesh.refinement import check_refinable, fan, refine
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.problem import Problem
+
+PART = 0.4
+"""Part of the gap, and of the dissipation, that the cells have which are refined."""
+
+VALENCE = 24
+"""Cells that meet at least, in the end, at points where the stress depends on the direction."""
+
+FEWER = 4
+"""How often the part is halved where the finer mesh would have too many cells."""
+
+
+@dataclass(frozen=True)
+class Adaptation:
+    """Meshes that are refined where the bounds of the limit load say, and when that ends.
+
+    Args:
+        until: Gap of the bounds at which it ends, relative to the lower one, between 0 and 1.
+        cells: Cells that a mesh may have at most; at least those of the first one.
+
+    Raises:
+        InputError: A gap that is none.
+    """
+
+    until: float = 0.01
+    cells: int = 50000
+
+    def __post_init__(self) -> None:
+        if not 0 < self.until < 1:
+            raise InputError(f"until = {self.until} is not between 0 and 1; try 0.01.")
+
+    def check(self, tagged_mesh: TaggedMesh) -> None:
+        """Refuse a first mesh that cannot be adapted. Collective.
+
+        Raises:
+            InputError: If it has too many cells, or curved ones.
+        """
+        count = _count(tagged_mesh)
+        if self.cells < count:
+            raise InputError(
+                f"cells = {self.cells} is less than the {count} of the first mesh; give more, or a"
+                " coarser mesh."
+            )
+        check_refinable(tagged_mesh)
+
+
+@dataclass(frozen=True)
+class Round:
+    """Bounds on one mesh.
+
+    Attributes:
+        number: From 1.
+        cells: Of the mesh.
+        lower: The lower bound found on it; None where there is none.
+        upper: The upper bound.
+        gap: What the best upper bound so far exceeds the best lower one by, relative; None where
+            one of them is missing.
+        seconds: Wall time so far.
+    """
+
+    number: int
+    cells: int
+    lower: float | None
+    upper: float | None
+    gap: float | None
+    seconds: float
+
+
+@dataclass(frozen=True)
+class AdaptiveBounds:
+    """Bounds on a sequence of meshes.
+
+    Attributes:
+        low: What was found on the mesh with the best lower bound.
+        high: What was found on the mesh with the best upper bound.
+        last: What was found on the last mesh.
+        problem: On the last mesh; in space its cells are not split.
+        rounds: All meshes.
+        reason: Why it is the last one.
+    """
+
+    low: BodyBounds
+    high: BodyBounds
+    last: BodyBounds
+    problem: Problem
+    rounds: list[Round]
+    reason: str
+
+    @property
+    def lower(self) -> Bound:
+        """The best lower bound of all meshes."""
+        return self.low.lower
+
+    @property
+    def upper(self) -> Bound:
+        """The best upper bound of all meshes."""
+        return self.high.upper
+
+    @property
+    def body(self) -> BodyBounds:
+        """What was found on the last mesh, with the best bounds in place of its own."""
+        return replace(self.last, lower=self.lower, upper=self.upper)
+
+    def __repr__(self) -> str:
+        return (
+            f"AdaptiveBounds({self.lower!r}, {self.upper!r}; {len(self.rounds)} meshes;"
+            f" {self.reason})"
+        )
+
+
+def adaptive_bounds(
+    problem: Problem,
+    adaptation: Adaptation | None = None,
+    rtol: float = 1e-4,
+    monitor: Callable[[Round], None] | None = None,
+    steps: Callable[[InteriorStep], None] | None = None,
+) -> AdaptiveBounds:
+    """Bound the limit load on finer and finer meshes. Collective.
+
+    Args:
+        problem: The bodies and their loads, on the first mesh.
+        adaptation: When to end.
+        rtol: How near each bound comes to the best of its kind on its mesh, relative.
+        monitor: Called on every rank after each mesh.
+        steps: Called on every rank after each step of the interior point method.
+
+    Raises:
+        InputError: If the mesh cannot be adapted, and for what :func:`body_bounds.limit_bounds`
+            refuses.
+    """
+    adaptation = adaptation or Adaptation()
+    adaptation.check(problem.tagged_mesh)
+    began, rounds = time.perf_counter(), list[Round]()
+    found = limit_bounds(problem, rtol, steps)
+    low = high = found
+    while True:
+        gap = _gap(low.lower, high.upper)
+        round_ = Round(
+            number=len(rounds) + 1,
+            cells=_count(problem.tagged_mesh),
+            lower=found.lower.value,
+            upper=found.upper.value,
+            gap=gap,
+            seconds=time.perf_counter() - began,
+        )
+        rounds.append(round_)
+        if monitor is not None:
+            monitor(round_)
+        if gap is not None and gap <= adaptation.until:
+            reason = f"the bounds are within {adaptation.until:g} of each other"
+            break
+        finer = _finer(problem, found, adaptation.cells)
+        if isinstance(finer, str):
+            reason = finer
+            break
+        problem = problem.on(finer)
+        found = limit_bounds(problem, rtol, steps)
+        if _better(found.lower, low.lower, 1):
+            low = found
+        if _better(found.upper, high.upper, -1):
+            high = found
+    return AdaptiveBounds(low, high, found, problem, rounds, reason)
+
+
+def _count(tagged_mesh: TaggedMesh) -> int:
+    topology = tagged_mesh.mesh.topology
+    count: int = topology.index_map(topology.dim).size_global
+    return count
+
+
+def _gap(lower: Bound, upper: Bound) -> float | None:
+    if lower.value is None or upper.value is None or lower.value <= 0:
+        return None
+    return upper.value / lower.value - 1
+
+
+def _better(new: Bound, old: Bound, sign: int) -> bool:
+    """Whether a bound is the better one of the body: of those of meshes alone the new one.
+
+    Args:
+        new: Of the new mesh.
+        old: The best one so far.
+        sign: 1 of lower bounds, −1 of upper ones.
+    """
+    if new.value is None or old.value is None:
+        return new.value is not None
+    if new.strict and old.strict:
+        return sign * new.value > sign * old.value
+    return new.strict or not old.strict
+
+
+def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
+    """The next mesh, or why there is none. Collective."""
+    part = PART
+    for _ in range(FEWER):
+        marked = _marked(problem, found, part)
+        if not problem.comm.allreduce(int(marked.sum())):
+            return "nothing was found that says where to refine"
+        finer = refined(problem, marked)
+        if _count(finer) <= cells:
+            return finer
+        part /= 2
+    return f"a finer mesh would have more than {cells} cells"
+
+
+def _marked(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.bool_]:
+    """Cells with a part of the gap or of the dissipation of the multipliers. Collective."""
+    dissipation = None if found.static is None else found.static.dissipation
+    topology = problem.tagged_mesh.mesh.topology
+    marked = np.zeros(topology.index_map(topology.dim).size_local, dtype=np.bool_)
+    for shares in (found.shares, dissipation):
+        if shares is not None:
+            marked |= largest_shares(problem.comm, shares, part)
+    return marked
+
+
+def refined(problem: Problem, marked: npt.NDArray[np.bool_]) -> TaggedMesh:
+    """The mesh of a problem, finer where it is marked, with fans where it needs them. Collective.
+
+    Args:
+        problem: The bodies with their loads.
+        marked: Of the cells that this rank owns.
+    """
+    given, tagged_mesh = problem.given, problem.tagged_mesh
+    pairs = opposite_vertices(tagged_mesh, given.contacts)
+    finer = refine(tagged_mesh, marked, pairs).tagged_mesh
+    if problem.bodies.gdim == 3:
+        return finer
+    points = singular_points(finer, given, VALENCE)
+    if problem.comm.allreduce(len(points)) == 0:
+        return finer
+    return fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh

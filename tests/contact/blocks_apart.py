@@ -1,0 +1,97 @@
+"""Two blocks on each other that were meshed apart, in the plane or in space."""
+
+from collections.abc import Sequence
+from itertools import permutations
+
+from mpi4py import MPI
+
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx.mesh import CellType, create_mesh, locate_entities_boundary, meshtags
+
+from perfplast_fenicsx import TaggedMesh
+from perfplast_fenicsx.arrays import Floats, Longs
+
+LOWER, UPPER = 1, 2
+
+
+def block(
+    counts: Sequence[int], lower: Sequence[float], upper: Sequence[float], angle: float, seed: int
+) -> tuple[Floats, Longs]:
+    """A block of simplices, turned about its vertical axis, whose inner points are moved aside."""
+    gdim = len(counts)
+    grid = np.indices([count + 1 for count in counts]).reshape(gdim, -1).T
+    share = grid / np.array(counts)
+    inner = ((share > 0) & (share < 1))[:, :-1].all(axis=1)
+    moved = (np.random.default_rng(seed).random((len(grid), gdim - 1)) - 0.5) / counts[:-1]
+    share[inner, :-1] += 0.5 * moved[inner]
+    low, high = np.array(lower), np.array(upper)
+    x = low + share * (high - low)
+    if angle:
+        centre = (low + high)[:2] / 2
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        x[:, :2] = (x[:, :2] - centre) @ turn.T + centre
+    steps = np.cumprod([1, *[count + 1 for count in counts[:0:-1]]])[::-1]
+    first = np.indices(counts).reshape(gdim, -1).T @ steps
+    cells = []
+    for order in permutations(range(gdim)):
+        corners = np.cumsum([0, *steps[list(order)]])
+        cells.append(first[:, None] + corners)
+    return x, np.concatenate(cells)
+
+
+def blocks_apart(
+    comm: MPI.Intracomm,
+    lower: Sequence[int],
+    upper: Sequence[int],
+    span: tuple[float, float] = (0.0, 1.0),
+    angle: float = 0.0,
+    height: float = 1.0,
+) -> TaggedMesh:
+    """The unit block and one on top of it over the square of a span, with these counts of cells."""
+    gdim = len(lower)
+    wide = gdim - 1
+    x, cells = block(lower, [0.0] * gdim, [1.0] * gdim, 0.0, 1)
+    begin, end = [span[0]] * wide + [height], [span[1]] * wide + [height + 1]
+    y, more = block(upper, begin, end, angle, 2)
+    volume = np.repeat([LOWER, UPPER], [len(cells), len(more)]).astype(np.int32)
+    cells = np.concatenate([cells, more + len(x)])
+    x = np.concatenate([x, y])
+    mine = slice(None) if comm.rank == 0 else slice(0)
+    kind = CellType.triangle if gdim == 2 else CellType.tetrahedron
+    domain = ufl.Mesh(basix.ufl.element("Lagrange", kind.name, 1, shape=(gdim,)))
+    mesh = create_mesh(comm, cells[mine], x=x[mine], e=domain)
+    of_cell = volume[mesh.topology.original_cell_index]
+    mesh.topology.create_connectivity(gdim - 1, gdim)
+    cell_of = mesh.topology.connectivity(gdim - 1, gdim)
+    names = {
+        "bottom": (LOWER, lambda z: np.isclose(z[wide], 0)),
+        "lower_top": (LOWER, lambda z: np.isclose(z[wide], 1)),
+        "x0": (LOWER, lambda z: np.isclose(z[0], 0)),
+        "upper_bottom": (UPPER, lambda z: np.isclose(z[wide], height)),
+        "top": (UPPER, lambda z: np.isclose(z[wide], height + 1)),
+    }
+    if gdim == 3:
+        names["y0"] = (LOWER, lambda z: np.isclose(z[1], 0))
+    if not angle:
+        names["upper_x0"] = (UPPER, lambda z: np.isclose(z[0], span[0]))
+        if gdim == 3:
+            names["upper_y0"] = (UPPER, lambda z: np.isclose(z[1], span[0]))
+    facets, values = [], []
+    for tag, (body, where) in enumerate(names.values(), start=1):
+        found = locate_entities_boundary(mesh, gdim - 1, where)
+        found = found[of_cell[cell_of.array[cell_of.offsets[found]]] == body]
+        facets.append(found)
+        values.append(np.full(found.size, tag, dtype=np.int32))
+    order = np.argsort(np.concatenate(facets))
+    every = np.arange(len(of_cell), dtype=np.int32)
+    return TaggedMesh(
+        mesh=mesh,
+        cell_tags=meshtags(mesh, gdim, every, of_cell),
+        facet_tags=meshtags(
+            mesh, gdim - 1, np.concatenate(facets)[order], np.concatenate(values)[order]
+        ),
+        volumes={"lower": LOWER, "upper": UPPER},
+        surfaces={name: tag for tag, name in enumerate(names, start=1)},
+    )

@@ -1,0 +1,142 @@
+"""Glued surfaces: one body of two, whatever their nodes, and what is refused."""
+
+from itertools import product
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import (
+    Contact,
+    Newton,
+    Pressure,
+    Problem,
+    Support,
+    Tie,
+    Traction,
+    VonMises,
+    limit_load,
+)
+from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
+from tests.checks import assert_refused, assert_solved, largest
+from tests.contact.blocks_apart import blocks_apart
+
+STEEL = VonMises(young=2e5, poisson=0.3, yield_stress=300.0)
+COUNTS = {2: ((5, 3), (7, 3)), 3: ((3, 3, 2), (4, 4, 2))}
+
+
+def sheared(gdim: int, degree: int, **tie: Any) -> Problem:
+    """Two glued blocks on a fixed floor that are pulled aside; ζ is the traction on top."""
+    return Problem(
+        blocks_apart(MPI.COMM_WORLD, *COUNTS[gdim]),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom")],
+        [Traction("top", (1.0, *[0.0] * (gdim - 2), 1.0))],
+        degree=degree,
+        ties=[Tie("lower_top", "upper_bottom", **tie)],
+    )
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize(
+    ("gdim", "degree", "hosts"), list(product((2, 3), (1, 2), ("primary", "secondary")))
+)
+def test_uniform_tension_is_transmitted(
+    gdim: int, degree: int, hosts: Any, comm: MPI.Intracomm
+) -> None:
+    """A linear displacement of both bodies: no pressure holds them together."""
+    vertical = "xyz"[gdim - 1]
+    sides = [f"{body}{axis}0" for axis in "xyz"[: gdim - 1] for body in ("", "upper_")]
+    problem = Problem(
+        blocks_apart(comm, *COUNTS[gdim]),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom", vertical), *(Support(side, side[-2]) for side in sides)],
+        [Pressure("top", -1.0)],
+        degree=degree,
+        ties=[Tie("lower_top", "upper_bottom", hosts)],
+    )
+    level = Newton(problem).solve(100.0)
+    assert_solved(level)
+    x = problem.V.tabulate_dof_coordinates()[:, :gdim]
+    nu = STEEL.poisson
+    along, aside = (1 - nu**2, nu * (1 + nu)) if gdim == 2 else (1.0, nu)
+    expected = x * np.array([*[-aside] * (gdim - 1), along]) * 100.0 / STEEL.young
+    u = level.state.u.x.array.reshape(-1, gdim)
+    assert largest(comm, u - expected) < 2e-12 * 100.0 / STEEL.young
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("degree", [1, 2])
+def test_matching_halves_are_one_mesh(degree: int, comm: MPI.Intracomm) -> None:
+    """Glued or meshed in one piece: the same displacements, elastic and plastic."""
+
+    def blocks(split: bool) -> Problem:
+        cut = [Box("lower", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (2, 2, 2))]
+        cut.append(Box("upper", (0.0, 0.0, 1.0), (1.0, 1.0, 2.0), (2, 2, 2)))
+        whole = [Box("lower", (0.0, 0.0, 0.0), (1.0, 1.0, 2.0), (2, 2, 4))]
+        names = ("lower", "upper") if split else ("lower",)
+        surfaces = [
+            Surface("bottom", ("lower",), lambda x: x[2] == 0),
+            Surface("top", names[-1:], lambda x: x[2] == 2),
+            Surface("y0", names, lambda x: x[1] == 0),
+        ]
+        if split:
+            surfaces.append(Surface("lower_top", ("lower",), lambda x: x[2] == 1))
+            surfaces.append(Surface("upper_bottom", ("upper",), lambda x: x[2] == 1))
+        return Problem(
+            structured_mesh(comm, cut if split else whole, surfaces),
+            dict.fromkeys(names, STEEL),
+            [Support("bottom"), Support("y0", "y")],
+            [Traction("top", (1.0, 0.0, 0.5))],
+            degree=degree,
+            ties=[Tie("lower_top", "upper_bottom")] if split else [],
+        )
+
+    for load in (10.0, 35.0):
+        glued, one = (Newton(blocks(split)).solve(load) for split in (True, False))
+        assert_solved(glued)
+        assert glued.report.alpha == pytest.approx(one.report.alpha, rel=1e-11)
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("gdim", [2, 3])
+def test_glue_certifies_and_is_the_same_on_one_rank(gdim: int, comm: MPI.Intracomm) -> None:
+    level = Newton(sheared(gdim, 1)).solve(20.0)
+    assert_solved(level)
+    assert level.report.contact_pairs == 0
+    assert abs(level.report.duality_gap) < 1e-11
+
+
+@pytest.mark.parametrize("degree", [2])
+def test_limit_load_of_glued_blocks_in_tension(degree: int) -> None:
+    """2k in plane strain, as for one block."""
+    problem = Problem(
+        blocks_apart(MPI.COMM_WORLD, *COUNTS[2]),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom", "y"), Support("x0", "x"), Support("upper_x0", "x")],
+        [Pressure("top", -1.0)],
+        degree=degree,
+        ties=[Tie("lower_top", "upper_bottom")],
+    )
+    found = limit_load(problem)
+    assert found.estimate == pytest.approx(2 / np.sqrt(3) * 300.0, rel=1e-4)
+
+
+def test_bad_ties_are_refused() -> None:
+    mesh = blocks_apart(MPI.COMM_WORLD, *COUNTS[2])
+
+    def make(*ties: Tie, **more: Any) -> Problem:
+        supports = more.pop("supports", [Support("bottom")])
+        materials, loads = {"lower": STEEL, "upper": STEEL}, [Pressure("top", 1.0)]
+        return Problem(mesh, materials, supports, loads, ties=ties, **more)
+
+    tie = Tie("lower_top", "upper_bottom")
+    assert_refused(lambda: make(Tie("top", "top")), ["tie 1", "itself"])
+    assert_refused(lambda: make(Tie("x0", "top")), ["tie 1", "nowhere opposite"])
+    assert_refused(lambda: make(tie, tie), ["ring"])
+    moved = [Support("bottom"), Support("upper_x0", "x", 1e-3)]
+    assert_refused(lambda: make(tie, supports=moved), ["ties and supports that move"])
+    both = {"contacts": [Contact("lower_top", "upper_bottom")]}
+    assert_refused(lambda: make(tie, **both), ["ring", "ties"])

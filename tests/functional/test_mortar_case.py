@@ -1,0 +1,66 @@
+"""Bodies meshed apart, from the case file to the results."""
+
+import json
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import SOLVED
+from tests.contact.curved_bodies import write_tubes_apart
+
+CASE = """
+title = "Tube in tube"
+[mesh]
+file = "tubes.msh"
+[material.inner_tube]
+law = "von-mises"
+young = 70e3
+poisson = 0.3
+yield_stress = 250.0
+[material.outer_tube]
+law = "von-mises"
+young = 70e3
+poisson = 0.3
+yield_stress = 250.0
+[[support]]
+on = "x0"
+components = "x"
+[[support]]
+on = "y0"
+components = "y"
+[[load]]
+on = "inner"
+pressure = 1.0
+[[contact]]
+primary = "inner_tube_seam"
+secondary = "outer_tube_seam"
+[element]
+degree = 2
+[loading]
+values = [30.0, 60.0]
+[output]
+pictures = false
+"""
+
+
+def test_bodies_meshed_apart(
+    shared_tmp_path: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Which surface's nodes are the hosts is said on the terminal and in the log."""
+    case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
+    if comm.rank == 0:
+        case.write_text(CASE, encoding="utf-8")
+        write_tubes_apart(shared_tmp_path / "tubes.msh", size=0.1)
+    comm.barrier()
+    assert main(["run", str(case), "-o", str(results)]) == SOLVED
+    out = capsys.readouterr().out
+    remark = "mortar, hosted by 49 nodes of 'outer_tube_seam'; of it and of 'inner_tube_seam' 100%"
+    assert comm.rank or remark in out
+    assert remark in (results / "run.log").read_text(encoding="utf-8")
+    steps = json.loads((results / "summary.json").read_text(encoding="utf-8"))["steps"]
+    assert [step["converged"] for step in steps] == [True, True]
+    assert all(abs(step["duality_gap"]) < 1e-11 for step in steps)
+    assert all(step["active_contacts"] == 49 for step in steps)

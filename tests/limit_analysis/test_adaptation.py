@@ -1,0 +1,154 @@
+"""Bounds on meshes that find the mechanism: exact limit loads, fans, contact, what is refused."""
+
+import math
+from pathlib import Path
+
+import basix.ufl
+import numpy as np
+import pytest
+import ufl
+from dolfinx.mesh import create_mesh, locate_entities_boundary, meshtags
+
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx import (
+    Adaptation,
+    Contact,
+    InputError,
+    Pressure,
+    Problem,
+    Support,
+    TaggedMesh,
+    VonMises,
+    adaptive_bounds,
+)
+from perfplast_fenicsx.limit_analysis import Round, strict_lower_bound
+from perfplast_fenicsx.limit_analysis.adaptation import refined
+from tests.limit_analysis.test_interior_point import COMM, SOIL, K, footing, made
+from tests.models import two_blocks_problem
+
+PRANDTL = 2 + math.pi
+CONTACT = Contact("upper_bottom", "lower_top")
+
+
+def count(tagged_mesh: TaggedMesh) -> int:
+    """Cells of all ranks."""
+    topology = tagged_mesh.mesh.topology
+    number: int = topology.index_map(topology.dim).size_global
+    return number
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("punch", [False, True])
+def test_footing(punch: bool, shared_tmp_path: Path) -> None:
+    told: list[Round] = []
+    problem = footing(shared_tmp_path, punch)
+    found = adaptive_bounds(problem, Adaptation(until=0.05, cells=1200), monitor=told.append)
+    assert found.lower.strict
+    assert found.upper.strict
+    assert found.lower.value is not None
+    assert found.upper.value is not None
+    assert found.lower.value < PRANDTL * K < found.upper.value
+    assert found.upper.value / found.lower.value <= 1.05
+    assert found.rounds == told
+    assert [round_.number for round_ in told] == list(range(1, len(told) + 1))
+    assert told[0].cells == count(problem.tagged_mesh)
+    assert told[-1].cells == count(found.problem.tagged_mesh) < 1200
+    gaps = [round_.gap for round_ in told]
+    assert None not in gaps
+    assert gaps == sorted(gaps, reverse=True)  # the best bounds of all meshes
+    assert found.body.lower is found.lower
+    assert found.problem.num_pairs == 0 or punch
+
+
+def lattice(n: int) -> TaggedMesh:
+    """Equilateral triangles that fill a parallelogram (0, 6) wide and 3 rows of sides high.
+
+    Each point of the straight top is met by three of their angles. Sides are 1/n long; the
+    curves are ``left`` and ``right`` half of the top and ``rest``.
+    """
+    here = COMM.rank == 0
+    i, j = np.meshgrid(np.arange(6 * n + 1), np.arange(3 * n + 1))
+    x = np.stack([i + j / 2, -j * math.sqrt(3) / 2], axis=-1).reshape(-1, 2) / n
+    number = np.arange(len(x)).reshape(i.shape)
+    a, b, c, d = (
+        number[rows, columns].ravel()
+        for rows in (slice(None, -1), slice(1, None))
+        for columns in (slice(None, -1), slice(1, None))
+    )
+    cells = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
+    element = ufl.Mesh(basix.ufl.element("Lagrange", "triangle", 1, shape=(2,)))
+    mesh = create_mesh(COMM, cells if here else cells[:0], x=x if here else x[:0], e=element)
+    mesh.topology.create_connectivity(1, 2)
+    every = locate_entities_boundary(mesh, 1, lambda x: x[0] > -1)
+    left = locate_entities_boundary(mesh, 1, lambda x: (x[1] > -1e-9) & (x[0] < 3 + 1e-9))
+    right = locate_entities_boundary(mesh, 1, lambda x: (x[1] > -1e-9) & (x[0] > 3 - 1e-9))
+    tags = np.full(len(every), 3, dtype=np.int32)
+    tags[np.isin(every, left)], tags[np.isin(every, right)] = 1, 2
+    owned = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
+    return TaggedMesh(
+        mesh,
+        meshtags(mesh, 2, owned, np.ones(len(owned), dtype=np.int32)),
+        meshtags(mesh, 1, every, tags),
+        {"ground": 1},
+        {"left": 1, "right": 2, "rest": 3},
+    )
+
+
+@pytest.mark.mpi3
+def test_few_directions_at_the_end_of_a_load_limit_the_bound() -> None:
+    """Three cells of 60° carry 2√3 k, whatever the mesh elsewhere; fans do away with it."""
+    problem = Problem(
+        lattice(1),
+        {"ground": SOIL},
+        [Support("rest")],
+        [Pressure("left", 1.0)],
+        degree=2,
+    )
+    few = 2 * math.sqrt(3) * K
+    for n in (1, 3):
+        bound = strict_lower_bound(problem.on(lattice(n))).bound
+        assert bound.value is not None
+        assert bound.value < few * (1 + 1e-9)
+    assert bound.value == pytest.approx(few, rel=1e-3)
+    fanned = problem
+    for _ in range(2):
+        nowhere = np.zeros(len(fanned.tagged_mesh.cell_tags.indices), dtype=np.bool_)
+        fanned = fanned.on(refined(fanned, nowhere))
+    better = strict_lower_bound(fanned).bound
+    assert better.value is not None
+    assert better.value > 1.1 * few
+
+
+def test_contact_in_space() -> None:
+    """Cells of both bodies, and matching surfaces: else the next mesh has no problem."""
+    linear, cells = two_blocks_problem(1), 160
+    problem = Problem(
+        linear.tagged_mesh, **{**vars(linear.given), "degree": 2, "contacts": [CONTACT]}
+    )
+    found = adaptive_bounds(problem, Adaptation(until=0.1, cells=cells), rtol=1e-3)
+    assert len(found.rounds) > 1
+    assert found.lower.strict
+    assert found.upper.strict
+    assert found.rounds[-1].gap is not None
+    assert found.rounds[0].gap is not None
+    assert found.rounds[-1].gap < found.rounds[0].gap
+    assert count(found.problem.tagged_mesh) <= cells
+    assert f"more than {cells} cells" in found.reason
+
+
+def test_what_cannot_be_adapted(shared_tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"^until = 1 is not between 0 and 1; try 0.01"):
+        Adaptation(until=1)
+    problem = footing(shared_tmp_path)
+    with pytest.raises(InputError, match=r"^cells = 9 is less than the 353 of the first mesh"):
+        adaptive_bounds(problem, Adaptation(cells=9))
+    mesh = made(shared_tmp_path, write_thick_tube, size=0.2, order=2)
+    tube = Problem(
+        mesh,
+        dict.fromkeys(mesh.volumes, VonMises(young=70e3, poisson=0.3, yield_stress=250.0)),
+        [Support("x0", "x"), Support("y0", "y")],
+        [Pressure("inner", 1.0)],
+        degree=2,
+    )
+    with pytest.raises(InputError, match=r"^cells are curved, and only straight ones can be ref"):
+        adaptive_bounds(tube)

@@ -1,0 +1,78 @@
+"""Where the bounds need fans of cells: ends of loads, supports and contacts, re-entrant corners."""
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from meshes.platens import write_platens
+from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
+from perfplast_fenicsx import Contact, Pressure, Support, TaggedMesh
+from perfplast_fenicsx.limit_analysis.marking import largest_shares
+from perfplast_fenicsx.limit_analysis.singular_points import singular_points
+from perfplast_fenicsx.mesh.glued_edges import vertex_coordinates
+from perfplast_fenicsx.problem.problem import Given
+from tests.models import Read
+
+GROUND = [Support("x0", "x"), Support("bottom"), Support("side")]
+MANY = 1000
+
+
+def declared(
+    supports: Sequence[Support], loads: Sequence[Pressure], contacts: Sequence[Contact] = ()
+) -> Given:
+    """What holds and pushes; the laws do not matter."""
+    return Given({}, supports, loads, contacts, [], 2, [])
+
+
+def places(tagged_mesh: TaggedMesh, given: Given, valence: int = MANY) -> set[tuple[float, float]]:
+    """Coordinates of the singular points of all ranks."""
+    x = vertex_coordinates(tagged_mesh.mesh)[singular_points(tagged_mesh, given, valence), :2]
+    return {
+        (float(a), float(b))
+        for part in tagged_mesh.mesh.comm.allgather(np.round(x, 9) + 0.0)
+        for a, b in part
+    }
+
+
+@pytest.mark.mpi3
+def test_the_end_of_a_load(read: Read) -> None:
+    ground = read(write_strip_footing)
+    footing = declared(GROUND, [Pressure("footing", 1.0)])
+    assert places(ground, footing) == {(1.0, 0.0)}
+    assert places(ground, footing, valence=3) == set()
+    everywhere = [Pressure("footing", 1.0), Pressure("free", 1.0)]
+    assert places(ground, declared(GROUND, everywhere)) == set()
+    stepped = [Pressure("footing", 1.0), Pressure("free", 2.0)]
+    assert places(ground, declared(GROUND, stepped)) == {(1.0, 0.0)}
+
+
+@pytest.mark.mpi3
+def test_the_end_of_a_contact(read: Read) -> None:
+    """It is the ground's; the corner of the punch is none."""
+    assembly = read(write_strip_footing, punch=True)
+    contact = Contact("ground_footing", "punch_footing")
+    given = declared(GROUND, [Pressure("top", 1.0)], [contact])
+    assert places(assembly, given) == {(1.0, 0.0)}
+    points = singular_points(assembly, given, MANY)
+    owned = points < assembly.mesh.topology.index_map(0).size_local
+    assert assembly.mesh.comm.allreduce(np.count_nonzero(owned)) == 1
+    assert (WIDTH, -DEPTH) not in places(assembly, given)
+
+
+def test_a_straight_side_of_one_kind_has_none(read: Read) -> None:
+    block = read(write_platens)
+    pressed = declared([Support("x0", "x"), Support("y0", "y")], [Pressure("top", 1.0)])
+    assert places(block, pressed) == set()
+
+
+@pytest.mark.mpi3
+def test_largest_shares(comm: MPI.Intracomm) -> None:
+    mine = np.array([8.0, -1.0, 1.0 / (1 + comm.rank), 0.0])
+    marked = largest_shares(comm, mine, 0.5)
+    assert marked.tolist() == [True, False, False, False]
+    most = largest_shares(comm, mine, 0.999999)
+    assert most.tolist() == [True, False, True, False]
+    assert not largest_shares(comm, np.zeros(3), 0.4).any()
