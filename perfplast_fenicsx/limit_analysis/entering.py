@@ -108,8 +108,10 @@ def without_entering(problem: Problem) -> Problem | None:
         diagonal.setValues(middle, np.full(len(middle), 2.0))
         for end in edges[:, 1:].T:
             has = known[end]
-            for i, j in zip(middle[has], row[end[has]].astype(PETSc.IntType), strict=True):
-                combine.setValue(i, j, -0.5)
+            ends = row[end[has]].astype(PETSc.IntType)
+            one_each = np.arange(len(ends) + 1, dtype=PETSc.IntType)
+            halves = np.full(len(ends), -0.5)
+            combine.setValuesIJV(one_each, ends, halves, rowmap=middle[has])
     diagonal.assemble()
     combine.assemble()
     combine.setDiagonal(diagonal)
