@@ -1,6 +1,7 @@
 """Rows of arrays that travel between ranks, and the box around points of all ranks."""
 
 import math
+from pathlib import Path
 
 from mpi4py import MPI
 
@@ -113,3 +114,17 @@ def bounding_box(comm: MPI.Intracomm, points: Floats) -> tuple[Floats, Floats]:
     comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
     return low, high
+
+
+def spare_memory(comm: MPI.Intracomm) -> float:
+    """Memory that each rank may take if all take as much (MB); ∞ where it is not known. Collective.
+
+    The least of all machines.
+    """
+    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    spare, table = math.inf, Path("/proc/meminfo")
+    if table.exists():
+        sizes = dict(line.split(":") for line in table.read_text(encoding="ascii").splitlines())
+        spare = int(sizes["MemAvailable"].split()[0]) / 1000 / node.size
+    node.Free()
+    return float(comm.allreduce(spare, MPI.MIN))

@@ -13,8 +13,8 @@ from perfplast_fenicsx.io.results.result_writer import ResultWriter
 from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
+from perfplast_fenicsx.limit_analysis.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
-from perfplast_fenicsx.limit_analysis.limit_search import Search
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level

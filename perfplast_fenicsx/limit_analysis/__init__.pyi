@@ -11,9 +11,9 @@ from .discrete_limit import Verdict as Verdict
 from .discrete_limit import interior_point as interior_point
 from .entering import without_entering as without_entering
 from .kinematic_bound import dissipation_bound as dissipation_bound
+from .limit_judge import collapse_mechanism as collapse_mechanism
 from .limit_methods import LimitLoad as LimitLoad
 from .limit_methods import LimitMethod as LimitMethod
-from .limit_search import collapse_mechanism as collapse_mechanism
 from .limit_search import limit_load as limit_load
 from .static_bound import StaticBound as StaticBound
 from .static_bound import strict_lower_bound as strict_lower_bound

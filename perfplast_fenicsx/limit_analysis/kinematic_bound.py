@@ -4,48 +4,47 @@ For v with v = 0 on supports, no jump into the other body, and ε(v) admissible 
 body, the limit load is at most (D(v) − L₀(v))/L₁(v) with D the dissipation, the support function of
 the yield sets (kinematic theorem of limit analysis, E. Christiansen, Handbook of Numerical Analysis
 IV, 1996). For von Mises admissible means div v = 0, and D(v) = ∫ γ‖dev ε(v)‖; for elastic bodies
-ε(v) = 0. The increments of a loading come near such a v; here they are projected on it, for laws
-that tell by a linear condition what is admissible.
+ε(v) = 0.
+
+The increments of a loading come near such a v. From v_k the next one is the flow with the viscosity
+η_k = γ/‖dev ε(v_k)‖ (Kačanov's iteration). It gives no larger bound, as with L₁(v) = 1
+
+    D(v) − L₀(v) ≤ ½ ∫ γ(‖dev ε(v)‖²/‖dev ε(v_k)‖ + ‖dev ε(v_k)‖) − L₀(v),
+
+of which it has the smallest right-hand side.
 """
 
-from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass
 
-from petsc4py import PETSc
+from mpi4py import MPI
 
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 
+from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.limit_analysis.viscous_flow import NoFlow, ViscousFlow
 from perfplast_fenicsx.materials.mandel import strain
-from perfplast_fenicsx.problem.integrals import Integral, assemble_force
+from perfplast_fenicsx.problem.integrals import Integral
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, OfLaw, integrate
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import State
-from perfplast_fenicsx.solvers.linear.petsc_options import BOUND, own_prefix
 
-PENALTY = 1e6
-"""Weight of the constraints against the distance to the given velocity."""
+MOST_FLOWS = 6
+"""From a velocity to a mechanism."""
 
-MOST_ITERATIONS = 30
+SETTLED = 1e-5
+"""Change of the bound in a flow, relative to the dissipation, that makes it the last."""
 
-EXACT = 1e-11
-"""A strain rate that is inadmissible counts as none below this share of ‖ε(v)‖."""
+STIFF = (1e4, 1e2)
+"""What flows less than the mean is at most so many times more viscous; the next one where rounding
+spoils a flow."""
+
+MOST_HOLDS = 4
+"""So many times pairs that a mechanism would close are held as well."""
 
 ROUNDING = 1e-9
-"""Jumps and work below this share of what they are made of count as none."""
-
-LARGEST_PROBLEM = 60_000
-"""Beyond so many unknowns the projection, which needs a factorisation, is not tried."""
-
-FACTORISATION = {
-    "ksp_type": "preonly",
-    "pc_type": "lu",
-    "pc_factor_mat_solver_type": "mumps",
-    "mat_mumps_icntl_14": 100,  # more room to work in (%)
-}
+"""Jumps below this share of the largest velocity count as none."""
 
 
 @dataclass(frozen=True)
@@ -54,114 +53,128 @@ class UpperBound:
 
     Attributes:
         value: The bound.
+        mechanism: v with L₁(v) = 1; None where there is no bound.
         solves: Linear systems solved.
         reason: Why there is no bound; empty where there is one.
     """
 
     value: float | None
+    mechanism: fem.Function | None
     solves: int
     reason: str = ""
 
 
 def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) -> UpperBound:
-    """Upper bound from the projection of a velocity. Collective.
+    """Upper bound from a velocity. Collective.
 
     Args:
         problem: The bodies and their loads.
         velocity: Velocity near a collapse mechanism.
         state: Where it collapses: pairs that push stay closed.
     """
-    for on in problem.laws:
-        if on.law.inadmissible(strain(velocity)) is None:
-            name = type(on.law).__name__
-            return UpperBound(None, 0, f"{name} has no linear condition for admissible rates")
-    if problem.num_dofs > LARGEST_PROBLEM:
-        return UpperBound(None, 0, f"there are more than {LARGEST_PROBLEM} unknowns")
-    with ExitStack() as made:
-        return _bound(problem, velocity, state, made)
+    bound = KinematicBound(problem)
+    try:
+        return bound.of(velocity, state.active)
+    finally:
+        bound.destroy()
 
 
-def _bound(problem: Problem, velocity: fem.Function, state: State, made: ExitStack) -> UpperBound:
-    """Project by the method of multipliers; what PETSc makes is destroyed with ``made``."""
-    laws, basis, comm = problem.laws, problem.basis, problem.comm
-    rate = strain(velocity)
-    trial, test = strain(ufl.TrialFunction(problem.V)), strain(ufl.TestFunction(problem.V))
-    v = fem.Function(problem.V)
-    multipliers = {
-        on: fem.Function(problem.space_at_points(on.law.inadmissible(rate).ufl_shape))
-        for on in laws
-    }
-    ascents = {
-        on: LawExpression(
-            [on],
-            multiplier.function_space,
-            lambda on: multipliers[on] + PENALTY * on.law.inadmissible(strain(v)),
-        )
-        for on, multiplier in multipliers.items()
-    }
+class KinematicBound:
+    """Upper bounds from velocities; what they need is made once."""
 
-    operator = integrate(
-        laws,
-        lambda on: (
-            ufl.dot(trial, test)
-            + PENALTY * ufl.dot(on.law.inadmissible(trial), on.law.inadmissible(test))
-        ),
-    )
-    K = fem_petsc.assemble_matrix(fem.form(operator), problem.bcs)
-    made.callback(K.destroy)
-    K.assemble()
-    A = K
-    if problem.num_pairs or problem.num_tied:
-        A = K.PtAP(basis.T)
-        made.callback(A.destroy)
-    closed = np.concatenate([basis.index[state.active], basis.tied]) + A.getOwnershipRange()[0]
-    A.zeroRowsColumns(closed.astype(PETSc.IntType), diag=1.0)
-    ksp = PETSc.KSP().create(comm)
-    made.callback(ksp.destroy)
-    ksp.setOptionsPrefix(own_prefix(BOUND, FACTORISATION))
-    ksp.setOperators(A)
-    ksp.setFromOptions()
+    def __init__(self, problem: Problem) -> None:
+        """Compile the forms, where the laws have bounds. Collective."""
+        self._comm, laws = problem.comm, problem.laws
+        self._flow: ViscousFlow | None = None
+        rate = strain(fem.Function(problem.V))
+        unable = [type(on.law).__name__ for on in laws if on.law.inadmissible(rate) is None]
+        if unable:
+            self.unable = f"{unable[0]} has no linear condition for admissible rates"
+            return
+        self._flow = ViscousFlow(problem)
+        rate = strain(self._flow.velocity)
+        self._count = problem.Q.dofmap.index_map.size_local
+        self._value = fem.Function(problem.Q)
 
-    form = fem.form(
-        integrate(
-            laws,
-            lambda on: ufl.dot(rate, test) - ufl.dot(multipliers[on], on.law.inadmissible(test)),
-        )
-    )
-    remainder_size = _norm(problem, lambda on: on.law.inadmissible(strain(v)))
-    size = _norm(problem, lambda on: strain(v))
-    force, b, y = problem.create_vector(), A.createVecLeft(), A.createVecRight()
-    for vector in (force, b, y):
-        made.callback(vector.destroy)
-    for solves in range(1, MOST_ITERATIONS + 1):
-        assemble_force(force, form, problem.bcs)
-        basis.T.multTranspose(force, b)
-        b.array[closed - A.getOwnershipRange()[0]] = 0
-        ksp.solve(b, y)
-        if ksp.getConvergedReason() <= 0:
-            return UpperBound(None, solves, "the projection cannot be solved")
-        basis.T.mult(y, v.x.petsc_vec)
-        v.x.scatter_forward()
-        if remainder_size() <= EXACT * size():
-            break
-        for on, multiplier in multipliers.items():
-            ascents[on].interpolate(multiplier)
-    else:
-        return UpperBound(None, MOST_ITERATIONS, "the projection does not converge")
-    work = problem.loads.alpha(v.x.petsc_vec)
-    jumps = y.array_r[basis.index][~state.active]
-    largest = y.norm(PETSc.NormType.NORM_INFINITY)
-    if comm.allreduce(int((jumps > ROUNDING * largest).sum())):
-        return UpperBound(None, solves, "the mechanism closes open pairs")
-    if work <= ROUNDING * problem.loads.live.norm() * largest:
-        return UpperBound(None, solves, "the loads do no work on the mechanism")
-    power = Integral(comm, integrate(laws, lambda on: on.law.dissipation(strain(v))))
-    resisted = power() - float(problem.loads.dead.dot(v.x.petsc_vec))
-    return UpperBound(resisted / work, solves)
+        def at_points(value: OfLaw) -> LawExpression:
+            return LawExpression(laws, problem.Q, value)
 
+        self._size = at_points(lambda on: ufl.sqrt(ufl.dot(rate, rate)))
+        self._density = at_points(lambda on: on.law.dissipation(rate))
+        self._power = Integral(problem.comm, integrate(laws, lambda on: on.law.dissipation(rate)))
 
-def _norm(problem: Problem, value: OfLaw) -> Callable[[], float]:
-    """L² norm of vectors that each law tells of, to be evaluated at each call."""
-    square = integrate(problem.laws, lambda on: ufl.dot(value(on), value(on)))
-    integral = Integral(problem.comm, square)
-    return lambda: float(np.sqrt(integral()))
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        if self._flow is not None:
+            self._flow.destroy()
+
+    def of(self, velocity: fem.Function, active: PairFlags) -> UpperBound:
+        """Upper bound from a velocity. Collective.
+
+        Args:
+            velocity: Near a collapse mechanism.
+            active: Pairs that stay closed, shape (num_pairs,).
+        """
+        flow = self._flow
+        if flow is None:
+            return UpperBound(None, None, 0, self.unable)
+        before = flow.solves
+        for stiff in STIFF:
+            flow.velocity.x.array[:] = velocity.x.array
+            try:
+                self._enter_nothing(flow, active.copy(), stiff)
+                break
+            except NoFlow as failure:
+                reason = str(failure)
+        else:
+            return UpperBound(None, None, flow.solves - before, reason)
+        mechanism = flow.velocity.copy()
+        mechanism.name = flow.velocity.name
+        return UpperBound(self._power() - flow.dead_work(), mechanism, flow.solves - before)
+
+    def _enter_nothing(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
+        """Let the bodies flow, with pairs that close held as well."""
+        self._descend(flow, held, stiff)
+        for _ in range(MOST_HOLDS):
+            closing = flow.jumps() > ROUNDING
+            if not self._comm.allreduce(int((closing & ~held).sum())):
+                return
+            held |= closing
+            self._descend(flow, held, stiff)
+        raise NoFlow("the mechanism closes open pairs")
+
+    def _descend(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
+        """Let the bodies flow until the bound falls no more, and then admissibly."""
+        bound = np.inf
+        for _ in range(MOST_FLOWS):
+            self._thicken(flow, stiff)
+            flow.solve(held)
+            power = self._power()
+            before, bound = bound, power - flow.dead_work()
+            if abs(before - bound) <= SETTLED * power:
+                break
+        flow.make_admissible()
+
+    def _thicken(self, flow: ViscousFlow, stiff: float) -> None:
+        """Make the bodies as viscous as the velocity so far says."""
+        size, density = self._values(self._size), self._values(self._density)
+        mean = self._mean(size)
+        if not mean > 0:
+            raise NoFlow("nothing is strained")
+        strength = np.divide(density, size, out=np.zeros_like(size), where=size > 0)
+        viscosity = strength / np.maximum(size, mean / stiff)
+        usual = self._mean(viscosity[viscosity > 0])
+        if not usual > 0:
+            raise NoFlow("nothing dissipates")
+        viscosity[viscosity == 0] = usual  # of no account where all of a strain is inadmissible
+        flow.viscosity.x.array[: self._count] = viscosity
+
+    def _values(self, expression: LawExpression) -> Floats:
+        expression.interpolate(self._value)
+        values: Floats = self._value.x.array[: self._count].copy()
+        return values
+
+    def _mean(self, values: Floats) -> float:
+        """Of all ranks; 0 of none. Collective."""
+        total = self._comm.allreduce(np.array([values.sum(), len(values)]), MPI.SUM)
+        return float(total[0] / max(total[1], 1))

@@ -22,6 +22,10 @@ MOST_UNKNOWNS = {2: 1_000_000, 3: 200_000}
 """Up to so many unknowns, by dimension, 20 factorisations are quicker than a loading."""
 
 
+TOLERANCE = 1e-3
+"""What the bounds of a limit load may differ by, relative, where nobody says it."""
+
+
 class LimitMethod(StrEnum):
     """How a limit load is found: directly, or where a loading path levels off."""
 
@@ -37,7 +41,8 @@ class LimitLoad:
         method: How it was found.
         lower: A lower bound of the discrete limit load: λ of a stress in equilibrium and within
             yield, or the largest ζ(α) reached.
-        estimate: The limit load; None where there is none, or it was not found.
+        estimate: The limit load, between the bounds; None where there is none, or no upper bound
+            and no plateau was found. See :attr:`uncertainty`.
         residual: Change of the estimate with the last level, relative; None without two estimates,
             as without a path.
         upper: (D(v) − L₀(v))/L₁(v) of a discretely incompressible mechanism, an upper bound of the
@@ -80,6 +85,18 @@ class LimitLoad:
         """Whether there is a mechanism, if only the velocity that a path ends with."""
         known = (self.upper, self.estimate)
         return self.method is LimitMethod.PATH or any(value is not None for value in known)
+
+    @property
+    def uncertainty(self) -> float | None:
+        """How far the estimate may be from the limit load of the mesh, relative.
+
+        That is to the farther bound; without an upper one, what the last level has changed.
+        """
+        if self.estimate is None or not self.estimate > 0:
+            return None
+        if self.upper is None:
+            return self.residual
+        return max(self.upper - self.estimate, self.estimate - self.lower) / self.estimate
 
     def __repr__(self) -> str:
         numbers = {"lower": self.lower, "estimate": self.estimate, "upper": self.upper}

@@ -4,6 +4,7 @@
         (v_a − v_b)·n ≤ g at contact nodes
 """
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -21,6 +22,7 @@ from perfplast_fenicsx.contact.constraints import Constraints, stacked
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.formulations import find_constraints
 from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
+from perfplast_fenicsx.contact.loose_bodies import loose_motions
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.contact.rigid_motions import RigidMotions
 from perfplast_fenicsx.contact.tie import Tie
@@ -42,6 +44,8 @@ from perfplast_fenicsx.problem.spaces import make_spaces, space_at_points
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.problem.work_form import work_form
 from perfplast_fenicsx.profiling import phase
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -253,8 +257,11 @@ class Problem:
         self.interferes: bool = self.comm.allreduce(bool((self.constraints.gap < 0).any()), MPI.LOR)
         motions = RigidMotions(V, self.bodies, fixed, self.constraints, self.ties)
         motions.check()
-        self.first_active: PairFlags = motions.first_active()
         rows = stacked(V, [self.constraints, self.ties]) if self.num_tied else self.constraints
+        for loose in loose_motions(V, self.bodies, fixed, rows):
+            if self.comm.rank == 0:
+                log.warning("%s", loose)
+        self.first_active: PairFlags = motions.first_active()
         self.basis: JumpBasis = make_basis(V, rows, fixed, len(self.ties.host))
         if self.moves_supports:
             known = (self.constraints, fixed, self.prescribed)

@@ -6,7 +6,7 @@ from the elastic slope to the plateau of ζ(α).
 
 import logging
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +63,23 @@ def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
     return not told and not solver.problem.loads.is_proportional()
 
 
+@dataclass(frozen=True)
+class Leap:
+    """A step as far as one likes, along a velocity that costs no more load.
+
+    Attributes:
+        alpha: The work to be reached.
+        velocity: v with L(v) = 1.
+    """
+
+    alpha: float
+    velocity: fem.Function
+
+
+Ahead = Callable[[Reached], Leap | None]
+"""Whoever knows a collapse mechanism tells of a leap; collective."""
+
+
 def load_path(
     solver: LevelSolver,
     values: Sequence[float],
@@ -98,20 +115,24 @@ def load_path(
 
 
 def work_path(
-    solver: WorkNewton, monitor: Monitor | None = None, reached: Reached | None = None
+    solver: WorkNewton,
+    monitor: Monitor | None = None,
+    reached: Reached | None = None,
+    ahead: Ahead | None = None,
 ) -> Iterator[Level]:
     """Load by work without end, from first yield on; the caller stops it. Collective.
 
     Where supports move or loads are constant the first level is ζ = 0, and the steps are in α − α₀.
 
     α grows by a factor that shrinks where ζ(α) bends or a level has needed many steps, and grows
-    on the plateau. Each level starts from the extrapolation of the two before. A level that fails
-    is tried again with half the step.
+    on the plateau. Each level starts from the extrapolation of the two before, or goes along a
+    mechanism. A level that fails is tried again with half the step.
 
     Args:
         solver: ALG3 or ALG4.
         monitor: Called on every rank after each iteration.
         reached: Where to go on; None from first yield on.
+        ahead: Asked for a leap before each step but the first.
 
     Yields:
         The levels; one that has not converged is the last, after the step was halved
@@ -119,6 +140,7 @@ def work_path(
     """
     before: State | None = None
     last: State | None = None
+    leap: Leap | None = None
     problem, rest = solver.problem, 0.0
     from_rest = not problem.is_proportional()
     if reached is None and from_rest:
@@ -134,18 +156,21 @@ def work_path(
     while True:
         if reached is not None:
             before, last, rest = reached.before, reached.last, reached.rest
-            if from_rest and before is None:
+            leap = ahead(reached) if ahead is not None else None
+            if leap is not None:
+                target = leap.alpha
+            elif from_rest and before is None:
                 target, before = rest + solver.first_step(last), last
             else:
                 target = rest + (last.alpha - rest) * _next_factor(reached)
-            start = extrapolate(problem, before, last, target)
+            start = _start(problem, before, last, leap, target)
         for halving in range(MOST_HALVINGS + 1):
             level = solver.solve(target, start, monitor)
             if level.report.converged or halving == MOST_HALVINGS:
                 break
             log.info("alpha = %.6g failed (%s): half the step", target, level.report.reason)
-            target = (target + (last.alpha if last else 0.0)) / 2
-            start = extrapolate(problem, before, last, target)
+            target = _nearer(target, last.alpha if last else rest, rest)
+            start = _start(problem, before, last, leap, target)
         yield level
         if not level.report.converged:
             return
@@ -163,6 +188,23 @@ def _next_factor(reached: Reached) -> float:
     if bend > BENT:
         return max(min(factor, FIRST_FACTOR), SMALLEST_FACTOR)
     return min(factor * (2.0 if bend < STRAIGHT else 1.2), LARGEST_FACTOR)
+
+
+def _nearer(target: float, alpha: float, rest: float) -> float:
+    """Half the step; of a leap half the powers of ten."""
+    a, b = alpha - rest, target - rest
+    leaping = 0 < LARGEST_FACTOR * a < b
+    return rest + (math.sqrt(a * b) if leaping else (a + b) / 2)
+
+
+def _start(
+    problem: Problem, before: State | None, last: State | None, leap: Leap | None, alpha: float
+) -> State | None:
+    if leap is None or last is None:
+        return extrapolate(problem, before, last, alpha)
+    u = fem.Function(problem.V, name="displacement")
+    u.x.array[:] = last.u.x.array + (alpha - last.alpha) * leap.velocity.x.array
+    return State(u, last.zeta, alpha, last.active, last.history)
 
 
 def extrapolate(

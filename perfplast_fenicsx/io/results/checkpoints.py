@@ -40,7 +40,7 @@ from perfplast_fenicsx.io.results.parallel_hdf5 import (
 )
 from perfplast_fenicsx.io.results.result_files import BEFORE, NEWEST
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.limit_analysis.limit_search import Search
+from perfplast_fenicsx.limit_analysis.limit_judge import Search
 from perfplast_fenicsx.problem.certificate import contact_forces
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import LevelReport

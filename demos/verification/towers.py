@@ -1,0 +1,67 @@
+# %% [markdown]
+# # Towers of bodies drawn at random
+#
+# Two to six blocks and quarters of cylinders stand on each other without friction, of steels drawn
+# at random, under a pressure on the highest one. Nobody knows their limit loads. A loading by work
+# and the interior point method know nothing of each other: each brackets the limit load of the
+# mesh, and the brackets must meet.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/towers.py
+
+# %%
+import random
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+from demos.verification.study import Row, collapse, mesh, run
+from meshes.tower import write_tower
+from perfplast_fenicsx import Contact, Pressure, Problem, Support, TaggedMesh, VonMises, limit_load
+from perfplast_fenicsx.io import ResultFolder, Scene
+from perfplast_fenicsx.pictures import draw
+
+TITLE = "Towers"
+TOLERANCE = 1e-3
+TOWERS, FEW = 20, 3
+SUPPORTS = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
+LOADS = [Pressure("top", 1.0)]
+
+
+def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
+    """A tower of steels drawn at random; ζ is the pressure on top."""
+    drawn = random.Random(number)
+    count = len(tagged_mesh.volumes)
+    ranges = ((70e3, 210e3), (0.2, 0.35), (200.0, 500.0))  # Young, Poisson, yield stress
+    materials = {f"body_{i}": VonMises(*(drawn.uniform(*r) for r in ranges)) for i in range(count)}
+    contacts = [Contact(f"body_{i}_seam_{i}", f"body_{i + 1}_seam_{i}") for i in range(count - 1)]
+    return Problem(tagged_mesh, materials, SUPPORTS, LOADS, contacts, degree=2)
+
+
+# %%
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Limit loads by both methods. Collective."""
+    rows = []
+    for number in range(FEW if coarse else TOWERS):
+        problem = problem_of(mesh(folder, write_tower, number=number), number)
+        found = collapse(problem, TOLERANCE)
+        direct = limit_load(problem, TOLERANCE, method="interior-point")
+        assert found.limit.levelled_off, found.limit.reason
+        assert found.limit.upper is not None
+        assert direct.upper is not None
+        assert direct.estimate is not None
+        assert found.limit.lower <= direct.upper * (1 + TOLERANCE / 10)
+        assert direct.lower <= found.limit.upper * (1 + TOLERANCE / 10)
+        rows.append(found.row(f"tower {number}", 0.4, direct.estimate, TOLERANCE))
+    found.write(folder, Scene(f"Tower {number}", LOADS, []))
+    draw(folder)
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()

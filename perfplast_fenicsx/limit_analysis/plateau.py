@@ -1,0 +1,87 @@
+"""What the points (α, ζ) of a loading path tell of where it levels off."""
+
+from collections.abc import Sequence
+
+Points = Sequence[tuple[float, float]]
+"""(α, ζ) of levels, α rising."""
+
+STEADY = 1e-11
+"""Growth of ζ, relative, that is rounding."""
+
+FLAT = 0.1
+"""A level that adds less to ζ, relative, is where a mechanism begins to show."""
+
+
+def is_flat(points: Points) -> bool:
+    """Whether the last level has added little to ζ."""
+    if len(points) < 2:
+        return False
+    (_, before), (_, zeta) = points[-2:]
+    return zeta - before <= FLAT * zeta
+
+
+def tenfold_growth(points: Points) -> float:
+    """Growth of ζ, relative to its last value, while α has grown tenfold at least.
+
+    Returns:
+        1 where it has not grown tenfold since first yield.
+    """
+    alpha, zeta = points[-1]
+    earlier = [z for a, z in points if a <= alpha / 10]
+    return (zeta - earlier[-1]) / zeta if earlier else 1.0
+
+
+def extrapolated_limit(points: Points) -> float | None:
+    """ζ_∞ of ζ = ζ_∞ − c α^(−p) through three points (α, ζ) of rising α.
+
+    Returns:
+        The limit; None where fewer points are given or none fits because the curve does not flatten
+        (p > 0 would have to be below 0.05).
+    """
+    if len(points) < 3:
+        return None
+    (a, x), (b, y), (c, z) = points
+    if z - y <= STEADY * abs(z):
+        return z
+    if y - x <= 0:
+        return None
+    wanted = (z - y) / (y - x)
+
+    def ratio(p: float) -> float:
+        return float((1 - (c / b) ** -p) / ((a / b) ** -p - 1))
+
+    low, high = 0.05, 50.0
+    if wanted >= ratio(low):
+        return None
+    if wanted <= ratio(high):
+        return z
+    for _ in range(200):
+        middle = (low + high) / 2
+        low, high = (middle, high) if ratio(middle) > wanted else (low, middle)
+    return z + (z - y) / ((c / b) ** high - 1)
+
+
+def not_level(points: Points, plastic_cells: int, degree: int) -> str:
+    """What to tell of a curve that does not level off.
+
+    Args:
+        points: (α, ζ) of its levels.
+        plastic_cells: Of the last one.
+        degree: Of the elements.
+    """
+    (first, _), (alpha, zeta) = points[0], points[-1]
+    if plastic_cells == 0:
+        return (
+            f"ζ does not level off: nothing has yielded up to ζ = {zeta:.6g}; give the bodies"
+            " that may collapse a yield stress"
+        )
+    told = (
+        f"ζ does not level off: it has reached {zeta:.6g} and still rises at"
+        f" {alpha / first:.3g} times the work at first yield; "
+    )
+    if degree == 1:
+        return told + (
+            "linear elements lock in plastic flow, which keeps the volume, so that the limit load"
+            " of this mesh may be infinite; use quadratic ones (degree = 2 under [element])"
+        )
+    return told + "the loads may be such that the bodies carry any multiple of them; or refine"

@@ -1,0 +1,58 @@
+"""Bodies that only facets keep from spinning are named, others are not."""
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from meshes.naming import interface, name, name_planes
+from meshes.sizes import generate
+from perfplast_fenicsx import BodyForce, Contact, Newton, Problem, Support
+from perfplast_fenicsx.contact.loose_bodies import loose_motions
+from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
+from tests.checks import assert_solved
+from tests.models import STEEL, Read, punch_problem, stack_problem, two_blocks_problem
+
+
+def write_bolted(path: str | Path, order: int) -> None:
+    """A round pin in a plate; ``end`` is the lower end of the pin."""
+    with gmsh_session() as gmsh:
+        occ = gmsh.model.occ
+        plate = occ.addBox(-1, -1, 0, 2, 2, 0.5)
+        pin = occ.addCylinder(0.1, 0.05, 0, 0, 0, 0.5, 0.4)
+        occ.fragment([(3, plate)], [(3, pin)])
+        occ.synchronize()
+        volumes = [tag for _, tag in gmsh.model.getEntities(3)]
+        inside = min(volumes, key=lambda tag: occ.getMass(3, tag))
+        name(3, {"pin": [inside], "plate": [tag for tag in volumes if tag != inside]})
+        _, faces = gmsh.model.getAdjacencies(3, inside)
+        name(2, {"end": [tag for tag in on_plane(2, 2, 0.0) if tag in faces]})
+        name(2, {"seam": interface(2)})
+        name_planes(2, {"left": (0, -1.0)})
+        generate(3, lambda x, y, z: 0.25, order)
+        write_split(path)
+
+
+@pytest.mark.parametrize("order", [1, pytest.param(2, marks=pytest.mark.mpi3)])
+def test_a_round_pin_may_spin(read: Read, order: int, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        problem = Problem(
+            read(write_bolted, order=order),
+            {"pin": STEEL, "plate": STEEL},
+            [Support("left"), Support("end", "z")],
+            [BodyForce("pin", (1.0, 0.0, 0.0))],
+            [Contact("pin_seam", "plate_seam")],
+            degree=order,
+        )
+    (loose,) = loose_motions(problem.V, problem.bodies, problem.fixed, problem.constraints)
+    assert loose.motion == "rotation about (0.00, 0.00, 1.00)"
+    assert loose.high[0] == pytest.approx(0.5, abs=0.02)
+    assert caplog.text.count("is loosely held") == (problem.comm.rank == 0)
+    assert_solved(Newton(problem).solve(100.0))
+
+
+@pytest.mark.parametrize("make", [punch_problem, two_blocks_problem, stack_problem])
+def test_bodies_that_are_held_are_not_named(make: Callable[[int], Problem]) -> None:
+    problem = make(2)
+    assert not loose_motions(problem.V, problem.bodies, problem.fixed, problem.constraints)
