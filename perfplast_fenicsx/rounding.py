@@ -6,12 +6,12 @@ DIGITS = 6
 
 
 def rounded_up(value: float) -> str:
-    """The value in :data:`DIGITS` significant digits, not less than it is."""
+    """The value in six significant digits, not less than it is."""
     return _rounded(value, ROUND_CEILING)
 
 
 def rounded_down(value: float) -> str:
-    """The value in :data:`DIGITS` significant digits, not more than it is."""
+    """The value in six significant digits, not more than it is."""
     return _rounded(value, ROUND_FLOOR)
 
 

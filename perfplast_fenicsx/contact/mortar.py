@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
@@ -9,7 +11,7 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints, make_constraints
 from perfplast_fenicsx.contact.contact import Contact
-from perfplast_fenicsx.contact.gap_function import given_gap, without_overlap
+from perfplast_fenicsx.contact.gap_function import OVERLAP, given_gap, without_overlap
 from perfplast_fenicsx.contact.mortar_sides import Side, Surface, choose_side
 from perfplast_fenicsx.contact.surface_facets import nodes_and_facets
 from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes, can_host, extent
@@ -94,8 +96,19 @@ class Mortar:
         slack = chosen.distances.slack[rows.place]
         along = np.where(np.abs(along) > slack, along, 0.0)
         if self.contact.interference:
+            self._check_seen(comm, chosen.distances.along[rows.place], slack, size)
             return along
         return without_overlap(comm, self.place, along, size)
+
+    def _check_seen(self, comm: MPI.Intracomm, along: Floats, slack: Floats, size: float) -> None:
+        """Make sure that straight facets of curved surfaces hide no overlap. Collective."""
+        hidden = (np.abs(along) > OVERLAP * size) & (np.abs(along) <= slack)
+        if comm.allreduce(int(hidden.sum())):
+            least = comm.allreduce(float(slack[hidden].max(initial=0)), MPI.MAX)
+            raise InputError(
+                f"{self.place}: straight facets of curved surfaces hide an overlap below"
+                f" {least:.3g}; give gap = ..., or a mesh of second order."
+            )
 
 
 def _along_normals(nodes: SurfaceNodes) -> list[PairFlags]:

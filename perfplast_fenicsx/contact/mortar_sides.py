@@ -13,7 +13,7 @@ from perfplast_fenicsx.contact.mortar_gap import Distances, distances
 from perfplast_fenicsx.contact.mortar_integrals import integrate
 from perfplast_fenicsx.contact.mortar_rows import MortarRows, mortar_rows
 from perfplast_fenicsx.contact.surface_facets import Facets, pieces_of
-from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes, extent
+from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes, check_outside, extent
 from perfplast_fenicsx.errors import InputError
 
 REACH = 0.1
@@ -86,6 +86,8 @@ def choose_side(
         InputError: Surfaces that are nowhere opposite each other, and hosts that supports hold.
     """
     measures = [surface.measure(comm) for surface in surfaces]
+    for surface in surfaces:
+        check_outside(comm, place, surface.name, surface.nodes)
     finer = measures[1][1] < FINER * measures[0][1]
     first = int(finer) if hosts is None else ("primary", "secondary").index(hosts)
 

@@ -13,7 +13,12 @@ from perfplast_fenicsx.contact.constraints import Constraints, make_constraints
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.gap_function import MATCHING_TOLERANCE, normals_and_gaps
 from perfplast_fenicsx.contact.node_matching import Matching, match_nodes
-from perfplast_fenicsx.contact.surface_nodes import can_host, extent, surface_nodes
+from perfplast_fenicsx.contact.surface_nodes import (
+    can_host,
+    check_outside,
+    extent,
+    surface_nodes,
+)
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import send_rows
@@ -52,6 +57,8 @@ class NodeToNode:
             surface_nodes(V, tagged_mesh, surface, fixed)
             for surface in (contact.primary, contact.secondary)
         )
+        check_outside(comm, self.place, contact.primary, primary)
+        check_outside(comm, self.place, contact.secondary, secondary)
         size = extent(comm, np.concatenate([primary["x"], secondary["x"]]))
         matching = match_nodes(comm, primary, secondary, MATCHING_TOLERANCE * size)
         normal, gap = normals_and_gaps(comm, self.place, contact, matching, size)

@@ -8,6 +8,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.surface_normals import FaceNodes, face_nodes
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
 
@@ -66,6 +67,19 @@ def rows_of_nodes(
     rows["normal"] = faces.normal
     rows["free"] = ~fixed[faces.node]
     return rows
+
+
+def check_outside(comm: MPI.Intracomm, place: str, surface: str, nodes: SurfaceNodes) -> None:
+    """Make sure that a surface bounds a body somewhere. Collective.
+
+    Raises:
+        InputError: If there are no nodes at all.
+    """
+    if not comm.allreduce(len(nodes)):
+        raise InputError(
+            f"{place}: '{surface}' has no facet on the outside of a body; name surfaces of bodies"
+            " that share no nodes (write_split cuts them apart)."
+        )
 
 
 def can_host(nodes: SurfaceNodes, normal: Floats) -> npt.NDArray[np.bool_]:

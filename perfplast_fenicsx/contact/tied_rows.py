@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
@@ -10,10 +12,13 @@ from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints, joined, make_constraints
 from perfplast_fenicsx.contact.mortar_sides import Surface, choose_side
 from perfplast_fenicsx.contact.surface_facets import nodes_and_facets
-from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes
+from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes, extent
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
+BRIDGED = 0.01
+"""Distance of surfaces that are glued, at most, relative to their size."""
 
 
 def tied_rows(
@@ -34,8 +39,8 @@ def tied_rows(
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
 
     Raises:
-        InputError: Unknown names, surfaces that are nowhere opposite each other, or hosts that are
-            held.
+        InputError: Unknown names, surfaces that are nowhere opposite each other or apart, or hosts
+            that are held.
     """
     taken = fixed.copy()
     parts: list[Constraints] = []
@@ -66,7 +71,17 @@ def _rows(
         first[np.unique(nodes["node"], return_index=True)[1]] = True
         return [first & nodes["free"][:, axis] for axis in range(gdim)]
 
-    chosen = choose_side(V.mesh.comm, place, surfaces, tie.hosts, able)
+    comm = V.mesh.comm
+    chosen = choose_side(comm, place, surfaces, tie.hosts, able)
+    size = extent(comm, np.concatenate([surface.nodes["x"] for surface in surfaces]))
+    apart = np.abs(chosen.distances.along)
+    seen = np.isfinite(apart) & (apart > chosen.distances.slack)
+    farthest = comm.allreduce(float(apart[seen].max(initial=0)), MPI.MAX)
+    if farthest > BRIDGED * size:
+        raise InputError(
+            f"{place}: the surfaces are up to {farthest:.3g} apart, and forces across that would"
+            " lose their moment; glue surfaces that touch, or move one of the bodies."
+        )
     parts = []
     for axis, rows in enumerate(chosen.rows):
         host = chosen.host.nodes["node"][rows.place]

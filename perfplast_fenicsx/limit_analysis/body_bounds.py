@@ -37,7 +37,8 @@ class BodyBounds:
         mesh: The limit load of this mesh, which bounds that of the body on neither side.
         static: The lower bound with its stress; None where none was sought.
         stress: That stress, Mandel vectors at the vertices of this rank's cells of ``problem``,
-            shape (num_cells, d + 1, m); None without a lower bound.
+            shape (num_cells, d + 1, m); None without a lower bound, and in space where cells are
+            not split (curved ones, linear elements).
         shares: What each owned cell of the given mesh, before it was split, has of the gap
             (:mod:`gap_shares`), shape (num_cells,); None without both bounds.
         certificates: What is left of what a bound asks for, by name.
@@ -131,7 +132,8 @@ def limit_bounds(
     static = strict_lower_bound(given, rtol, monitor)
     certificates = vars(static.certificate) if static.certificate else {}
     stress = shares = None
-    if static.bound.value is not None:
+    # parts of a tetrahedron that is not split for the mechanism are no cells of any mesh
+    if static.bound.value is not None and (split is not None or problem.bodies.gdim == 2):
         stress = static.stress if split is None else _on_parts(static.stress, split)
         if bounds.upper.value is not None:
             shares = gap_shares(problem, bounds.mechanism, stress)

@@ -7,6 +7,7 @@
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -221,6 +222,11 @@ class Problem:
         self.moves_supports: bool = self.comm.allreduce(bool(self.prescribed.any()), MPI.LOR)
         nodes = [np.flatnonzero(self.fixed[:, i]).astype(np.int32) for i in range(gdim)]
         return [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
+
+    @cached_property
+    def glued_basis(self) -> JumpBasis:
+        """A basis whose last unknowns on each rank are the jumps of ties. Collective at first."""
+        return make_basis(self.V, stacked(self.V, [self.constraints, self.ties]), self.fixed)
 
     @phase("contact set-up")
     def _ties(self, ties: Sequence[Tie]) -> npt.NDArray[np.bool_]:

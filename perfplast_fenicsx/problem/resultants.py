@@ -11,6 +11,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.problem.problem import Problem
@@ -51,6 +52,8 @@ def resultants(
     rows = problem.constraints.B.createVecLeft()
     rows.array[:] = -contact
     problem.constraints.B.multTranspose(rows, pushes)
+    if problem.num_tied:
+        _add_ties(problem, internal, zeta, pushes)
     external, pushed, reaction = (
         vector.array_r.reshape(-1, gdim).copy() for vector in (loads, pushes, internal)
     )
@@ -85,6 +88,19 @@ def resultants(
     missing = max(missing, _moment(problem, external + pushed + reaction))
     told = {name: [float(number) for number in force] for name, force in forces.items()}
     return Resultants(told, missing / total if total > 0 else 0.0)
+
+
+def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.Vec) -> None:
+    """Add what glued surfaces exert on each other, at supports too. Collective."""
+    left, glued = internal.copy(), problem.ties.B.createVecLeft()
+    fem_petsc.set_bc(left, problem.bcs)
+    problem.loads.subtract_from(left, zeta)
+    along = problem.create_vector()
+    problem.glued_basis.T.multTranspose(left, along)
+    glued.array[:] = along.array_r[problem.glued_basis.index[len(problem.constraints.host) :]]
+    problem.ties.B.multTransposeAdd(glued, forces, forces)
+    for vector in (left, glued, along):
+        vector.destroy()
 
 
 def _moment(problem: Problem, forces: Floats) -> float:

@@ -140,3 +140,40 @@ def test_bad_ties_are_refused() -> None:
     assert_refused(lambda: make(tie, supports=moved), ["ties and supports that move"])
     both = {"contacts": [Contact("lower_top", "upper_bottom")]}
     assert_refused(lambda: make(tie, **both), ["ring", "ties"])
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize(("gdim", "hosts"), list(product((2, 3), ("primary", "secondary"))))
+def test_supports_at_a_seam_are_told_their_own_forces(
+    gdim: int, hosts: Any, comm: MPI.Intracomm
+) -> None:
+    """What the glue exerts on nodes that a support holds is no reaction of the support."""
+    vertical = "xyz"[gdim - 1]
+    problem = Problem(
+        blocks_apart(comm, *COUNTS[gdim]),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom", vertical), *(Support(f"{axis}0", axis) for axis in "xyz"[: gdim - 1])],
+        [Pressure("top", 1.0)],
+        ties=[Tie("lower_top", "upper_bottom", hosts)],
+    )
+    report = Newton(problem).solve(10.0).report
+    assert report.balance < 1e-12
+    np.testing.assert_allclose(report.reactions["support bottom"][-1], 10.0, rtol=1e-10)
+    np.testing.assert_allclose(report.reactions["support x0"], np.zeros(gdim), atol=1e-9)
+
+
+@pytest.mark.parametrize("height", [1.0, 1.2])
+def test_surfaces_that_are_apart_are_not_glued(height: float, comm: MPI.Intracomm) -> None:
+    def problem() -> Problem:
+        return Problem(
+            blocks_apart(comm, *COUNTS[2], height=height),
+            {"lower": STEEL, "upper": STEEL},
+            [Support("bottom")],
+            [Pressure("top", 1.0)],
+            ties=[Tie("lower_top", "upper_bottom")],
+        )
+
+    if height > 1.0:
+        assert_refused(problem, ("apart", "touch"))
+    else:
+        assert problem().num_tied
