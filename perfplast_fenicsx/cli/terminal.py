@@ -18,6 +18,7 @@ from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.linear.linear_solver import chosen_solver
 
 COLUMNS = (
@@ -105,10 +106,12 @@ class Terminal:
 
     def mesh(self, round_: Round) -> None:
         """Write the bounds on a mesh of several; a monitor of these."""
+        lower = "none" if round_.lower is None else rounded_down(round_.lower)
+        upper = "none" if round_.upper is None else rounded_up(round_.upper)
         apart = "" if round_.gap is None else f", the best {100 * round_.gap:.3g} % apart"
         self.say(
-            f"Mesh {round_.number}: {round_.cells} cells, lower bound {number(round_.lower)}, upper"
-            f" bound {number(round_.upper)}{apart}, {round_.seconds:.1f} s"
+            f"Mesh {round_.number}: {round_.cells} cells, lower bound {lower}, upper"
+            f" bound {upper}{apart}, {round_.seconds:.1f} s"
         )
 
     def level(self, report: LevelReport) -> None:

@@ -122,7 +122,15 @@ class AdaptiveBounds:
     @property
     def body(self) -> BodyBounds:
         """What was found on the last mesh, with the best bounds in place of its own."""
-        return replace(self.last, lower=self.lower, upper=self.upper)
+        certificates = dict(self.low.certificates)
+        certificates |= {k: v for k, v in self.high.certificates.items() if k == "inadmissible"}
+        return replace(
+            self.last,
+            lower=self.lower,
+            upper=self.upper,
+            static=self.low.static,
+            certificates=certificates,
+        )
 
     def __repr__(self) -> str:
         return (
@@ -170,7 +178,9 @@ def adaptive_bounds(
         if monitor is not None:
             monitor(round_)
         if gap is not None and gap <= adaptation.until:
-            reason = f"the bounds are within {adaptation.until:g} of each other"
+            strict = low.lower.strict and high.upper.strict
+            what = "bounds" if strict else "values, which are no bounds of the body,"
+            reason = f"the {what} are within {adaptation.until:g} of each other"
             break
         finer = _finer(problem, found, adaptation.cells)
         if isinstance(finer, str):

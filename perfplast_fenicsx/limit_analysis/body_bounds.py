@@ -77,9 +77,9 @@ class BodyBounds:
         lower, upper = self.lower.strict, self.upper.strict
         early = []
         if not self.mesh.levelled_off and upper:
-            early.append(f" The upper one is not the best of this mesh: {self.mesh.reason}.")
+            early.append(f" The upper one is not the best of its mesh: {self.mesh.reason}.")
         if self.static is not None and self.static.verdict is not Verdict.FOUND and lower:
-            early.append(f" The lower one is not the best of this mesh: {self.static.reason}.")
+            early.append(f" The lower one is not the best of its mesh: {self.static.reason}.")
         return self._proven(lower, upper) + "".join(early)
 
     def _proven(self, lower: bool, upper: bool) -> str:

@@ -27,7 +27,7 @@ SAME = 1e-9
 MOST_FACES = 64
 """Directions of contact beyond which surfaces count as curved."""
 
-ROUNDING = 1e-8
+ROUNDING = 1e-9
 """Entering, relative to the largest velocity, that is rounding."""
 
 CURVED = "normals of contact are averaged, or those of a curved obstacle"
@@ -56,7 +56,8 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
     seen, entered = ~paired[nodes].any(axis=1), 0.0
     for face in faces:
         jump, known = _at_nodes(problem, jumps, _rows_of(problem, face))
-        here = known[nodes].any(axis=1) & (known | ~paired)[nodes].all(axis=1)
+        kept = ~paired & (problem.fixed | (np.abs(face[1:]) <= SAME)).all(axis=1)
+        here = known[nodes].any(axis=1) & (known | kept)[nodes].all(axis=1)
         seen |= here
         entered = max(entered, float(jump[nodes[here]].max(initial=0)))
         if problem.degree == 2:
@@ -104,11 +105,11 @@ def without_entering(problem: Problem) -> Problem | None:
         row, known = _at_nodes(problem, numbers, _rows_of(problem, face))
         edges = _edges(problem, nodes)
         edges = edges[known[edges[:, 0]]]
-        middle = row[edges[:, 0]].astype(PETSc.IntType)
+        middle = np.rint(row[edges[:, 0]]).astype(PETSc.IntType)
         diagonal.setValues(middle, np.full(len(middle), 2.0))
         for end in edges[:, 1:].T:
             has = known[end]
-            ends = row[end[has]].astype(PETSc.IntType)
+            ends = np.rint(row[end[has]]).astype(PETSc.IntType)
             one_each = np.arange(len(ends) + 1, dtype=PETSc.IntType)
             halves = np.full(len(ends), -0.5)
             combine.setValuesIJV(one_each, ends, halves, rowmap=middle[has])

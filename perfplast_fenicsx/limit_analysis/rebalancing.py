@@ -26,11 +26,11 @@ def rebalance(iteration: InteriorIteration) -> None:
     """
     program, now = iteration.program, iteration.now
     uniform: Floats = np.ones(len(program.weights))
-    program.assemble(uniform, uniform, np.zeros_like(now.deviator))
     largest = max(program.comm.allgather(float(now.forces.max(initial=0))))
     springs = program.springs * (now.forces / (largest or 1.0) + LEAST)
-    program.stiffness.add_at_jumps(springs)
     try:
+        program.assemble(uniform, uniform, np.zeros_like(now.deviator))
+        program.stiffness.add_at_jumps(springs)
         program.stiffness.factorise()
     except SingularStiffness:
         return

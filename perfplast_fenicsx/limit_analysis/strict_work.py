@@ -12,6 +12,8 @@ from enum import StrEnum
 from functools import lru_cache
 from itertools import permutations, product
 
+from mpi4py import MPI
+
 import numpy as np
 from dolfinx import fem
 
@@ -19,6 +21,7 @@ from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
+from perfplast_fenicsx.limit_analysis.facet_conditions import TWICE, facet_conditions
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
@@ -106,7 +109,11 @@ def strict_upper_bound(
         weights, comm = strains.weights, problem.comm
         part, whole = comm.allreduce(np.array([weights @ wrong, weights @ (volume + squares)]))
         work = problem.loads.alpha(mechanism.x.petsc_vec)
-        if not (whole > 0 and part <= ADMISSIBLE**2 * whole and work > 0):
+        v = np.abs(mechanism.x.array.reshape(problem.fixed.shape))
+        largest = np.array([v[problem.fixed].max(initial=0), v.max(initial=0)])
+        comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+        held = largest[0] <= ADMISSIBLE * largest[1]
+        if not (held and whole > 0 and part <= ADMISSIBLE**2 * whole and work > 0):
             return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
         radii = np.where(plastic, strains.radii, 0.0)
         volumes = weights[points_of_cells(problem)].sum(axis=1)
@@ -119,6 +126,9 @@ def strict_upper_bound(
     if has_curved_cells(problem.tagged_mesh.mesh):
         why_not.append("cells are curved")
     why_not += entering_between_nodes(problem, mechanism)
+    unknown = facet_conditions(problem).prevents
+    if unknown is not None and unknown not in (TWICE, *why_not):
+        why_not.append(unknown)
     of = Scope.MESH if why_not else Scope.BODY
     return Bound(dissipation / work, "upper", of, tuple(why_not))
 

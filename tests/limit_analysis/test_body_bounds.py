@@ -118,7 +118,7 @@ def test_a_search_that_stalls_gives_the_bound_it_has(
     monkeypatch.setattr("perfplast_fenicsx.limit_analysis.interior_steps.MOST_STEPS", 6)
     bounds = limit_bounds(problem)
     assert "not met in 6 steps" in bounds.mesh.reason
-    assert "is not the best of this mesh" in bounds.in_words()
+    assert "is not the best of its mesh" in bounds.in_words()
     assert bounds.mesh.estimate is None
     assert 5.1416 < upper(bounds) / K < 5.3
     assert problem.loads.alpha(bounds.mechanism.x.petsc_vec) == pytest.approx(1)

@@ -60,7 +60,8 @@ def results(comm: MPI.Intracomm, path: Path, where: str, limit: bool = False) ->
         written.add(level)
     if limit:
         work = fields["yield_ratio"].copy()
-        series.write_mechanism(fields["displacement"], work, 2.0, 1.0)
+        flow = {"mechanism": fields["displacement"], "dissipation": work}
+        series.write_mechanism(flow, 2.0, 1.0)
         written.summary.limit = {"lower": 2.0, "estimate": 2.1, "upper": None}
         written.write()
     return folder

@@ -299,7 +299,7 @@ def test_a_list_of_levels(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     series.write(7, fields, report(3.5, alpha=9.0))
     assert listed()[3:] == [("fields/level_0007.vtkhdf", 3.5)]
 
-    series.write_mechanism(fields["displacement"], fields["yield_ratio"], 4.0, 5.0)
+    series.write_mechanism({"mechanism": fields["displacement"]}, 4.0, 5.0)
     mechanism = content(folder.file("mechanism.vtkhdf"))
     assert len(mechanism["/VTKHDF/PointData/mechanism"]) == len(mechanism["/VTKHDF/Points"])
     assert mechanism["/VTKHDF/FieldData/zeta"] == pytest.approx(4.0)
