@@ -14,8 +14,8 @@ from dolfinx.mesh import exterior_facet_indices
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.mesh.glued_edges import vertex_coordinates
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.given import Given
 from perfplast_fenicsx.problem.loads import BodyForce, PorePressure
-from perfplast_fenicsx.problem.problem import Given
 
 ROUNDING = 1e-6
 """What an angle is beyond that of a straight line by rounding."""

@@ -6,7 +6,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 from mpi4py import MPI
@@ -33,6 +33,7 @@ from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.given import Given
 from perfplast_fenicsx.problem.initial_strain import Initial, initial_strain
 from perfplast_fenicsx.problem.law_on_cells import lay_out
 from perfplast_fenicsx.problem.load_case import LoadCase
@@ -47,20 +48,6 @@ from perfplast_fenicsx.problem.work_form import work_form
 from perfplast_fenicsx.profiling import phase
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class Given:
-    """What a problem declares, whatever its mesh; see :meth:`Problem.__init__`."""
-
-    materials: Mapping[str, Material]
-    supports: Sequence[Support]
-    loads: Sequence[Load]
-    contacts: Sequence[Contact]
-    obstacles: Sequence[Obstacle]
-    degree: int
-    initial: Sequence[Initial]
-    ties: Sequence[Tie]
 
 
 class Problem:
@@ -159,7 +146,7 @@ class Problem:
         if not self.as_declared:
             raise InputError(
                 "the problem's loads were replaced after it was declared, so that it cannot be put"
-                " on another mesh; give the loads as Pressure, Traction and BodyForce."
+                " on another mesh; give loads as Pressure, Traction, BodyForce or PorePressure."
             )
         return Problem(tagged_mesh, **vars(self.given))
 

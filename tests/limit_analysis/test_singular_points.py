@@ -13,7 +13,7 @@ from perfplast_fenicsx import Contact, Pressure, Support, TaggedMesh
 from perfplast_fenicsx.limit_analysis.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.singular_points import singular_points
 from perfplast_fenicsx.mesh.glued_edges import vertex_coordinates
-from perfplast_fenicsx.problem.problem import Given
+from perfplast_fenicsx.problem.given import Given
 from tests.models import Read
 
 GROUND = [Support("x0", "x"), Support("bottom"), Support("side")]

@@ -1,8 +1,8 @@
 """Case files: what is solved and how, as TOML.
 
 A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
-``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[element]``, ``[solve]``, ``[loading]``,
-``[output]`` and ``[units]``; see
+``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[temperature]]``, ``[[initial_stress]]``,
+``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 

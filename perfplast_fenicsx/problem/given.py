@@ -1,0 +1,26 @@
+"""What a problem declares, whatever its mesh."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.obstacles import Obstacle
+from perfplast_fenicsx.contact.tie import Tie
+from perfplast_fenicsx.materials.law import Material
+from perfplast_fenicsx.problem.initial_strain import Initial
+from perfplast_fenicsx.problem.loads import Load
+from perfplast_fenicsx.problem.supports import Support
+
+
+@dataclass(frozen=True)
+class Given:
+    """The arguments of :class:`problem.Problem`, but for the mesh; it says what they mean."""
+
+    materials: Mapping[str, Material]
+    supports: Sequence[Support]
+    loads: Sequence[Load]
+    contacts: Sequence[Contact]
+    obstacles: Sequence[Obstacle]
+    degree: int
+    initial: Sequence[Initial]
+    ties: Sequence[Tie]
