@@ -36,7 +36,7 @@ from perfplast_fenicsx.problem.problem import Problem
 BALANCED = 1e-13
 """Forces without balance, relative to the largest load, that need not be corrected."""
 
-ALMOST_BALANCED = 1e-10
+ALMOST_BALANCED = 1e-12
 """The same that is left to correct with other factors than those of the last step."""
 
 MOST_CORRECTIONS = 4
