@@ -6,6 +6,7 @@ stress, ψ(e − p) the potential, and ½ s:C⁻¹s + s:p its conjugate.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import ClassVar
 
 from mpi4py import MPI
@@ -21,6 +22,7 @@ from perfplast_fenicsx import (
     NewtonOptions,
     Problem,
     Support,
+    TaggedMesh,
     Traction,
     VonMises,
     l_plate,
@@ -104,9 +106,15 @@ class Scalar(Flow):
     law: ClassVar[type[Law]] = ScalarLaw
 
 
+@cache
+def mesh() -> TaggedMesh:
+    """The one mesh of all problems: two would not be divided among the ranks alike."""
+    return l_plate(MPI.COMM_WORLD, 1)
+
+
 def plate(material: Material, degree: int) -> Problem:
     return Problem(
-        l_plate(MPI.COMM_WORLD, 1),
+        mesh(),
         {"plate": material},
         [Support("x0", "x"), Support("y0", "y"), Support("z0", "z"), Support("z1", "z")],
         [Traction("top", (0.0, 200.0, 0.0))],
