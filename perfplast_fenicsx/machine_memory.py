@@ -1,6 +1,8 @@
 """The memory of the machines that the ranks run on."""
 
+import math
 import os
+from pathlib import Path
 
 from mpi4py import MPI
 
@@ -28,3 +30,17 @@ def has_memory(comm: MPI.Intracomm, needed: float) -> tuple[bool, float, float]:
 def physical_memory() -> int:
     """Of this machine (bytes)."""
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def spare_memory(comm: MPI.Intracomm) -> float:
+    """Memory that each rank may take if all take as much (MB); ∞ where it is not known. Collective.
+
+    The least of all machines.
+    """
+    machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    spare, table = math.inf, Path("/proc/meminfo")
+    if table.exists():
+        sizes = dict(line.split(":") for line in table.read_text(encoding="ascii").splitlines())
+        spare = int(sizes["MemAvailable"].split()[0]) / 1000 / machine.size
+    machine.Free()
+    return float(comm.allreduce(spare, MPI.MIN))

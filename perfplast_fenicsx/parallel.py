@@ -1,7 +1,6 @@
 """Rows of arrays that travel between ranks, and the box around points of all ranks."""
 
 import math
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -92,15 +91,9 @@ def fetch_rows(
         Shape (n, ...).
     """
     ends = np.cumsum(comm.allgather(len(rows)))
-    owner = np.searchsorted(ends, numbers, side="right")
-    order = np.argsort(owner, kind="stable")
-    sent = np.bincount(owner, minlength=comm.size)
-    received = np.empty_like(sent)
-    comm.Alltoall(sent, received)
-    wanted = exchange_rows(comm, np.asarray(numbers, dtype=np.int64)[order], sent, received)
-    fetched = np.empty((len(numbers), *rows.shape[1:]), dtype=rows.dtype)
-    fetched[order] = exchange_rows(comm, rows[wanted - ends[comm.rank] + len(rows)], received, sent)
-    return fetched
+    asked = Exchange(comm, np.searchsorted(ends, numbers, side="right"))
+    wanted = asked.forward(np.asarray(numbers, dtype=np.int64))
+    return asked.back(rows[wanted - ends[comm.rank] + len(rows)])
 
 
 def _bytes(rows: npt.NDArray) -> npt.NDArray[np.uint8]:
@@ -114,17 +107,3 @@ def bounding_box(comm: MPI.Intracomm, points: Floats) -> tuple[Floats, Floats]:
     comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
     return low, high
-
-
-def spare_memory(comm: MPI.Intracomm) -> float:
-    """Memory that each rank may take if all take as much (MB); ∞ where it is not known. Collective.
-
-    The least of all machines.
-    """
-    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    spare, table = math.inf, Path("/proc/meminfo")
-    if table.exists():
-        sizes = dict(line.split(":") for line in table.read_text(encoding="ascii").splitlines())
-        spare = int(sizes["MemAvailable"].split()[0]) / 1000 / node.size
-    node.Free()
-    return float(comm.allreduce(spare, MPI.MIN))

@@ -1,5 +1,7 @@
 """Which pieces of one surface may lie opposite which of another; no rank sees a whole surface."""
 
+from itertools import chain
+
 from mpi4py import MPI
 
 import numpy as np
@@ -69,15 +71,17 @@ def candidates(host: Pieces, guest: Pieces, reach: float) -> tuple[Longs, Longs]
         return none, none
     nearest, _ = cKDTree(guest.centre).query(host.centre)
     apart = OBLIQUE * np.minimum(nearest, reach) + host.radius
-    firsts, seconds = [none], [none]
+    firsts: list[Longs] = [none]
+    seconds: list[Longs] = [none]
     size = np.floor(np.log2(guest.radius))
     for each in np.unique(size):  # a few large pieces shall not make the others look far
         some = np.flatnonzero(size == each)
         within = apart + guest.radius[some].max()
         found = cKDTree(guest.centre[some]).query_ball_point(host.centre, within)
-        counts = np.array([len(one) for one in found])
+        counts: Longs = np.fromiter(map(len, found), np.int64, len(found))
+        every: Longs = np.fromiter(chain.from_iterable(found), np.int64, counts.sum())
         firsts.append(np.repeat(np.arange(len(host.facet)), counts))
-        seconds.append(some[np.concatenate([none, *found]).astype(np.int64)])
+        seconds.append(some[every])
     first, second = np.concatenate(firsts), np.concatenate(seconds)
     kept = _opposite(host, guest, first, second, reach)
     first, second = first[kept], second[kept]

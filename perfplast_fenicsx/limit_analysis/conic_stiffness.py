@@ -8,6 +8,7 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic_program import NONE, SingularStiffness
 from perfplast_fenicsx.limit_analysis.point_strains import deviator_in_plane
 from perfplast_fenicsx.materials.mandel import strain, trace
@@ -18,8 +19,6 @@ from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
 from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
-
-Floats = npt.NDArray[np.float64]
 
 
 class ConicStiffness:

@@ -16,8 +16,6 @@ import numpy.typing as npt
 from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 
-Floats = npt.NDArray[np.float64]
-
 IN_BALANCE = 1e-8
 """Largest force without balance, relative to the largest load, that counts as none."""
 

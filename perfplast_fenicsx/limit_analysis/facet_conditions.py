@@ -14,7 +14,7 @@ from perfplast_fenicsx.limit_analysis.entering import CURVED
 from perfplast_fenicsx.limit_analysis.facet_pairs import FacetRows, facet_type, pair_facets
 from perfplast_fenicsx.limit_analysis.facet_velocities import FacetNumbers, facet_numbers
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
-from perfplast_fenicsx.problem.loads import BodyForce, PorePressure, Pressure, uniform
+from perfplast_fenicsx.problem.loads import BodyForce, Pressure, is_uniform, uniform
 from perfplast_fenicsx.problem.problem import Problem
 
 ALONG = 1e-10
@@ -112,7 +112,7 @@ def facet_conditions(problem: Problem) -> FacetConditions:
     tractions, forces = np.zeros((facets.num, tdim)), np.zeros((len(vertices), tdim))
     varies = False
     for load in given.loads:
-        if isinstance(load, PorePressure) or np.asarray(load.value).dtype.kind in "UO":
+        if not is_uniform(load):
             varies = True
             continue
         value = uniform(load)

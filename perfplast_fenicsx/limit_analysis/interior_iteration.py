@@ -13,8 +13,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic_program import PROXIMAL, ConicProgram
 from perfplast_fenicsx.limit_analysis.second_order_cones import (
     Scaling,
@@ -22,8 +22,6 @@ from perfplast_fenicsx.limit_analysis.second_order_cones import (
     product,
     quotient,
 )
-
-Floats = npt.NDArray[np.float64]
 
 SHORTENED = 0.98
 """Share of the way to the boundary that a step goes."""

@@ -8,19 +8,17 @@ that ‖dev σ‖ is the norm of the deviator in the plane.
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.mandel import Expr, strain, trace
 from perfplast_fenicsx.problem.integrals import assemble_force
 from perfplast_fenicsx.problem.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.problem import Problem
-
-Floats = npt.NDArray[np.float64]
 
 
 class PointStrains:

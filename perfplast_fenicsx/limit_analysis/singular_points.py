@@ -69,11 +69,8 @@ def _kinds(tagged_mesh: TaggedMesh, given: Given) -> Longs:
         for name in (contact.primary, contact.secondary):
             acting[name].add("contact")
     known = list(dict.fromkeys([frozenset[Hashable](), *map(frozenset, acting.values())]))
-    number = {
-        tagged_mesh.surfaces[name]: known.index(frozenset(acts)) for name, acts in acting.items()
-    }
     facets = tagged_mesh.mesh.topology.index_map(1)
     kinds = np.zeros(facets.size_local + facets.num_ghosts, dtype=np.int64)
-    tags = tagged_mesh.facet_tags
-    kinds[tags.indices] = [number[tag] for tag in tags.values]
+    for name, acts in acting.items():
+        kinds[tagged_mesh.facets(name)] = known.index(frozenset(acts))
     return kinds

@@ -25,7 +25,7 @@ from perfplast_fenicsx.limit_analysis.interior_steps import (
     check_proportional,
     iterate,
 )
-from perfplast_fenicsx.limit_analysis.rebalancing import rebalance
+from perfplast_fenicsx.limit_analysis.rebalancing import BALANCED, rebalance
 from perfplast_fenicsx.limit_analysis.static_certificate import StaticCertificate, certify_stress
 from perfplast_fenicsx.limit_analysis.static_program import StaticProgram, static_program
 from perfplast_fenicsx.limit_analysis.stress_cells import mandel_vectors
@@ -33,11 +33,9 @@ from perfplast_fenicsx.limit_analysis.strict_work import Bound, Scope
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
-BALANCED = 1e-13
-"""Forces without balance, relative to the largest load, that need not be corrected."""
-
 ALMOST_BALANCED = 1e-12
-"""The same that is left to correct with other factors than those of the last step."""
+"""Forces without balance, relative, that are left to correct with other factors than those of the
+last step."""
 
 MOST_CORRECTIONS = 4
 """With the same factors."""

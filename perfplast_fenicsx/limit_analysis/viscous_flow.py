@@ -12,8 +12,8 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
+from perfplast_fenicsx.machine_memory import spare_memory
 from perfplast_fenicsx.materials.mandel import Expr, strain
-from perfplast_fenicsx.parallel import spare_memory
 from perfplast_fenicsx.problem.integrals import Integral, assemble_force
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells, integrate
 from perfplast_fenicsx.problem.problem import Problem

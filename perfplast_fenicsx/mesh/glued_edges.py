@@ -13,7 +13,7 @@ from dolfinx.mesh import Mesh
 
 from perfplast_fenicsx.arrays import Floats, Longs, PairFlags
 from perfplast_fenicsx.compat import geometry_dofmap
-from perfplast_fenicsx.parallel import exchange_rows, fetch_rows, send_rows
+from perfplast_fenicsx.parallel import Exchange, fetch_rows, send_rows
 
 
 class GluedEdges:
@@ -159,20 +159,12 @@ class _Meeting:
             comm: The ranks.
             keys: Shape (num_rows, 2).
         """
-        destination = keys[:, 0] % comm.size
-        self._comm, self._order = comm, np.argsort(destination, kind="stable")
-        self._sent = np.bincount(destination, minlength=comm.size)
-        self._received = np.empty_like(self._sent)
-        comm.Alltoall(self._sent, self._received)
-        arrived = exchange_rows(comm, keys[self._order], self._sent, self._received)
-        met, group = np.unique(arrived, axis=0, return_inverse=True)
+        self._exchange = Exchange(comm, keys[:, 0] % comm.size)
+        met, group = np.unique(self._exchange.forward(keys), axis=0, return_inverse=True)
         self._group, self._count = group.ravel(), len(met)
 
     def largest(self, values: Floats) -> Floats:
         """For each row the largest value of those with its key. Collective."""
-        arrived = exchange_rows(self._comm, values[self._order], self._sent, self._received)
         top = np.full(self._count, -np.inf)
-        np.maximum.at(top, self._group, arrived)
-        out = np.empty(len(values))
-        out[self._order] = exchange_rows(self._comm, top[self._group], self._received, self._sent)
-        return out
+        np.maximum.at(top, self._group, self._exchange.forward(values))
+        return self._exchange.back(top[self._group])

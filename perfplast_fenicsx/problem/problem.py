@@ -187,7 +187,8 @@ class Problem:
 
     def is_proportional(self) -> bool:
         """Whether nothing but ζ loads or moves the bodies. Collective."""
-        at_rest = not (self.moves_supports or self.interferes or self.initial_strain)
+        strained = self.initial_strain is not None
+        at_rest = not (self.moves_supports or self.interferes or strained)
         return at_rest and self.loads.is_proportional()
 
     def create_vector(self) -> PETSc.Vec:

@@ -72,7 +72,7 @@ class Iterate:
             u.x.array[:] = 0
         else:
             u.x.array[:] = start.u.x.array
-        self.lifted = start is None and bool(problem.initial_strain)
+        self.lifted = start is None and problem.initial_strain is not None
         if problem.moves_supports:
             held, known = problem.fixed.ravel(), problem.prescribed[problem.fixed]
             moved = bool((u.x.array[held] != known).any())

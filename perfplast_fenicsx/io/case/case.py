@@ -192,7 +192,8 @@ def _case(path: Path, table: Table) -> Case:
     for kind, (tables, schema_of) in kinds.items():
         for where, entry in _numbered(tables, f"{name}, [[{kind}]]"):
             initial.append(convert(entry, schema_of, where))
-    meant = any(convert(contact, Contact, where).interference for where, contact in contacts)
+    touching = [convert(contact, Contact, where) for where, contact in contacts]
+    meant = any(contact.interference for contact in touching)
     with at(place):
         constant = any(load.constant for load in loads)
         if constant or any(one.value for one in held) or initial or meant:
@@ -214,7 +215,7 @@ def _case(path: Path, table: Table) -> Case:
         materials=materials,
         supports=held,
         loads=loads,
-        contacts=[convert(contact, Contact, place) for place, contact in contacts],
+        contacts=touching,
         obstacles=obstacles,
         ties=[convert(tie, Tie, place) for place, tie in _numbered(top.tie, f"{name}, [[tie]]")],
         element=convert(loading.element | top.element, ElementOptions, f"{name}, [element]"),

@@ -7,11 +7,8 @@ from typing import ClassVar, Literal
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.schema import Table
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
+from perfplast_fenicsx.limit_analysis.limit_methods import TOLERANCE, LimitMethod
 from perfplast_fenicsx.problem.prescribed import Prescribed
-
-LIMIT_TOLERANCE = 1e-3
-"""Of a limit load, where a case names none."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +76,7 @@ class WorkControl:
                     raise InputError(f"{key} goes with until = 'limit'; leave it out.")
         else:
             if self.limit_tolerance is None:
-                object.__setattr__(self, "limit_tolerance", LIMIT_TOLERANCE)
+                object.__setattr__(self, "limit_tolerance", TOLERANCE)
             _check_tolerance(self.limit_tolerance)
 
     def check_proportional(self) -> None:
