@@ -16,6 +16,7 @@ from perfplast_fenicsx.contact.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
+from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.singular_points import singular_points
 from perfplast_fenicsx.limit_analysis.strict_work import Bound
@@ -161,6 +162,7 @@ def adaptive_bounds(
     """
     adaptation = adaptation or Adaptation()
     adaptation.check(problem.tagged_mesh)
+    problem = with_divided_corners(problem)
     began, rounds = time.perf_counter(), list[Round]()
     found = limit_bounds(problem, rtol, steps)
     low = high = found

@@ -9,6 +9,7 @@ import pytest
 
 from meshes.platens import write_platens
 from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
+from meshes.tube_polygon import SIDES, write_tube_polygon
 from perfplast_fenicsx import Contact, Pressure, Support, TaggedMesh
 from perfplast_fenicsx.limit_analysis.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.singular_points import singular_points
@@ -66,6 +67,14 @@ def test_a_straight_side_of_one_kind_has_none(read: Read) -> None:
     block = read(write_platens)
     pressed = declared([Support("x0", "x"), Support("y0", "y")], [Pressure("top", 1.0)])
     assert places(block, pressed) == set()
+
+
+def test_corners_need_fewer_cells_the_less_the_stress_turns(read: Read) -> None:
+    hole = read(write_tube_polygon, lesser=True, size=0.2)
+    given = declared([Support("x0", "x"), Support("y0", "y")], [Pressure("inner", 1.0)])
+    corners = {(x, y) for x, y in places(hole, given) if min(x, y) > 0}
+    assert len(corners) == SIDES - 1
+    assert places(hole, given, valence=SIDES) == set()  # a right angle, and two cells a corner
 
 
 @pytest.mark.mpi3
