@@ -2,7 +2,8 @@
 
 At the corner its stress has three components, and up to four are given by the tractions on either
 side: by a pressure beside a free side, say, unless they are at right angles. Then no load at all is
-carried. Two cells that meet in the corner have six components, of which as many are given.
+carried. Beside contact, where three are given, the pressure in the corner follows from them, often
+as none. Two cells that meet in the corner have six components, of which at most as many are given.
 """
 
 import logging
@@ -23,7 +24,7 @@ from perfplast_fenicsx.problem.problem import Problem
 log = logging.getLogger(__name__)
 
 ROUNDING = 1e-9
-"""Part of the largest traction that is none."""
+"""Part of the largest traction, and of a unit normal, that is none."""
 
 OTHERS = np.array([[1, 2], [0, 2], [0, 1]])
 """Facets at each vertex of a triangle, those opposite the others."""
@@ -57,7 +58,7 @@ def with_divided_corners(problem: Problem) -> Problem:
 
 
 def lone_corners(problem: Problem, conditions: FacetConditions) -> Ints:
-    """Local vertices in which tractions ask of one cell what no stress has. Collective.
+    """Local vertices in which tractions leave one cell no stress, or no contact. Collective.
 
     Each is on the rank of that cell alone.
     """
@@ -71,14 +72,17 @@ def lone_corners(problem: Problem, conditions: FacetConditions) -> Ints:
     normal /= np.linalg.norm(normal, axis=2, keepdims=True)
 
     axes, told = conditions.axes[here], ~conditions.held[here]
-    told[..., 0] &= ~np.isin(here, conditions.in_contact)  # a pressure that is not known
-    rows = np.einsum("nfai,nfj,mij->nfam", axes, normal, COMPONENTS) * told[..., None]
-    given = np.einsum("nfai,nfi->nfa", axes, conditions.tractions[here]) * told
-    rows, given = rows.reshape(-1, 4, 3), given.reshape(-1, 4)
-    stress = np.einsum("nmr,nr->nm", np.linalg.pinv(rows), given)
-    left = np.linalg.norm(np.einsum("nrm,nm->nr", rows, stress) - given, axis=1)
-    largest = np.abs(conditions.tractions).max(initial=0.0)
-    wrong = left > ROUNDING * problem.comm.allreduce(float(largest), MPI.MAX)
+    pressed = np.isin(here, conditions.in_contact)
+    told[..., 0] &= ~pressed  # by a pressure that is not known
+    every = np.einsum("nfai,nfj,mij->nfam", axes, normal, COMPONENTS)
+    rows = (every * told[..., None]).reshape(-1, 4, 3)
+    given = (np.einsum("nfai,nfi->nfa", axes, conditions.tractions[here]) * told).reshape(-1, 4)
+    inverse = np.linalg.pinv(rows)
+    left = np.einsum("nrm,nmq,nq->nr", rows, inverse, given) - given
+    largest = problem.comm.allreduce(np.abs(conditions.tractions).max(initial=0.0), MPI.MAX)
+    wrong = np.linalg.norm(left, axis=1) > ROUNDING * largest
+    free = every[:, :, 0] - np.einsum("nfm,nmr,nrq->nfq", every[:, :, 0], inverse, rows)
+    wrong |= (pressed & (np.linalg.norm(free, axis=2) < ROUNDING)).any(axis=1)
     vertices = topology.connectivity(2, 0).array.reshape(-1, 3)
     found: Ints = vertices[cell[wrong], corner[wrong]]
     return found
