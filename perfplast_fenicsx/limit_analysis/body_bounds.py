@@ -18,7 +18,7 @@ from perfplast_fenicsx.limit_analysis.strict_work import Bound, Scope, strict_up
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.certificate import contact_forces
-from perfplast_fenicsx.problem.loads import is_uniform, uniform
+from perfplast_fenicsx.problem.loads import uniform
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)
@@ -164,12 +164,6 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
         upper = Bound(None, "upper", Scope.MESH, ("no admissible mechanism was found",))
     else:
         upper = strict_upper_bound(problem, limit.mechanism)
-        if not all(is_uniform(load) for load in problem.given.loads):
-            why_not = (
-                *upper.why_not,
-                "the work of loads that are no numbers is integrated at points",
-            )
-            upper = replace(upper, of=Scope.MESH, why_not=why_not)
     certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
     return BodyBounds(
         problem=problem,
