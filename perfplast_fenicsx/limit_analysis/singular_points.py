@@ -12,7 +12,7 @@ from dolfinx import la
 from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.mesh.glued_edges import vertex_coordinates
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.given import Given
 from perfplast_fenicsx.problem.loads import BodyForce, PorePressure
@@ -38,8 +38,8 @@ def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int) -> Ints
             as much fewer will do.
     """
     topology = tagged_mesh.mesh.topology
-    vertices = topology.connectivity(2, 0).array.reshape(-1, 3)[: topology.index_map(2).size_local]
-    x = vertex_coordinates(tagged_mesh.mesh)[vertices, :2]
+    vertices, points = corners(tagged_mesh.mesh)
+    x = points[vertices]
     one, other = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
     across = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
     angle = np.arctan2(np.abs(across), np.einsum("cvi,cvi->cv", one, other))
