@@ -25,7 +25,8 @@ from perfplast_fenicsx.io.results.global_ordering import (
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.point_strains import radii_of_cells
+from perfplast_fenicsx.limit_analysis.stress_cells import matrices
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
@@ -33,9 +34,6 @@ from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction, unifo
 from perfplast_fenicsx.problem.problem import Problem
 
 Blocks = dict[str, Block]
-
-OFF_DIAGONAL = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)]}
-"""Components of a stress behind the diagonal ones in a Mandel vector, by dimension."""
 
 
 @dataclass(frozen=True)
@@ -138,14 +136,9 @@ def _named(group: str, blocks: Blocks) -> Blocks:
 
 def _stress(proof: StressProof) -> Blocks:
     """The stress as symmetric matrices. Collective."""
-    mesh, mandel = proof.problem.tagged_mesh.mesh, proof.stress
+    mesh = proof.problem.tagged_mesh.mesh
     d = mesh.geometry.dim
-    matrices = np.zeros((*mandel.shape[:2], d, d))
-    for i in range(d):
-        matrices[..., i, i] = mandel[..., i]
-    for place, (i, j) in enumerate(OFF_DIAGONAL[d], start=3):
-        matrices[..., i, j] = matrices[..., j, i] = mandel[..., place] / np.sqrt(2)
-    return {"stress": block(cell_ordering(mesh), matrices)}
+    return {"stress": block(cell_ordering(mesh), matrices(proof.stress)[..., :d, :d].copy())}
 
 
 def _velocity(proof: VelocityProof) -> Blocks:
@@ -202,7 +195,7 @@ def _body(problem: Problem) -> Blocks:
     return {
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),
         "cells": block(of_cells, numbers[cells]),
-        "yield_radius": block(of_cells, _yield_radii(problem)),
+        "yield_radius": block(of_cells, radii_of_cells(problem)),
         "body_force": block(of_cells, _body_forces(problem, len(cells))),
         "facets": block(of_facets, numbers[facets]),
         "surface": block(of_facets, surface),
@@ -218,16 +211,6 @@ def _table(problem: Problem, rows: list, shape: tuple[int, ...], kind: npt.DType
     """What every rank knows, as an array that rank 0 has."""
     values = np.asarray(rows, dtype=kind).reshape(len(rows), *shape)
     return Block(values if problem.comm.rank == 0 else values[:0], 0, len(rows))
-
-
-def _yield_radii(problem: Problem) -> Floats:
-    """γ of each owned cell. Collective."""
-    topology = problem.tagged_mesh.mesh.topology
-    strains = PointStrains(problem)
-    owned = topology.index_map(topology.dim).size_local
-    radii: Floats = strains.radii[problem.Q.dofmap.list[:owned, 0]]
-    strains.destroy()
-    return radii
 
 
 def _body_forces(problem: Problem, count: int) -> Floats:
