@@ -39,7 +39,7 @@ def test_random_bodies(shared_tmp_path: Path, seed: int, dim: int) -> None:
     assert bounds.strict
 
     folder = ResultFolder(COMM, shared_tmp_path)
-    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds))
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
     checked = check(folder.file("bounds.h5"))
     print(seed, dim, bounds.problem, *checked.values(), exact)
     assert not checked["lower"].faults

@@ -27,7 +27,6 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.point_strains import radii_of_cells
 from perfplast_fenicsx.limit_analysis.stress_cells import matrices
-from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
 from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction, uniform
@@ -66,19 +65,19 @@ class VelocityProof:
     velocity: fem.Function
 
 
-def proofs(bounds: BodyBounds) -> tuple[StressProof | None, VelocityProof | None]:
-    """What proves those bounds that are strict."""
-    problem, lower, upper, static = bounds.problem, bounds.lower, bounds.upper, bounds.static
-    stress_proof = velocity_proof = None
-    if lower.strict and lower.value is not None and static is not None:
-        stress, mesh = static.stress, problem.tagged_mesh
-        if isinstance(mesh, AlfeldSplit) and stress.ndim == 4:  # by cell of the mesh, and its part
-            part = mesh.mesh.topology.original_cell_index % stress.shape[1]
-            stress = stress[mesh.parents, part]
-        stress_proof = StressProof(problem, lower.value, stress)
-    if upper.strict and upper.value is not None:
-        velocity_proof = VelocityProof(problem, upper.value, bounds.mechanism)
-    return stress_proof, velocity_proof
+def proofs(low: BodyBounds, high: BodyBounds) -> tuple[StressProof | None, VelocityProof | None]:
+    """What proves a lower and an upper bound; None of one that is not strict, or has no proof.
+
+    Args:
+        low: What was found on the mesh of the lower bound.
+        high: What was found on that of the upper one.
+    """
+    stress = velocity = None
+    if low.lower.strict and low.lower.value is not None and low.stress is not None:
+        stress = StressProof(low.problem, low.lower.value, low.stress)
+    if high.upper.strict and high.upper.value is not None and high.problem.degree == 2:
+        velocity = VelocityProof(high.problem, high.upper.value, high.mechanism)
+    return stress, velocity
 
 
 def write_proof(
