@@ -27,6 +27,7 @@ CASES = (
     "hertz_sphere",
     "towers",
     "body_bounds",
+    "bound_costs",
 )
 
 
