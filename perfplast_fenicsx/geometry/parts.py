@@ -62,9 +62,10 @@ def read_parts(path: Path) -> tuple[int, list[Part]]:
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
     try:
         found = gmsh.model.occ.importShapes(str(path), highestDimOnly=True)
+        gmsh.model.occ.synchronize()
     except Exception as error:  # gmsh raises nothing more specific
-        raise InputError(f"'{path}' cannot be read: {error}; export it again.") from error
-    gmsh.model.occ.synchronize()
+        reason = str(error).rstrip(".") or "OpenCASCADE does not say why"
+        raise InputError(f"'{path}' cannot be read: {reason}; export it again.") from error
     tags = [tag for dim, tag in found if dim == 3]
     if not tags:
         raise InputError(
