@@ -7,9 +7,9 @@ from mpi4py import MPI
 
 import pytest
 
+from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import SOLVED
-from tests.contact.curved_bodies import write_tubes_apart
 
 CASE = """
 title = "Tube in tube"
@@ -53,7 +53,9 @@ def test_bodies_meshed_apart(
     case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
     if comm.rank == 0:
         case.write_text(CASE, encoding="utf-8")
-        write_tubes_apart(shared_tmp_path / "tubes.msh", size=0.1)
+        write_thick_tube(
+            shared_tmp_path / "tubes.msh", interface=1.15, size=0.1, order=2, finer=1.5
+        )
     comm.barrier()
     assert main(["run", str(case), "-o", str(results)]) == SOLVED
     out = capsys.readouterr().out
