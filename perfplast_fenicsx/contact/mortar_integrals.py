@@ -70,16 +70,19 @@ def own_basis(gdim: int, count: int) -> Floats:
     return basis
 
 
-def integrate(hosts: Facets, guests: Facets, reach: float) -> Integrals:
+def integrate(
+    hosts: Facets, guests: Facets, reach: float, behind: float | None = None
+) -> Integrals:
     """Integrate over the overlap of facets. Not collective.
 
     Args:
         hosts: Facets that carry multipliers, each on one rank.
         guests: All facets of the other surface within reach of them.
         reach: Largest distance (length).
+        behind: Largest overlap (length); None for the same.
     """
     host, guest = pieces_of(hosts), pieces_of(guests)
-    first, second = candidates(host, guest, reach)
+    first, second = candidates(host, guest, reach, reach if behind is None else behind)
     count, each = hosts["node"].shape
     mass, d, covered = np.zeros((count, each, each)), np.zeros((count, each)), np.zeros(count)
     keys, products, on_guest = [], [], 0.0

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
@@ -100,3 +102,24 @@ def check_moved_surfaces(
                 " others that cannot give way; leave these nodes out of the contact surface."
             )
     raise_together(tagged_mesh.mesh.comm, message)
+
+
+def check_moved_ties(V: fem.FunctionSpace, ties: Constraints, prescribed: Floats) -> None:
+    """Refuse supports that by themselves move one side of a tie and not the other. Collective.
+
+    Args:
+        V: Displacement space.
+        ties: Their rows.
+        prescribed: u_D at each local node, shape (num_nodes, gdim).
+
+    Raises:
+        InputError: If they do.
+    """
+    u = fem.Function(V)
+    u.x.array[:] = prescribed.ravel()
+    apart = float(np.abs(ties.jumps(u.x.petsc_vec)).max(initial=0))
+    if V.mesh.comm.allreduce(apart > ROUNDING * np.abs(prescribed).max(initial=0), MPI.LOR):
+        raise InputError(
+            "a support moves nodes of a tied surface, which the other surface would have to"
+            " follow; leave these nodes out of the support or of the tie, or give it the value 0."
+        )

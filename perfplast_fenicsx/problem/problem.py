@@ -40,6 +40,7 @@ from perfplast_fenicsx.problem.load_case import LoadCase
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed_displacement import (
     check_moved_surfaces,
+    check_moved_ties,
     known_displacements,
 )
 from perfplast_fenicsx.problem.spaces import make_spaces, space_at_points
@@ -226,10 +227,7 @@ class Problem:
         self.ties: Constraints = tied_rows(self.V, self.tagged_mesh, ties, self.fixed)
         self.num_tied: int = self.comm.allreduce(len(self.ties.host))
         if self.num_tied and self.moves_supports:
-            raise InputError(
-                "ties and supports that move do not go together; leave the values of the supports"
-                " or the ties out."
-            )
+            check_moved_ties(self.V, self.ties, self.prescribed)
         taken = self.fixed.copy()
         taken[self.ties.host, np.argmax(self.ties.normal, axis=1)] = True
         return taken
