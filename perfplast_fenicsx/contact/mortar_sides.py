@@ -15,6 +15,7 @@ from perfplast_fenicsx.contact.mortar_rows import MortarRows, mortar_rows
 from perfplast_fenicsx.contact.surface_facets import Facets, pieces_of
 from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes, check_outside, extent
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.kinematics import Kinematics
 
 REACH = 0.1
 """Surfaces are looked for opposite each other in distances of this share of their size, and of
@@ -71,7 +72,12 @@ Able = Callable[[SurfaceNodes], Sequence[PairFlags]]
 
 
 def choose_side(
-    comm: MPI.Intracomm, place: str, surfaces: Sequence[Surface], hosts: str | None, able: Able
+    comm: MPI.Intracomm,
+    place: str,
+    surfaces: Sequence[Surface],
+    hosts: str | None,
+    able: Able,
+    kinematics: Kinematics,
 ) -> Side:
     """Say which surface's nodes are the hosts, and make their rows. Collective.
 
@@ -81,6 +87,7 @@ def choose_side(
         surfaces: The primary and the secondary one.
         hosts: "primary" or "secondary" if it is given.
         able: Says which nodes may be hosts.
+        kinematics: Of the mesh.
 
     Raises:
         InputError: Surfaces that are nowhere opposite each other, and hosts that supports hold.
@@ -93,7 +100,7 @@ def choose_side(
 
     def side(host: int) -> Side:
         areas = (measures[host][0], measures[1 - host][0])
-        return _side(comm, surfaces[host], surfaces[1 - host], areas, able)
+        return _side(comm, surfaces[host], surfaces[1 - host], areas, able, kinematics)
 
     chosen = side(first)
     if not chosen.covered[0]:
@@ -116,7 +123,12 @@ def choose_side(
 
 
 def _side(
-    comm: MPI.Intracomm, host: Surface, guest: Surface, areas: tuple[float, float], able: Able
+    comm: MPI.Intracomm,
+    host: Surface,
+    guest: Surface,
+    areas: tuple[float, float],
+    able: Able,
+    kinematics: Kinematics,
 ) -> Side:
     """The rows if one surface's nodes are the hosts. Collective."""
     corners = np.concatenate([surface.nodes["x"] for surface in (host, guest)])
@@ -124,7 +136,7 @@ def _side(
     reach = REACH * size
     while True:
         here, there = rendezvous(comm, host.facets, guest.facets, reach)
-        found = integrate(here, there, reach)
+        found = integrate(here, there, reach, kinematics.around)
         covered = comm.allreduce(np.array([found.covered.sum(), found.on_guest]))
         if covered[0] > 0 or reach > size:
             break

@@ -22,12 +22,15 @@ class Resultants:
     """Resultants by what exerts them, and how well they balance.
 
     Attributes:
-        forces: One number a direction (force; in the plane for each unit of depth), of ``loads``,
+        forces: One number a direction (force; in plane strain for each unit of depth; in
+            axisymmetry of the full turn, the radial one being what pushes outwards all around, and
+            no resultant of vectors), of ``loads``,
             ``support NAME``, ``obstacle NAME`` and ``contact PRIMARY SECONDARY``: that on the
             primary surface's body, and none on both together. What two supports hold alike is told
             of the first one.
         balance: Sum of the forces on the bodies, or moment about the middle of the bodies over
-            their size, whichever is larger, relative to the sum of all nodal forces.
+            their size, whichever is larger, relative to the sum of all nodal forces. In
+            axisymmetry it is that of the axial forces.
     """
 
     forces: Mapping[str, list[float]]
@@ -81,11 +84,10 @@ def resultants(
     for name, force in zip([*names, "loads"], sums, strict=True):
         forces[name] = forces.get(name, np.zeros(gdim)) + force
     outer = [force for name, force in forces.items() if not name.startswith("contact ")]
-    missing = float(np.linalg.norm(np.sum(outer, axis=0)))
     parts = (external, pushed, reaction)
     total = comm.allreduce(sum(float(np.linalg.norm(part, axis=1).sum()) for part in parts))
     total = max(total, least)
-    missing = max(missing, _moment(problem, external + pushed + reaction))
+    missing = _missing(problem, np.sum(outer, axis=0), external + pushed + reaction)
     told = {name: [float(number) for number in force] for name, force in forces.items()}
     return Resultants(told, missing / total if total > 0 else 0.0)
 
@@ -101,6 +103,16 @@ def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.
     problem.ties.B.multTransposeAdd(glued, forces, forces)
     for vector in (left, glued, along):
         vector.destroy()
+
+
+def _missing(problem: Problem, total: Floats, forces: Floats) -> float:
+    """What rigid motions feel of all forces, of nodal ones as moment; see :attr:`balance`.
+
+    Collective.
+    """
+    if problem.tagged_mesh.axisymmetric:
+        return abs(float(total[1]))
+    return max(float(np.linalg.norm(total)), _moment(problem, forces))
 
 
 def _moment(problem: Problem, forces: Floats) -> float:
