@@ -162,7 +162,7 @@ class Axisymmetric:
     name: str = "axisymmetric"
     axes: str = "rz"
     whole: bool = True
-    forces: str = "of the full turn"
+    forces: str = "of the full turn (r: outwards, summed all around; z: along the axis)"
     motions: tuple[str, ...] = ("translation along the axis",)
 
     def strain(self, u: Any) -> Any:

@@ -106,23 +106,18 @@ def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.
 
 
 def _missing(problem: Problem, total: Floats, forces: Floats) -> float:
-    """What rigid motions feel of all forces, of nodal ones as moment; see :attr:`balance`.
+    """What rigid motions feel: of the sum of all forces, and as moment of the nodal ones.
 
-    Collective.
+    The moment is about the middle of the nodes, over the distance of the farthest. Collective.
     """
-    if problem.tagged_mesh.axisymmetric:
-        return abs(float(total[1]))
-    return max(float(np.linalg.norm(total)), _moment(problem, forces))
-
-
-def _moment(problem: Problem, forces: Floats) -> float:
-    """Norm of their moment about the middle of the nodes, over the distance of the farthest."""
-    comm = problem.comm
+    comm, kinematics = problem.comm, problem.kinematics
     x = problem.V.tabulate_dof_coordinates()[: len(forces)]
     middle = comm.allreduce(x.sum(axis=0)) / problem.V.dofmap.index_map.size_global
     arms = x - middle
-    in_space = np.zeros_like(arms)
-    in_space[:, : forces.shape[1]] = forces
-    moment = comm.allreduce(np.cross(arms, in_space).sum(axis=0))
     farthest = comm.allreduce(float(np.linalg.norm(arms, axis=1).max(initial=0)), MPI.MAX)
-    return float(np.linalg.norm(moment)) / farthest if farthest > 0 else 0.0
+    modes = kinematics.rigid_modes(np.asarray(arms / (farthest or 1.0), dtype=np.float64))
+    work = comm.allreduce(np.einsum("ni,nim->m", forces, modes))
+    at_middle = kinematics.rigid_modes(np.zeros((1, 3)))[0]
+    rotations = ~at_middle.any(axis=0)
+    felt = np.linalg.norm([total @ at_middle, work * rotations], axis=1)
+    return float(felt.max())
