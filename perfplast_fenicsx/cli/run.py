@@ -121,7 +121,7 @@ def _solve(context: RunContext, solver: Any) -> int:
         with results.timed("pictures"):
             draw(context.folder)
     if recorder.last is not None:
-        context.terminal.reactions(recorder.last.report)
+        context.terminal.reactions(recorder.last.report, context.problem)
     results.summary.timings["total"] = recorder.elapsed()
     results.write()
     context.terminal.results(context.folder)

@@ -8,12 +8,13 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
 from perfplast_fenicsx.limit_analysis.gap_shares import gap_shares
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, from_interior_point
 from perfplast_fenicsx.limit_analysis.static_bound import StaticBound, strict_lower_bound
-from perfplast_fenicsx.limit_analysis.strict_work import Bound, Scope, strict_upper_bound
+from perfplast_fenicsx.limit_analysis.strict_work import TURNED, Bound, Scope, strict_upper_bound
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.certificate import contact_forces
@@ -114,8 +115,12 @@ def limit_bounds(
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, a body
             has another law than those of von Mises and Hooke, loads are formulas or pore pressures,
-            or no stress can carry them.
+            no stress can carry them, or the mesh is axisymmetric.
     """
+    if problem.tagged_mesh.axisymmetric:
+        raise InputError(
+            f"{TURNED}; seek the limit load of the mesh with control = 'work' and until = 'limit'."
+        )
     for load in problem.given.loads:
         uniform(load)
     given, split = problem, None

@@ -15,6 +15,7 @@ from perfplast_fenicsx.contact.surface_nodes import LEAST_COSINE
 from perfplast_fenicsx.contact.surface_normals import face_nodes
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import bounding_box
 from perfplast_fenicsx.problem.supports import AXES, Support
 
 ROUNDING = 1e-9
@@ -25,6 +26,8 @@ def known_displacements(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, supports: Sequence[Support]
 ) -> tuple[npt.NDArray[np.bool_], Floats, Ints]:
     """Which components the supports hold, and where. Collective.
+
+    On the axis of bodies of revolution nothing moves outwards, whatever holds it.
 
     Returns:
         Flags, displacements (length) that are 0 at other components, and the number of the first
@@ -60,8 +63,16 @@ def known_displacements(
             holder[fresh, axis] = number
             fixed[nodes, axis] = True
             values[nodes, axis] = support.value
-    raise_together(tagged_mesh.mesh.comm, message)
-    return fixed, values, holder
+    x, comm = V.tabulate_dof_coordinates(), tagged_mesh.mesh.comm
+    low, high = bounding_box(comm, x)
+    on_axis = tagged_mesh.kinematics.held(x, float(np.linalg.norm(high - low)))
+    if (on_axis & (values != 0)).any():
+        message = (
+            "a support moves nodes of the axis r = 0 along x, which is the radius; leave x out of"
+            " its components, or the axis out of its surface."
+        )
+    raise_together(comm, message)
+    return fixed | on_axis, values, holder
 
 
 def check_moved_surfaces(

@@ -2,7 +2,7 @@
 
 A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
 ``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[temperature]]``, ``[[initial_stress]]``,
-``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and ``[units]``; see
+``[model]``, ``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
@@ -25,6 +25,7 @@ from perfplast_fenicsx.io.case.tables import (
     LoadTable,
     MeshBuilder,
     MeshFile,
+    ModelOptions,
     OutputOptions,
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
@@ -60,6 +61,7 @@ class Case:
     contacts: list[Contact]
     obstacles: list[Obstacle]
     ties: list[Tie]
+    model: ModelOptions
     element: ElementOptions
     method: str
     options: Any
@@ -71,7 +73,8 @@ class Case:
     @property
     def scene(self) -> Scene:
         """What pictures need to know."""
-        return Scene(self.title, self.loads, self.contacts, self.obstacles, self.units)
+        turned = self.model.kind == "axisymmetric"
+        return Scene(self.title, self.loads, self.contacts, self.obstacles, self.units, turned)
 
     def __repr__(self) -> str:
         values = self.loading.values
@@ -97,7 +100,8 @@ class Case:
             if self.adapt is not None:
                 with at("adapt"):
                     self.adapt.check(mesh)
-            return mesh
+        with at(f"{self.path.name}, [model]"):
+            return self.model.of(mesh)
 
     def problem(self, comm: MPI.Intracomm) -> Problem:
         """Build the mesh and declare the problem on it. Collective.
@@ -206,6 +210,12 @@ def _case(path: Path, table: Table) -> Case:
                 " constant = true from one of them, or give control = 'load'."
             )
     mesh = _mesh(top.mesh, f"{name}, [mesh]")
+    model = convert(top.model, ModelOptions, f"{name}, [model]")
+    if model.kind == "axisymmetric" and isinstance(loading, BoundsControl):
+        raise InputError(
+            f"{name}, [model]: control = 'bounds' is for plane strain and space; give control ="
+            " 'work' and until = 'limit' for the limit load of the mesh."
+        )
     return Case(
         path=path,
         table=table,
@@ -218,6 +228,7 @@ def _case(path: Path, table: Table) -> Case:
         contacts=touching,
         obstacles=obstacles,
         ties=[convert(tie, Tie, place) for place, tie in _numbered(top.tie, f"{name}, [[tie]]")],
+        model=model,
         element=convert(loading.element | top.element, ElementOptions, f"{name}, [element]"),
         method=method,
         options=options,
