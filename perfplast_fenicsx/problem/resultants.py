@@ -28,10 +28,13 @@ class Resultants:
             of the first one.
         balance: Sum of the forces on the bodies, or moment about the middle of the bodies over
             their size, whichever is larger, relative to the sum of all nodal forces.
+        driving: Work that supports and obstacles do on the bodies for a growth of ζ by 1: the force
+            along what moves, times how far it moves for ζ = 1.
     """
 
     forces: Mapping[str, list[float]]
     balance: float
+    driving: float
 
 
 def resultants(
@@ -86,8 +89,12 @@ def resultants(
     total = comm.allreduce(sum(float(np.linalg.norm(part, axis=1).sum()) for part in parts))
     total = max(total, least)
     missing = max(missing, _moment(problem, external + pushed + reaction))
+    rate = problem.motion.displacement[1][: len(reaction)]
+    driving = comm.allreduce(float(np.sum(reaction * rate)))
+    behind = supports + len(problem.given.contacts)
+    driving += float(np.sum(sums[behind:-1] * problem.motion.obstacles))
     told = {name: [float(number) for number in force] for name, force in forces.items()}
-    return Resultants(told, missing / total if total > 0 else 0.0)
+    return Resultants(told, missing / total if total > 0 else 0.0, driving)
 
 
 def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.Vec) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import ClassVar, Protocol
 
 from perfplast_fenicsx.arrays import PairFlags
-from perfplast_fenicsx.errors import check_finite
+from perfplast_fenicsx.errors import InputError, check_finite
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
@@ -135,7 +135,16 @@ class LevelSolver(Stepper, ABC):
         criterion: str,
         lender: "LevelSolver | None" = None,
     ) -> None:
-        """Compile the forms and create the solvers, or borrow another algorithm's. Collective."""
+        """Compile the forms and create the solvers, or borrow another algorithm's. Collective.
+
+        Raises:
+            InputError: If the work is prescribed of a problem in which ζ moves something.
+        """
+        if problem.motion.driven and self.prescribes is Prescribed.WORK:
+            raise InputError(
+                "supports or obstacles move with ζ, and no load grows whose work could be"
+                " prescribed; choose control = 'displacement', or make the motion constant."
+            )
         self.problem = problem
         self.max_iterations, self.criterion = max_iterations, criterion
         self.iterate: Iterate = lender.iterate if lender else Iterate(problem)
@@ -166,6 +175,7 @@ class LevelSolver(Stepper, ABC):
             InputError: If the value is not finite.
         """
         check_finite(self.prescribes.value, value)
+        self.problem.move_to(value)
         return solve_level(self, value, start, monitor)
 
     def at_rest(self, monitor: Monitor | None = None) -> Level:
