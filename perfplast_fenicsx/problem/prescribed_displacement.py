@@ -107,7 +107,8 @@ def check_moved_surfaces(
         largest = max(np.abs(prescribed).max(initial=0), np.abs(move).max())
         if (unseen & (along > ROUNDING * largest)).any():
             message = (
-                f"supports hold nodes of the contact surface '{name}' along its normal while they,"
-                " or what is opposite, move; leave these nodes out of the contact surface."
+                f"supports hold nodes of the contact surface '{name}' along its normal, so that"
+                " these, which move or are moved against, cannot give way; leave them out of the"
+                " contact surface."
             )
     raise_together(tagged_mesh.mesh.comm, message)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import ClassVar, Protocol
 
 from perfplast_fenicsx.arrays import PairFlags
-from perfplast_fenicsx.errors import InputError, check_finite
+from perfplast_fenicsx.errors import check_finite
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
@@ -135,16 +135,7 @@ class LevelSolver(Stepper, ABC):
         criterion: str,
         lender: "LevelSolver | None" = None,
     ) -> None:
-        """Compile the forms and create the solvers, or borrow another algorithm's. Collective.
-
-        Raises:
-            InputError: If the work is prescribed of a problem in which ζ moves something.
-        """
-        if problem.motion.driven and self.prescribes is Prescribed.WORK:
-            raise InputError(
-                "supports or obstacles move with ζ, and no load grows whose work could be"
-                " prescribed; choose control = 'displacement', or make the motion constant."
-            )
+        """Compile the forms and create the solvers, or borrow another algorithm's. Collective."""
         self.problem = problem
         self.max_iterations, self.criterion = max_iterations, criterion
         self.iterate: Iterate = lender.iterate if lender else Iterate(problem)

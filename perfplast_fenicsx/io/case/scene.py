@@ -56,6 +56,7 @@ class Scene:
         contacts: Pairs of surfaces.
         obstacles: Rigid ones.
         units: For legends.
+        driven: Whether ζ moves supports and obstacles, and no load grows.
     """
 
     title: str
@@ -63,6 +64,7 @@ class Scene:
     contacts: Sequence[Contact] = ()
     obstacles: Sequence[Obstacle] = ()
     units: Units = Units()
+    driven: bool = False
 
     @property
     def on_surfaces(self) -> list[Traction | Pressure]:
@@ -116,6 +118,7 @@ class _Document:
     contacts: list[Table]
     obstacles: list[Table]
     units: Table
+    driven: bool = False
 
 
 def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
@@ -144,5 +147,6 @@ def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
             [convert(contact, Contact, place) for contact in top.contacts],
             chosen(top.obstacles, "shape", OBSTACLES),
             convert(top.units, Units, place),
+            top.driven,
         )
     return NamedScene(scene, top.volumes, top.surfaces)

@@ -1,6 +1,6 @@
 """What may stand in the tables of a case file: one dataclass a table, or several to choose from.
 
-Those of materials, supports, contacts, obstacles, loadings and algorithms are of the modules that
+Those of materials, contacts, obstacles, loadings and algorithms are of the modules that
 use them.
 """
 
@@ -12,6 +12,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.formulas import check
 from perfplast_fenicsx.io.case.schema import Table, shown
 from perfplast_fenicsx.problem.loads import LOADS, Load
+from perfplast_fenicsx.problem.supports import AXES, Support
 
 
 @dataclass(frozen=True)
@@ -21,15 +22,15 @@ class Document:
     Args:
         mesh: The bodies.
         material: The law of each body; NAME is that of its physical volume.
-        load: What pushes and pulls, at least once. The load factor ζ multiplies all loads but those
-            that are constant.
+        load: What pushes and pulls, at least once unless control = "displacement". The load factor
+            ζ multiplies all loads but those that are constant.
         loading: How far the bodies are loaded, and by what it is controlled.
         title: For people; the name of the file where it is missing.
         support: What holds the bodies.
         temperature: Where the temperature changes.
         initial_stress: Where bodies have stress before they are deformed.
         contact: Which bodies touch, or may touch, each other.
-        obstacle: Rigid obstacles that do not move.
+        obstacle: Rigid obstacles, which may move.
         tie: Which bodies are glued together.
         element: The finite elements.
         solve: The algorithm and its options.
@@ -39,9 +40,9 @@ class Document:
 
     mesh: Table
     material: dict[str, Table]
-    load: list[Table]
     loading: Table
     title: str = ""
+    load: list[Table] = field(default_factory=list)
     support: list[Table] = field(default_factory=list)
     temperature: list[Table] = field(default_factory=list)
     initial_stress: list[Table] = field(default_factory=list)
@@ -106,6 +107,38 @@ class MeshBuilder:
     builder: str
     arguments: dict[str, Any]
     adapt: Table | None = None
+
+
+@dataclass(frozen=True)
+class SupportTable:
+    """Known displacement of some components on a surface.
+
+    Args:
+        on: Physical surface.
+        components: Any of the letters x, y, z; the default holds all that the mesh has.
+        value: Their displacement (length), such as a settlement; the default is none.
+        constant: Whether it is the same at any load factor. With control = "displacement" the load
+            factor multiplies it unless this is true; otherwise it is always true.
+    """
+
+    on: str
+    components: str = AXES
+    value: float = 0.0
+    constant: bool | None = None
+
+    def support(self, driven: bool) -> Support:
+        """The support, where motions follow the load factor, or do not.
+
+        Raises:
+            InputError: If it is to follow where none does.
+        """
+        if not driven and self.constant is False:
+            raise InputError(
+                f"the support on '{self.on}' has constant = false, but supports move with the load"
+                " factor under control = 'displacement' alone; choose it, or leave constant out."
+            )
+        constant = not driven if self.constant is None else self.constant
+        return Support(self.on, self.components, self.value, constant)
 
 
 @dataclass(frozen=True)
