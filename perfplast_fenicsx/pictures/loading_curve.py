@@ -129,6 +129,8 @@ def draw_stroke(
     solved = [report for report in reports if report.converged]
     strokes = [report.zeta for report in solved]
     forces = [report.driving_force for report in solved]
+    axes.axhline(0, color=ELASTIC, linewidth=0.8)
+    axes.axvline(0, color=ELASTIC, linewidth=0.8)
     axes.plot(strokes, forces, "o-", color=LINE, markersize=5, label="solved load levels")
     for report in reports:
         if not report.converged:
