@@ -8,6 +8,7 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
 from perfplast_fenicsx.limit_analysis.gap_shares import gap_shares
@@ -116,6 +117,12 @@ def limit_bounds(
             has another law than those of von Mises and Hooke, loads are formulas or pore pressures,
             or no stress can carry them.
     """
+    if problem.given.rigid:
+        raise InputError(
+            f"the surface '{problem.given.rigid[0].on}' is rigid, and of such surfaces resultants"
+            " are known but no tractions, which bounds of the body need; give control = 'work' and"
+            " until = 'limit', for that of the mesh."
+        )
     for load in problem.given.loads:
         uniform(load)
     given, split = problem, None

@@ -13,6 +13,7 @@ from perfplast_fenicsx.contact.surface_nodes import LEAST_COSINE
 from perfplast_fenicsx.contact.surface_normals import face_nodes
 from perfplast_fenicsx.errors import raise_together
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.supports import AXES, Support
 
 ROUNDING = 1e-9
@@ -23,9 +24,9 @@ SAME = 1e-12
 
 
 def known_displacements(
-    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, supports: Sequence[Support]
+    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, supports: Sequence[Support | RigidSurface]
 ) -> tuple[npt.NDArray[np.bool_], Floats, Ints]:
-    """Which components the supports hold, and where. Collective.
+    """Which components supports and rigid surfaces that are moved hold, and where. Collective.
 
     Returns:
         Flags; displacements (length), the constant ones and those that ζ multiplies, 0 at other
@@ -43,7 +44,7 @@ def known_displacements(
     for number, support in enumerate(supports):
         nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(support.on))
         given = np.zeros((2, len(nodes), gdim))
-        given[0 if support.constant else 1] = support.displacement(x[nodes])
+        given[0 if support.constant else 1] = support.motion(x[nodes])
         for axis in support.axes(gdim):
             old, new = values[:, nodes, axis], given[:, :, axis]
             apart = np.abs(old - new) > SAME * np.maximum(np.abs(old), np.abs(new))

@@ -26,7 +26,6 @@ from perfplast_fenicsx.contact.loose_bodies import loose_motions
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.contact.rigid_motions import RigidMotions
 from perfplast_fenicsx.contact.tie import Tie
-from perfplast_fenicsx.contact.tied_rows import tied_rows
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.mandel import strain
@@ -35,6 +34,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared_loads import declared_loads
 from perfplast_fenicsx.problem.given import Given
 from perfplast_fenicsx.problem.given_motion import GivenMotion, given_motion
+from perfplast_fenicsx.problem.glued_rows import glued_rows
 from perfplast_fenicsx.problem.initial_strain import Initial, initial_strain
 from perfplast_fenicsx.problem.law_on_cells import lay_out
 from perfplast_fenicsx.problem.load_case import LoadCase
@@ -43,6 +43,7 @@ from perfplast_fenicsx.problem.prescribed_displacement import (
     check_moved_surfaces,
     known_displacements,
 )
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.spaces import make_spaces, space_at_points
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.profiling import phase
@@ -68,14 +69,14 @@ class Problem:
         initial_strain: e₀, which the laws do not see of ε(u); None for none.
         bcs: Supports, homogeneous as those of increments are.
         fixed: Supported components of each local node, ghosts too, shape (num_nodes, gdim).
-        support_names: Surfaces with supports, each once.
+        support_names: Supports and moved rigid surfaces as results name them, each once.
         held_by: Which of them holds a component, −1 where none does; shape as of ``fixed``.
         motion: What supports and obstacles do at any ζ.
         prescribed: u_D, the displacement of these components (length), 0 elsewhere, as it is at the
             ζ of :meth:`move_to`, at first 0.
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
-        ties: The equations B u = 0 of ties, with rows like those of contact.
+        ties: The equations B u = 0 of ties and rigid surfaces, with rows like those of contact.
         num_tied: How many there are on all ranks together.
         has_gaps: Whether any pair is open at first.
         interferes: Whether any gap is negative.
@@ -97,6 +98,7 @@ class Problem:
         degree: int = 1,
         initial: Sequence[Initial] = (),
         ties: Sequence[Tie] = (),
+        rigid: Sequence[RigidSurface] = (),
     ) -> None:
         """Declare the problem. Collective.
 
@@ -111,12 +113,15 @@ class Problem:
                 not lock in plastic flow.
             initial: Changes of temperature, and stress in bodies that are not deformed.
             ties: Pairs of surfaces that are glued together.
+            rigid: Surfaces that move as rigid bodies.
 
         Raises:
             InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
         self.tagged_mesh = tagged_mesh
-        self.given = Given(materials, supports, loads, contacts, obstacles, degree, initial, ties)
+        self.given = Given(
+            materials, supports, loads, contacts, obstacles, degree, initial, ties, rigid
+        )
         spaces = make_spaces(tagged_mesh.mesh, degree)
         self.degree, self.dx = degree, spaces.dx
         self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
@@ -126,13 +131,17 @@ class Problem:
         self.bodies: Bodies = find_bodies(self.V)
         self.laws = lay_out(tagged_mesh, spaces, materials)
         self.initial_strain = initial_strain(tagged_mesh, spaces, materials, self.laws, initial)
-        self.bcs, displacement = self._supports(supports)
-        taken = self._ties(ties, bool(displacement.any()))
+        self.bcs, displacement = self._supports(
+            [*supports, *(surface for surface in rigid if not surface.free)]
+        )
+        moved = bool(displacement.any())
+        self.ties, taken = glued_rows(self.V, tagged_mesh, ties, rigid, self.fixed, moved)
+        self.num_tied: int = self.comm.allreduce(len(self.ties.host))
         self.basis: JumpBasis = self._contact(contacts, obstacles, taken)
         self.motion = self._motion(displacement)
         self.prescribed = self.motion.displacement_at(0.0)
         self.loads: LoadCase = declared_loads(
-            self.V, tagged_mesh, loads, self.bcs, self.motion.driven
+            self.V, tagged_mesh, loads, self.bcs, rigid, self.motion.driven
         )
         self._declared = self.loads
 
@@ -215,12 +224,15 @@ class Problem:
         """⟨σ, ε(v)⟩."""
         return ufl.dot(stress, strain(ufl.TestFunction(self.V))) * self.dx
 
-    def _supports(self, supports: Sequence[Support]) -> tuple[list[fem.DirichletBC], Floats]:
+    def _supports(
+        self, supports: Sequence[Support | RigidSurface]
+    ) -> tuple[list[fem.DirichletBC], Floats]:
         """Conditions of increments, and u_D, constant and times ζ."""
         V, gdim, zero = self.V, self.tagged_mesh.mesh.geometry.dim, default_scalar_type(0)
         self.fixed, displacement, holder = known_displacements(V, self.tagged_mesh, supports)
-        self.support_names = tuple(dict.fromkeys(support.on for support in supports))
-        numbers = [self.support_names.index(support.on) for support in supports]
+        names = [_name(support) for support in supports]
+        self.support_names = tuple(dict.fromkeys(names))
+        numbers = [self.support_names.index(name) for name in names]
         self.held_by: Ints = np.array([*numbers, -1], dtype=np.int32)[holder]
         nodes = [np.flatnonzero(self.fixed[:, i]).astype(np.int32) for i in range(gdim)]
         bcs = [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
@@ -230,24 +242,6 @@ class Problem:
     def glued_basis(self) -> JumpBasis:
         """A basis whose last unknowns on each rank are the jumps of ties. Collective at first."""
         return make_basis(self.V, stacked(self.V, [self.constraints, self.ties]), self.fixed)
-
-    @phase("contact set-up")
-    def _ties(self, ties: Sequence[Tie], moved: bool) -> npt.NDArray[np.bool_]:
-        """Make the rows of ties. Collective.
-
-        Returns:
-            Components of local nodes that supports hold or ties host: contact cannot have them.
-        """
-        self.ties: Constraints = tied_rows(self.V, self.tagged_mesh, ties, self.fixed)
-        self.num_tied: int = self.comm.allreduce(len(self.ties.host))
-        if self.num_tied and self.comm.allreduce(moved, MPI.LOR):
-            raise InputError(
-                "ties and supports that move do not go together; leave the values of the supports"
-                " or the ties out."
-            )
-        taken = self.fixed.copy()
-        taken[self.ties.host, np.argmax(self.ties.normal, axis=1)] = True
-        return taken
 
     @phase("contact set-up")
     def _contact(
@@ -286,3 +280,8 @@ class Problem:
             check_moved_surfaces(V, self.tagged_mesh, moves, *known)
             self.basis = replace(self.basis, gap=motion.gap_at(0.0))
         return motion
+
+
+def _name(support: Support | RigidSurface) -> str:
+    """What results call it."""
+    return f"{'support' if isinstance(support, Support) else 'rigid surface'} {support.on}"

@@ -23,9 +23,9 @@ class Resultants:
 
     Attributes:
         forces: One number a direction (force; in the plane for each unit of depth), of ``loads``,
-            ``support NAME``, ``obstacle NAME`` and ``contact PRIMARY SECONDARY``: that on the
-            primary surface's body, and none on both together. What two supports hold alike is told
-            of the first one.
+            ``support NAME``, ``rigid surface NAME`` if that is moved, ``obstacle NAME`` and
+            ``contact PRIMARY SECONDARY``: that on the primary surface's body, and none on both
+            together. What two supports hold alike is told of the first one.
         balance: Sum of the forces on the bodies, or moment about the middle of the bodies over
             their size, whichever is larger, relative to the sum of all nodal forces.
         driving: Work that supports and obstacles do on the bodies for a growth of ζ by 1: the force
@@ -66,7 +66,7 @@ def resultants(
     held_by = problem.held_by[: len(reaction)]
     reaction[held_by < 0] = 0
 
-    names = [f"support {name}" for name in problem.support_names]
+    names = list(problem.support_names)
     names += [f"contact {a.primary} {a.secondary}" for a in problem.given.contacts]
     names += [f"obstacle {obstacle.on}" for obstacle in problem.given.obstacles]
     supports, sums = len(problem.support_names), np.zeros((len(names) + 1, gdim))

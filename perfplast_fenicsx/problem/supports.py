@@ -36,8 +36,8 @@ class Support:
             )
         return sorted(AXES.index(letter) for letter in wanted)
 
-    def displacement(self, x: Floats) -> Floats:
-        """Of points (length), for ζ = 1; both of shape (n, gdim).
+    def motion(self, x: Floats) -> Floats:
+        """Displacement of points (length), for ζ = 1; both of shape (n, gdim).
 
         Raises:
             InputError: If it is not finite.

@@ -168,5 +168,7 @@ def test_what_does_not_go_with_motions() -> None:
             [*ROLLERS, Support("upper_bottom"), Support("top")],
             obstacles=[plane()],
         )
-    with pytest.raises(InputError, match="by 0.5 times ζ along z that another support moves by -1"):
+    with pytest.raises(
+        InputError, match=r"by 0\.5 times ζ along z that another support moves by -1"
+    ):
         moved(Support("top", "z", -1.0, constant=False), Support("top", "z", 0.5, constant=False))
