@@ -181,6 +181,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "initial_stress": ("[[initial_stress]]", _single(InitialStress)),
     "contact": ("[[contact]]", _single(Contact)),
     "obstacle": ("[[obstacle]]", _chosen("shape", OBSTACLES, None, "What it is.")),
+    "rigid_surface": ("[[rigid_surface]]", _single(tables.RigidSurfaceTable)),
     "tie": ("[[tie]]", _single(Tie)),
     "element": ("[element]", _single(tables.ElementOptions)),
     "solve": ("[solve]", _solve),

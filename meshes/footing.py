@@ -1,4 +1,4 @@
-"""A strip footing in plane strain and the ground below it, both halves: for loads that lean or turn.
+"""A strip footing in plane strain, both halves of it: for loads that lean or turn.
 
 The ground is (-WIDTH, WIDTH)×(-DEPTH, 0), the footing the part |x| ≤ 1 of y = 0. Volume ``ground``;
 curves ``bottom``, ``sides``, ``footing`` and ``free`` (the rest of y = 0). The mesh is its own
@@ -31,7 +31,7 @@ def write_footing(path: str | Path, size: float = 0.4, order: int = 1) -> None:
         occ, mesh = gmsh.model.occ, gmsh.model.mesh
         corners = [(0.0, 0.0), (0.0, -DEPTH), (WIDTH, -DEPTH), (WIDTH, 0.0), (1.0, 0.0)]
         ends = [occ.addPoint(x, y, 0.0) for x, y in corners]
-        images = [occ.addPoint(-x, y, 0.0) if x else end for (x, y), end in zip(corners, ends)]
+        images = [*ends[:2], *(occ.addPoint(-x, y, 0.0) for x, y in corners[2:])]
         axis = occ.addLine(ends[0], ends[1])
         right, left = (
             [occ.addLine(chain[i], chain[(i + 1) % 5]) for i in range(1, 5)]
@@ -41,12 +41,10 @@ def write_footing(path: str | Path, size: float = 0.4, order: int = 1) -> None:
         occ.synchronize()
         for line, image in zip(right, left, strict=True):
             mesh.setPeriodic(1, [image], [line], [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1])
-        parts = dict(zip(("bottom", "sides", "free", "footing"), zip(right, left), strict=True))
+        labels = ("bottom", "sides", "free", "footing")
         name(2, {"ground": halves})
-        name(1, {label: list(pair) for label, pair in parts.items()})
-        one, other = (
-            finer_at((x, 0.0), size / FINER, size, reach=REACH) for x in (-1.0, 1.0)
-        )
+        name(1, {label: [right[i], left[i]] for i, label in enumerate(labels)})
+        one, other = (finer_at((x, 0.0), size / FINER, size, reach=REACH) for x in (-1.0, 1.0))
         generate(2, lambda x, y, z: min(one(x, y, z), other(x, y, z)), order)
         write_split(path)
 

@@ -21,6 +21,7 @@ from perfplast_fenicsx.contact.constraints import Constraints, make_constraints
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.rigid_surface import RigidSurface, turned
+from perfplast_fenicsx.problem.supports import AXES
 
 FLAT = 1e-6
 """Nodes that lie nearer to a point, or a line, relative to the surface, do not lead."""
@@ -168,6 +169,11 @@ def rigid_rows(
     for surface in surfaces:
         if not surface.free:
             continue
+        if surface.components != AXES:
+            raise InputError(
+                f"the rigid surface '{surface.on}' has components = '{surface.components}', which"
+                " go with a known motion; give a displacement or rotation, or leave them out."
+            )
         leaders = find_leaders(V, tagged_mesh, surface.on)
         nodes = surface_nodes_of(V, tagged_mesh, surface.on)
         held = taken[nodes].any()

@@ -7,7 +7,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.problem.supports import AXES
+from perfplast_fenicsx.problem.supports import AXES, Support
 
 Turn = float | Sequence[float]
 """A rotation or moment: a number in the plane, one an axis in space."""
@@ -26,6 +26,8 @@ class RigidSurface:
         displacement: Of that point (length; 2 or 3 numbers), 0 if there is a rotation alone.
         rotation: A number in the plane, one for each axis in space (rad), 0 if there is a
             displacement alone.
+        components: Those of the letters x, y, z that its known motion holds; all by default. A bar
+            that is twisted so by its end may warp there.
         constant: Whether the motion is the same at any load factor; otherwise ζ multiplies it.
     """
 
@@ -33,6 +35,7 @@ class RigidSurface:
     point: Sequence[float] = ()
     displacement: Sequence[float] = ()
     rotation: Turn = ()
+    components: str = AXES
     constant: bool = True
 
     @property
@@ -40,9 +43,14 @@ class RigidSurface:
         """Whether its motion is to be found."""
         return not np.size(self.displacement) and not np.size(self.rotation)
 
+    @property
+    def moves(self) -> bool:
+        """Whether its known motion is anything but none."""
+        return bool(np.any(self.displacement) or np.any(self.rotation))
+
     def axes(self, gdim: int) -> list[int]:
-        """Indices of the components that it holds, in a mesh of dimension ``gdim``: all."""
-        return list(range(len(AXES[:gdim])))
+        """Indices of the components that it holds, in a mesh of dimension ``gdim``."""
+        return Support(self.on, self.components).axes(gdim)
 
     def motion(self, x: Floats) -> Floats:
         """Displacement of points (length), for ζ = 1; both of shape (n, gdim).

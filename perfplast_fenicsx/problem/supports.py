@@ -36,6 +36,11 @@ class Support:
             )
         return sorted(AXES.index(letter) for letter in wanted)
 
+    @property
+    def moves(self) -> bool:
+        """Whether the displacement is anything but 0."""
+        return self.value != 0
+
     def motion(self, x: Floats) -> Floats:
         """Displacement of points (length), for ζ = 1; both of shape (n, gdim).
 

@@ -1,8 +1,8 @@
 """Case files: what is solved and how, as TOML.
 
 A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
-``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[temperature]]``, ``[[initial_stress]]``,
-``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and ``[units]``; see
+``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``,
+``[[initial_stress]]``, ``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
@@ -32,6 +32,7 @@ from perfplast_fenicsx.io.case.tables import (
     MeshBuilder,
     MeshFile,
     OutputOptions,
+    RigidSurfaceTable,
     SupportTable,
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
@@ -45,6 +46,7 @@ from perfplast_fenicsx.problem.initial_strain import Initial, InitialStress, Tem
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.methods import METHODS
 
@@ -67,6 +69,7 @@ class Case:
     contacts: list[Contact]
     obstacles: list[Obstacle]
     ties: list[Tie]
+    rigid: list[RigidSurface]
     element: ElementOptions
     method: str
     options: Any
@@ -126,6 +129,7 @@ class Case:
                 self.element.degree,
                 self.initial,
                 self.ties,
+                self.rigid,
             )
 
     def solver(self, problem: Problem) -> Any:
@@ -194,6 +198,10 @@ def _case(path: Path, table: Table) -> Case:
     for where, support in supports:
         with at(where):
             held.append(convert(support, SupportTable, where).support(driven))
+    rigid = []
+    for where, surface in _numbered(top.rigid_surface, f"{name}, [[rigid_surface]]"):
+        with at(where):
+            rigid.append(convert(surface, RigidSurfaceTable, where).surface(driven))
     kinds: dict[str, tuple[list[Table], type[Initial]]] = {
         "temperature": (top.temperature, Temperature),
         "initial_stress": (top.initial_stress, InitialStress),
@@ -205,7 +213,7 @@ def _case(path: Path, table: Table) -> Case:
     touching = [convert(contact, Contact, where) for where, contact in contacts]
     strained = bool(initial) or any(contact.interference for contact in touching)
     with at(place):
-        check_loading(loading, loads, held, obstacles, strained)
+        check_loading(loading, loads, [*held, *rigid], obstacles, strained)
     mesh = _mesh(top.mesh, f"{name}, [mesh]")
     return Case(
         path=path,
@@ -219,6 +227,7 @@ def _case(path: Path, table: Table) -> Case:
         contacts=touching,
         obstacles=obstacles,
         ties=[convert(tie, Tie, place) for place, tie in _numbered(top.tie, f"{name}, [[tie]]")],
+        rigid=rigid,
         element=convert(loading.element | top.element, ElementOptions, f"{name}, [element]"),
         method=method,
         options=options,

@@ -14,13 +14,14 @@ from perfplast_fenicsx.io.case.loading_options import (
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.supports import Support
 
 
 def check_loading(
     loading: Control,
     loads: Sequence[Load],
-    supports: Sequence[Support],
+    supports: Sequence[Support | RigidSurface],
     obstacles: Sequence[Obstacle],
     strained: bool,
 ) -> None:
@@ -29,7 +30,7 @@ def check_loading(
     Args:
         loading: The control.
         loads: What acts.
-        supports: What holds the bodies.
+        supports: What holds or moves the bodies.
         obstacles: What surfaces cannot penetrate.
         strained: Whether bodies are strained at first, or interference is meant.
 
@@ -48,7 +49,7 @@ def check_loading(
                 " control = 'displacement' alone; choose it, or leave move out."
             )
     constant = any(load.constant for load in loads)
-    if constant or any(support.value for support in supports) or strained:
+    if constant or any(support.moves for support in supports) or strained:
         _check_not_proportional(loading)
     elif isinstance(loading, LoadControl | WorkControl):
         loading.check_proportional()
@@ -60,7 +61,9 @@ def check_loading(
 
 
 def _check_driven(
-    loads: Sequence[Load], supports: Sequence[Support], obstacles: Sequence[Obstacle]
+    loads: Sequence[Load],
+    supports: Sequence[Support | RigidSurface],
+    obstacles: Sequence[Obstacle],
 ) -> None:
     """Refuse loads that grow, and motions of which there are none."""
     for load in loads:
@@ -69,11 +72,11 @@ def _check_driven(
                 f"control = 'displacement' moves supports and obstacles, but the load on"
                 f" '{load.on}' is to grow; give it constant = true, or control = 'load'."
             )
-    moved = any(support.value and not support.constant for support in supports)
+    moved = any(support.moves and not support.constant for support in supports)
     if not moved and not any(any(obstacle.move) for obstacle in obstacles):
         raise InputError(
-            "control = 'displacement' moves nothing; give a [[support]] a value, or an [[obstacle]]"
-            " a move."
+            "control = 'displacement' moves nothing; give a [[support]] a value, an [[obstacle]]"
+            " a move, or a [[rigid_surface]] a displacement or rotation."
         )
 
 

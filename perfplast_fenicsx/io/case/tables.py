@@ -11,7 +11,8 @@ from typing import Any, Literal
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.formulas import check
 from perfplast_fenicsx.io.case.schema import Table, shown
-from perfplast_fenicsx.problem.loads import LOADS, Load
+from perfplast_fenicsx.problem.loads import LOADS, Force, Load
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface, Turn
 from perfplast_fenicsx.problem.supports import AXES, Support
 
 
@@ -32,6 +33,7 @@ class Document:
         contact: Which bodies touch, or may touch, each other.
         obstacle: Rigid obstacles, which may move.
         tie: Which bodies are glued together.
+        rigid_surface: Which surfaces move as rigid bodies.
         element: The finite elements.
         solve: The algorithm and its options.
         output: What is written.
@@ -49,6 +51,7 @@ class Document:
     contact: list[Table] = field(default_factory=list)
     obstacle: list[Table] = field(default_factory=list)
     tie: list[Table] = field(default_factory=list)
+    rigid_surface: list[Table] = field(default_factory=list)
     element: Table = field(default_factory=dict)
     solve: Table = field(default_factory=dict)
     output: Table = field(default_factory=dict)
@@ -132,18 +135,60 @@ class SupportTable:
         Raises:
             InputError: If it is to follow where none does.
         """
-        if not driven and self.constant is False:
-            raise InputError(
-                f"the support on '{self.on}' has constant = false, but supports move with the load"
-                " factor under control = 'displacement' alone; choose it, or leave constant out."
-            )
-        constant = not driven if self.constant is None else self.constant
+        constant = _stays(self.constant, driven, f"the support on '{self.on}'")
         return Support(self.on, self.components, self.value, constant)
 
 
 @dataclass(frozen=True)
+class RigidSurfaceTable:
+    """A surface that a rigid plate is glued to, such as the rough base of a footing.
+
+    Without displacement and rotation it is free to move, and loads act on it, a ``force`` among
+    them.
+
+    Args:
+        on: Physical surface.
+        point: What it turns about (length; 2 or 3 numbers); the origin without.
+        displacement: Of that point (length; 2 or 3 numbers), 0 if there is a rotation alone.
+        rotation: A number in the plane, one for each axis in space (rad), 0 if there is a
+            displacement alone.
+        components: Those of the letters x, y, z that a known motion holds; the default holds all. A
+            bar that is twisted so by its end may warp there.
+        constant: As for supports.
+    """
+
+    on: str
+    point: list[float] = field(default_factory=list)
+    displacement: list[float] | None = None
+    rotation: float | list[float] | None = None
+    components: str = AXES
+    constant: bool | None = None
+
+    def surface(self, driven: bool) -> RigidSurface:
+        """The surface, where motions follow the load factor, or do not.
+
+        Raises:
+            InputError: If it is to follow where none does.
+        """
+        constant = _stays(self.constant, driven, f"the rigid surface '{self.on}'")
+        turn: Turn = () if self.rotation is None else self.rotation
+        shift = self.displacement or ()
+        return RigidSurface(self.on, self.point, shift, turn, self.components, constant)
+
+
+def _stays(constant: bool | None, driven: bool, what: str) -> bool:
+    """Whether what is moved keeps its place at any load factor."""
+    if not driven and constant is False:
+        raise InputError(
+            f"{what} has constant = false, but moves with the load factor under control ="
+            " 'displacement' alone; choose it, or leave constant out."
+        )
+    return not driven if constant is None else constant
+
+
+@dataclass(frozen=True)
 class LoadTable:
-    """A load on a surface or in a volume: give exactly one of its four kinds.
+    """A load on a surface or in a volume: give exactly one of its kinds.
 
     Numbers may be formulas in x, y, z, such as ``"10*maximum(8 - y, 0)"``, which are taken at the
     nodes of quadratic cells.
@@ -155,6 +200,10 @@ class LoadTable:
         body_force: Force per volume, one number or formula a direction.
         pore_pressure: Pressure of water in the pores (stress), a number or formula; the stress of
             the material is then the effective one.
+        force: On a rigid surface that is free to move, one number a direction; in the plane for
+            each unit of depth.
+        moment: With or in place of a force, a number in the plane, one for each axis in space.
+        point: Where the force acts, and what the moment is about (length); the origin without.
         constant: Whether the load acts in full at any load factor, as a weight does; without it
             true of a ``pore_pressure``, and false of others.
         name: What messages call the load.
@@ -165,6 +214,9 @@ class LoadTable:
     pressure: float | str | None = None
     body_force: list[float | str] | None = None
     pore_pressure: float | str | None = None
+    force: list[float] | None = None
+    moment: float | list[float] | None = None
+    point: list[float] | None = None
     constant: bool | None = None
     name: str = ""
 
@@ -172,15 +224,17 @@ class LoadTable:
         """The load that it describes.
 
         Raises:
-            InputError: If it has none or several of the four kinds, or one that is not finite.
+            InputError: If it has none or several of the kinds, or one that is not finite.
         """
         given = {kind: getattr(self, kind) for kind in LOADS}
+        if self.moment is not None and self.force is None:
+            given["force"] = []
         given = {kind: value for kind, value in given.items() if value is not None}
         if len(given) != 1:
             what = " and ".join(given) or "no load"
             raise InputError(
                 f"{place}: '{self.on}' has {what}; give exactly one of traction, pressure,"
-                " body_force and pore_pressure (several loads are several [[load]] tables)."
+                " body_force, pore_pressure and force (several loads are several [[load]] tables)."
             )
         ((kind, value),) = given.items()
         numbers = value if isinstance(value, list) else [value]
@@ -193,5 +247,13 @@ class LoadTable:
                 check(formula, f"{place}: {kind}")
         cls = LOADS[kind]
         constant = cls.constant if self.constant is None else self.constant
+        if cls is Force:
+            moment: Turn = () if self.moment is None else self.moment
+            return Force(self.on, numbers, moment, self.point or (), self.name, constant)
+        if self.point is not None or self.moment is not None:
+            raise InputError(
+                f"{place}: the {kind} on '{self.on}' has a point or a moment, which go with a force"
+                " on a rigid surface; leave them out."
+            )
         load: Load = cls(self.on, value, self.name, constant)
         return load
