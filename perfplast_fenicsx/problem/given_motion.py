@@ -66,13 +66,15 @@ def given_motion(
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     moves = np.array([move_of(obstacle, gdim) for obstacle in obstacles]).reshape(-1, gdim)
-    of_surface = np.concatenate([np.zeros((num_contacts, gdim)), moves])
-    opened = np.sum(constraints.normal * of_surface[constraints.surface], axis=1)
+    opened = np.zeros(len(constraints.gap))
+    if moves.any():
+        of_surface = np.concatenate([np.zeros((num_contacts, gdim)), moves])
+        opened += np.sum(constraints.normal * of_surface[constraints.surface], axis=1)
     gap = np.stack([constraints.gap, opened])
     moved = [comm.allreduce(bool(part.any()), MPI.LOR) for part in displacement]
     if any(moved):
         u = fem.Function(V)
-        for left, part in zip(gap, displacement, strict=True):
+        for i, part in enumerate(displacement):
             u.x.array[:] = part.ravel()
-            left -= constraints.jumps(u.x.petsc_vec)
+            gap[i] -= constraints.jumps(u.x.petsc_vec)
     return GivenMotion(displacement, gap, moves, any(moved), moved[1] or bool(moves.any()))

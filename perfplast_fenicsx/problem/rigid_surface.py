@@ -17,8 +17,8 @@ Turn = float | Sequence[float]
 class RigidSurface:
     """A surface that a rigid plate is glued to: it moves as that does, by small rotations.
 
-    Without a displacement and a rotation it is free to move, and loaded by :class:`loads.Force`,
-    and by tractions as other surfaces are. With one of them its motion is known, as at a support.
+    Without a displacement and a rotation it is free to move, and loaded by a ``Force``, and by
+    tractions as other surfaces are. With one of them its motion is known, as at a support.
 
     Args:
         on: Physical surface.
