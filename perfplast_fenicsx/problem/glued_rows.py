@@ -35,8 +35,8 @@ def glued_rows(
         ties: What is glued.
         rigid: Surfaces that move as rigid bodies.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
-        displacement: u_D at each local node (length), the constant part and that which ζ multiplies,
-            shape (2, num_nodes, gdim).
+        displacement: u_D at each local node (length), its constant part and that which ζ
+            multiplies, shape (2, num_nodes, gdim).
 
     Returns:
         The rows; and the components of local nodes that supports hold, ties host, or that follow a
