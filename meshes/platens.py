@@ -23,7 +23,7 @@ FINER = 10.0
 def write_platens(
     path: str | Path,
     platen: bool = False,
-    finer: float = FINER,
+    grading: float = FINER,
     size: float = 0.05,
     order: int = 1,
 ) -> None:
@@ -32,7 +32,7 @@ def write_platens(
     Args:
         path: The file to write.
         platen: Whether a platen is glued to the block.
-        finer: How much smaller the elements are at the edge of the block's top.
+        grading: How much smaller the elements are at the edge of the block's top.
         size: Edge length.
         order: Degree of the geometry, 1 or 2.
     """
@@ -51,7 +51,7 @@ def write_platens(
         name_planes(1, {"x0": (0, 0.0), "y0": (1, 0.0), "top": (1, top)})
         _, curves = gmsh.model.getAdjacencies(*block)
         name(1, {"side": [tag for tag in on_plane(1, 0, width) if tag in curves]})
-        generate(2, finer_at((width, height), size / finer, size), order)
+        generate(2, finer_at((width, height), size / grading, size), order)
         # Not write_split, which would take the platen off the block.
         gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
         gmsh.write(str(path))
@@ -61,7 +61,7 @@ def main() -> None:
     """Write the mesh that the command line asks for."""
     parser = mesh_parser(write_platens, "Mesh a quarter of a block between platens.")
     parser.add_argument("--platen", action="store_true", help="with a platen glued to the block")
-    parser.add_argument("--finer", type=float, help="how much smaller elements are at the edge")
+    parser.add_argument("--grading", type=float, help="how much smaller elements are at the edge")
     write_from(parser, write_platens)
 
 

@@ -3,11 +3,13 @@
 The ground is (0, width)×(-depth, 0), the footing the part x ≤ 1 of y = 0. Volume ``ground``; curves
 ``x0`` (the symmetry line), ``bottom``, ``side``, ``footing`` and ``free`` (the rest of y = 0). With
 a punch, a second body (0, 1)×(0, 1) on the ground: volumes ``ground`` and ``punch``, its curve
-``top``, ``x0`` of both bodies, and the contact curves ``ground_footing`` and ``punch_footing``.
+``top``, ``x0`` of both bodies, and the contact curves ``ground_footing`` and ``punch_footing``,
+whose nodes match unless the bodies are meshed apart.
 """
 
 from pathlib import Path
 
+from meshes.apart import write_apart
 from meshes.command_line import mesh_parser, write_from
 from meshes.naming import name
 from meshes.shapes import add_polygon
@@ -26,9 +28,10 @@ def write_strip_footing(
     punch: bool = False,
     width: float = WIDTH,
     depth: float = DEPTH,
-    finer: float = FINER,
+    grading: float = FINER,
     size: float = 0.2,
     order: int = 1,
+    finer: float | None = None,
 ) -> None:
     """Mesh the ground and the punch and write a .msh file. On one process.
 
@@ -37,9 +40,10 @@ def write_strip_footing(
         punch: Whether there is a punch on the ground.
         width: Width of the ground, more than 1.
         depth: Depth of the ground.
-        finer: How much smaller the elements are at the footing's edge.
+        grading: How much smaller the elements are at the footing's edge.
         size: Edge length in the region of the slip lines.
         order: Degree of the geometry, 1 or 2.
+        finer: Mesh the punch apart, with so many times as many edges.
     """
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
@@ -66,8 +70,16 @@ def write_strip_footing(
 
         name(2, bodies)
         name(1, curves)
-        generate(2, finer_at((1.0, 0.0), size / finer, size, reach=REACH), order)
-        write_split(path)
+
+        def mesh(body: str = "") -> None:
+            own = size / finer if finer and body == "punch" else size
+            generate(2, finer_at((1.0, 0.0), own / grading, own, reach=REACH), order)
+
+        if finer is None:
+            mesh()
+            write_split(path)
+        else:
+            write_apart(path, mesh)
 
 
 def main() -> None:
@@ -76,7 +88,8 @@ def main() -> None:
     parser.add_argument("--punch", action="store_true", help="with a punch on the ground")
     parser.add_argument("--width", type=float, help="width of the ground")
     parser.add_argument("--depth", type=float, help="depth of the ground")
-    parser.add_argument("--finer", type=float, help="how much smaller elements are at the edge")
+    parser.add_argument("--grading", type=float, help="how much smaller elements are at the edge")
+    parser.add_argument("--finer", type=float, help="mesh the punch apart, so much finer")
     write_from(parser, write_strip_footing)
 
 

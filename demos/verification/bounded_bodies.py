@@ -31,7 +31,7 @@ GROUND = of_shear(1.0)
 STEEL = VonMises(young=210e3, poisson=0.3, yield_stress=250.0)
 HELD_GROUND = [Support("x0", "x"), Support("side"), Support("bottom")]
 SEAM = [Contact("ground_footing", "punch_footing")]
-WIDE = {"width": 5.0, "depth": 4.0, "finer": 1.0, "size": 0.5}
+WIDE = {"width": 5.0, "depth": 4.0, "grading": 1.0, "size": 0.5}
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ PUNCH = replace(
 PLATENS = Case(
     name="rough platens",
     write=write_platens,
-    arguments={"platen": True, "finer": 1.0, "size": 0.25},
+    arguments={"platen": True, "grading": 1.0, "size": 0.25},
     materials={"block": GROUND, "platen": Elastic(1e6, 0.3)},
     supports=[Support("x0", "x"), Support("y0", "y")],
     loads=[Pressure("top", 1.0)],
@@ -103,7 +103,7 @@ PLATENS = Case(
 NOTCHES = Case(
     name="two notches",
     write=write_cracked_strip,
-    arguments={"width": 10.0, "length": 20.0, "tip": 1.0, "finer": 1.0, "size": 0.5},
+    arguments={"width": 10.0, "length": 20.0, "tip": 1.0, "grading": 1.0, "size": 0.5},
     materials={"strip": GROUND},
     supports=[Support("x0", "x"), Support("inner", "y")],
     loads=[Pressure("top", -1.0)],
@@ -113,7 +113,7 @@ NOTCHES = Case(
 SLIT = replace(
     NOTCHES,
     name="slit",
-    arguments={"width": 2.0, "length": 3.0, "tip": 1.0, "finer": 1.0, "size": 0.25},
+    arguments={"width": 2.0, "length": 3.0, "tip": 1.0, "grading": 1.0, "size": 0.25},
     supports=[Support("x0", "x"), Support("outer", "y")],
     asked=(0.002, 5841),
     exact=1.0,
@@ -121,7 +121,7 @@ SLIT = replace(
 BLOCKS = replace(
     PUNCH,
     name="block on a weaker block",
-    arguments={"punch": True, "width": 2.0, "depth": 1.0, "finer": 1.0, "size": 0.5},
+    arguments={"punch": True, "width": 2.0, "depth": 1.0, "grading": 1.0, "size": 0.5},
     materials={"ground": of_shear(0.6), "punch": GROUND},
     supports=[Support("x0", "x"), Support("top", "x"), Support("bottom")],
     asked=(0.005, 5000),

@@ -8,13 +8,14 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
 from perfplast_fenicsx.limit_analysis.gap_shares import gap_shares
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, from_interior_point
 from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.static_bound import StaticBound, strict_lower_bound
-from perfplast_fenicsx.limit_analysis.strict_work import Bound, Scope, strict_upper_bound
+from perfplast_fenicsx.limit_analysis.strict_work import TURNED, Bound, Scope, strict_upper_bound
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.certificate import contact_forces
@@ -116,8 +117,18 @@ def limit_bounds(
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, a body
             has another law than those of von Mises and Hooke, loads are formulas or pore pressures,
-            or no stress can carry them.
+            no stress can carry them, or the mesh is axisymmetric.
     """
+    if problem.tagged_mesh.axisymmetric:
+        raise InputError(
+            f"{TURNED}; seek the limit load of the mesh with control = 'work' and until = 'limit'."
+        )
+    if problem.given.rigid:
+        raise InputError(
+            f"the surface '{problem.given.rigid[0].on}' is rigid, and of such surfaces resultants"
+            " are known but no tractions, which bounds of the body need; give control = 'work' and"
+            " until = 'limit', for that of the mesh."
+        )
     for load in problem.given.loads:
         uniform(load)
     problem = with_divided_corners(problem)

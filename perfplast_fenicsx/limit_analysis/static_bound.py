@@ -29,7 +29,7 @@ from perfplast_fenicsx.limit_analysis.rebalancing import BALANCED, rebalance
 from perfplast_fenicsx.limit_analysis.static_certificate import StaticCertificate, certify_stress
 from perfplast_fenicsx.limit_analysis.static_program import StaticProgram, static_program
 from perfplast_fenicsx.limit_analysis.stress_cells import mandel_vectors
-from perfplast_fenicsx.limit_analysis.strict_work import Bound, Scope
+from perfplast_fenicsx.limit_analysis.strict_work import TURNED, Bound, Scope
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -110,6 +110,8 @@ def strict_lower_bound(
     """
     check_proportional(problem, rtol)
     conditions = facet_conditions(problem)
+    if problem.tagged_mesh.axisymmetric:
+        return _nothing(conditions, Verdict.STALLED, TURNED)
     if not problem.as_declared:
         return _nothing(conditions, Verdict.STALLED, REPLACED)
     if conditions.prevents is not None:

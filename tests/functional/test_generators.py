@@ -92,6 +92,20 @@ CASES = [
         rel=1e-4,
     ),
     Case(
+        write_thick_tube,
+        {"outer": 2.0, "interface": 1.5, "size": 0.2, "order": 2, "finer": 1.5},
+        {"inner_tube": quarter * (1.5**2 - 1), "outer_tube": quarter * (4 - 1.5**2)},
+        {
+            "inner": (-1, -1),
+            "outer": (2, 2),
+            "x0": (-1, 0),
+            "y0": (0, -1),
+            "inner_tube_seam": (1.5, 1.5),
+            "outer_tube_seam": (-1.5, -1.5),
+        },
+        rel=1e-4,
+    ),
+    Case(
         write_thick_sphere,
         {"size": 0.4},
         {"shell": pi / 6 * 7},
@@ -148,6 +162,20 @@ CASES = [
             "punch_footing": (0, -1),
         },
         [("ground_footing", "punch_footing")],
+    ),
+    Case(
+        write_strip_footing,
+        {"punch": True, "size": 0.5, "finer": 1.5},
+        {"ground": WIDTH * DEPTH, "punch": 1},
+        {
+            "x0": (-DEPTH - 1, 0),
+            "bottom": (0, -WIDTH),
+            "side": (DEPTH, 0),
+            "free": (0, WIDTH - 1),
+            "top": (0, 1),
+            "ground_footing": (0, 1),
+            "punch_footing": (0, -1),
+        },
     ),
     Case(
         write_contact_patch,
@@ -296,6 +324,21 @@ CASES = [
         },
         rel=3e-2,
         gdim=3,
+    ),
+    Case(
+        write_hertz_line,
+        {"contact_size": 0.05, "bodies": 2, "order": 2, "finer": 1.5},
+        {"lower": quarter, "upper": quarter},
+        {
+            "x0": (-2, 0),
+            "top": (0, 1),
+            "bottom": (0, -1),
+            "upper_arc": (arc_height, -ARC),
+            "upper_free": (1 - arc_height, ARC - 1),
+            "lower_arc": (arc_height, ARC),
+            "lower_free": (1 - arc_height, 1 - ARC),
+        },
+        rel=1e-5,
     ),
     Case(
         write_hertz_sphere,
