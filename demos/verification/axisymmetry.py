@@ -91,7 +91,7 @@ def spheres(folder: ResultFolder, coarse: bool) -> list[Row]:
     rows = []
     for case, interface in (("sphere's section", None), ("sphere's section, divided", INTERFACE)):
         limits = []
-        for size in (0.3, 0.15) if coarse else (0.3, 0.15, 0.075):
+        for size in (0.3,) if coarse else (0.3, 0.15, 0.075):
             tagged_mesh = mesh(
                 folder, write_thick_tube, outer=OUTER, interface=interface, size=size, order=2
             )
@@ -121,7 +121,7 @@ def tubes(folder: ResultFolder, coarse: bool) -> list[Row]:
     """Limit loads of a tube between smooth planes. Collective."""
     rows = []
     for degree in (1, 2):
-        for size in (0.2, 0.1) if coarse else (0.2, 0.1, 0.05):
+        for size in (0.2,) if coarse else (0.2, 0.1, 0.05):
             tagged_mesh = mesh(folder, write_ring, outer=OUTER, height=0.4, size=size).turned()
             supports = [Support("bottom", "y"), Support("top", "y")]
             problem = Problem(tagged_mesh, {"ring": MATERIAL}, supports, LOADS, degree=degree)
@@ -143,7 +143,7 @@ def footings(folder: ResultFolder, coarse: bool) -> list[Row]:
     for punch in (False, True):
         loads = [Pressure("top" if punch else "footing", soil.yield_stress)]
         name = "punch" if punch else "pressure"
-        for size in (0.4, 0.2) if coarse else (0.4, 0.2, 0.1):
+        for size in (0.4,) if coarse else (0.4, 0.2, 0.1):
             tagged_mesh = mesh(folder, write_strip_footing, size=size, punch=punch).turned()
             problem = Problem(
                 tagged_mesh,
@@ -159,8 +159,7 @@ def footings(folder: ResultFolder, coarse: bool) -> list[Row]:
     pictures = subfolder(folder, "footing")
     scene = Scene("Circular footing, smooth", loads, contacts, axisymmetric=True)
     found.write(pictures, scene)
-    if not coarse:
-        draw(pictures)
+    draw(pictures)
     return rows
 
 
