@@ -72,7 +72,11 @@ def own_basis(gdim: int, count: int) -> Floats:
 
 
 def integrate(
-    hosts: Facets, guests: Facets, reach: float, around: Callable[[Floats], Floats]
+    hosts: Facets,
+    guests: Facets,
+    reach: float,
+    around: Callable[[Floats], Floats],
+    behind: float | None = None,
 ) -> Integrals:
     """Integrate over the overlap of facets. Not collective.
 
@@ -82,9 +86,10 @@ def integrate(
         reach: Largest distance (length).
         around: What points of the host stand for out of the mesh's plane
             (:meth:`kinematics.Kinematics.around`).
+        behind: Largest overlap (length); None for the same.
     """
     host, guest = pieces_of(hosts), pieces_of(guests)
-    first, second = candidates(host, guest, reach)
+    first, second = candidates(host, guest, reach, reach if behind is None else behind)
     count, each = hosts["node"].shape
     mass, d, covered = np.zeros((count, each, each)), np.zeros((count, each)), np.zeros(count)
     keys, products, on_guest = [], [], 0.0

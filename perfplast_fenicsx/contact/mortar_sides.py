@@ -8,18 +8,13 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx.arrays import PairFlags
-from perfplast_fenicsx.contact.facet_pairing import rendezvous
+from perfplast_fenicsx.contact.facing_facets import facing_facets
 from perfplast_fenicsx.contact.mortar_gap import Distances, distances
-from perfplast_fenicsx.contact.mortar_integrals import integrate
 from perfplast_fenicsx.contact.mortar_rows import MortarRows, mortar_rows
 from perfplast_fenicsx.contact.surface_facets import Facets, pieces_of
 from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes, check_outside, extent
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.kinematics import Kinematics
-
-REACH = 0.1
-"""Surfaces are looked for opposite each other in distances of this share of their size, and of
-ever larger ones if nothing is found."""
 
 WHOLE = 0.99
 """A surface counts as covered from this share on."""
@@ -78,6 +73,7 @@ def choose_side(
     hosts: str | None,
     able: Able,
     kinematics: Kinematics,
+    onward: bool,
 ) -> Side:
     """Say which surface's nodes are the hosts, and make their rows. Collective.
 
@@ -88,6 +84,7 @@ def choose_side(
         hosts: "primary" or "secondary" if it is given.
         able: Says which nodes may be hosts.
         kinematics: Of the mesh.
+        onward: See :func:`facing_facets.facing_facets`.
 
     Raises:
         InputError: Surfaces that are nowhere opposite each other, and hosts that supports hold.
@@ -100,7 +97,7 @@ def choose_side(
 
     def side(host: int) -> Side:
         areas = (measures[host][0], measures[1 - host][0])
-        return _side(comm, surfaces[host], surfaces[1 - host], areas, able, kinematics)
+        return _side(comm, surfaces[host], surfaces[1 - host], areas, able, kinematics, onward)
 
     chosen = side(first)
     if not chosen.covered[0]:
@@ -129,18 +126,15 @@ def _side(
     areas: tuple[float, float],
     able: Able,
     kinematics: Kinematics,
+    onward: bool,
 ) -> Side:
     """The rows if one surface's nodes are the hosts. Collective."""
     corners = np.concatenate([surface.nodes["x"] for surface in (host, guest)])
-    size = extent(comm, corners)
-    reach = REACH * size
-    while True:
-        here, there = rendezvous(comm, host.facets, guest.facets, reach)
-        found = integrate(here, there, reach, kinematics.around)
-        covered = comm.allreduce(np.array([found.covered.sum(), found.on_guest]))
-        if covered[0] > 0 or reach > size:
-            break
-        reach *= 2
+    facing = facing_facets(
+        comm, host.facets, guest.facets, extent(comm, corners), kinematics.around, onward
+    )
+    here, there, found = facing.hosts, facing.guests, facing.found
+    covered = comm.allreduce(np.array([found.covered.sum(), found.on_guest]))
     return Side(
         host,
         guest,

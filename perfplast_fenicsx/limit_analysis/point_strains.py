@@ -109,3 +109,11 @@ def yield_radii(problem: Problem) -> Floats:
     radii = np.full(len(values), np.inf)
     np.divide(1.0, values, out=radii, where=values > 0)
     return radii
+
+
+def radii_of_cells(problem: Problem) -> Floats:
+    """γ of each cell that this rank owns, the least of its points. Collective."""
+    topology = problem.tagged_mesh.mesh.topology
+    owned = topology.index_map(topology.dim).size_local
+    radii: Floats = yield_radii(problem)[problem.Q.dofmap.list[:owned]].min(axis=1)
+    return radii

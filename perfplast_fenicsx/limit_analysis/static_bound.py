@@ -9,7 +9,7 @@ yield set in the end, so that its load is a bound whatever the method has reache
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 
@@ -43,6 +43,11 @@ MOST_CORRECTIONS = 4
 CORNERS = (
     "no stress that is linear in the cells can carry the loads: where loaded, free and supported"
     " surfaces meet in a corner, one cell alone would have to; divide it, or refine the mesh there"
+)
+
+COARSE = (
+    "no stress that is linear in the cells can carry the loads and press wherever bodies touch;"
+    " refine the mesh"
 )
 
 REPLACED = "loads were put in the place of those that the problem was declared with"
@@ -125,13 +130,16 @@ def strict_lower_bound(
             program.choose_units()
         except SingularStiffness as failure:
             return _nothing(conditions, Verdict.STALLED, str(failure))
+        none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
         if not static.can_carry():
-            none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
             return _nothing(conditions, Verdict.NO_RESISTANCE, CORNERS, none)
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
         steps: list[InteriorStep] = []
         verdict, reason = iterate(iteration, rtol, steps, monitor)
+        if verdict is Verdict.NO_RESISTANCE:
+            found = _nothing(conditions, verdict, COARSE, none)
+            return replace(found, steps=steps, factorisations=program.stiffness.factorisations)
         return _result(static, iteration, conditions, why_not, verdict, reason, steps)
 
 

@@ -24,17 +24,20 @@ class Resultants:
     Attributes:
         forces: One number a direction (force; in plane strain for each unit of depth; in
             axisymmetry of the full turn, the radial one being what pushes outwards all around, and
-            no resultant of vectors), of ``loads``,
-            ``support NAME``, ``obstacle NAME`` and ``contact PRIMARY SECONDARY``: that on the
-            primary surface's body, and none on both together. What two supports hold alike is told
-            of the first one.
+            no resultant of vectors), of ``loads``, ``support NAME``, ``rigid surface NAME`` if that
+            is moved, ``obstacle NAME`` and ``contact PRIMARY SECONDARY``: that on the primary
+            surface's body, and none on both together. What two supports hold alike is told of the
+            first one.
         balance: Sum of the forces on the bodies, or moment about the middle of the bodies over
             their size, whichever is larger, relative to the sum of all nodal forces. In
             axisymmetry it is that of the axial forces.
+        driving: Work that supports and obstacles do on the bodies for a growth of ζ by 1: the force
+            along what moves, times how far it moves for ζ = 1.
     """
 
     forces: Mapping[str, list[float]]
     balance: float
+    driving: float
 
 
 def resultants(
@@ -66,7 +69,7 @@ def resultants(
     held_by = problem.held_by[: len(reaction)]
     reaction[held_by < 0] = 0
 
-    names = [f"support {name}" for name in problem.support_names]
+    names = list(problem.support_names)
     names += [f"contact {a.primary} {a.secondary}" for a in problem.given.contacts]
     names += [f"obstacle {obstacle.on}" for obstacle in problem.given.obstacles]
     supports, sums = len(problem.support_names), np.zeros((len(names) + 1, gdim))
@@ -88,8 +91,12 @@ def resultants(
     total = comm.allreduce(sum(float(np.linalg.norm(part, axis=1).sum()) for part in parts))
     total = max(total, least)
     missing = _missing(problem, np.sum(outer, axis=0), external + pushed + reaction)
+    rate = problem.motion.displacement[1][: len(reaction)]
+    driving = comm.allreduce(float(np.sum(reaction * rate)))
+    behind = supports + len(problem.given.contacts)
+    driving += float(np.sum(sums[behind:-1] * problem.motion.obstacles))
     told = {name: [float(number) for number in force] for name, force in forces.items()}
-    return Resultants(told, missing / total if total > 0 else 0.0)
+    return Resultants(told, missing / total if total > 0 else 0.0, driving)
 
 
 def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.Vec) -> None:

@@ -12,11 +12,18 @@ from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.mesh.kinematics import divergence
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.loads import LOADS, BodyForce, Formula, Load, PorePressure, Pressure
+from perfplast_fenicsx.problem.loads import (
+    LOADS,
+    BodyForce,
+    Formula,
+    Load,
+    PorePressure,
+    Pressure,
+)
 
 
 def work_form(tagged_mesh: TaggedMesh, loads: Sequence[Load], v: ufl.Argument) -> ufl.Form:
-    """The linear form L(v) of some loads, at least one. Collective.
+    """The linear form L(v) of some loads but forces on rigid surfaces, at least one. Collective.
 
     Raises:
         InputError: An unknown name, a value that is not finite, or a formula that is none.

@@ -91,5 +91,5 @@ def test_random_pairs_of_surfaces(seed: int) -> None:
         np.add.at(weights, found.host, found.M.sum(axis=2))
         assert weights == pytest.approx(found.d, abs=1e-12)
         assert (found.d <= found.full * (1 + 1e-9)).all()
-    first, second = candidates(pieces_of(host), pieces_of(guest), 0.3)
+    first, second = candidates(pieces_of(host), pieces_of(guest), 0.3, 0.3)
     assert len(first) == len(second)

@@ -57,6 +57,7 @@ class Scene:
         obstacles: Rigid ones.
         units: For legends.
         axisymmetric: Whether the mesh is half a section of bodies of revolution.
+        driven: Whether ζ moves supports and obstacles, and no load grows.
     """
 
     title: str
@@ -65,6 +66,7 @@ class Scene:
     obstacles: Sequence[Obstacle] = ()
     units: Units = Units()
     axisymmetric: bool = False
+    driven: bool = False
 
     def unit_of_work(self, gdim: int) -> str:
         """What stands in brackets behind a work on a mesh of this dimension; or nothing."""
@@ -128,6 +130,7 @@ class _Document:
     obstacles: list[Table]
     units: Table
     axisymmetric: bool = False
+    driven: bool = False
 
 
 def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
@@ -157,5 +160,6 @@ def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
             chosen(top.obstacles, "shape", OBSTACLES),
             convert(top.units, Units, place),
             top.axisymmetric,
+            top.driven,
         )
     return NamedScene(scene, top.volumes, top.surfaces)
