@@ -19,6 +19,7 @@ CASES = (
     "corner_seat",
     "thick_sphere",
     "thick_tube",
+    "axisymmetry",
     "strip_footing",
     "platens",
     "cracked_strips",
