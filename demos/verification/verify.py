@@ -29,6 +29,7 @@ CASES = (
     "meshed_apart",
     "towers",
     "body_bounds",
+    "bound_costs",
 )
 
 
