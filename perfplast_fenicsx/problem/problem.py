@@ -22,10 +22,12 @@ from perfplast_fenicsx.arrays import Ints, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints, stacked
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.formulations import find_constraints
+from perfplast_fenicsx.contact.friction import Friction
 from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
 from perfplast_fenicsx.contact.loose_bodies import loose_motions
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.contact.rigid_motions import RigidMotions
+from perfplast_fenicsx.contact.tangential_rows import tangential_rows
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.contact.tied_rows import tied_rows
 from perfplast_fenicsx.errors import InputError
@@ -79,6 +81,8 @@ class Problem:
         has_gaps: Whether any pair is open at first.
         interferes: Whether any gap is negative.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
+        sliding: The rows of friction, jumps along the surfaces.
+        friction: What resists them.
         first_active: Pairs that an active set begins with, so that no body is free to move.
         basis: Basis in which contact is a bound: what u_D closes of a gap is taken from it.
         loads: L₀ and L₁.
@@ -214,7 +218,8 @@ class Problem:
     @cached_property
     def glued_basis(self) -> JumpBasis:
         """A basis whose last unknowns on each rank are the jumps of ties. Collective at first."""
-        return make_basis(self.V, stacked(self.V, [self.constraints, self.ties]), self.fixed)
+        rows = stacked(self.V, [self.constraints, self.sliding, self.ties])
+        return make_basis(self.V, rows, self.fixed)
 
     @phase("contact set-up")
     def _ties(self, ties: Sequence[Tie]) -> npt.NDArray[np.bool_]:
@@ -249,14 +254,22 @@ class Problem:
         self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
         self.interferes: bool = self.comm.allreduce(bool((self.constraints.gap < 0).any()), MPI.LOR)
-        motions = RigidMotions(V, self.bodies, fixed, self.constraints, self.ties)
+        self._check_rubbing(contacts, obstacles)
+        rubbing = [*contacts, *obstacles]
+        self.sliding, friction = tangential_rows(V, self.constraints, rubbing, taken)
+        held = stacked(V, [self.sliding, self.ties])
+        motions = RigidMotions(V, self.bodies, fixed, self.constraints, held)
         motions.check()
-        rows = stacked(V, [self.constraints, self.ties]) if self.num_tied else self.constraints
+        others = self.num_tied or friction.count
+        rows = stacked(V, [self.constraints, held]) if others else self.constraints
         for loose in loose_motions(V, self.bodies, fixed, rows):
             if self.comm.rank == 0:
                 log.warning("%s", loose)
         self.first_active: PairFlags = motions.first_active()
-        self.basis: JumpBasis = make_basis(V, rows, fixed, len(self.ties.host))
+        counts = (len(self.ties.host), len(self.sliding.host))
+        self.basis: JumpBasis = make_basis(V, rows, fixed, *counts)
+        number, sliding = friction.index, np.append(self.basis.sliding, np.int32(-1))
+        self.friction: Friction = replace(friction, index=sliding[number])
         if self.moves_supports:
             known = (self.constraints, fixed, self.prescribed)
             check_moved_surfaces(V, tagged_mesh, sorted(touching), *known)
@@ -264,6 +277,23 @@ class Problem:
             u.x.array[:] = self.prescribed.ravel()
             closed = self.constraints.jumps(u.x.petsc_vec)
             self.basis = replace(self.basis, gap=self.basis.gap - closed)
+
+    def _check_rubbing(self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
+        """Refuse friction on surfaces that are glued, or where supports move."""
+        rubs = {name for a in contacts if a.rubs for name in (a.primary, a.secondary)}
+        rubs |= {obstacle.on for obstacle in obstacles if obstacle.rubs}
+        glued = {name for tie in self.given.ties for name in (tie.primary, tie.secondary)}
+        both = sorted(rubs & glued)
+        if both:
+            raise InputError(
+                f"'{both[0]}' has friction and is tied, so that it can never slip; leave out the"
+                " friction or the tie."
+            )
+        if rubs and self.moves_supports:
+            raise InputError(
+                "friction and supports that move do not go together; leave the values of the"
+                " supports or the friction out."
+            )
 
     def _loads(self, loads: Sequence[Load]) -> LoadCase:
         if not loads:

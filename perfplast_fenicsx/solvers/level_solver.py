@@ -15,6 +15,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
+from perfplast_fenicsx.solvers.active_set.friction_qp import FrictionProgram
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor
@@ -122,6 +123,7 @@ class LevelSolver(Stepper, ABC):
         linear: The linear solver and its counts.
         iterate: u and its fields.
         program: Solver of the contact quadratic programs.
+        friction: Solver of those with friction; None where there is none.
     """
 
     method: ClassVar[str]
@@ -143,6 +145,10 @@ class LevelSolver(Stepper, ABC):
         self.program: ContactProgram = (
             lender.program if lender else ContactProgram(problem, self.linear)
         )
+        self.friction: FrictionProgram | None = None
+        if problem.friction.count:
+            shared = lender.friction if lender else None
+            self.friction = shared or FrictionProgram(problem, self.program)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.problem!r})"
