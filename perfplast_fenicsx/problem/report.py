@@ -79,6 +79,9 @@ class LevelReport:
         seconds: Wall time of the level.
         reactions: Forces on the bodies (:class:`resultants.Resultants`), one number a direction.
         balance: Their sum or moment, relative to all nodal forces.
+        slipping: Places with friction that slip.
+        friction_dissipation: What slip has dissipated, Σ c × slip (energy).
+        friction_excess: Largest force of friction beyond c, relative to the largest c, at least 0.
     """
 
     zeta: float
@@ -104,6 +107,9 @@ class LevelReport:
     seconds: float
     reactions: Mapping[str, Sequence[float]] = field(default_factory=dict)
     balance: float = 0.0
+    slipping: int = 0
+    friction_dissipation: float = 0.0
+    friction_excess: float = 0.0
 
     def __repr__(self) -> str:
         return f"LevelReport({self.summary()})"

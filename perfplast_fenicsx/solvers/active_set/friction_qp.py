@@ -105,7 +105,7 @@ class FrictionProgram:
             after = jumps + friction.jumps(step.delta)
             forces = forces_of(slip, friction.bound, after)
             forces[self._there(slip)] = step.held_forces
-            following = judge(friction.bound, k, forces, after)
+            following = judge(slip, friction.bound, k, forces, after)
             off = distance(friction.bound, k, forces, after)
             largest = np.where(np.isfinite(friction.bound), friction.bound, 0.0)
             worst = comm.allreduce(np.array([off.max(initial=0), largest.max(initial=0)]), MPI.MAX)

@@ -46,10 +46,14 @@ def stuck(shape: tuple[int, ...]) -> Slip:
     return Slip(np.ones(shape[0], dtype=np.bool_), np.zeros(shape), np.zeros(shape[0]))
 
 
-def judge(bound: Floats, stiffness: Floats, forces: Floats, jumps: Floats) -> Slip:
-    """Linearise at forces and jumps.
+def judge(slip: Slip, bound: Floats, stiffness: Floats, forces: Floats, jumps: Floats) -> Slip:
+    """Linearise at forces and jumps, which the last linearisation has led to.
+
+    What slips the wrong way sticks first: were it to slip the other way at once, a body that slips
+    everywhere would be thrown back and forth.
 
     Args:
+        slip: The last linearisation.
         bound: c, shape (num_places,).
         stiffness: k > 0, shape (num_places,).
         forces: μ, shape (num_places, gdim − 1).
@@ -57,7 +61,8 @@ def judge(bound: Floats, stiffness: Floats, forces: Floats, jumps: Floats) -> Sl
     """
     z = forces + stiffness[:, None] * jumps
     sizes = norms(z)
-    sticks = (sizes <= bound) & (bound > 0)
+    turned = ~slip.sticks & (np.einsum("ni,ni->n", slip.along, jumps) <= 0)
+    sticks = ((sizes <= bound) | turned) & (bound > 0)
     slips = ~sticks & (sizes > 0)
     along = np.zeros_like(z)
     np.divide(z, sizes[:, None], out=along, where=slips[:, None])
