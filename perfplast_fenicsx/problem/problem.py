@@ -195,6 +195,10 @@ class Problem:
         at_rest = not (self.moves_supports or self.interferes or strained)
         return at_rest and self.loads.is_proportional()
 
+    def is_elastic_at_first(self) -> bool:
+        """Whether the bodies begin with multiples of one state, but for gaps. Collective."""
+        return self.is_proportional() and not self.friction.count
+
     def create_vector(self) -> PETSc.Vec:
         """A vector of zeros with an entry for each displacement unknown. Collective."""
         vector = self.loads.live.duplicate()

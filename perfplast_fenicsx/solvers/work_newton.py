@@ -134,11 +134,11 @@ class WorkNewton(LevelSolver):
             InputError: If something besides ζ loads the bodies.
             LinearFailure: If the elastic problem cannot be solved.
         """
-        if not self.problem.is_proportional():
+        if not self.problem.is_elastic_at_first():
             raise InputError(
-                "supports move, loads are constant or bodies are strained at first, so that the"
-                " first yield is no multiple of an elastic state; leave out what does not grow with"
-                " the load factor."
+                "surfaces rub, supports move, loads are constant or bodies are strained at first, so"
+                " that the first yield is no multiple of an elastic state; leave out what does not"
+                " grow with the load factor."
             )
         iterate = self.iterate
         closed = np.zeros_like(self.problem.basis.gap)
