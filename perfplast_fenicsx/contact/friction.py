@@ -4,7 +4,7 @@ In the jump basis the tangential jumps s of a row with friction are unknowns, be
 Friction adds Σ c‖s‖ to the energy, with c a force; its forces μ are in the balls ‖μ‖ ≤ c.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from petsc4py import PETSc
 
@@ -43,6 +43,13 @@ class Friction:
     bound: Floats
     count: int
     follows_pressure: bool
+
+    def __repr__(self) -> str:
+        return f"Friction({self.count} places)"
+
+    def at(self, unknowns: Ints) -> "Friction":
+        """The same with the local unknowns of rows in place of the numbers of rows."""
+        return replace(self, index=np.append(unknowns, np.int32(-1))[self.index])
 
     def jumps(self, y: PETSc.Vec) -> Floats:
         """Tangential jumps (length) in a vector of the jump basis, shape of ``index``."""

@@ -121,6 +121,7 @@ class Mortar:
 
 def _held_everywhere(comm: MPI.Intracomm, surfaces: Sequence[Surface]) -> npt.NDArray[np.bool_]:
     """Components that supports hold at every node, shape (gdim,). Collective."""
-    free = [surface.nodes["free"].any(axis=0) for surface in surfaces]
-    held: npt.NDArray[np.bool_] = ~comm.allreduce(np.logical_or(*free), MPI.LOR)
+    free = np.concatenate([surface.nodes["free"] for surface in surfaces]).any(axis=0)
+    comm.Allreduce(MPI.IN_PLACE, free, MPI.LOR)
+    held: npt.NDArray[np.bool_] = ~free
     return held

@@ -165,7 +165,7 @@ def surface_facets(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) 
     corners = of_facets(geometry_dofmap(mesh), cmap.create_dof_layout())
     x = mesh.geometry.x[corners][:, :, :gdim].astype(np.float64)
     degree = V.element.basix_element.degree
-    normals = _crossed(_lagrange(tdim - 1, cmap.degree), x, _lagrange(tdim - 1, degree).points)
+    normals = _crossed(_lagrange(tdim - 1, cmap.degree), x, _nodes(tdim - 1, degree))
     centre = mesh.geometry.x[geometry_dofmap(mesh)[cells, : tdim + 1]].mean(axis=1)[:, :gdim]
     outward = np.einsum("fi,fi->f", normals.mean(axis=1), x[:, :tdim].mean(axis=1) - centre) > 0
     normals[~outward] *= -1
@@ -196,10 +196,15 @@ def _crossed(geometry: basix.finite_element.FiniteElement, x: Floats, points: Fl
 def _weights(dim: int, degree: int, geometry: int, x: Floats) -> Floats:
     """∫N of each node of facets, shape (n, nodes of a facet)."""
     element = _lagrange(dim, degree)
-    points, weights = basix.make_quadrature(element.cell_type, degree + 2 * geometry)
+    rule = basix.make_quadrature(element.cell_type, degree + 2 * geometry)
+    points, weights = (np.asarray(part, dtype=np.float64) for part in rule)
     N = np.asarray(element.tabulate(0, points))[0, :, :, 0]
     lengths = np.linalg.norm(_crossed(_lagrange(dim, geometry), x, points), axis=2)
     return np.asarray(np.einsum("q,fq,qk->fk", weights, lengths, N), dtype=np.float64)
+
+
+def _nodes(dim: int, degree: int) -> Floats:
+    return np.asarray(_lagrange(dim, degree).points, dtype=np.float64)
 
 
 def _lagrange(dim: int, degree: int) -> basix.finite_element.FiniteElement:

@@ -18,6 +18,7 @@ from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.friction import Friction
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.contact.sparse_rows import entries_of, matrix_of_entries
+from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError
 
 NOTHING = 1e-9
@@ -26,6 +27,32 @@ tetrahedra, on which a constant shear stress exerts no force."""
 
 NORMAL = 0.5
 """Eigenvalues of directions in the surface are 1, of others 0."""
+
+
+def check_rubbing(
+    contacts: Sequence[Contact],
+    obstacles: Sequence[Obstacle],
+    ties: Sequence[Tie],
+    supports_move: bool,
+) -> None:
+    """Refuse friction on surfaces that are glued, or where supports move.
+
+    Raises:
+        InputError: If there is any.
+    """
+    rubs = {name for a in contacts if a.rubs for name in (a.primary, a.secondary)}
+    rubs |= {obstacle.on for obstacle in obstacles if obstacle.rubs}
+    both = sorted(rubs & {name for tie in ties for name in (tie.primary, tie.secondary)})
+    if both:
+        raise InputError(
+            f"'{both[0]}' has friction and is tied, so that it can never slip; leave out the"
+            " friction or the tie."
+        )
+    if rubs and supports_move:
+        raise InputError(
+            "friction and supports that move do not go together; leave the values of the supports"
+            " or the friction out."
+        )
 
 
 def tangential_rows(

@@ -41,6 +41,9 @@ STIFF = (1e4, 1e2)
 """What flows less than the mean is at most so many times more viscous; the next one where rounding
 spoils a flow."""
 
+TINY = 1e-300
+"""What nothing is divided by less of."""
+
 MOST_HOLDS = 4
 """So many times pairs that a mechanism would close are held as well."""
 
@@ -177,8 +180,7 @@ class KinematicBound:
         flow.viscosity.x.array[: self._count] = viscosity
         if self._friction.count:
             rates = norms(flow.slips())
-            usual_rate = self._mean(rates)
-            least = max(usual_rate, np.finfo(np.float64).tiny) / stiff
+            least = max(self._mean(rates), TINY) / stiff
             flow.drag = self._friction.bound / np.maximum(rates, least)
 
     def _values(self, expression: LawExpression) -> Floats:

@@ -100,3 +100,10 @@ def check_moved_surfaces(
                 " others that cannot give way; leave these nodes out of the contact surface."
             )
     raise_together(tagged_mesh.mesh.comm, message)
+
+
+def closed_gaps(V: fem.FunctionSpace, constraints: Constraints, prescribed: Floats) -> Floats:
+    """What u_D closes of the gap of each pair hosted here (length). Collective."""
+    u = fem.Function(V)
+    u.x.array[:] = prescribed.ravel()
+    return constraints.jumps(u.x.petsc_vec)

@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
-from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Ints, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints, stacked
@@ -27,7 +26,7 @@ from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
 from perfplast_fenicsx.contact.loose_bodies import loose_motions
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.contact.rigid_motions import RigidMotions
-from perfplast_fenicsx.contact.tangential_rows import tangential_rows
+from perfplast_fenicsx.contact.tangential_rows import check_rubbing, tangential_rows
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.contact.tied_rows import tied_rows
 from perfplast_fenicsx.errors import InputError
@@ -42,11 +41,12 @@ from perfplast_fenicsx.problem.load_case import LoadCase
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed_displacement import (
     check_moved_surfaces,
+    closed_gaps,
     known_displacements,
 )
 from perfplast_fenicsx.problem.spaces import make_spaces, space_at_points
 from perfplast_fenicsx.problem.supports import Support
-from perfplast_fenicsx.problem.work_form import work_form
+from perfplast_fenicsx.problem.work_form import work_vector
 from perfplast_fenicsx.profiling import phase
 
 log = logging.getLogger(__name__)
@@ -81,8 +81,7 @@ class Problem:
         has_gaps: Whether any pair is open at first.
         interferes: Whether any gap is negative.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
-        sliding: The rows of friction, jumps along the surfaces.
-        friction: What resists them.
+        sliding, friction: The rows of jumps along surfaces that rub, and what resists these.
         first_active: Pairs that an active set begins with, so that no body is free to move.
         basis: Basis in which contact is a bound: what u_D closes of a gap is taken from it.
         loads: L₀ and L₁.
@@ -258,8 +257,8 @@ class Problem:
         self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
         self.interferes: bool = self.comm.allreduce(bool((self.constraints.gap < 0).any()), MPI.LOR)
-        self._check_rubbing(contacts, obstacles)
-        rubbing = [*contacts, *obstacles]
+        check_rubbing(contacts, obstacles, self.given.ties, self.moves_supports)
+        rubbing = (*contacts, *obstacles)
         self.sliding, friction = tangential_rows(V, self.constraints, rubbing, taken)
         held = stacked(V, [self.sliding, self.ties])
         motions = RigidMotions(V, self.bodies, fixed, self.constraints, held)
@@ -272,32 +271,12 @@ class Problem:
         self.first_active: PairFlags = motions.first_active()
         counts = (len(self.ties.host), len(self.sliding.host))
         self.basis: JumpBasis = make_basis(V, rows, fixed, *counts)
-        number, sliding = friction.index, np.append(self.basis.sliding, np.int32(-1))
-        self.friction: Friction = replace(friction, index=sliding[number])
+        self.friction: Friction = friction.at(self.basis.sliding)
         if self.moves_supports:
             known = (self.constraints, fixed, self.prescribed)
             check_moved_surfaces(V, tagged_mesh, sorted(touching), *known)
-            u = fem.Function(V)
-            u.x.array[:] = self.prescribed.ravel()
-            closed = self.constraints.jumps(u.x.petsc_vec)
+            closed = closed_gaps(V, self.constraints, self.prescribed)
             self.basis = replace(self.basis, gap=self.basis.gap - closed)
-
-    def _check_rubbing(self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
-        """Refuse friction on surfaces that are glued, or where supports move."""
-        rubs = {name for a in contacts if a.rubs for name in (a.primary, a.secondary)}
-        rubs |= {obstacle.on for obstacle in obstacles if obstacle.rubs}
-        glued = {name for tie in self.given.ties for name in (tie.primary, tie.secondary)}
-        both = sorted(rubs & glued)
-        if both:
-            raise InputError(
-                f"'{both[0]}' has friction and is tied, so that it can never slip; leave out the"
-                " friction or the tie."
-            )
-        if rubs and self.moves_supports:
-            raise InputError(
-                "friction and supports that move do not go together; leave the values of the"
-                " supports or the friction out."
-            )
 
     def _loads(self, loads: Sequence[Load]) -> LoadCase:
         if not loads:
@@ -306,7 +285,8 @@ class Problem:
             )
         growing = [load for load in loads if not load.constant]
         constant = [load for load in loads if load.constant]
-        parts = [self._work(part) if part else None for part in (constant, growing)]
+        declared = (self.tagged_mesh, self.V)
+        parts = [work_vector(*declared, part) if part else None for part in (constant, growing)]
         none = next(part for part in parts if part is not None).duplicate()
         none.set(0)
         dead, live = (none if part is None else part for part in parts)
@@ -317,11 +297,3 @@ class Problem:
                 " give a load that is not zero on a surface that is free to move."
             )
         return case
-
-    def _work(self, loads: Sequence[Load]) -> PETSc.Vec:
-        """L(v) of some loads as a vector, at supported unknowns too."""
-        work = fem_petsc.assemble_vector(
-            fem.form(work_form(self.tagged_mesh, loads, ufl.TestFunction(self.V)))
-        )
-        work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        return work

@@ -2,9 +2,12 @@
 
 from collections.abc import Sequence
 
+from petsc4py import PETSc
+
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
+from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.errors import InputError, raise_together
@@ -86,3 +89,10 @@ def _kind(load: Load) -> str:
     """What messages call a load."""
     kind = next(kind for kind, cls in LOADS.items() if isinstance(load, cls)).replace("_", " ")
     return f"{kind} '{load.name}'" if load.name else kind
+
+
+def work_vector(tagged_mesh: TaggedMesh, V: fem.FunctionSpace, loads: Sequence[Load]) -> PETSc.Vec:
+    """L(v) of some loads as a vector, at supported unknowns too. Collective."""
+    work = fem_petsc.assemble_vector(fem.form(work_form(tagged_mesh, loads, ufl.TestFunction(V))))
+    work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    return work

@@ -96,7 +96,7 @@ class Iterate:
         return problem.first_active.copy() if start is None else start.active.copy()
 
     def _stick(self) -> None:
-        """Take tangential jumps that are rounding as none, and let the others slip on. Collective."""
+        """Let places slip on that do so, by more than rounding. Collective."""
         friction, comm = self.problem.friction, self.problem.comm
         jumps, largest = self.jumps(), float(self.y.norm(PETSc.NormType.NORM_INFINITY))
         sizes = norms(jumps)
@@ -151,8 +151,7 @@ class Iterate:
         return self.problem.comm.allreduce(friction.energy(change)) if friction.count else 0.0
 
     def gradient(self, zeta: float) -> PETSc.Vec:
-        """⟨Σ(ε(u)), ε(·)⟩ − L₀ − ζL₁ in jump unknowns, without friction; valid until the next call.
-        """
+        """⟨Σ(ε(u)), ε(·)⟩ − L₀ − ζL₁ in jump unknowns, friction apart; until the next call."""
         self.fields.assemble_force().copy(self._gradient_u)
         self.problem.loads.subtract_from(self._gradient_u, zeta)
         self.problem.basis.T.multTranspose(self._gradient_u, self._gradient_y)
@@ -222,7 +221,7 @@ class Iterate:
             return False
         here = self.total_work(zeta)
         direction.beta.value = (max(abs(work), 10 * abs(here)) - here) / along
-        return direction.slope() + self._rubbing(direction.beta.value.item()) < along
+        return direction.slope() + self._rubbing(float(direction.beta.value)) < along
 
     def take_step(self, beta: float, stopping: str, zeta: float = 0.0) -> float:
         """Advance by β δu and tell how large the step was by a criterion of Remark 1.

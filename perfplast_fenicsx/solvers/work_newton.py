@@ -136,9 +136,9 @@ class WorkNewton(LevelSolver):
         """
         if not self.problem.is_elastic_at_first():
             raise InputError(
-                "surfaces rub, supports move, loads are constant or bodies are strained at first, so"
-                " that the first yield is no multiple of an elastic state; leave out what does not"
-                " grow with the load factor."
+                "surfaces rub, supports move, loads are constant or bodies are strained at first,"
+                " so that the first yield is no multiple of an elastic state; leave out what does"
+                " not grow with the load factor."
             )
         iterate = self.iterate
         closed = np.zeros_like(self.problem.basis.gap)
