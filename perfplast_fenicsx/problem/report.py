@@ -81,6 +81,7 @@ class LevelReport:
         balance: Their sum or moment, relative to all nodal forces.
         slipping: Places with friction that slip.
         friction_dissipation: What slip has dissipated, Σ c × slip (energy).
+        rounds: Of the fixed point of Coulomb's friction; 1 without it.
         friction_excess: Largest force of friction beyond c, relative to the largest c, at least 0.
     """
 
@@ -109,6 +110,7 @@ class LevelReport:
     balance: float = 0.0
     slipping: int = 0
     friction_dissipation: float = 0.0
+    rounds: int = 1
     friction_excess: float = 0.0
 
     def __repr__(self) -> str:
