@@ -51,6 +51,16 @@ class Friction:
         """The same with the local unknowns of rows in place of the numbers of rows."""
         return replace(self, index=np.append(unknowns, np.int32(-1))[self.index])
 
+    def smooth(self) -> "Friction":
+        """The same places without any resistance."""
+        none = np.zeros_like(self.bound)
+        return replace(self, coulomb=none, bound=none, follows_pressure=False)
+
+    def nowhere(self) -> "Friction":
+        """The same without any place."""
+        arrays = (self.pair, self.index, self.direction, self.area, self.coulomb, self.bound)
+        return Friction(*(array[:0] for array in arrays), count=0, follows_pressure=False)
+
     def jumps(self, y: PETSc.Vec) -> Floats:
         """Tangential jumps (length) in a vector of the jump basis, shape of ``index``."""
         return self.gather(y.array_r)

@@ -19,6 +19,7 @@ from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteratio
 from perfplast_fenicsx.limit_analysis.interior_steps import (
     InteriorStep,
     Verdict,
+    check_friction_has_limits,
     check_proportional,
     iterate,
 )
@@ -87,6 +88,7 @@ def interior_point(
             body's yield set is none that the method knows (:meth:`Law.cone`).
     """
     check_proportional(problem, rtol)
+    check_friction_has_limits(problem)
     with ExitStack() as made:
         program = limit_program(problem)
         made.callback(program.destroy)

@@ -118,14 +118,28 @@ def contact_forces(problem: Problem, stress: fem.Function, zeta: float) -> Float
     Returns:
         Shape (num_pairs,), those of the pairs hosted by this rank.
     """
+    r = _left(problem, stress, zeta)
+    forces = -r.array_r[problem.basis.index]
+    r.destroy()
+    return forces
+
+
+def friction_forces(problem: Problem, stress: fem.Function, zeta: float) -> Floats:
+    """The same of friction, shape (num_places, gdim − 1). Collective."""
+    r = _left(problem, stress, zeta)
+    forces = -problem.friction.jumps(r)
+    r.destroy()
+    return forces
+
+
+def _left(problem: Problem, stress: fem.Function, zeta: float) -> PETSc.Vec:
+    """What stress and loads leave to contact, in the jump basis. Collective."""
     residual, r = problem.create_vector(), problem.create_vector()
     assemble_force(residual, fem.form(problem.internal_form(stress)), problem.bcs)
     problem.loads.subtract_from(residual, zeta)
     problem.basis.T.multTranspose(residual, r)
-    forces = -r.array_r[problem.basis.index]
-    for vector in (residual, r):
-        vector.destroy()
-    return forces
+    residual.destroy()
+    return r
 
 
 def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec) -> Rubbed:
@@ -139,7 +153,8 @@ def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec) -> Rubbed:
     energy = comm.allreduce(friction.energy(np.where(slips[:, None], jumps, 0.0)))
     excess = float((norms(forces) - friction.bound).max(initial=0))
     finite = friction.bound[np.isfinite(friction.bound)]
-    most = comm.allreduce(np.array([excess, finite.max(initial=0)]), MPI.MAX)
+    most = np.array([excess, finite.max(initial=0)])
+    comm.Allreduce(MPI.IN_PLACE, most, MPI.MAX)
     relative = float(most[0] / most[1]) if most[1] > 0 else 0.0
     return Rubbed(forces, jumps, energy, relative, comm.allreduce(int(slips.sum())))
 

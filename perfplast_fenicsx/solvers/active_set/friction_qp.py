@@ -108,7 +108,8 @@ class FrictionProgram:
             following = judge(slip, friction.bound, k, forces, after)
             off = distance(friction.bound, k, forces, after)
             largest = np.where(np.isfinite(friction.bound), friction.bound, 0.0)
-            worst = comm.allreduce(np.array([off.max(initial=0), largest.max(initial=0)]), MPI.MAX)
+            worst = np.array([off.max(initial=0), largest.max(initial=0)])
+            comm.Allreduce(MPI.IN_PLACE, worst, MPI.MAX)
             changes = comm.allreduce(int((following.sticks != slip.sticks).sum()))
             settled = changes == 0 and worst[0] <= SETTLED * worst[1]
             slip, active = following, step.active
