@@ -21,6 +21,7 @@ CASES = (
     "thick_tube",
     "strip_footing",
     "platens",
+    "friction",
     "cracked_strips",
     "plate_with_hole",
     "hertz_line",
