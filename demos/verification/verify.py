@@ -27,6 +27,7 @@ CASES = (
     "hertz_line",
     "hertz_sphere",
     "towers",
+    "body_bounds",
 )
 
 

@@ -58,8 +58,16 @@ class Friction:
 
     def nowhere(self) -> "Friction":
         """The same without any place."""
-        arrays = (self.pair, self.index, self.direction, self.area, self.coulomb, self.bound)
-        return Friction(*(array[:0] for array in arrays), count=0, follows_pressure=False)
+        return Friction(
+            pair=self.pair[:0],
+            index=self.index[:0],
+            direction=self.direction[:0],
+            area=self.area[:0],
+            coulomb=self.coulomb[:0],
+            bound=self.bound[:0],
+            count=0,
+            follows_pressure=False,
+        )
 
     def jumps(self, y: PETSc.Vec) -> Floats:
         """Tangential jumps (length) in a vector of the jump basis, shape of ``index``."""

@@ -61,7 +61,15 @@ class Mortar:
             along = can_host(nodes, nodes["normal"])
             return [along & (nodes["free"] | held).all(axis=1) if contact.rubs else along]
 
-        chosen = choose_side(comm, self.place, surfaces, contact.hosts, able)
+        chosen = choose_side(
+            comm,
+            self.place,
+            surfaces,
+            contact.hosts,
+            able,
+            tagged_mesh.kinematics,
+            onward=contact.gap is None,
+        )
         primary = chosen.host is surfaces[0]
         gap = self._gap(V, chosen, primary)
         (rows,) = chosen.rows

@@ -11,6 +11,7 @@ from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import coordinate_map, geometry_dofmap
+from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import Exchange
 
@@ -171,7 +172,7 @@ def surface_facets(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) 
     normals[~outward] *= -1
     lengths = np.linalg.norm(normals, axis=2)
     areas = lengths.mean(axis=1) / (2 if tdim == 3 else 1)
-    weight = _weights(tdim - 1, degree, cmap.degree, x)
+    weight = _weights(tdim - 1, degree, cmap.degree, x, tagged_mesh.kinematics)
     return SurfaceFacets(nodes, x, normals / lengths[:, :, None], areas, weight)
 
 
@@ -193,13 +194,15 @@ def _crossed(geometry: basix.finite_element.FiniteElement, x: Floats, points: Fl
     return np.stack([tangents[:, :, 0, 1], -tangents[:, :, 0, 0]], axis=2)
 
 
-def _weights(dim: int, degree: int, geometry: int, x: Floats) -> Floats:
+def _weights(dim: int, degree: int, geometry: int, x: Floats, kinematics: Kinematics) -> Floats:
     """∫N of each node of facets, shape (n, nodes of a facet)."""
     element = _lagrange(dim, degree)
     rule = basix.make_quadrature(element.cell_type, degree + 2 * geometry)
     points, weights = (np.asarray(part, dtype=np.float64) for part in rule)
     N = np.asarray(element.tabulate(0, points))[0, :, :, 0]
     lengths = np.linalg.norm(_crossed(_lagrange(dim, geometry), x, points), axis=2)
+    shapes = np.asarray(_lagrange(dim, geometry).tabulate(0, points))[0, :, :, 0]
+    lengths *= kinematics.around(np.einsum("qb,fbi->fqi", shapes, x))
     return np.asarray(np.einsum("q,fq,qk->fk", weights, lengths, N), dtype=np.float64)
 
 

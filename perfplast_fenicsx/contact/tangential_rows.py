@@ -29,28 +29,15 @@ NORMAL = 0.5
 """Eigenvalues of directions in the surface are 1, of others 0."""
 
 
-def check_rubbing(
-    contacts: Sequence[Contact],
-    obstacles: Sequence[Obstacle],
-    ties: Sequence[Tie],
-    supports_move: bool,
-) -> None:
-    """Refuse friction on surfaces that are glued, or where supports move.
+def check_nothing_rubs(friction: Friction) -> None:
+    """Refuse friction beside supports or obstacles that move.
 
     Raises:
         InputError: If there is any.
     """
-    rubs = {name for a in contacts if a.rubs for name in (a.primary, a.secondary)}
-    rubs |= {obstacle.on for obstacle in obstacles if obstacle.rubs}
-    both = sorted(rubs & {name for tie in ties for name in (tie.primary, tie.secondary)})
-    if both:
+    if friction.count:
         raise InputError(
-            f"'{both[0]}' has friction and is tied, so that it can never slip; leave out the"
-            " friction or the tie."
-        )
-    if rubs and supports_move:
-        raise InputError(
-            "friction and supports that move do not go together; leave the values of the supports"
+            "friction does not go together with supports or obstacles that move; leave their motion"
             " or the friction out."
         )
 
@@ -58,7 +45,9 @@ def check_rubbing(
 def tangential_rows(
     V: fem.FunctionSpace,
     constraints: Constraints,
-    rubbing: Sequence[Contact | Obstacle],
+    contacts: Sequence[Contact],
+    obstacles: Sequence[Obstacle],
+    ties: Sequence[Tie],
     taken: npt.NDArray[np.bool_],
 ) -> tuple[Constraints, Friction]:
     """The rows of friction, and what belongs to them but the places of their unknowns. Collective.
@@ -68,16 +57,20 @@ def tangential_rows(
     Args:
         V: Displacement space.
         constraints: The rows of contact.
-        rubbing: What each surface number of theirs stands for.
+        contacts: Some of which may rub.
+        obstacles: The same.
+        ties: Which nothing can rub on.
         taken: Components of local nodes that supports hold or ties host, shape (num_nodes, gdim).
 
     Returns:
         The rows, and friction whose ``index`` has numbers of rows.
 
     Raises:
-        InputError: If supports hold hosts along the surface where their guests are free.
+        InputError: If a surface has friction and is tied, or supports hold hosts along the surface
+            where their guests are free.
     """
-    comm, gdim = V.mesh.comm, V.mesh.geometry.dim
+    comm, gdim, rubbing = V.mesh.comm, V.mesh.geometry.dim, (*contacts, *obstacles)
+    _check_ties(contacts, obstacles, ties)
     place = _places(comm, constraints, rubbing)
     free = ~taken[constraints.host[place]]
     directions, there = _directions(constraints.normal[place], free)
@@ -122,6 +115,20 @@ def tangential_rows(
         follows_pressure=comm.allreduce(bool(coulomb.any()), MPI.LOR),
     )
     return rows, friction
+
+
+def _check_ties(
+    contacts: Sequence[Contact], obstacles: Sequence[Obstacle], ties: Sequence[Tie]
+) -> None:
+    """Refuse friction on surfaces that are glued."""
+    rubs = {name for a in contacts if a.rubs for name in (a.primary, a.secondary)}
+    rubs |= {obstacle.on for obstacle in obstacles if obstacle.rubs}
+    both = sorted(rubs & {name for tie in ties for name in (tie.primary, tie.secondary)})
+    if both:
+        raise InputError(
+            f"'{both[0]}' has friction and is tied, so that it can never slip; leave out the"
+            " friction or the tie."
+        )
 
 
 def _places(

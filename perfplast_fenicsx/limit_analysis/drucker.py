@@ -46,7 +46,9 @@ def drucker_bounds(problem: Problem, rtol: float = 1e-4) -> DruckerBounds:
     Raises:
         InputError: As :func:`discrete_limit.interior_point`.
     """
-    smooth, tied = (interior_point(make(problem), rtol) for make in (without_friction, without_slip))
+    smooth, tied = (
+        interior_point(make(problem), rtol) for make in (without_friction, without_slip)
+    )
     return DruckerBounds(_carried(smooth), tied.upper)
 
 

@@ -72,8 +72,8 @@ class LevelReport:
         smallest_contact_force: Of all pairs (force); negative means an adhesive one. 0 without any.
         complementarity: Σ force × remaining gap, relative to Ψ + S, as the duality gap.
         equilibrium: Norm of the forces that nothing balances (contact forces apart, which the three
-            numbers above judge), relative to that of the loads or, where supports move, of all
-            nodal forces if that is larger.
+            numbers above judge), relative to that of the loads or of the contact forces or, where
+            supports move, of all nodal forces, whichever is largest.
         duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to Ψ(ε(u)) + S(σ).
         max_displacement: Largest nodal displacement (length).
         seconds: Wall time of the level.
@@ -83,6 +83,8 @@ class LevelReport:
         friction_dissipation: What slip has dissipated, Σ c × slip (energy).
         rounds: Of the fixed point of Coulomb's friction; 1 without it.
         friction_excess: Largest force of friction beyond c, relative to the largest c, at least 0.
+        driving_force: Where ζ moves supports and obstacles, the work that they do on the bodies for
+            a growth of ζ by 1: the force along what moves, times how far it moves for ζ = 1.
     """
 
     zeta: float
@@ -112,6 +114,7 @@ class LevelReport:
     friction_dissipation: float = 0.0
     rounds: int = 1
     friction_excess: float = 0.0
+    driving_force: float = 0.0
 
     def __repr__(self) -> str:
         return f"LevelReport({self.summary()})"

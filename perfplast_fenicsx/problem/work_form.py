@@ -2,35 +2,43 @@
 
 from collections.abc import Sequence
 
-from petsc4py import PETSc
-
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
-from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.mesh.kinematics import divergence
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.loads import LOADS, BodyForce, Formula, Load, PorePressure, Pressure
+from perfplast_fenicsx.problem.loads import (
+    LOADS,
+    BodyForce,
+    Formula,
+    Load,
+    PorePressure,
+    Pressure,
+)
 
 
 def work_form(tagged_mesh: TaggedMesh, loads: Sequence[Load], v: ufl.Argument) -> ufl.Form:
-    """The linear form L(v) of some loads, at least one. Collective.
+    """The linear form L(v) of some loads but forces on rigid surfaces, at least one. Collective.
 
     Raises:
         InputError: An unknown name, a value that is not finite, or a formula that is none.
     """
     mesh = tagged_mesh.mesh
-    ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged_mesh.facet_tags)
-    dx = ufl.Measure("dx", domain=mesh, subdomain_data=tagged_mesh.cell_tags)
+    kinematics = tagged_mesh.kinematics
+    ds, dx = (
+        kinematics.measure(ufl.Measure(kind, domain=mesh, subdomain_data=tags))
+        for kind, tags in (("ds", tagged_mesh.facet_tags), ("dx", tagged_mesh.cell_tags))
+    )
     terms = []
     for load in loads:
         density = _density(tagged_mesh, load)
         if isinstance(load, PorePressure):
-            terms.append(density[0] * ufl.div(v) * dx(tagged_mesh.volumes[load.on]))
+            terms.append(density[0] * divergence(kinematics, v) * dx(tagged_mesh.volumes[load.on]))
         elif isinstance(load, BodyForce):
             terms.append(ufl.inner(density, v) * dx(tagged_mesh.volumes[load.on]))
         elif isinstance(load, Pressure):
@@ -89,10 +97,3 @@ def _kind(load: Load) -> str:
     """What messages call a load."""
     kind = next(kind for kind, cls in LOADS.items() if isinstance(load, cls)).replace("_", " ")
     return f"{kind} '{load.name}'" if load.name else kind
-
-
-def work_vector(tagged_mesh: TaggedMesh, V: fem.FunctionSpace, loads: Sequence[Load]) -> PETSc.Vec:
-    """L(v) of some loads as a vector, at supported unknowns too. Collective."""
-    work = fem_petsc.assemble_vector(fem.form(work_form(tagged_mesh, loads, ufl.TestFunction(V))))
-    work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    return work

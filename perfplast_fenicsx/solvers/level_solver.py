@@ -175,6 +175,7 @@ class LevelSolver(Stepper, ABC):
             InputError: If the value is not finite.
         """
         check_finite(self.prescribes.value, value)
+        self.problem.move_to(value)
         if not self.problem.friction.follows_pressure:
             return solve_level(self, value, start, monitor)
         pushes = np.zeros_like(self.problem.basis.gap) if start is None else self._pushes(start)

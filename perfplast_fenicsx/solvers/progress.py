@@ -122,6 +122,7 @@ class Progress:
             slipping=certificate.friction.slipping,
             friction_dissipation=certificate.friction.energy,
             friction_excess=certificate.friction.excess,
+            driving_force=certificate.resultants.driving,
         )
         stress = fem.Function(problem.S, name="stress")
         stress.x.array[:] = fields.stress.x.array
