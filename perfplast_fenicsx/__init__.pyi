@@ -21,6 +21,8 @@ from .limit_analysis.body_bounds import limit_bounds as limit_bounds
 from .limit_analysis.limit_methods import LimitLoad as LimitLoad
 from .limit_analysis.limit_search import limit_load as limit_load
 from .materials.elastic import Elastic as Elastic
+from .materials.hardening import Hardening as Hardening
+from .materials.plastic_flow import Flow as Flow
 from .materials.von_mises import VonMises as VonMises
 from .mesh.sample_meshes import build as build
 from .mesh.sample_meshes import l_plate as l_plate

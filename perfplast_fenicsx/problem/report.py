@@ -70,11 +70,13 @@ class LevelReport:
         contact_pairs: All pairs.
         max_penetration: Largest (u_a − u_b)·n − g, at least 0 (length).
         smallest_contact_force: Of all pairs (force); negative means an adhesive one. 0 without any.
-        complementarity: Σ force × remaining gap, relative to Ψ + S, as the duality gap.
+        complementarity: Σ force × remaining gap, relative to |Ψ| + ½‖σ‖², as the duality gap.
         equilibrium: Norm of the forces that nothing balances (contact forces apart, which the three
-            numbers above judge), relative to that of the loads or, where supports move, of all
-            nodal forces if that is larger.
-        duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to Ψ(ε(u)) + S(σ).
+            numbers above judge), relative to that of the loads or, if that is larger, of all nodal
+            forces where supports move, and of those that stress exerts on nodes from all sides
+            where bodies are strained at first or remember plastic flow.
+        duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to
+            |Ψ(ε(u))| + ½‖σ‖².
         max_displacement: Largest nodal displacement (length).
         seconds: Wall time of the level.
         reactions: Forces on the bodies (:class:`resultants.Resultants`), one number a direction.

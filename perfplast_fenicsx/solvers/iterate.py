@@ -184,7 +184,7 @@ class Iterate:
         """Advance by β δu and tell how large the step was by a criterion of Remark 1.
 
         "energy" is the change of J_ζ, with ζ = 0, as for prescribed work, of Ψ − L₀, relative to
-        the same or, beside constant loads and supports that move, to Ψ + S.
+        the same or, beside what does not grow with ζ, to |Ψ| + ½‖σ‖².
         """
         if stopping != "energy":
             increment = self.increment(stopping)
@@ -194,8 +194,8 @@ class Iterate:
         self.advance(beta)
         after = self.energy(zeta)
         total = max(abs(after) + abs(before), self.least_norm2())
-        if not self.problem.is_proportional():  # J_ζ may pass zero
-            total = max(total, self.fields.potential() + self.fields.conjugate())
+        if self.problem.history or not self.problem.is_proportional():  # J_ζ may pass zero
+            total = max(total, self.fields.size())
         return abs(after - before) / total if total > 0 else 0.0
 
     def increment(self, stopping: str) -> float:
@@ -234,10 +234,9 @@ class Iterate:
     def first_work(self, zeta: float) -> float:
         """What later works are compared with, behind the first step. Collective.
 
-        L₀(u) + ζL₁(u), which may vanish, or Ψ + S, which does not.
+        L₀(u) + ζL₁(u), which may vanish, or |Ψ| + ½‖σ‖², which does not.
         """
-        fields = self.fields
-        return max(abs(self.total_work(zeta)), fields.potential() + fields.conjugate())
+        return max(abs(self.total_work(zeta)), self.fields.size())
 
     def advance(self, beta: float) -> None:
         """Take the step: u ← u + β δu."""
