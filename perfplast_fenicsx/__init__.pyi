@@ -34,6 +34,7 @@ from .mesh.tagged_mesh import read_gmsh as read_gmsh
 from .pictures.drawing_process import draw as draw
 from .problem.initial_strain import InitialStress as InitialStress
 from .problem.initial_strain import Temperature as Temperature
+from .problem.loading_history import LoadingHistory as LoadingHistory
 from .problem.loads import BodyForce as BodyForce
 from .problem.loads import PorePressure as PorePressure
 from .problem.loads import Pressure as Pressure
@@ -41,6 +42,7 @@ from .problem.loads import Traction as Traction
 from .problem.problem import Problem as Problem
 from .problem.report import Iteration as Iteration
 from .problem.report import LevelReport as LevelReport
+from .problem.stage import Stage as Stage
 from .problem.state import Level as Level
 from .problem.state import State as State
 from .problem.supports import Support as Support
@@ -50,5 +52,6 @@ from .solvers.load_stepping import load_path as load_path
 from .solvers.load_stepping import work_path as work_path
 from .solvers.newton import Newton as Newton
 from .solvers.newton_options import NewtonOptions as NewtonOptions
+from .solvers.stage_stepping import stage_path as stage_path
 from .solvers.work_newton import BorderedNewton as BorderedNewton
 from .solvers.work_newton import WorkNewton as WorkNewton

@@ -56,6 +56,7 @@ class Terminal:
         self._last = 0.0
         self._began = time.monotonic()
         self._steps = 0
+        self._stage = ""
 
     def say(self, text: str = "") -> None:
         """Write a line."""
@@ -115,8 +116,11 @@ class Terminal:
         )
 
     def level(self, report: LevelReport) -> None:
-        """Write the line of a level."""
+        """Write the line of a level, and one more where a stage begins."""
         self._steps += 1
+        if report.stage != self._stage:
+            self._stage = report.stage
+            self.say(f"Stage '{report.stage}':")
         cells = (
             *(self._steps, f"{report.zeta:.6g}", f"{report.alpha:.6g}"),
             *(report.newton_iterations, report.active_set_iterations, report.linear_iterations),
@@ -139,7 +143,9 @@ class Terminal:
     def reactions(self, report: LevelReport) -> None:
         """Say what loads, supports, obstacles and contacts exert on the bodies, a line each."""
         width = max(map(len, report.reactions), default=0)
-        self.say(f"Forces at zeta = {report.zeta:.6g}, in balance to {report.balance:.1e}:")
+        factors = "".join(f", {name} = {factor:.6g}" for name, factor in report.factors.items())
+        at = f"zeta = {report.zeta:.6g}{factors}"
+        self.say(f"Forces at {at}, in balance to {report.balance:.1e}:")
         for name, force in report.reactions.items():
             cells = "  ".join(f"{component:>12.6g}" for component in force)
             self.say(f"  {name:<{width}}  {cells}")

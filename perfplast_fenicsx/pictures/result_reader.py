@@ -238,9 +238,13 @@ class ResultReader:
 
 
 def _report(row: dict[str, Any]) -> LevelReport:
-    values = {}
+    values: dict[str, Any] = {}
+    for key in ("factor", "work"):
+        begin = f"{key}_"
+        named = {name.removeprefix(begin): row[name] for name in row if name.startswith(begin)}
+        values[f"{key}s"] = {name: float(text) for name, text in named.items()}
     for field in dataclasses.fields(LevelReport):
-        if field.name == "reactions":
+        if field.name in ("reactions", "factors", "works"):
             continue
         text = row[field.name]
         values[field.name] = text == "True" if field.type is bool else field.type(text)  # type: ignore[operator]

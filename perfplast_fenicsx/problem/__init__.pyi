@@ -5,6 +5,7 @@ from .initial_strain import Temperature as Temperature
 from .integrals import Integral as Integral
 from .law_on_cells import LawOnCells as LawOnCells
 from .load_case import LoadCase as LoadCase
+from .loading_history import LoadingHistory as LoadingHistory
 from .loads import LOADS as LOADS
 from .loads import BodyForce as BodyForce
 from .loads import Load as Load
@@ -15,6 +16,7 @@ from .prescribed import Prescribed as Prescribed
 from .problem import Problem as Problem
 from .report import Iteration as Iteration
 from .report import LevelReport as LevelReport
+from .stage import Stage as Stage
 from .state import Level as Level
 from .state import State as State
 from .supports import Support as Support

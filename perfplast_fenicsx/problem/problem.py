@@ -266,14 +266,15 @@ class Problem:
             self.basis = replace(self.basis, gap=self.basis.gap - closed)
 
     def _loads(self, loads: Sequence[Load]) -> LoadCase:
-        if not loads:
+        if not loads and self.initial_strain is None:
             raise InputError(
                 "no load is given, so nothing can be increased; give at least one load."
             )
         growing = [load for load in loads if not load.constant]
         constant = [load for load in loads if load.constant]
-        parts = [self._work(part) if part else None for part in (constant, growing)]
-        none = next(part for part in parts if part is not None).duplicate()
+        parts = [self.work_of(part) if part else None for part in (constant, growing)]
+        u = fem.Function(self.V)
+        none = u.x.petsc_vec.duplicate()
         none.set(0)
         dead, live = (none if part is None else part for part in parts)
         case = LoadCase.of(dead, live, self.bcs)
@@ -284,8 +285,8 @@ class Problem:
             )
         return case
 
-    def _work(self, loads: Sequence[Load]) -> PETSc.Vec:
-        """L(v) of some loads as a vector, at supported unknowns too."""
+    def work_of(self, loads: Sequence[Load]) -> PETSc.Vec:
+        """L(v) of some loads, at least one, as a vector, at supported unknowns too. Collective."""
         work = fem_petsc.assemble_vector(
             fem.form(work_form(self.tagged_mesh, loads, ufl.TestFunction(self.V)))
         )

@@ -81,6 +81,10 @@ class LevelReport:
         seconds: Wall time of the level.
         reactions: Forces on the bodies (:class:`resultants.Resultants`), one number a direction.
         balance: Their sum or moment, relative to all nodal forces.
+        stage: The stage of a loading history; empty where there are none, and at rest before them.
+            ζ is then the time, which grows by 1 in each stage.
+        factors: What multiplies loads and temperatures, by their names in stages.
+        works: Work that each of these loads, with the factor 1, does on u (energy).
     """
 
     zeta: float
@@ -106,6 +110,9 @@ class LevelReport:
     seconds: float
     reactions: Mapping[str, Sequence[float]] = field(default_factory=dict)
     balance: float = 0.0
+    stage: str = ""
+    factors: Mapping[str, float] = field(default_factory=dict)
+    works: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"LevelReport({self.summary()})"

@@ -2,7 +2,7 @@
 
 A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
 ``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[temperature]]``, ``[[initial_stress]]``,
-``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and ``[units]``; see
+``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``, ``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
@@ -16,7 +16,14 @@ from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.io.case.loading_options import LOADINGS, BoundsControl, Control
+from perfplast_fenicsx.io.case.loading_options import (
+    LOADINGS,
+    BoundsControl,
+    Control,
+    StageControl,
+)
+from perfplast_fenicsx.io.case.loading_table import read_loading, remembering
+from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
 from perfplast_fenicsx.io.case.scene import Scene, Units
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.io.case.tables import (
@@ -38,6 +45,7 @@ from perfplast_fenicsx.problem.initial_strain import Initial, InitialStress, Tem
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.stage import Stage, check_stages
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.methods import METHODS
 
@@ -73,9 +81,15 @@ class Case:
         """What pictures need to know."""
         return Scene(self.title, self.loads, self.contacts, self.obstacles, self.units)
 
+    @property
+    def stages(self) -> list[Stage]:
+        """Of a loading history; none where there is a [loading]."""
+        return self.loading.stages if isinstance(self.loading, StageControl) else []
+
     def __repr__(self) -> str:
         values = self.loading.values
         levels = "until the limit load" if values is None else f"{len(values)} levels"
+        levels = f"{len(self.stages)} stages" if self.stages else levels
         bodies = ", ".join(self.materials)
         return (
             f"Case({str(self.path)!r}: {self.title}; {bodies}; P{self.element.degree};"
@@ -163,7 +177,7 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
 def _case(path: Path, table: Table) -> Case:
     name = path.name
     top = convert(table, Document, name)
-    if not top.load:
+    if not (top.load or top.temperature or top.initial_stress):
         raise InputError(f"{name}: no load is given; add a [[load]] table.")
     materials: dict[str, Material] = {}
     for body, properties in top.material.items():
@@ -179,9 +193,7 @@ def _case(path: Path, table: Table) -> Case:
     for place, obstacle in _numbered(top.obstacle, f"{name}, [[obstacle]]"):
         _, shape, rest = choose(obstacle, "shape", OBSTACLES, place)
         obstacles.append(convert(rest, shape, place))
-    place = f"{name}, [loading]"
-    _, schema, rest = choose(top.loading, "control", LOADINGS, place, default="load")
-    loading: Control = convert(rest, schema, place)
+    loading, place = read_loading(top, name), f"{name}, [loading]"
     method, options = _algorithm(top.solve, loading, f"{name}, [solve]")
     held = [convert(support, Support, place) for place, support in supports]
     kinds: dict[str, tuple[list[Table], type[Initial]]] = {
@@ -194,6 +206,10 @@ def _case(path: Path, table: Table) -> Case:
             initial.append(convert(entry, schema_of, where))
     touching = [convert(contact, Contact, where) for where, contact in contacts]
     meant = any(contact.interference for contact in touching)
+    with at(name):
+        materials = remembering(materials, loading)
+        if isinstance(loading, StageControl):
+            check_stages(loading.stages, loads, initial)
     with at(place):
         constant = any(load.constant for load in loads)
         if constant or any(one.value for one in held) or initial or meant:
@@ -205,13 +221,13 @@ def _case(path: Path, table: Table) -> Case:
                 "control = 'work' goes with a load that grows, but all loads are constant; take"
                 " constant = true from one of them, or give control = 'load'."
             )
-    mesh = _mesh(top.mesh, f"{name}, [mesh]")
+    mesh = read_mesh(top.mesh, f"{name}, [mesh]")
     return Case(
         path=path,
         table=table,
         title=top.title or path.stem,
         mesh=mesh,
-        adapt=_adaptation(mesh.adapt, loading, f"{name}, [mesh], adapt"),
+        adapt=read_adaptation(mesh.adapt, loading, f"{name}, [mesh], adapt"),
         materials=materials,
         supports=held,
         loads=loads,
@@ -259,31 +275,6 @@ def _algorithm(table: Table, loading: Control, place: str) -> tuple[str, Any]:
     if loading.limit_tolerance is not None:
         rest = limit_options(loading.limit_tolerance) | rest
     return method, convert(rest, algorithm.options, place)
-
-
-def _mesh(table: Table, place: str) -> MeshFile | MeshBuilder:
-    if ("builder" in table) == ("file" in table):
-        what = "both a builder and a file" if "builder" in table else "neither a builder nor a file"
-        raise InputError(
-            f"{place}: there is {what}; give either builder = 'two_blocks' or another builder"
-            " with its arguments, or file = 'assembly.msh'."
-        )
-    if "file" in table:
-        return convert(table, MeshFile, place)
-    arguments = {key: value for key, value in table.items() if key not in ("builder", "adapt")}
-    named = {key: table[key] for key in ("builder", "adapt") if key in table}
-    return convert(named | {"arguments": arguments}, MeshBuilder, place)
-
-
-def _adaptation(table: Table | None, loading: Control, place: str) -> Adaptation | None:
-    if table is None:
-        return None
-    if not isinstance(loading, BoundsControl):
-        raise InputError(
-            f"{place}: meshes are adapted to bounds, but there are none without control = 'bounds'"
-            " under [loading]; choose it, or leave adapt out."
-        )
-    return convert(table, Adaptation, place)
 
 
 def _numbered(tables: list[Table], place: str) -> list[tuple[str, Table]]:

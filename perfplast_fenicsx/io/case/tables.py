@@ -23,7 +23,9 @@ class Document:
         material: The law of each body; NAME is that of its physical volume.
         load: What pushes and pulls, at least once. The load factor ζ multiplies all loads but those
             that are constant.
-        loading: How far the bodies are loaded, and by what it is controlled.
+        loading: How far the bodies are loaded, and by what it is controlled; it is missing where
+            there are stages.
+        stage: A history of loading, instead of [loading]: the bodies then remember plastic flow.
         title: For people; the name of the file where it is missing.
         support: What holds the bodies.
         temperature: Where the temperature changes.
@@ -40,7 +42,8 @@ class Document:
     mesh: Table
     material: dict[str, Table]
     load: list[Table]
-    loading: Table
+    loading: Table | None = None
+    stage: list[Table] = field(default_factory=list)
     title: str = ""
     support: list[Table] = field(default_factory=list)
     temperature: list[Table] = field(default_factory=list)
@@ -124,7 +127,7 @@ class LoadTable:
             the material is then the effective one.
         constant: Whether the load acts in full at any load factor, as a weight does; without it
             true of a ``pore_pressure``, and false of others.
-        name: What messages call the load.
+        name: What messages and stages call the load.
     """
 
     on: str
