@@ -16,6 +16,7 @@ from perfplast_fenicsx.pictures.figure_panels import compose, panels
 from perfplast_fenicsx.pictures.loading_curve import draw_curve
 from perfplast_fenicsx.pictures.renderer import Renderer
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
+from perfplast_fenicsx.problem.report import LevelReport
 
 MOST_FRAMES = 60
 """Of more levels as many are shown, the last among them."""
@@ -43,18 +44,18 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
     scene, unit = reader.scene, reader.scene.units.of_work(reader.gdim)
     surfaces = [reader.surface(level) for level in levels]
     surfaces.insert(0, _unloaded(surfaces[0]))
-    path = [(0.0, 0.0), *((level.report.alpha, level.report.zeta) for level in levels)]
+    path = [None, *(level.report for level in levels)]
     shown = panels(surfaces, scene.units, middle=False)
     scale = deformation_scale(surfaces)
     renderer = Renderer(surfaces, scene, scale, PIXELS)
     frames = []
-    for number, (alpha, zeta) in enumerate(path):
+    for number, report in enumerate(path):
 
-        def curve(axes: Axes, now: tuple[float, float] = (alpha, zeta)) -> None:
+        def curve(axes: Axes, now: LevelReport | None = report) -> None:
             draw_curve(axes, reader.reports, reader.limit, unit, now)
 
         images = [renderer.draw(number, panel) for panel in shown]
-        words = (scene.title, f"{level_caption(zeta, alpha, unit)},   {in_words(scale)}")
+        words = (scene.title, f"{level_caption(report, unit)},   {in_words(scale)}")
         canvas = FigureCanvasAgg(compose(shown, images, words, DPI, curve))
         canvas.draw()
         frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))

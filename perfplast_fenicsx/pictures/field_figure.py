@@ -11,6 +11,7 @@ from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.figure_panels import compose, panels
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.pictures.renderer import Renderer
+from perfplast_fenicsx.problem.report import LevelReport
 
 SHOWN_DEFORMATION, SHOWN_MECHANISM = 0.1, 0.04
 """The largest displacement is drawn about so large, relative to the size of the bodies."""
@@ -70,6 +71,10 @@ def in_words(scale: float) -> str:
     return "deformation to scale" if scale == 1 else f"deformation drawn {scale:g} times as large"
 
 
-def level_caption(zeta: float, alpha: float, unit: str) -> str:
-    """A level in words."""
+def level_caption(report: LevelReport | None, unit: str) -> str:
+    """A level in words; None for the unloaded bodies."""
+    if report is not None and report.factors:
+        factors = [f"{name} = {factor:.6g}" for name, factor in report.factors.items()]
+        return f"{report.stage or 'at rest'}:   {',   '.join(factors)}"
+    zeta, alpha = (report.zeta, report.alpha) if report else (0.0, 0.0)
     return f"load factor ζ = {zeta:.6g},   work of the loads α = {alpha:.5g} {unit}".rstrip()

@@ -69,7 +69,7 @@ def _levels(reader: ResultReader, target: Path) -> Iterator[str]:
     with _drawing(target / "fields.png") as path:
         from perfplast_fenicsx.pictures.field_figure import draw_fields, level_caption
 
-        draw_fields(surface, scene, level_caption(report.zeta, report.alpha, unit), path)
+        draw_fields(surface, scene, level_caption(report, unit), path)
     yield str(path)
 
 
@@ -124,6 +124,8 @@ def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, 
     levels = reader.levels
     if surface is None or len(levels) < 2 or levels[-1].report.plastic_cells == 0:
         return None
+    if levels[-1].report.factors:
+        return None  # of a history no level is next to collapse
     before, last = levels[-2:]
     work = last.report.alpha - before.report.alpha
     earlier = reader.surface(before).at_points["displacement"]

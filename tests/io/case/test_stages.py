@@ -1,0 +1,1 @@
+"""Stages in case files: what they mean, and what is refused in a sentence."""
