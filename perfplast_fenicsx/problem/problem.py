@@ -278,7 +278,7 @@ class Problem:
         none.set(0)
         dead, live = (none if part is None else part for part in parts)
         case = LoadCase.of(dead, live, self.bcs)
-        if not case.grows() and (growing or case.is_proportional()):
+        if loads and not case.grows() and (growing or case.is_proportional()):
             raise InputError(
                 "the loads do no work on any admissible displacement, so nothing can be increased;"
                 " give a load that is not zero on a surface that is free to move."

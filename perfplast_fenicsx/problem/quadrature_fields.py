@@ -12,7 +12,6 @@ from dolfinx import default_scalar_type, fem
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.problem.energy_norms import (
-    RIGID,
     jagged_norm2,
     stiffness_of_nodes,
     strain_norm2,
@@ -23,6 +22,9 @@ from perfplast_fenicsx.problem.law_on_cells import LawExpression, OfLaw, integra
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.spaces import by_cell
 from perfplast_fenicsx.profiling import phase
+
+LEAST = 1e-4
+"""Share of the energy of the strain, were it elastic, that gaps behind plastic flow are told by."""
 
 
 class QuadratureFields:
@@ -127,11 +129,11 @@ class QuadratureFields:
     def size(self) -> float:
         """|Ψ| + ½‖σ‖² (energy), which duality gaps are relative to. Collective.
 
-        Behind plastic flow stress is what is left of two strains, and less than 1e-5 of the energy
-        of these is next to rounding.
+        Behind plastic flow stress is what is left of two strains, so that rounding errors of ψ + ψ*
+        are relative to more: at least to 1e-4 of the energy that the strain would have.
         """
         energy = abs(self.potential()) + self.stress_norm2() / 2
-        return max(energy, RIGID * self.u_norm2() / 2) if self._remembers else energy
+        return max(energy, LEAST * self.u_norm2() / 2) if self._remembers else energy
 
     def inner_force(self) -> float:
         """Norm of the forces by which stress alone, without any load, pulls at nodes. Collective.
