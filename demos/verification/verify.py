@@ -26,6 +26,7 @@ CASES = (
     "hertz_line",
     "hertz_sphere",
     "towers",
+    "body_bounds",
 )
 
 

@@ -12,7 +12,7 @@ from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.io.case.case import read_case
-from perfplast_fenicsx.io.case.loading_options import BoundsControl
+from perfplast_fenicsx.io.case.loading_options import BoundsControl, DisplacementControl
 from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
@@ -25,6 +25,7 @@ from perfplast_fenicsx.pictures.drawing_process import draw
 from perfplast_fenicsx.problem.loading_history import LoadingHistory
 from perfplast_fenicsx.solvers.load_stepping import load_path, rests_first
 from perfplast_fenicsx.solvers.stage_stepping import stage_path
+from perfplast_fenicsx.solvers.stroke import stroke
 
 SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
 """Exit statuses of the command line; an interrupted run has that of :class:`Interrupted`."""
@@ -116,6 +117,8 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
             recorder.level(level)
     else:
         values = case.loading.values or []
+        if isinstance(case.loading, DisplacementControl) and case.loading.until is not None:
+            values = stroke(solver, case.loading.until)
         start = saved.level.state if saved.level else None
         if start is not None:
             values = values[len(saved.reports) - rests_first(solver, values) :]
@@ -129,7 +132,7 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
         with results.timed("pictures"):
             draw(context.folder)
     if recorder.last is not None:
-        context.terminal.reactions(recorder.last.report)
+        context.terminal.reactions(recorder.last.report, context.problem)
     results.summary.timings["total"] = recorder.elapsed()
     results.write()
     context.terminal.results(context.folder)

@@ -8,6 +8,7 @@ from .load_case import LoadCase as LoadCase
 from .loading_history import LoadingHistory as LoadingHistory
 from .loads import LOADS as LOADS
 from .loads import BodyForce as BodyForce
+from .loads import Force as Force
 from .loads import Load as Load
 from .loads import PorePressure as PorePressure
 from .loads import Pressure as Pressure
@@ -16,6 +17,7 @@ from .prescribed import Prescribed as Prescribed
 from .problem import Problem as Problem
 from .report import Iteration as Iteration
 from .report import LevelReport as LevelReport
+from .rigid_surface import RigidSurface as RigidSurface
 from .stage import Stage as Stage
 from .state import Level as Level
 from .state import State as State

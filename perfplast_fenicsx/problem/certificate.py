@@ -1,5 +1,6 @@
 """How good is a state? Duality gap, equilibrium, penetration, contact forces, complementarity."""
 
+import math
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -68,7 +69,8 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     free = r.copy()
     free.array[basis.index] = 0
     least_force = RIGID * fields.gross_force() if size <= least else fields.inner_force()
-    norm = max(problem.loads.norm(zeta), moved.norm, least_force, SMALLEST)
+    pushing = math.sqrt(comm.allreduce(float(forces @ forces)))
+    norm = max(problem.loads.norm(zeta), moved.norm, pushing, least_force, SMALLEST)
     certificate = Certificate(
         forces,
         max_penetration=comm.allreduce(max(0.0, float((-room).max(initial=0))), MPI.MAX),
@@ -101,7 +103,7 @@ def contact_forces(problem: Problem, stress: fem.Function, zeta: float) -> Float
 
 @dataclass(frozen=True)
 class _Moved:
-    """What supports that move do: their work on u_D, and the norm of all nodal forces."""
+    """What is moved does: work of supports on u_D, and the norm of all nodal forces."""
 
     work: float
     norm: float
@@ -109,7 +111,7 @@ class _Moved:
 
 def _moved(problem: Problem, internal: PETSc.Vec) -> _Moved:
     """⟨σ, ε(ũ_D)⟩ with ũ_D zero at all other unknowns, and so no work of loads. Collective."""
-    if not problem.moves_supports:
+    if not (problem.motion.moves_supports or problem.motion.driven):
         return _Moved(0.0, 0.0)
     u = problem.prescribed.ravel()[: internal.getLocalSize()]
     return _Moved(problem.comm.allreduce(float(internal.array_r @ u)), float(internal.norm()))

@@ -16,6 +16,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.problem.declared_loads import work_vector
 from perfplast_fenicsx.problem.initial_strain import Initial, Temperature, initial_strain
 from perfplast_fenicsx.problem.load_case import LoadCase
 from perfplast_fenicsx.problem.problem import Problem
@@ -50,12 +51,12 @@ class LoadingHistory:
         for name in names:
             loads = [load for load in given.loads if called(load) == name]
             if loads:
-                self._vectors[name] = problem.work_of(loads)
+                self._vectors[name] = work_vector(problem.V, problem.tagged_mesh, loads)
             warmed = [a for a in given.initial if isinstance(a, Temperature) and called(a) == name]
             if warmed:
                 self._strains[name] = self._strain(warmed)
         constant = [load for load in given.loads if load.constant]
-        self._constant = problem.work_of(constant) if constant else problem.create_vector()
+        self._constant = work_vector(problem.V, problem.tagged_mesh, constant)
         rest = [a for a in given.initial if isinstance(a, Temperature) and called(a) in names]
         others = [one for one in given.initial if one not in rest]
         self._first_strain = self._strain(others) if others else None
@@ -72,7 +73,7 @@ class LoadingHistory:
         """Whether something loads the bodies before the first stage. Collective."""
         problem = self.problem
         strained = self._first_strain is not None
-        moved = problem.moves_supports or problem.interferes or strained
+        moved = problem.motion.moves_supports or problem.interferes or strained
         return moved or float(self._constant.norm()) > 0
 
     def number(self, time: float) -> int:

@@ -9,8 +9,8 @@ from petsc4py import PETSc
 import ufl
 from dolfinx import default_scalar_type, fem
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.problem.energy_norms import (
     jagged_norm2,
     stiffness_of_nodes,
@@ -55,7 +55,8 @@ class QuadratureFields:
             return Integral(comm, integrate(laws, density))
 
         initial = problem.initial_strain
-        seen = strain(self.u) if initial is None else strain(self.u) - initial
+        seen = problem.kinematics.strain(self.u)
+        seen = seen if initial is None else seen - initial
         self._strain = fem.Expression(seen, interpolation_points(S.element))
         self._initial = (
             None if initial is None else Integral(comm, ufl.dot(s, initial) * problem.dx)
@@ -88,12 +89,22 @@ class QuadratureFields:
         self.e.interpolate(self._strain, self.problem.cells)
         self._stress.interpolate(self.stress)
 
-    def take_elastic_stress(self) -> None:
-        """Let the stress be Ce until the next update. Collective."""
+    def take_elastic_stress(self, before: tuple[Floats, Floats] | None = None) -> None:
+        """Let the stress be Ce until the next update. Collective.
+
+        Args:
+            before: Strain e' and stress σ' to start from, where bodies remember plastic flow; the
+                stress is then σ' + C(e − e').
+        """
+        strain, stress = before or (0.0, 0.0)
+        now = self.e.x.array.copy()
+        self.e.x.array[:] -= strain
         hooke = LawExpression(
             self.problem.laws, self.problem.S, lambda on: on.law.elastic.hooke(self.e)
         )
         hooke.interpolate(self.stress)
+        self.e.x.array[:] = now
+        self.stress.x.array[:] += stress
 
     def updated_history(self) -> dict[str, fem.Function]:
         """The internal variables by name after a level that ends here; {} for Hencky's laws.

@@ -72,8 +72,9 @@ class Iterate:
             u.x.array[:] = 0
         else:
             u.x.array[:] = start.u.x.array
+        before = self._remembered(start)
         self.lifted = start is None and problem.initial_strain is not None
-        if problem.moves_supports:
+        if problem.motion.moves_supports:
             held, known = problem.fixed.ravel(), problem.prescribed[problem.fixed]
             moved = bool((u.x.array[held] != known).any())
             self.lifted |= problem.comm.allreduce(moved, MPI.LOR)
@@ -84,11 +85,20 @@ class Iterate:
             self.y.array[basis.index] = np.minimum(jumps, basis.gap)
             basis.T.mult(self.y, u.x.petsc_vec)
             u.x.scatter_forward()
-            self.lifted |= start is None
+            self.lifted |= start is None or problem.motion.driven
         self.fields.update()
         if self.lifted:  # or the first step would start from cells that yield without reason
-            self.fields.take_elastic_stress()
+            self.fields.take_elastic_stress(before)
         return problem.first_active.copy() if start is None else start.active.copy()
+
+    def _remembered(self, start: State | None) -> tuple[Floats, Floats] | None:
+        """Strain and stress of a state behind plastic flow, where it is to be moved from."""
+        problem = self.problem
+        moves = problem.motion.moves_supports or problem.motion.driven
+        if start is None or not (problem.history and moves):
+            return None
+        self.fields.update()
+        return self.fields.e.x.array.copy(), self.fields.stress.x.array.copy()
 
     def room(self) -> Floats:
         """Room g − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""

@@ -8,6 +8,7 @@ from perfplast_fenicsx.contact.clipping import overlaps
 from perfplast_fenicsx.contact.facet_pairing import candidates
 from perfplast_fenicsx.contact.mortar_integrals import integrate
 from perfplast_fenicsx.contact.surface_facets import facet_type, pieces_of
+from perfplast_fenicsx.mesh.kinematics import KINDS
 
 
 def grid(counts: tuple[int, int], turn: float, degree: int, seed: int, side: float) -> Floats:
@@ -79,7 +80,8 @@ def test_random_pairs_of_surfaces(seed: int) -> None:
     guest = grid(counts[1], random.random() * 3, degree, seed + 100, -1.0)
     shift = np.array([*(random.random(2) - 0.5), 0.0]) * random.choice([0.0, 1e-9, 0.5])
     guest["x"] += shift
-    both = [integrate(host, guest, 0.3), integrate(guest, host, 0.3)]
+    one = KINDS["space"].around
+    both = [integrate(host, guest, 0.3, one), integrate(guest, host, 0.3, one)]
     assert both[0].covered.sum() == pytest.approx(both[1].covered.sum(), rel=1e-12)
     assert both[0].on_guest == pytest.approx(both[0].covered.sum(), rel=1e-12)
     for found in both:
@@ -89,5 +91,5 @@ def test_random_pairs_of_surfaces(seed: int) -> None:
         np.add.at(weights, found.host, found.M.sum(axis=2))
         assert weights == pytest.approx(found.d, abs=1e-12)
         assert (found.d <= found.full * (1 + 1e-9)).all()
-    first, second = candidates(pieces_of(host), pieces_of(guest), 0.3)
+    first, second = candidates(pieces_of(host), pieces_of(guest), 0.3, 0.3)
     assert len(first) == len(second)

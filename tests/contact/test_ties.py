@@ -137,7 +137,7 @@ def test_bad_ties_are_refused() -> None:
     assert_refused(lambda: make(Tie("x0", "top")), ["tie 1", "nowhere opposite"])
     assert_refused(lambda: make(tie, tie), ["ring"])
     moved = [Support("bottom"), Support("upper_x0", "x", 1e-3)]
-    assert_refused(lambda: make(tie, supports=moved), ["ties and supports that move"])
+    assert_refused(lambda: make(tie, supports=moved), ["support moves nodes of a tied surface"])
     both = {"contacts": [Contact("lower_top", "upper_bottom")]}
     assert_refused(lambda: make(tie, **both), ["ring", "ties"])
 
@@ -160,6 +160,30 @@ def test_supports_at_a_seam_are_told_their_own_forces(
     assert report.balance < 1e-12
     np.testing.assert_allclose(report.reactions["support bottom"][-1], 10.0, rtol=1e-10)
     np.testing.assert_allclose(report.reactions["support x0"], np.zeros(gdim), atol=1e-9)
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("degree", [1, 2])
+def test_glued_blocks_between_plates(degree: int, comm: MPI.Intracomm) -> None:
+    """A support that moves and holds no node of the seam: stress E'd/H, and the reaction of it."""
+    problem = Problem(
+        blocks_apart(comm, *COUNTS[2]),
+        {"lower": STEEL, "upper": STEEL},
+        [
+            Support("bottom", "y"),
+            Support("top", "y", -1e-3),
+            Support("x0", "x"),
+            Support("upper_x0", "x"),
+        ],
+        [Pressure("upper_bottom", 1.0)],
+        degree=degree,
+        ties=[Tie("lower_top", "upper_bottom")],
+    )
+    level = Newton(problem).solve(0.0)
+    assert level.report.converged
+    assert abs(level.report.duality_gap) < 1e-11
+    stress = 2e5 / (1 - 0.3**2) * 1e-3 / 2
+    np.testing.assert_allclose(level.report.reactions["support top"], [0, -stress], atol=1e-8)
 
 
 @pytest.mark.parametrize("height", [1.0, 1.2])

@@ -26,6 +26,7 @@ from perfplast_fenicsx import (
     Temperature,
     Tie,
     VonMises,
+    load_path,
     stacked_blocks,
     stage_path,
 )
@@ -157,3 +158,24 @@ def test_algorithms_that_cannot_remember() -> None:
     history = LoadingHistory(problem, [Stage({"push": 1.0})])
     with pytest.raises(InputError, match="stages prescribe loads, but the method 'bordered-newton"):
         next(stage_path(BorderedNewton(problem), history))
+
+
+@pytest.mark.parametrize("body", [ISOTROPIC, KINEMATIC])
+def test_strained_to_twice_first_yield_and_back(body: Hardening) -> None:
+    """By a support that moves: ±2ε_y, and no strain in the end."""
+    at_yield = YIELD / YOUNG
+    supports = [*ROLLERS, Support("top", "z", -2.0, constant=False)]
+    problem = bar(body, supports=supports, loads=[])
+    strains = at_yield * np.array([1.0, 2.0, 0.5, -2.0, 2.0, 0.0])
+    levels = list(load_path(Newton(problem, SHARP), strains))
+    plastic = accumulated = 0.0
+    for level, strain in zip(levels, strains, strict=True):
+        assert level.report.converged, level.report.reason
+        assert abs(level.report.duality_gap) < 1e-10
+        trial = YOUNG * (strain - plastic) - body.kinematic * plastic
+        beyond = max(0.0, abs(trial) - YIELD - body.isotropic * accumulated)
+        flow = beyond / (YOUNG + body.isotropic + body.kinematic)
+        plastic, accumulated = plastic + flow * np.sign(trial), accumulated + flow
+        expected = YOUNG * (strain - plastic) * np.array([0, 0, -1, 0, 0, 0])
+        found = level.stress.x.array.reshape(-1, 6)
+        assert np.allclose(found, expected, rtol=0, atol=1e-9 * YIELD)

@@ -93,7 +93,11 @@ def test_elastic_bodies_have_nothing_to_remember(read: Read) -> None:
         ("steps = 4", "steps = 0", ["number 1", "steps = 0"]),
         ('[[load]]\nname = "push"', '[[load]]\nname = "press"', ["factor for 'push'"]),
         ("[[stage]]\nname", "[loading]\nvalues = [1.0]\n[[stage]]\nname", ["both [loading] and"]),
-        ("[[stage]]\nname", '[solve]\nmethod = "work-newton"\n[[stage]]\nname', ["[solve]"]),
+        (
+            "[[stage]]\nname",
+            '[solve]\nmethod = "work-newton"\n[[stage]]\nname',
+            ["stages prescr"],
+        ),
         (STAGES, "", ["'loading' is missing"]),
         (STAGES, '[loading]\ncontrol = "work"\nuntil = "limit"', ["of 'upper' hardens"]),
         (STAGES, '[loading]\ncontrol = "bounds"', ["of 'upper' hardens"]),
