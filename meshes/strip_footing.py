@@ -1,6 +1,6 @@
 """A strip footing in plane strain, half of it by symmetry: Prandtl's problem.
 
-The ground is (0, WIDTH)×(-DEPTH, 0), the footing the part x ≤ 1 of y = 0. Volume ``ground``; curves
+The ground is (0, width)×(-depth, 0), the footing the part x ≤ 1 of y = 0. Volume ``ground``; curves
 ``x0`` (the symmetry line), ``bottom``, ``side``, ``footing`` and ``free`` (the rest of y = 0). With
 a punch, a second body (0, 1)×(0, 1) on the ground: volumes ``ground`` and ``punch``, its curve
 ``top``, ``x0`` of both bodies, and the contact curves ``ground_footing`` and ``punch_footing``,
@@ -17,15 +17,18 @@ from meshes.sizes import finer_at, generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 WIDTH, DEPTH = 6.0, 6.0
-"""Extent of the ground; the half width of the footing is 1."""
+"""Extent of the ground unless others are given; the half width of the footing is 1."""
 FINER, REACH = 10.0, 2.2
-"""How much smaller the elements are at the footing's edge; how far from it ``size`` holds, which
-is the region of the slip lines."""
+"""How much smaller the elements are at the footing's edge unless told otherwise; how
+far from it ``size`` holds, which is the region of the slip lines."""
 
 
 def write_strip_footing(
     path: str | Path,
     punch: bool = False,
+    width: float = WIDTH,
+    depth: float = DEPTH,
+    grading: float = FINER,
     size: float = 0.2,
     order: int = 1,
     finer: float | None = None,
@@ -35,13 +38,16 @@ def write_strip_footing(
     Args:
         path: The file to write.
         punch: Whether there is a punch on the ground.
-        size: Edge length in the region of the slip lines; it is a tenth at the footing's edge.
+        width: Width of the ground, more than 1.
+        depth: Depth of the ground.
+        grading: How much smaller the elements are at the footing's edge.
+        size: Edge length in the region of the slip lines.
         order: Degree of the geometry, 1 or 2.
         finer: Mesh the punch apart, with so many times as many edges.
     """
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
-        outline = [(0.0, 0.0), (0.0, -DEPTH), (WIDTH, -DEPTH), (WIDTH, 0.0), (1.0, 0.0)]
+        outline = [(0.0, 0.0), (0.0, -depth), (width, -depth), (width, 0.0), (1.0, 0.0)]
         points = [occ.addPoint(x, y, 0.0) for x, y in outline]
         following = points[1:] + points[:1]
         axis, bottom, side, free, footing = map(occ.addLine, points, following)
@@ -67,7 +73,7 @@ def write_strip_footing(
 
         def mesh(body: str = "") -> None:
             own = size / finer if finer and body == "punch" else size
-            generate(2, finer_at((1.0, 0.0), own / FINER, own, reach=REACH), order)
+            generate(2, finer_at((1.0, 0.0), own / grading, own, reach=REACH), order)
 
         if finer is None:
             mesh()
@@ -80,6 +86,9 @@ def main() -> None:
     """Write the mesh that the command line asks for."""
     parser = mesh_parser(write_strip_footing, "Mesh half of a strip footing.")
     parser.add_argument("--punch", action="store_true", help="with a punch on the ground")
+    parser.add_argument("--width", type=float, help="width of the ground")
+    parser.add_argument("--depth", type=float, help="depth of the ground")
+    parser.add_argument("--grading", type=float, help="how much smaller elements are at the edge")
     parser.add_argument("--finer", type=float, help="mesh the punch apart, so much finer")
     write_from(parser, write_strip_footing)
 

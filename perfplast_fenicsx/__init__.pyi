@@ -33,12 +33,14 @@ from .pictures.drawing_process import draw as draw
 from .problem.initial_strain import InitialStress as InitialStress
 from .problem.initial_strain import Temperature as Temperature
 from .problem.loads import BodyForce as BodyForce
+from .problem.loads import Force as Force
 from .problem.loads import PorePressure as PorePressure
 from .problem.loads import Pressure as Pressure
 from .problem.loads import Traction as Traction
 from .problem.problem import Problem as Problem
 from .problem.report import Iteration as Iteration
 from .problem.report import LevelReport as LevelReport
+from .problem.rigid_surface import RigidSurface as RigidSurface
 from .problem.state import Level as Level
 from .problem.state import State as State
 from .problem.supports import Support as Support

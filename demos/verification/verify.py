@@ -27,6 +27,7 @@ CASES = (
     "hertz_sphere",
     "meshed_apart",
     "towers",
+    "body_bounds",
 )
 
 

@@ -12,7 +12,7 @@ from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.io.case.case import read_case
-from perfplast_fenicsx.io.case.loading_options import BoundsControl
+from perfplast_fenicsx.io.case.loading_options import BoundsControl, DisplacementControl
 from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
@@ -23,6 +23,7 @@ from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMetho
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.pictures.drawing_process import draw
 from perfplast_fenicsx.solvers.load_stepping import load_path, rests_first
+from perfplast_fenicsx.solvers.stroke import stroke
 
 SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
 """Exit statuses of the command line; an interrupted run has that of :class:`Interrupted`."""
@@ -108,6 +109,8 @@ def _solve(context: RunContext, solver: Any) -> int:
             limit = _limit(context, solver, recorder, case.loading.limit_tolerance)
     else:
         values = case.loading.values or []
+        if isinstance(case.loading, DisplacementControl) and case.loading.until is not None:
+            values = stroke(solver, case.loading.until)
         start = saved.level.state if saved.level else None
         if start is not None:
             values = values[len(saved.reports) - rests_first(solver, values) :]
@@ -121,7 +124,7 @@ def _solve(context: RunContext, solver: Any) -> int:
         with results.timed("pictures"):
             draw(context.folder)
     if recorder.last is not None:
-        context.terminal.reactions(recorder.last.report)
+        context.terminal.reactions(recorder.last.report, context.problem)
     results.summary.timings["total"] = recorder.elapsed()
     results.write()
     context.terminal.results(context.folder)

@@ -1,11 +1,13 @@
 """Facets of two surfaces that lie opposite each other, looked for in ever larger distances."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from mpi4py import MPI
 
 import numpy as np
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.facet_pairing import rendezvous
 from perfplast_fenicsx.contact.mortar_integrals import Integrals, integrate
 from perfplast_fenicsx.contact.surface_facets import Facets
@@ -30,7 +32,12 @@ class Facing:
 
 
 def facing_facets(
-    comm: MPI.Intracomm, hosts: Facets, guests: Facets, size: float, onward: bool
+    comm: MPI.Intracomm,
+    hosts: Facets,
+    guests: Facets,
+    size: float,
+    around: Callable[[Floats], Floats],
+    onward: bool,
 ) -> Facing:
     """Look for what lies opposite. Collective.
 
@@ -43,13 +50,14 @@ def facing_facets(
         hosts: This rank's facets of the surface that carries the multipliers.
         guests: Those of the other surface.
         size: Of both surfaces (length).
+        around: See :func:`mortar_integrals.integrate`.
         onward: Whether each host facet searches up to this size.
     """
     parts: list[Facing] = []
     reach, behind = REACH * size, np.inf
     while True:
         here, there = rendezvous(comm, hosts, guests, reach)
-        found = integrate(here, there, reach, min(reach, behind))
+        found = integrate(here, there, reach, around, min(reach, behind))
         covered = found.covered > 0
         some, alone = comm.allreduce(np.array([covered.sum(), (~covered).sum()]))
         last = reach > size or not alone or (not onward and (some or parts))

@@ -55,7 +55,13 @@ class Mortar:
         ]
         comm = V.mesh.comm
         chosen = choose_side(
-            comm, self.place, surfaces, contact.hosts, _along_normals, contact.gap is None
+            comm,
+            self.place,
+            surfaces,
+            contact.hosts,
+            _along_normals,
+            tagged_mesh.kinematics,
+            onward=contact.gap is None,
         )
         primary = chosen.host is surfaces[0]
         gap = self._gap(V, chosen, primary)

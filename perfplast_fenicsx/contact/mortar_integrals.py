@@ -12,6 +12,7 @@ polynomials, which are nowhere negative: weights d stay positive whatever part i
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -71,7 +72,11 @@ def own_basis(gdim: int, count: int) -> Floats:
 
 
 def integrate(
-    hosts: Facets, guests: Facets, reach: float, behind: float | None = None
+    hosts: Facets,
+    guests: Facets,
+    reach: float,
+    around: Callable[[Floats], Floats],
+    behind: float | None = None,
 ) -> Integrals:
     """Integrate over the overlap of facets. Not collective.
 
@@ -79,6 +84,8 @@ def integrate(
         hosts: Facets that carry multipliers, each on one rank.
         guests: All facets of the other surface within reach of them.
         reach: Largest distance (length).
+        around: What points of the host stand for out of the mesh's plane
+            (:meth:`kinematics.Kinematics.around`).
         behind: Largest overlap (length); None for the same.
     """
     host, guest = pieces_of(hosts), pieces_of(guests)
@@ -87,7 +94,7 @@ def integrate(
     mass, d, covered = np.zeros((count, each, each)), np.zeros((count, each)), np.zeros(count)
     keys, products, on_guest = [], [], 0.0
     for chunk in _chunks(first):
-        part = _products(hosts, guests, host, guest, first[chunk], second[chunk])
+        part = _products(hosts, guests, host, guest, first[chunk], second[chunk], around)
         keys.append(part.pair)
         products.append(part.mixed)
         mass += part.mass
@@ -101,7 +108,7 @@ def integrate(
         guest=pair % max(len(guests), 1),
         M=_balanced(_dual(mass, d)[of_host] @ mixed, mixed, of_host, d),
         d=d,
-        full=_whole(host, count, each),
+        full=_whole(host, count, each, around),
         covered=covered,
         on_guest=on_guest,
     )
@@ -129,7 +136,13 @@ class _Products:
 
 
 def _products(
-    hosts: Facets, guests: Facets, host: Pieces, guest: Pieces, first: Longs, second: Longs
+    hosts: Facets,
+    guests: Facets,
+    host: Pieces,
+    guest: Pieces,
+    first: Longs,
+    second: Longs,
+    around: Callable[[Floats], Floats],
 ) -> _Products:
     gdim, each = host.x.shape[1], hosts["node"].shape[1]
     found = overlaps(host.x[first], guest.x[second])
@@ -145,7 +158,8 @@ def _products(
 
     own = functions(host, h, found.host, each) @ own_basis(gdim, each).T
     other = functions(guest, g, found.guest, each)
-    weighted = own * (area[:, None] * weights)[:, :, None]
+    rings = around(points @ (found.host[near] @ host.x[h]))
+    weighted = own * (area[:, None] * weights * rings)[:, :, None]
     e, f = host.facet[h], guest.facet[g]
     turned = weighted.transpose(0, 2, 1)
     pair, mixed = _added(e * max(len(guests), 1) + f, turned @ other)
@@ -225,10 +239,11 @@ def _dual(mass: Floats, d: Floats) -> Floats:
     return dual
 
 
-def _whole(host: Pieces, count: int, each: int) -> Floats:
+def _whole(host: Pieces, count: int, each: int, around: Callable[[Floats], Floats]) -> Floats:
     """∫Ñ over whole facets."""
     gdim = host.x.shape[1]
     points, weights = _rule(gdim, 2)
     at = np.einsum("qc,ncr->nqr", points, host.at)
     own = shape_functions(gdim, each, at) @ own_basis(gdim, each).T
-    return _at(host.facet, count, np.einsum("n,q,nqi->ni", host.measure, weights, own))
+    rings = around(points @ host.x)
+    return _at(host.facet, count, np.einsum("n,q,nq,nqi->ni", host.measure, weights, rings, own))

@@ -14,6 +14,7 @@ from perfplast_fenicsx.contact.mortar_rows import MortarRows, mortar_rows
 from perfplast_fenicsx.contact.surface_facets import Facets, pieces_of
 from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes, check_outside, extent
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.kinematics import Kinematics
 
 WHOLE = 0.99
 """A surface counts as covered from this share on."""
@@ -71,6 +72,7 @@ def choose_side(
     surfaces: Sequence[Surface],
     hosts: str | None,
     able: Able,
+    kinematics: Kinematics,
     onward: bool,
 ) -> Side:
     """Say which surface's nodes are the hosts, and make their rows. Collective.
@@ -81,6 +83,7 @@ def choose_side(
         surfaces: The primary and the secondary one.
         hosts: "primary" or "secondary" if it is given.
         able: Says which nodes may be hosts.
+        kinematics: Of the mesh.
         onward: See :func:`facing_facets.facing_facets`.
 
     Raises:
@@ -94,7 +97,7 @@ def choose_side(
 
     def side(host: int) -> Side:
         areas = (measures[host][0], measures[1 - host][0])
-        return _side(comm, surfaces[host], surfaces[1 - host], areas, able, onward)
+        return _side(comm, surfaces[host], surfaces[1 - host], areas, able, kinematics, onward)
 
     chosen = side(first)
     if not chosen.covered[0]:
@@ -122,11 +125,14 @@ def _side(
     guest: Surface,
     areas: tuple[float, float],
     able: Able,
+    kinematics: Kinematics,
     onward: bool,
 ) -> Side:
     """The rows if one surface's nodes are the hosts. Collective."""
     corners = np.concatenate([surface.nodes["x"] for surface in (host, guest)])
-    facing = facing_facets(comm, host.facets, guest.facets, extent(comm, corners), onward)
+    facing = facing_facets(
+        comm, host.facets, guest.facets, extent(comm, corners), kinematics.around, onward
+    )
     here, there, found = facing.hosts, facing.guests, facing.found
     covered = comm.allreduce(np.array([found.covered.sum(), found.on_guest]))
     return Side(

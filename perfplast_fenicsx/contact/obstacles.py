@@ -1,4 +1,4 @@
-"""Rigid obstacles that do not move: planes, spheres and cylinders."""
+"""Rigid obstacles, which rest or move without turning: planes, spheres and cylinders."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,11 +17,13 @@ class Plane:
         on: Physical surface that cannot penetrate it.
         point: A point of the plane (length; 2 or 3 numbers).
         normal: Points out of the obstacle, towards the body; of any length but 0.
+        move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
     """
 
     on: str
     point: Sequence[float]
     normal: Sequence[float]
+    move: Sequence[float] = ()
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """Distance of points to the obstacle and the unit direction that leads into it.
@@ -49,12 +51,14 @@ class Sphere:
         centre: Its centre (length).
         radius: Its radius > 0 (length).
         hollow: Whether the body is inside.
+        move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
     """
 
     on: str
     centre: Sequence[float]
     radius: float
     hollow: bool = False
+    move: Sequence[float] = ()
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """See :meth:`Plane.towards`."""
@@ -71,6 +75,7 @@ class Cylinder:
         axis: Direction of its axis, of any length but 0.
         radius: Its radius > 0 (length).
         hollow: Whether the body is inside.
+        move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
     """
 
     on: str
@@ -78,6 +83,7 @@ class Cylinder:
     axis: Sequence[float]
     radius: float
     hollow: bool = False
+    move: Sequence[float] = ()
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """See :meth:`Plane.towards`."""
@@ -96,6 +102,15 @@ Obstacle = Plane | Sphere | Cylinder
 
 OBSTACLES = {"plane": Plane, "sphere": Sphere, "cylinder": Cylinder}
 """Obstacles by their ``shape`` in case files."""
+
+
+def move_of(obstacle: Obstacle, gdim: int) -> Floats:
+    """How far an obstacle moves for ζ = 1 (length), shape (gdim,).
+
+    Raises:
+        InputError: If that does not fit the mesh.
+    """
+    return _vector(obstacle, "move", gdim) if len(obstacle.move) else np.zeros(gdim)
 
 
 def _round(obstacle: Sphere | Cylinder, r: Floats) -> tuple[Floats, Floats]:

@@ -1,4 +1,7 @@
-"""The loading curve: load factor ζ over the work of the loads α. Single-process."""
+"""The loading curve: load factor ζ over the work of the loads α, or force over stroke.
+
+Single-process.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -35,9 +38,14 @@ class Bounds(Protocol):
 
 
 def save_curve(
-    reports: Sequence[LevelReport], title: str, path: Path, limit: Bounds | None, unit: str = ""
+    reports: Sequence[LevelReport],
+    title: str,
+    path: Path,
+    limit: Bounds | None,
+    unit: str = "",
+    driven: bool = False,
 ) -> None:
-    """Draw ζ over α, and save the picture.
+    """Draw the curve, and save the picture.
 
     Args:
         reports: Of all levels.
@@ -45,6 +53,7 @@ def save_curve(
         path: The png file.
         limit: Limit load, to be marked with its bounds.
         unit: Of α.
+        driven: Whether ζ moves supports and obstacles.
 
     Raises:
         OSError: If the file cannot be written.
@@ -52,7 +61,10 @@ def save_curve(
     figure = Figure(figsize=(7, 5), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    draw_curve(axes, reports, limit, unit)
+    if driven:
+        draw_stroke(axes, reports)
+    else:
+        draw_curve(axes, reports, limit, unit)
     axes.set_title(title, parse_math=False)
     replace_picture(path, figure)
 
@@ -100,5 +112,32 @@ def draw_curve(
     axes.set(xlabel=f"work of the loads α{bracket}", ylabel="load factor ζ")
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right")
+
+
+def draw_stroke(
+    axes: Axes, reports: Sequence[LevelReport], now: tuple[float, float] | None = None
+) -> None:
+    """Draw the driving force over the stroke ζ of the converged levels.
+
+    Args:
+        axes: Where.
+        reports: Of all levels.
+        now: (ζ, force) to be marked.
+    """
+    solved = [report for report in reports if report.converged]
+    strokes = [report.zeta for report in solved]
+    forces = [report.driving_force for report in solved]
+    axes.axhline(0, color=ELASTIC, linewidth=0.8)
+    axes.axvline(0, color=ELASTIC, linewidth=0.8)
+    axes.plot(strokes, forces, "o-", color=LINE, markersize=5, label="solved load levels")
+    for report in reports:
+        if not report.converged:
+            label = f"no solution found at ζ = {report.zeta:.6g}"
+            axes.axvline(report.zeta, color=LIMIT, linestyle="--", label=label)
+    if now is not None:
+        axes.plot(*now, "o", color="black", markersize=9, zorder=5)
+    axes.set(xlabel="load factor ζ of the motion", ylabel="driving force")
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right")

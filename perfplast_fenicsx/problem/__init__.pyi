@@ -7,6 +7,7 @@ from .law_on_cells import LawOnCells as LawOnCells
 from .load_case import LoadCase as LoadCase
 from .loads import LOADS as LOADS
 from .loads import BodyForce as BodyForce
+from .loads import Force as Force
 from .loads import Load as Load
 from .loads import PorePressure as PorePressure
 from .loads import Pressure as Pressure
@@ -15,6 +16,7 @@ from .prescribed import Prescribed as Prescribed
 from .problem import Problem as Problem
 from .report import Iteration as Iteration
 from .report import LevelReport as LevelReport
+from .rigid_surface import RigidSurface as RigidSurface
 from .state import Level as Level
 from .state import State as State
 from .supports import Support as Support

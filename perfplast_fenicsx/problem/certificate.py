@@ -104,7 +104,7 @@ def contact_forces(problem: Problem, stress: fem.Function, zeta: float) -> Float
 
 @dataclass(frozen=True)
 class _Moved:
-    """What supports that move do: their work on u_D, and the norm of all nodal forces."""
+    """What is moved does: work of supports on u_D, and the norm of all nodal forces."""
 
     work: float
     norm: float
@@ -112,7 +112,7 @@ class _Moved:
 
 def _moved(problem: Problem, internal: PETSc.Vec) -> _Moved:
     """⟨σ, ε(ũ_D)⟩ with ũ_D zero at all other unknowns, and so no work of loads. Collective."""
-    if not problem.moves_supports:
+    if not (problem.motion.moves_supports or problem.motion.driven):
         return _Moved(0.0, 0.0)
     u = problem.prescribed.ravel()[: internal.getLocalSize()]
     return _Moved(problem.comm.allreduce(float(internal.array_r @ u)), float(internal.norm()))

@@ -79,6 +79,8 @@ class LevelReport:
         seconds: Wall time of the level.
         reactions: Forces on the bodies (:class:`resultants.Resultants`), one number a direction.
         balance: Their sum or moment, relative to all nodal forces.
+        driving_force: Where ζ moves supports and obstacles, the work that they do on the bodies for
+            a growth of ζ by 1: the force along what moves, times how far it moves for ζ = 1.
     """
 
     zeta: float
@@ -104,6 +106,7 @@ class LevelReport:
     seconds: float
     reactions: Mapping[str, Sequence[float]] = field(default_factory=dict)
     balance: float = 0.0
+    driving_force: float = 0.0
 
     def __repr__(self) -> str:
         return f"LevelReport({self.summary()})"

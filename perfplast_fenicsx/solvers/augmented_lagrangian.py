@@ -191,7 +191,7 @@ class AugmentedLagrangian(LevelSolver):
         due = len(history) % CHECK_EVERY == 0
         if not due or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None
-        return above_limit(zeta, history)
+        return above_limit(zeta, history, self.problem.motion.driven)
 
     def _step_1_gradient(self, zeta: float) -> PETSc.Vec:
         """⟨σ^k + rC(ε(u) − e^k), ε(·)⟩ − L₀ − ζL₁ over r, in jump unknowns."""

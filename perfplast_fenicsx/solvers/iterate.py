@@ -73,7 +73,7 @@ class Iterate:
         else:
             u.x.array[:] = start.u.x.array
         self.lifted = start is None and problem.initial_strain is not None
-        if problem.moves_supports:
+        if problem.motion.moves_supports:
             held, known = problem.fixed.ravel(), problem.prescribed[problem.fixed]
             moved = bool((u.x.array[held] != known).any())
             self.lifted |= problem.comm.allreduce(moved, MPI.LOR)
@@ -84,7 +84,7 @@ class Iterate:
             self.y.array[basis.index] = np.minimum(jumps, basis.gap)
             basis.T.mult(self.y, u.x.petsc_vec)
             u.x.scatter_forward()
-            self.lifted |= start is None
+            self.lifted |= start is None or problem.motion.driven
         self.fields.update()
         if self.lifted:  # or the first step would start from cells that yield without reason
             self.fields.take_elastic_stress()

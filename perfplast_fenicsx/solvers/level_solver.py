@@ -166,6 +166,7 @@ class LevelSolver(Stepper, ABC):
             InputError: If the value is not finite.
         """
         check_finite(self.prescribes.value, value)
+        self.problem.move_to(value)
         return solve_level(self, value, start, monitor)
 
     def at_rest(self, monitor: Monitor | None = None) -> Level:

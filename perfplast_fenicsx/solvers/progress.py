@@ -119,6 +119,7 @@ class Progress:
             seconds=time.perf_counter() - self._began,
             reactions=certificate.resultants.forces,
             balance=certificate.resultants.balance,
+            driving_force=certificate.resultants.driving,
         )
         stress = fem.Function(problem.S, name="stress")
         stress.x.array[:] = fields.stress.x.array

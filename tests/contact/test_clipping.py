@@ -13,6 +13,7 @@ from perfplast_fenicsx.contact.clipping import overlaps
 from perfplast_fenicsx.contact.mortar_integrals import integrate
 from perfplast_fenicsx.contact.mortar_rows import mortar_rows
 from perfplast_fenicsx.contact.surface_facets import facet_type
+from perfplast_fenicsx.mesh.kinematics import KINDS
 
 
 def grid(counts: tuple[int, int], turn: float, degree: int, seed: int, side: float) -> Floats:
@@ -161,7 +162,7 @@ def test_random_pairs_of_surfaces() -> None:
             turned = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
             exact = common_area(square, square @ turned + shift)
         for one, other in ((host, guest), (guest, host)):
-            found = integrate(one, other, 0.3)
+            found = integrate(one, other, 0.3, KINDS["space"].around)
             assert found.covered.sum() == pytest.approx(exact, rel=1e-12, abs=1e-12), seed
             assert found.on_guest == pytest.approx(exact, rel=1e-12, abs=1e-12), seed
             assert found.d.sum() == pytest.approx(found.covered.sum(), rel=1e-12), seed

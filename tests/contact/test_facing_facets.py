@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.contact.facing_facets import facing_facets
+from perfplast_fenicsx.mesh.kinematics import KINDS
 from tests.contact.test_clipping import area, grid
 
 
@@ -25,7 +26,7 @@ def test_a_step_in_the_other_surface(
     far["x"] += [0.5, 0.0, height]
     mine = slice(comm.rank, None, comm.size)
     both = np.concatenate([near, far])[mine]
-    facing = facing_facets(comm, hosts[mine], both, np.sqrt(8.0), onward)
+    facing = facing_facets(comm, hosts[mine], both, np.sqrt(8.0), KINDS["space"].around, onward)
     assert comm.allreduce(len(facing.hosts)) == len(hosts)
     found = facing.found
     beyond = (facing.hosts["x"][..., 0] > 0).all(axis=1)

@@ -1,8 +1,9 @@
 """Case files: what is solved and how, as TOML.
 
 A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
-``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[temperature]]``, ``[[initial_stress]]``,
-``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and ``[units]``; see
+``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``,
+``[[initial_stress]]``, ``[model]``, ``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and
+``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
@@ -16,7 +17,13 @@ from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.io.case.loading_options import LOADINGS, BoundsControl, Control
+from perfplast_fenicsx.io.case.loading_checks import check_loading
+from perfplast_fenicsx.io.case.loading_options import (
+    LOADINGS,
+    BoundsControl,
+    Control,
+    DisplacementControl,
+)
 from perfplast_fenicsx.io.case.scene import Scene, Units
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.io.case.tables import (
@@ -25,7 +32,10 @@ from perfplast_fenicsx.io.case.tables import (
     LoadTable,
     MeshBuilder,
     MeshFile,
+    ModelOptions,
     OutputOptions,
+    RigidSurfaceTable,
+    SupportTable,
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
@@ -38,6 +48,7 @@ from perfplast_fenicsx.problem.initial_strain import Initial, InitialStress, Tem
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.methods import METHODS
 
@@ -60,6 +71,8 @@ class Case:
     contacts: list[Contact]
     obstacles: list[Obstacle]
     ties: list[Tie]
+    model: ModelOptions
+    rigid: list[RigidSurface]
     element: ElementOptions
     method: str
     options: Any
@@ -71,11 +84,20 @@ class Case:
     @property
     def scene(self) -> Scene:
         """What pictures need to know."""
-        return Scene(self.title, self.loads, self.contacts, self.obstacles, self.units)
+        return Scene(
+            self.title,
+            self.loads,
+            self.contacts,
+            self.obstacles,
+            self.units,
+            axisymmetric=self.model.kind == "axisymmetric",
+            driven=isinstance(self.loading, DisplacementControl),
+        )
 
     def __repr__(self) -> str:
         values = self.loading.values
-        levels = "until the limit load" if values is None else f"{len(values)} levels"
+        ends = "the limit load" if self.loading.prescribes is Prescribed.WORK else "a given motion"
+        levels = f"until {ends}" if values is None else f"{len(values)} levels"
         bodies = ", ".join(self.materials)
         return (
             f"Case({str(self.path)!r}: {self.title}; {bodies}; P{self.element.degree};"
@@ -97,7 +119,8 @@ class Case:
             if self.adapt is not None:
                 with at("adapt"):
                     self.adapt.check(mesh)
-            return mesh
+        with at(f"{self.path.name}, [model]"):
+            return self.model.of(mesh)
 
     def problem(self, comm: MPI.Intracomm) -> Problem:
         """Build the mesh and declare the problem on it. Collective.
@@ -117,6 +140,7 @@ class Case:
                 self.element.degree,
                 self.initial,
                 self.ties,
+                self.rigid,
             )
 
     def solver(self, problem: Problem) -> Any:
@@ -163,8 +187,6 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
 def _case(path: Path, table: Table) -> Case:
     name = path.name
     top = convert(table, Document, name)
-    if not top.load:
-        raise InputError(f"{name}: no load is given; add a [[load]] table.")
     materials: dict[str, Material] = {}
     for body, properties in top.material.items():
         place = f"{name}, [material.{body}]"
@@ -183,7 +205,14 @@ def _case(path: Path, table: Table) -> Case:
     _, schema, rest = choose(top.loading, "control", LOADINGS, place, default="load")
     loading: Control = convert(rest, schema, place)
     method, options = _algorithm(top.solve, loading, f"{name}, [solve]")
-    held = [convert(support, Support, place) for place, support in supports]
+    driven, held = isinstance(loading, DisplacementControl), []
+    for where, support in supports:
+        with at(where):
+            held.append(convert(support, SupportTable, where).support(driven))
+    rigid = []
+    for where, surface in _numbered(top.rigid_surface, f"{name}, [[rigid_surface]]"):
+        with at(where):
+            rigid.append(convert(surface, RigidSurfaceTable, where).surface(driven))
     kinds: dict[str, tuple[list[Table], type[Initial]]] = {
         "temperature": (top.temperature, Temperature),
         "initial_stress": (top.initial_stress, InitialStress),
@@ -193,19 +222,16 @@ def _case(path: Path, table: Table) -> Case:
         for where, entry in _numbered(tables, f"{name}, [[{kind}]]"):
             initial.append(convert(entry, schema_of, where))
     touching = [convert(contact, Contact, where) for where, contact in contacts]
-    meant = any(contact.interference for contact in touching)
+    strained = bool(initial) or any(contact.interference for contact in touching)
     with at(place):
-        constant = any(load.constant for load in loads)
-        if constant or any(one.value for one in held) or initial or meant:
-            _check_not_proportional(loading)
-        elif not isinstance(loading, BoundsControl):
-            loading.check_proportional()
-        if loading.prescribes is Prescribed.WORK and all(load.constant for load in loads):
-            raise InputError(
-                "control = 'work' goes with a load that grows, but all loads are constant; take"
-                " constant = true from one of them, or give control = 'load'."
-            )
+        check_loading(loading, loads, [*held, *rigid], obstacles, strained)
     mesh = _mesh(top.mesh, f"{name}, [mesh]")
+    model = convert(top.model, ModelOptions, f"{name}, [model]")
+    if model.kind == "axisymmetric" and isinstance(loading, BoundsControl):
+        raise InputError(
+            f"{name}, [model]: control = 'bounds' is for plane strain and space; give control ="
+            " 'work' and until = 'limit' for the limit load of the mesh."
+        )
     return Case(
         path=path,
         table=table,
@@ -218,6 +244,8 @@ def _case(path: Path, table: Table) -> Case:
         contacts=touching,
         obstacles=obstacles,
         ties=[convert(tie, Tie, place) for place, tie in _numbered(top.tie, f"{name}, [[tie]]")],
+        model=model,
+        rigid=rigid,
         element=convert(loading.element | top.element, ElementOptions, f"{name}, [element]"),
         method=method,
         options=options,
@@ -226,16 +254,6 @@ def _case(path: Path, table: Table) -> Case:
         units=convert(top.units, Units, f"{name}, [units]"),
         initial=initial,
     )
-
-
-def _check_not_proportional(loading: Control) -> None:
-    """Refuse what is for loads that all grow, and nothing else."""
-    if loading.limit_method == LimitMethod.INTERIOR_POINT:
-        raise InputError(
-            "supports move, loads are constant or bodies are strained at first, and strict bounds"
-            " and the interior point method are for loads that all grow; give control = 'work',"
-            " until = 'limit' and limit_method = 'path', or leave out what does not grow."
-        )
 
 
 def _algorithm(table: Table, loading: Control, place: str) -> tuple[str, Any]:
@@ -251,9 +269,10 @@ def _algorithm(table: Table, loading: Control, place: str) -> tuple[str, Any]:
     if method not in fitting:
         control = {schema.prescribes: name for name, schema in reversed(LOADINGS.items())}
         other = control[algorithm.solver.prescribes]
+        chosen = next(name for name, schema in LOADINGS.items() if isinstance(loading, schema))
         raise InputError(
             f"{place}: method = '{method}' prescribes the {other}, but [loading] has control ="
-            f" '{control[wanted]}'; use method = {' or '.join(map(repr, fitting))}, or"
+            f" '{chosen}'; use method = {' or '.join(map(repr, fitting))}, or"
             f" control = '{other}'."
         )
     if loading.limit_tolerance is not None:

@@ -20,11 +20,12 @@ SCENE = Scene(
     [Traction("top", [0.0, 0.0, -1.0]), BodyForce("upper", [0.0, 0.0, 1.0]), Pressure("left", 2.0)],
     [Contact("upper_bottom", "lower_top", gap="0.1*x")],
     [
-        Plane("top", [0.0, 0.0, 3.0], [0.0, 0.0, -1.0]),
-        Sphere("left", [0.0, 1.0, 2.0], 0.5, hollow=True),
-        Cylinder("top", [0.0, 1.0, 2.0], [1.0, 0.0, 0.0], 0.5),
+        Plane("top", [0.0, 0.0, 3.0], [0.0, 0.0, -1.0], move=[0.0, 0.0, -0.1]),
+        Sphere("left", [0.0, 1.0, 2.0], 0.5, hollow=True, move=[]),
+        Cylinder("top", [0.0, 1.0, 2.0], [1.0, 0.0, 0.0], 0.5, move=[]),
     ],
     Units("mm", "MPa"),
+    driven=True,
 )
 
 
