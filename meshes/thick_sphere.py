@@ -2,13 +2,15 @@
 
 The shell is about the origin. Volume ``shell``; surfaces ``inner``, ``outer``, ``x0``, ``y0`` and
 ``z0`` (the symmetry planes). With an interface: volumes ``inner_shell`` and ``outer_shell`` and the
-contact surfaces ``inner_shell_seam`` and ``outer_shell_seam``.
+contact surfaces ``inner_shell_seam`` and ``outer_shell_seam``, whose nodes match unless the shells
+are meshed apart.
 """
 
 import math
 from itertools import pairwise
 from pathlib import Path
 
+from meshes.apart import write_apart
 from meshes.command_line import mesh_parser, write_from
 from meshes.naming import name
 from meshes.sizes import generate
@@ -19,7 +21,11 @@ INNER, OUTER = 1.0, 2.0
 
 
 def write_thick_sphere(
-    path: str | Path, interface: float | None = None, size: float = 0.2, order: int = 1
+    path: str | Path,
+    interface: float | None = None,
+    size: float = 0.2,
+    order: int = 1,
+    finer: float | None = None,
 ) -> None:
     """Mesh an octant of a shell and write a .msh file. On one process.
 
@@ -28,6 +34,7 @@ def write_thick_sphere(
         interface: Radius at which the shell is cut in two; None for one shell.
         size: Edge length at the inner radius, which is 1; it grows in proportion to the radius.
         order: Degree of the geometry, 1 or 2.
+        finer: Mesh two shells apart, the outer one with so many times as many edges at the seam.
     """
     with gmsh_session() as gmsh:
         geo = gmsh.model.geo
@@ -64,14 +71,23 @@ def write_thick_sphere(
         name(2, {"inner": spheres[:1], "outer": spheres[-1:], "x0": x0, "y0": y0, "z0": z0})
         if interface is not None:
             name(2, {"seam": spheres[1:2]})
-        generate(3, lambda x, y, z: size * math.hypot(x, y, z), order)
-        write_split(path)
+
+        def mesh(body: str = "") -> None:
+            near = size / finer if finer and body == "outer_shell" else size
+            generate(3, lambda x, y, z: near * math.hypot(x, y, z), order)
+
+        if finer is None:
+            mesh()
+            write_split(path)
+        else:
+            write_apart(path, mesh)
 
 
 def main() -> None:
     """Write the mesh that the command line asks for."""
     parser = mesh_parser(write_thick_sphere, "Mesh an octant of a thick spherical shell.")
     parser.add_argument("--interface", type=float, help="radius at which to cut the shell in two")
+    parser.add_argument("--finer", type=float, help="mesh them apart, the outer one so much finer")
     write_from(parser, write_thick_sphere)
 
 

@@ -30,9 +30,19 @@ BELOW: dict[str, set[str]] = {
         "io.case",
     },
     "pictures": {"contact", "problem", "io.case", "io.results"},
+    "geometry": {"mesh", "materials"},
     "cli": {
-        *("pictures", "io.case", "io.results", "limit_analysis", "solvers", "solvers.linear"),
+        *(
+            "geometry",
+            "pictures",
+            "io.case",
+            "io.results",
+            "limit_analysis",
+            "solvers",
+            "solvers.linear",
+        ),
         "problem",
+        "materials",
     },
 }
 """For each room those that it may import from, besides itself and the ground: the modules that lie

@@ -28,7 +28,9 @@ CASES = (
     "plate_with_hole",
     "hertz_line",
     "hertz_sphere",
+    "meshed_apart",
     "towers",
+    "body_bounds",
 )
 
 

@@ -114,7 +114,7 @@ def _solve(context: RunContext, solver: Any) -> int:
         start = saved.level.state if saved.level else None
         if start is not None:
             values = values[len(saved.reports) - rests_first(solver, values) :]
-        for level in load_path(solver, values, recorder.iteration, start):
+        for level in load_path(solver, values, recorder.iteration, start, saved.before):
             recorder.level(level)
     results = recorder.results
     if case.output.pictures and (recorder.last is not None or (limit and limit.collapses)):
@@ -124,7 +124,7 @@ def _solve(context: RunContext, solver: Any) -> int:
         with results.timed("pictures"):
             draw(context.folder)
     if recorder.last is not None:
-        context.terminal.reactions(recorder.last.report)
+        context.terminal.reactions(recorder.last.report, context.problem)
     results.summary.timings["total"] = recorder.elapsed()
     results.write()
     context.terminal.results(context.folder)

@@ -145,10 +145,16 @@ class Terminal:
             f" ({effort(limit)}): {limit.reason}."
         )
 
-    def reactions(self, report: LevelReport) -> None:
-        """Say what loads, supports, obstacles and contacts exert on the bodies, a line each."""
+    def reactions(self, report: LevelReport, problem: Problem) -> None:
+        """Say what loads, supports, obstacles and contacts exert on the bodies, a line each.
+
+        Args:
+            report: Of the level.
+            problem: Whose it is.
+        """
         width = max(map(len, report.reactions), default=0)
-        self.say(f"Forces at zeta = {report.zeta:.6g}, in balance to {report.balance:.1e}:")
+        forces = f"Forces {problem.kinematics.forces}".rstrip()
+        self.say(f"{forces} at zeta = {report.zeta:.6g}, in balance to {report.balance:.1e}:")
         for name, force in report.reactions.items():
             cells = "  ".join(f"{component:>12.6g}" for component in force)
             self.say(f"  {name:<{width}}  {cells}")
@@ -171,9 +177,10 @@ def describe(title: str, method: str, problem: Problem) -> str:
     pairs = problem.num_pairs
     ranks = f"{comm.size} rank{'s' if comm.size > 1 else ''}"
     direct = method == LimitMethod.INTERIOR_POINT
+    turned = ", axisymmetric" if problem.tagged_mesh.axisymmetric else ""
     linear = "MUMPS Cholesky" if direct else chosen_solver(problem)
     return (
-        f"{title}: {bodies}; {cells} cells, P{problem.degree}, {problem.num_dofs} dofs,"
+        f"{title}: {bodies}; {cells} cells, P{problem.degree}{turned}, {problem.num_dofs} dofs,"
         f" {pairs} contact pairs;"
         f" method {method} on {ranks}, {linear}"
     )

@@ -54,7 +54,15 @@ class Mortar:
             for name in (contact.primary, contact.secondary)
         ]
         comm = V.mesh.comm
-        chosen = choose_side(comm, self.place, surfaces, contact.hosts, _along_normals)
+        chosen = choose_side(
+            comm,
+            self.place,
+            surfaces,
+            contact.hosts,
+            _along_normals,
+            tagged_mesh.kinematics,
+            onward=contact.gap is None,
+        )
         primary = chosen.host is surfaces[0]
         gap = self._gap(V, chosen, primary)
         (rows,) = chosen.rows

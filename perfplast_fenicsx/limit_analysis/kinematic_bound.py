@@ -24,7 +24,6 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.limit_analysis.viscous_flow import NoFlow, ViscousFlow
-from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.problem.integrals import Integral
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, OfLaw, integrate
 from perfplast_fenicsx.problem.problem import Problem
@@ -86,6 +85,7 @@ class KinematicBound:
         """Compile the forms, where the laws have bounds. Collective."""
         self._comm, laws = problem.comm, problem.laws
         self._flow: ViscousFlow | None = None
+        strain = problem.kinematics.strain
         rate = strain(fem.Function(problem.V))
         unable = [type(on.law).__name__ for on in laws if on.law.inadmissible(rate) is None]
         if unable:

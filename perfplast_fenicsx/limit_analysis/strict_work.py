@@ -34,6 +34,13 @@ ADMISSIBLE = 1e-9
 """Volume change in plastic bodies and strain in elastic ones that are rounding, beside ‖ε(v)‖."""
 
 
+TURNED = (
+    "strict bounds are for plane strain and space, as the hoop strain of bodies of revolution is no"
+    " polynomial"
+)
+"""Why an axisymmetric mesh has none."""
+
+
 class Scope(StrEnum):
     """What a bound is one of."""
 
@@ -99,12 +106,14 @@ def strict_upper_bound(
             "loads are constant, and a strict bound is one of loads that all grow; leave out what"
             " does not grow with the load factor."
         )
+    if problem.tagged_mesh.axisymmetric:
+        return Bound(None, "upper", Scope.MESH, (TURNED,))
     strains = PointStrains(problem)
     try:
         trace, deviator = strains.of_function(mechanism)
         plastic = np.isfinite(strains.radii)
         squares = np.einsum("ni,ni->n", deviator, deviator)
-        volume = trace**2 / problem.bodies.gdim
+        volume = trace**2 / strains.gdim
         wrong = volume + np.where(plastic, 0.0, squares)
         weights, comm = strains.weights, problem.comm
         part, whole = comm.allreduce(np.array([weights @ wrong, weights @ (volume + squares)]))

@@ -13,7 +13,7 @@ from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
 from perfplast_fenicsx.machine_memory import spare_memory
-from perfplast_fenicsx.materials.mandel import Expr, strain
+from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.problem.integrals import Integral, assemble_force
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells, integrate
 from perfplast_fenicsx.problem.problem import Problem
@@ -57,6 +57,7 @@ class ViscousFlow:
         self.factorisations = self.solves = 0
         self.velocity = v = fem.Function(problem.V, name="mechanism")
         self.viscosity = eta = fem.Function(problem.Q)
+        strain = problem.kinematics.strain
         rate = strain(v)
         trial, test = (strain(f(problem.V)) for f in (ufl.TrialFunction, ufl.TestFunction))
         multipliers = {

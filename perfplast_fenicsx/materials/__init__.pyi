@@ -8,7 +8,6 @@ from .mandel import Expr as Expr
 from .mandel import deviator as deviator
 from .mandel import mandel_size as mandel_size
 from .mandel import spherical as spherical
-from .mandel import strain as strain
 from .mandel import tensor as tensor
 from .mandel import trace as trace
 from .von_mises import VonMises as VonMises

@@ -1,4 +1,5 @@
 from .gmsh_reader import gmsh_session as gmsh_session
+from .kinematics import Kinematics as Kinematics
 from .refinement import Refined as Refined
 from .refinement import fan as fan
 from .refinement import refine as refine

@@ -41,7 +41,7 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
     """
     chosen = np.unique(np.linspace(0, len(levels) - 1, min(len(levels), MOST_FRAMES)).round())
     levels = [levels[int(i)] for i in chosen]
-    scene, unit = reader.scene, reader.scene.units.of_work(reader.gdim)
+    scene, unit = reader.scene, reader.scene.unit_of_work(reader.gdim)
     surfaces = [reader.surface(level) for level in levels]
     surfaces.insert(0, _unloaded(surfaces[0]))
     path = [None, *(level.report for level in levels)]
@@ -60,7 +60,8 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
                 draw_curve(axes, reader.reports, reader.limit, unit, now)
 
         images = [renderer.draw(number, panel) for panel in shown]
-        words = (scene.title, f"{level_caption(report, scene.driven, unit)},   {in_words(scale)}")
+        state = level_caption(report, scene.driven, unit)
+        words = (scene.title, f"{state},   {in_words(scale)}{scene.view}")
         canvas = FigureCanvasAgg(compose(shown, images, words, DPI, curve))
         canvas.draw()
         frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))

@@ -46,7 +46,7 @@ def draw_fields(
     scale = deformation_scale([surface], wanted)
     renderer = Renderer([surface], scene, scale, PIXELS)
     images = [renderer.draw(0, panel) for panel in shown]
-    words = (scene.title, f"{caption},   {in_words(scale)}")
+    words = (scene.title, f"{caption},   {in_words(scale)}{scene.view}")
     replace_picture(path, compose(shown, images, words))
 
 

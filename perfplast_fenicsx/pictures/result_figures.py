@@ -52,7 +52,7 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
 def _levels(reader: ResultReader, target: Path) -> Iterator[str]:
     """Draw what there is of levels: ``path.png``, and ``fields.png`` of the last."""
     scene, levels = reader.scene, reader.levels
-    unit = scene.units.of_work(reader.gdim) if levels else ""
+    unit = scene.unit_of_work(reader.gdim) if levels else ""
     with _drawing(target / "path.png") as path:
         from perfplast_fenicsx.pictures.loading_curve import save_curve
 

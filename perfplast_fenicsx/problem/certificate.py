@@ -1,5 +1,6 @@
 """How good is a state? Duality gap, equilibrium, penetration, contact forces, complementarity."""
 
+import math
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -69,7 +70,8 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     free = r.copy()
     free.array[basis.index] = 0
     least_force = RIGID * fields.gross_force() if rigid else 0.0
-    norm = max(problem.loads.norm(zeta), moved.norm, least_force, SMALLEST)
+    pushing = math.sqrt(comm.allreduce(float(forces @ forces)))
+    norm = max(problem.loads.norm(zeta), moved.norm, pushing, least_force, SMALLEST)
     certificate = Certificate(
         forces,
         max_penetration=comm.allreduce(max(0.0, float((-room).max(initial=0))), MPI.MAX),

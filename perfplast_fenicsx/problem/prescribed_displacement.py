@@ -13,8 +13,9 @@ from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.rigid_motions import nodes_of
 from perfplast_fenicsx.contact.surface_nodes import LEAST_COSINE
 from perfplast_fenicsx.contact.surface_normals import face_nodes
-from perfplast_fenicsx.errors import raise_together
+from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import bounding_box
 from perfplast_fenicsx.problem.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.supports import AXES, Support
 
@@ -29,6 +30,8 @@ def known_displacements(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, supports: Sequence[Support | RigidSurface]
 ) -> tuple[npt.NDArray[np.bool_], Floats, Ints]:
     """Which components supports and rigid surfaces that are moved hold, and where. Collective.
+
+    On the axis of bodies of revolution nothing moves outwards, whatever holds it.
 
     Returns:
         Flags; displacements (length), the constant ones and those that ζ multiplies, 0 at other
@@ -63,8 +66,17 @@ def known_displacements(
             holder[nodes[fresh], axis] = number
             values[:, nodes[fresh], axis] = new[:, fresh]
             fixed[nodes, axis] = True
-    raise_together(tagged_mesh.mesh.comm, message)
-    return fixed, values, holder
+    comm = tagged_mesh.mesh.comm
+    low, high = bounding_box(comm, V.tabulate_dof_coordinates())
+    size = float(np.linalg.norm(high - low))
+    on_axis = tagged_mesh.kinematics.held(V.tabulate_dof_coordinates(), size)
+    if (on_axis & (values != 0)).any():
+        message = (
+            "a support moves nodes of the axis r = 0 along x, which is the radius; leave x out of"
+            " its components, or the axis out of its surface."
+        )
+    raise_together(comm, message)
+    return fixed | on_axis, values, holder
 
 
 def _told(displacement: Floats) -> str:
@@ -116,3 +128,24 @@ def check_moved_surfaces(
                 " contact surface."
             )
     raise_together(tagged_mesh.mesh.comm, message)
+
+
+def check_moved_ties(V: fem.FunctionSpace, ties: Constraints, prescribed: Floats) -> None:
+    """Refuse supports that by themselves move one side of a tie and not the other. Collective.
+
+    Args:
+        V: Displacement space.
+        ties: Their rows.
+        prescribed: u_D at each local node, shape (num_nodes, gdim).
+
+    Raises:
+        InputError: If they do.
+    """
+    u = fem.Function(V)
+    u.x.array[:] = prescribed.ravel()
+    apart = float(np.abs(ties.jumps(u.x.petsc_vec)).max(initial=0))
+    if V.mesh.comm.allreduce(apart > ROUNDING * np.abs(prescribed).max(initial=0), MPI.LOR):
+        raise InputError(
+            "a support moves nodes of a tied surface, which the other surface would have to"
+            " follow; leave these nodes out of the support or of the tie, or give it the value 0."
+        )

@@ -28,8 +28,8 @@ from perfplast_fenicsx.contact.rigid_motions import RigidMotions
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Material
-from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
+from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared_loads import declared_loads
 from perfplast_fenicsx.problem.given import Given
@@ -61,7 +61,7 @@ class Problem:
         V: Continuous displacements, one vector a node.
         S: Mandel vectors (strain, stress) at the quadrature points (:class:`spaces.Spaces`).
         Q: Scalars at the quadrature points.
-        dx: Integrates over these points.
+        dx: Integrates over these points; around the axis in axisymmetry.
         cells: All cells of this rank, ghosts too; what is interpolated often names them, since
             DOLFINx makes such an array each time and leaves it to Python's cyclic collector.
         bodies: Connected components and their rigid motions.
@@ -122,20 +122,19 @@ class Problem:
         self.given = Given(
             materials, supports, loads, contacts, obstacles, degree, initial, ties, rigid
         )
-        spaces = make_spaces(tagged_mesh.mesh, degree)
+        spaces = make_spaces(tagged_mesh.mesh, degree, self.kinematics)
         self.degree, self.dx = degree, spaces.dx
         self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
         topology = tagged_mesh.mesh.topology
         index_map = topology.index_map(topology.dim)
         self.cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
-        self.bodies: Bodies = find_bodies(self.V)
+        self.bodies: Bodies = find_bodies(self.V, self.kinematics)
         self.laws = lay_out(tagged_mesh, spaces, materials)
         self.initial_strain = initial_strain(tagged_mesh, spaces, materials, self.laws, initial)
         self.bcs, displacement = self._supports(
             [*supports, *(surface for surface in rigid if not surface.free)]
         )
-        moved = bool(displacement.any())
-        self.ties, taken = glued_rows(self.V, tagged_mesh, ties, rigid, self.fixed, moved)
+        self.ties, taken = glued_rows(self.V, tagged_mesh, ties, rigid, self.fixed, displacement)
         self.num_tied: int = self.comm.allreduce(len(self.ties.host))
         self.basis: JumpBasis = self._contact(contacts, obstacles, taken)
         self.motion = self._motion(displacement)
@@ -170,6 +169,11 @@ class Problem:
     def comm(self) -> MPI.Intracomm:
         """The ranks that share the mesh."""
         return self.tagged_mesh.mesh.comm
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """What the coordinates of the mesh mean."""
+        return self.tagged_mesh.kinematics
 
     @property
     def as_declared(self) -> bool:
@@ -222,7 +226,8 @@ class Problem:
 
     def internal_form(self, stress: fem.Function) -> ufl.Form:
         """⟨σ, ε(v)⟩."""
-        return ufl.dot(stress, strain(ufl.TestFunction(self.V))) * self.dx
+        form = ufl.dot(stress, self.kinematics.strain(ufl.TestFunction(self.V))) * self.dx
+        return form
 
     def _supports(
         self, supports: Sequence[Support | RigidSurface]

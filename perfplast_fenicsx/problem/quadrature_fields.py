@@ -10,7 +10,6 @@ import ufl
 from dolfinx import default_scalar_type, fem
 
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.problem.energy_norms import jagged_norm2, strain_norm2, stress_norm2
 from perfplast_fenicsx.problem.integrals import Integral, assemble_force
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, OfLaw, integrate
@@ -47,7 +46,8 @@ class QuadratureFields:
             return Integral(comm, integrate(laws, density))
 
         initial = problem.initial_strain
-        seen = strain(self.u) if initial is None else strain(self.u) - initial
+        seen = problem.kinematics.strain(self.u)
+        seen = seen if initial is None else seen - initial
         self._strain = fem.Expression(seen, interpolation_points(S.element))
         self._initial = (
             None if initial is None else Integral(comm, ufl.dot(s, initial) * problem.dx)

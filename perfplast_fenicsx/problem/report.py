@@ -72,8 +72,8 @@ class LevelReport:
         smallest_contact_force: Of all pairs (force); negative means an adhesive one. 0 without any.
         complementarity: Σ force × remaining gap, relative to Ψ + S, as the duality gap.
         equilibrium: Norm of the forces that nothing balances (contact forces apart, which the three
-            numbers above judge), relative to that of the loads or, where supports move, of all
-            nodal forces if that is larger.
+            numbers above judge), relative to that of the loads or of the contact forces or, where
+            supports move, of all nodal forces, whichever is largest.
         duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to Ψ(ε(u)) + S(σ).
         max_displacement: Largest nodal displacement (length).
         seconds: Wall time of the level.

@@ -22,12 +22,15 @@ class Resultants:
     """Resultants by what exerts them, and how well they balance.
 
     Attributes:
-        forces: One number a direction (force; in the plane for each unit of depth), of ``loads``,
-            ``support NAME``, ``rigid surface NAME`` if that is moved, ``obstacle NAME`` and
-            ``contact PRIMARY SECONDARY``: that on the primary surface's body, and none on both
-            together. What two supports hold alike is told of the first one.
+        forces: One number a direction (force; in plane strain for each unit of depth; in
+            axisymmetry of the full turn, the radial one being what pushes outwards all around, and
+            no resultant of vectors), of ``loads``, ``support NAME``, ``rigid surface NAME`` if that
+            is moved, ``obstacle NAME`` and ``contact PRIMARY SECONDARY``: that on the primary
+            surface's body, and none on both together. What two supports hold alike is told of the
+            first one.
         balance: Sum of the forces on the bodies, or moment about the middle of the bodies over
-            their size, whichever is larger, relative to the sum of all nodal forces.
+            their size, whichever is larger, relative to the sum of all nodal forces. In
+            axisymmetry it is that of the axial forces.
         driving: Work that supports and obstacles do on the bodies for a growth of ζ by 1: the force
             along what moves, times how far it moves for ζ = 1.
     """
@@ -84,11 +87,10 @@ def resultants(
     for name, force in zip([*names, "loads"], sums, strict=True):
         forces[name] = forces.get(name, np.zeros(gdim)) + force
     outer = [force for name, force in forces.items() if not name.startswith("contact ")]
-    missing = float(np.linalg.norm(np.sum(outer, axis=0)))
     parts = (external, pushed, reaction)
     total = comm.allreduce(sum(float(np.linalg.norm(part, axis=1).sum()) for part in parts))
     total = max(total, least)
-    missing = max(missing, _moment(problem, external + pushed + reaction))
+    missing = _missing(problem, np.sum(outer, axis=0), external + pushed + reaction)
     rate = problem.motion.displacement[1][: len(reaction)]
     driving = comm.allreduce(float(np.sum(reaction * rate)))
     behind = supports + len(problem.given.contacts)
@@ -110,14 +112,19 @@ def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.
         vector.destroy()
 
 
-def _moment(problem: Problem, forces: Floats) -> float:
-    """Norm of their moment about the middle of the nodes, over the distance of the farthest."""
-    comm = problem.comm
+def _missing(problem: Problem, total: Floats, forces: Floats) -> float:
+    """What rigid motions feel: of the sum of all forces, and as moment of the nodal ones.
+
+    The moment is about the middle of the nodes, over the distance of the farthest. Collective.
+    """
+    comm, kinematics = problem.comm, problem.kinematics
     x = problem.V.tabulate_dof_coordinates()[: len(forces)]
     middle = comm.allreduce(x.sum(axis=0)) / problem.V.dofmap.index_map.size_global
     arms = x - middle
-    in_space = np.zeros_like(arms)
-    in_space[:, : forces.shape[1]] = forces
-    moment = comm.allreduce(np.cross(arms, in_space).sum(axis=0))
     farthest = comm.allreduce(float(np.linalg.norm(arms, axis=1).max(initial=0)), MPI.MAX)
-    return float(np.linalg.norm(moment)) / farthest if farthest > 0 else 0.0
+    modes = kinematics.rigid_modes(np.asarray(arms / (farthest or 1.0), dtype=np.float64))
+    work = comm.allreduce(np.einsum("ni,nim->m", forces, modes))
+    at_middle = kinematics.rigid_modes(np.zeros((1, 3)))[0]
+    rotations = ~at_middle.any(axis=0)
+    felt = np.linalg.norm([total @ at_middle, work * rotations], axis=1)
+    return float(felt.max())

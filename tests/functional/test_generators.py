@@ -3,7 +3,7 @@
 import runpy
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import asin, pi, sqrt
+from math import asin, cos, pi, sin, sqrt
 from pathlib import Path
 
 from mpi4py import MPI
@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from meshes.beam_on_prop import write_beam_on_prop
 from meshes.contact_patch import write_contact_patch
 from meshes.corner_seat import LEG, write_corner_seat
 from meshes.cracked_strip import write_cracked_strip
@@ -22,6 +23,7 @@ from meshes.platens import PLATEN, write_platens
 from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
 from meshes.thick_sphere import write_thick_sphere
 from meshes.thick_tube import write_thick_tube
+from meshes.tube_polygon import write_tube_polygon
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
@@ -90,6 +92,20 @@ CASES = [
         rel=1e-4,
     ),
     Case(
+        write_thick_tube,
+        {"outer": 2.0, "interface": 1.5, "size": 0.2, "order": 2, "finer": 1.5},
+        {"inner_tube": quarter * (1.5**2 - 1), "outer_tube": quarter * (4 - 1.5**2)},
+        {
+            "inner": (-1, -1),
+            "outer": (2, 2),
+            "x0": (-1, 0),
+            "y0": (0, -1),
+            "inner_tube_seam": (1.5, 1.5),
+            "outer_tube_seam": (-1.5, -1.5),
+        },
+        rel=1e-4,
+    ),
+    Case(
         write_thick_sphere,
         {"size": 0.4},
         {"shell": pi / 6 * 7},
@@ -146,6 +162,20 @@ CASES = [
             "punch_footing": (0, -1),
         },
         [("ground_footing", "punch_footing")],
+    ),
+    Case(
+        write_strip_footing,
+        {"punch": True, "size": 0.5, "finer": 1.5},
+        {"ground": WIDTH * DEPTH, "punch": 1},
+        {
+            "x0": (-DEPTH - 1, 0),
+            "bottom": (0, -WIDTH),
+            "side": (DEPTH, 0),
+            "free": (0, WIDTH - 1),
+            "top": (0, 1),
+            "ground_footing": (0, 1),
+            "punch_footing": (0, -1),
+        },
     ),
     Case(
         write_contact_patch,
@@ -225,6 +255,30 @@ CASES = [
         {"inner": (0, -1), "outer": (0, -2), "x0": (-4, 0), "side": (4, 0), "top": (0, 3)},
     ),
     Case(
+        write_beam_on_prop,
+        {"size": 30.0},
+        {"beam": 20000, "block": 10000},
+        {
+            "wall": (-50, 0),
+            "floor": (0, -100),
+            "top": (0, 400),
+            "beam_seam": (0, -100),
+            "block_seam": (0, 100),
+        },
+        pairs=[("beam_seam", "block_seam")],
+    ),
+    Case(
+        write_tube_polygon,
+        {"lesser": True, "size": quarter * 2 / 3},
+        {"tube": 3 * sin(pi / 6) / 2 * (4 - 1 / cos(pi / 12) ** 2)},
+        {
+            "inner": (-1 / cos(pi / 12), -1 / cos(pi / 12)),
+            "outer": (2, 2),
+            "x0": (1 / cos(pi / 12) - 2, 0),
+            "y0": (0, 1 / cos(pi / 12) - 2),
+        },
+    ),
+    Case(
         write_plate_with_hole,
         {"size": 1.0, "order": 2},
         {"plate": 18.75},
@@ -270,6 +324,21 @@ CASES = [
         },
         rel=3e-2,
         gdim=3,
+    ),
+    Case(
+        write_hertz_line,
+        {"contact_size": 0.05, "bodies": 2, "order": 2, "finer": 1.5},
+        {"lower": quarter, "upper": quarter},
+        {
+            "x0": (-2, 0),
+            "top": (0, 1),
+            "bottom": (0, -1),
+            "upper_arc": (arc_height, -ARC),
+            "upper_free": (1 - arc_height, ARC - 1),
+            "lower_arc": (arc_height, ARC),
+            "lower_free": (1 - arc_height, 1 - ARC),
+        },
+        rel=1e-5,
     ),
     Case(
         write_hertz_sphere,

@@ -2,7 +2,8 @@
 
 A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
 ``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``,
-``[[initial_stress]]``, ``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and ``[units]``; see
+``[[initial_stress]]``, ``[model]``, ``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and
+``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
@@ -31,6 +32,7 @@ from perfplast_fenicsx.io.case.tables import (
     LoadTable,
     MeshBuilder,
     MeshFile,
+    ModelOptions,
     OutputOptions,
     RigidSurfaceTable,
     SupportTable,
@@ -69,6 +71,7 @@ class Case:
     contacts: list[Contact]
     obstacles: list[Obstacle]
     ties: list[Tie]
+    model: ModelOptions
     rigid: list[RigidSurface]
     element: ElementOptions
     method: str
@@ -81,8 +84,15 @@ class Case:
     @property
     def scene(self) -> Scene:
         """What pictures need to know."""
-        driven = isinstance(self.loading, DisplacementControl)
-        return Scene(self.title, self.loads, self.contacts, self.obstacles, self.units, driven)
+        return Scene(
+            self.title,
+            self.loads,
+            self.contacts,
+            self.obstacles,
+            self.units,
+            axisymmetric=self.model.kind == "axisymmetric",
+            driven=isinstance(self.loading, DisplacementControl),
+        )
 
     def __repr__(self) -> str:
         values = self.loading.values
@@ -109,7 +119,8 @@ class Case:
             if self.adapt is not None:
                 with at("adapt"):
                     self.adapt.check(mesh)
-            return mesh
+        with at(f"{self.path.name}, [model]"):
+            return self.model.of(mesh)
 
     def problem(self, comm: MPI.Intracomm) -> Problem:
         """Build the mesh and declare the problem on it. Collective.
@@ -215,6 +226,12 @@ def _case(path: Path, table: Table) -> Case:
     with at(place):
         check_loading(loading, loads, [*held, *rigid], obstacles, strained)
     mesh = _mesh(top.mesh, f"{name}, [mesh]")
+    model = convert(top.model, ModelOptions, f"{name}, [model]")
+    if model.kind == "axisymmetric" and isinstance(loading, BoundsControl):
+        raise InputError(
+            f"{name}, [model]: control = 'bounds' is for plane strain and space; give control ="
+            " 'work' and until = 'limit' for the limit load of the mesh."
+        )
     return Case(
         path=path,
         table=table,
@@ -227,6 +244,7 @@ def _case(path: Path, table: Table) -> Case:
         contacts=touching,
         obstacles=obstacles,
         ties=[convert(tie, Tie, place) for place, tie in _numbered(top.tie, f"{name}, [[tie]]")],
+        model=model,
         rigid=rigid,
         element=convert(loading.element | top.element, ElementOptions, f"{name}, [element]"),
         method=method,

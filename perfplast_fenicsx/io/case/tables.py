@@ -11,6 +11,7 @@ from typing import Any, Literal
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.formulas import check
 from perfplast_fenicsx.io.case.schema import Table, shown
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.loads import LOADS, Force, Load
 from perfplast_fenicsx.problem.rigid_surface import RigidSurface, Turn
 from perfplast_fenicsx.problem.supports import AXES, Support
@@ -26,6 +27,7 @@ class Document:
         load: What pushes and pulls, at least once unless control = "displacement". The load factor
             ζ multiplies all loads but those that are constant.
         loading: How far the bodies are loaded, and by what it is controlled.
+        model: What the coordinates of a mesh in the plane mean.
         title: For people; the name of the file where it is missing.
         support: What holds the bodies.
         temperature: Where the temperature changes.
@@ -43,6 +45,7 @@ class Document:
     mesh: Table
     material: dict[str, Table]
     loading: Table
+    model: Table = field(default_factory=dict)
     title: str = ""
     load: list[Table] = field(default_factory=list)
     support: list[Table] = field(default_factory=list)
@@ -70,6 +73,37 @@ class OutputOptions:
 
     fields: bool = True
     pictures: bool = True
+
+
+@dataclass(frozen=True)
+class ModelOptions:
+    """What the coordinates of a mesh of triangles mean.
+
+    In axisymmetry x is the radius (x ≥ 0), y the axis of revolution, and zz the hoop direction,
+    as in an initial stress. Nothing moves outwards on the axis, without a support. Loads are per
+    area and volume, as anywhere; all forces and works in results are those of the full turn, and
+    their column r is what pushes outwards all around, not a resultant of vectors.
+
+    Args:
+        kind: The default is plane strain.
+    """
+
+    kind: Literal["plane-strain", "axisymmetric"] | None = None
+
+    def of(self, tagged_mesh: TaggedMesh) -> TaggedMesh:
+        """The mesh with that meaning. Collective.
+
+        Raises:
+            InputError: If it is one of tetrahedra, or reaches to where the radius is negative.
+        """
+        if self.kind == "axisymmetric":
+            return tagged_mesh.turned()
+        if self.kind is not None and tagged_mesh.mesh.geometry.dim == 3:
+            raise InputError(
+                f"kind = '{self.kind}' is for meshes of triangles, but this one has tetrahedra;"
+                " leave it out."
+            )
+        return tagged_mesh
 
 
 @dataclass(frozen=True)

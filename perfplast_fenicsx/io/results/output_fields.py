@@ -10,7 +10,7 @@ from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.materials.mandel import strain, tensor
+from perfplast_fenicsx.materials.mandel import tensor
 from perfplast_fenicsx.problem.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.spaces import by_cell
@@ -54,7 +54,8 @@ class OutputFields:
         self.resultants: Floats = np.zeros((0, mesh.geometry.dim))
 
         u = self.fields["displacement"]
-        self._strain = fem.Expression(strain(u), interpolation_points(problem.S.element))
+        at = interpolation_points(problem.S.element)
+        self._strain = fem.Expression(problem.kinematics.strain(u), at)
         self._mean = fem.Function(piecewise_constant(size))
         self._tensor = fem.Expression(tensor(self._mean), interpolation_points(tensors.element))
         self._at_points = fem.Function(problem.Q)
@@ -121,7 +122,8 @@ class OutputFields:
         tagged_mesh, tags = self._problem.tagged_mesh, self._problem.contact_tags
         if not tags:
             return np.ones(vertices.dofmap.index_map.size_local)
-        ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)
+        section = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)
+        ds = self._problem.kinematics.measure(section)
         vector = fem.assemble_vector(fem.form(ufl.TestFunction(vertices) * ds(tags)))
         vector.scatter_reverse(la.InsertMode.add)
         areas = vector.array[: vertices.dofmap.index_map.size_local].copy()
@@ -137,7 +139,7 @@ def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
         problem: The bodies.
         v: The velocity, its ghosts up to date.
     """
-    rate, at_points = strain(v), fem.Function(problem.Q)
+    rate, at_points = problem.kinematics.strain(v), fem.Function(problem.Q)
     work = LawExpression(problem.laws, problem.Q, lambda on: on.law.dissipation(rate))
     work.interpolate(at_points)
     cells = fem.functionspace(problem.tagged_mesh.mesh, ("DG", 0))

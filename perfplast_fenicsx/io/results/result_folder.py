@@ -36,7 +36,6 @@ from perfplast_fenicsx.io.results.result_files import (
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import LevelReport
-from perfplast_fenicsx.problem.supports import AXES
 
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
@@ -173,6 +172,8 @@ class Summary:
     Attributes:
         prescribed: What each level prescribes, "zeta" or "alpha"; the other one is found.
         mesh: Numbers of cells, vertices and displacement unknowns (dofs).
+        model: Which ``kind`` it is, the ``axes`` that components of ``reactions`` are of, and what
+            ``forces`` and works are of: each unit of depth, or the full turn.
         steps: A :data:`STEP_KEYS` table for each level.
         limit: Limit load, where one was asked for.
         timings: Wall time by activity (s).
@@ -185,6 +186,7 @@ class Summary:
     prescribed: str
     ranks: int
     mesh: dict[str, int]
+    model: dict[str, str]
     steps: list[dict[str, Any]] = field(default_factory=list)
     limit: dict[str, Any] | None = None
     timings: dict[str, float] = field(default_factory=dict)
@@ -205,7 +207,7 @@ class Results:
         reports: Sequence[LevelReport] = (),
     ) -> None:
         """Write a summary without levels, or with those of an earlier run. Collective."""
-        mesh = problem.tagged_mesh.mesh
+        mesh, kinematics = problem.tagged_mesh.mesh, problem.kinematics
         self.folder = folder
         self.summary = Summary(
             title=title,
@@ -218,6 +220,7 @@ class Results:
                 "vertices": mesh.topology.index_map(0).size_global,
                 "dofs": problem.num_dofs,
             },
+            model={"kind": kinematics.name, "axes": kinematics.axes, "forces": kinematics.forces},
         )
         self.reports: list[LevelReport] = []
         for report in reports:
@@ -237,7 +240,8 @@ class Results:
     def _path(self) -> str:
         """What ``path.csv`` says."""
         text = io.StringIO()
-        rows = [_row(step, report) for step, report in enumerate(self.reports, start=1)]
+        axes = self.summary.model["axes"]
+        rows = [_row(step, report, axes) for step, report in enumerate(self.reports, start=1)]
         writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
         if rows:
             writer.writeheader()
@@ -264,11 +268,11 @@ class Results:
         self.folder.on_root(write)
 
 
-def _row(step: int, report: LevelReport) -> dict[str, Any]:
+def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
     """A row of ``path.csv``, with a column for each component of each reaction."""
     row = {"step": step} | dataclasses.asdict(report)
     for name, force in row.pop("reactions").items():
-        row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(AXES, force, strict=False)}
+        row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(axes, force, strict=True)}
     return row
 
 
