@@ -5,6 +5,7 @@ With a hub the mesh is plane: volumes ``shaft`` and ``hub``; curves ``outer``, `
 of tetrahedra: volume ``shaft``; surfaces ``x0``, ``y0``, ``outer``, ``z0`` and ``z1``, its ends.
 """
 
+from itertools import pairwise
 from pathlib import Path
 
 from meshes.command_line import mesh_parser, write_from
@@ -39,8 +40,8 @@ def write_shaft(
         starts = [centre, *(occ.addPoint(radius, 0.0, 0.0) for radius in radii)]
         ends = [centre, *(occ.addPoint(0.0, radius, 0.0) for radius in radii)]
         arcs = [occ.addCircleArc(a, centre, b) for a, b in zip(starts[1:], ends[1:], strict=True)]
-        y0 = [occ.addLine(a, b) for a, b in zip(starts, starts[1:], strict=False)]
-        x0 = [occ.addLine(a, b) for a, b in zip(ends, ends[1:], strict=False)]
+        y0 = [occ.addLine(a, b) for a, b in pairwise(starts)]
+        x0 = [occ.addLine(a, b) for a, b in pairwise(ends)]
         faces = [add_polygon([y0[0], arcs[0], x0[0]])]
         if hub is not None:
             faces.append(add_polygon([y0[1], arcs[1], x0[1], arcs[0]]))

@@ -24,6 +24,7 @@ from perfplast_fenicsx.io.case.loading_options import (
     Control,
     DisplacementControl,
 )
+from perfplast_fenicsx.io.case.mesh_choice import adaptation_of, mesh_of
 from perfplast_fenicsx.io.case.scene import Scene, Units
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.io.case.tables import (
@@ -225,7 +226,7 @@ def _case(path: Path, table: Table) -> Case:
     strained = bool(initial) or any(contact.interference for contact in touching)
     with at(place):
         check_loading(loading, loads, [*held, *rigid], obstacles, strained)
-    mesh = _mesh(top.mesh, f"{name}, [mesh]")
+    mesh = mesh_of(top.mesh, f"{name}, [mesh]")
     model = convert(top.model, ModelOptions, f"{name}, [model]")
     if model.kind == "axisymmetric" and isinstance(loading, BoundsControl):
         raise InputError(
@@ -237,7 +238,7 @@ def _case(path: Path, table: Table) -> Case:
         table=table,
         title=top.title or path.stem,
         mesh=mesh,
-        adapt=_adaptation(mesh.adapt, loading, f"{name}, [mesh], adapt"),
+        adapt=adaptation_of(mesh.adapt, loading, f"{name}, [mesh], adapt"),
         materials=materials,
         supports=held,
         loads=loads,
@@ -278,31 +279,6 @@ def _algorithm(table: Table, loading: Control, place: str) -> tuple[str, Any]:
     if loading.limit_tolerance is not None:
         rest = limit_options(loading.limit_tolerance) | rest
     return method, convert(rest, algorithm.options, place)
-
-
-def _mesh(table: Table, place: str) -> MeshFile | MeshBuilder:
-    if ("builder" in table) == ("file" in table):
-        what = "both a builder and a file" if "builder" in table else "neither a builder nor a file"
-        raise InputError(
-            f"{place}: there is {what}; give either builder = 'two_blocks' or another builder"
-            " with its arguments, or file = 'assembly.msh'."
-        )
-    if "file" in table:
-        return convert(table, MeshFile, place)
-    arguments = {key: value for key, value in table.items() if key not in ("builder", "adapt")}
-    named = {key: table[key] for key in ("builder", "adapt") if key in table}
-    return convert(named | {"arguments": arguments}, MeshBuilder, place)
-
-
-def _adaptation(table: Table | None, loading: Control, place: str) -> Adaptation | None:
-    if table is None:
-        return None
-    if not isinstance(loading, BoundsControl):
-        raise InputError(
-            f"{place}: meshes are adapted to bounds, but there are none without control = 'bounds'"
-            " under [loading]; choose it, or leave adapt out."
-        )
-    return convert(table, Adaptation, place)
 
 
 def _numbered(tables: list[Table], place: str) -> list[tuple[str, Table]]:
