@@ -26,6 +26,7 @@ CASES = (
     "plate_with_hole",
     "hertz_line",
     "hertz_sphere",
+    "meshed_apart",
     "towers",
     "body_bounds",
 )

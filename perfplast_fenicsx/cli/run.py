@@ -114,7 +114,7 @@ def _solve(context: RunContext, solver: Any) -> int:
         start = saved.level.state if saved.level else None
         if start is not None:
             values = values[len(saved.reports) - rests_first(solver, values) :]
-        for level in load_path(solver, values, recorder.iteration, start):
+        for level in load_path(solver, values, recorder.iteration, start, saved.before):
             recorder.level(level)
     results = recorder.results
     if case.output.pictures and (recorder.last is not None or (limit and limit.collapses)):
