@@ -6,7 +6,7 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic_program import NONE
 from perfplast_fenicsx.limit_analysis.point_strains import deviator_in_plane, trace_dim
 from perfplast_fenicsx.limit_analysis.sprung_matrix import SprungMatrix
@@ -63,3 +63,11 @@ class ConicStiffness(SprungMatrix):
         fem_petsc.assemble_matrix(self._stiffness, self._form, self._problem.bcs)  # type: ignore[arg-type]
         self._stiffness.assemble()
         self._operator.hold(held)
+
+    def add_springs(self, springs: tuple[Ints, Floats]) -> None:
+        """Let K have springs at a few unknowns, from the next assembly on.
+
+        Args:
+            springs: See :meth:`ContactOperator.add_springs`.
+        """
+        self._operator.add_springs(springs)
