@@ -1,4 +1,4 @@
-"""Where the mesh of a case comes from, and whether it is adapted."""
+"""``[mesh]`` of a case file: a file or a builder, and how it is adapted."""
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.loading_options import BoundsControl, Control
@@ -7,11 +7,11 @@ from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile
 from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 
 
-def mesh_of(table: Table, place: str) -> MeshFile | MeshBuilder:
-    """A file or a builder.
+def read_mesh(table: Table, place: str) -> MeshFile | MeshBuilder:
+    """The mesh.
 
     Raises:
-        InputError: If there is neither or both, or their keys are wrong.
+        InputError: If there is not exactly one of a file and a builder, or keys are wrong.
     """
     if ("builder" in table) == ("file" in table):
         what = "both a builder and a file" if "builder" in table else "neither a builder nor a file"
@@ -26,11 +26,11 @@ def mesh_of(table: Table, place: str) -> MeshFile | MeshBuilder:
     return convert(named | {"arguments": arguments}, MeshBuilder, place)
 
 
-def adaptation_of(table: Table | None, loading: Control, place: str) -> Adaptation | None:
-    """How the mesh is adapted; None for not.
+def read_adaptation(table: Table | None, loading: Control, place: str) -> Adaptation | None:
+    """How the mesh is adapted; None where it is not.
 
     Raises:
-        InputError: If no bounds are sought, or keys are wrong.
+        InputError: If no bounds of the body are sought, or keys are wrong.
     """
     if table is None:
         return None
