@@ -140,6 +140,8 @@ def _result(
     if iteration is not None and steps:
         low = lower_bound(iteration)
         lower, unbalanced = low.value, low.unbalanced
+        if lower is None and verdict is Verdict.FOUND:
+            reason += "; forces were not brought into balance, and so no lower bound but 0"
         _write_stress(iteration, stress)
         forces = iteration.now.forces * program.force_unit
         if verdict in (Verdict.FOUND, Verdict.STALLED):
