@@ -159,7 +159,8 @@ def collapse(problem: Problem, rtol: float = 1e-4, method: str = "interior-point
     seconds = time.perf_counter() - began
     bracket = ""
     if problem.degree == 2 and limit.factorisations is not None:
-        bracket = in_brackets(limit_bounds(problem, rtol))
+        turned = problem.tagged_mesh.axisymmetric
+        bracket = "none: axisymmetric" if turned else in_brackets(limit_bounds(problem, rtol))
     return Collapse(problem, limit, bracket, seconds)
 
 

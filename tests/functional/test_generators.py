@@ -20,6 +20,7 @@ from meshes.hertz_line import ARC, write_hertz_line
 from meshes.hertz_sphere import CAP, write_hertz_sphere
 from meshes.plate_with_hole import write_plate_with_hole
 from meshes.platens import PLATEN, write_platens
+from meshes.ring import write_ring
 from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
 from meshes.thick_sphere import write_thick_sphere
 from meshes.thick_tube import write_thick_tube
@@ -135,6 +136,20 @@ CASES = [
         [("inner_shell_seam", "outer_shell_seam")],
         rel=2e-3,
         gdim=3,
+    ),
+    Case(
+        write_ring,
+        {"inner": 0.0, "interface": 1.5, "size": 0.3},
+        {"inner_ring": 0.75, "outer_ring": 0.25},
+        {
+            "inner": (-0.5, 0),
+            "outer": (0.5, 0),
+            "bottom": (0, -2),
+            "top": (0, 2),
+            "inner_ring_seam": (0.5, 0),
+            "outer_ring_seam": (-0.5, 0),
+        },
+        [("inner_ring_seam", "outer_ring_seam")],
     ),
     Case(
         write_strip_footing,

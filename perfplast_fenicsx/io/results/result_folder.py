@@ -272,7 +272,7 @@ def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
     """A row of ``path.csv``, with a column for each component of each reaction."""
     row = {"step": step} | dataclasses.asdict(report)
     for name, force in row.pop("reactions").items():
-        row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(axes, force, strict=True)}
+        row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(axes, force, strict=False)}
     return row
 
 
