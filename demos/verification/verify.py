@@ -19,8 +19,13 @@ CASES = (
     "corner_seat",
     "thick_sphere",
     "thick_tube",
+    "axisymmetry",
     "strip_footing",
+    "rigid_footing",
+    "torsion",
+    "press_fit",
     "platens",
+    "friction",
     "cracked_strips",
     "plate_with_hole",
     "hertz_line",
@@ -28,6 +33,7 @@ CASES = (
     "meshed_apart",
     "towers",
     "body_bounds",
+    "bound_costs",
 )
 
 
