@@ -22,6 +22,7 @@ CASES = (
     "axisymmetry",
     "strip_footing",
     "platens",
+    "friction",
     "cracked_strips",
     "plate_with_hole",
     "hertz_line",
@@ -29,6 +30,7 @@ CASES = (
     "meshed_apart",
     "towers",
     "body_bounds",
+    "bound_costs",
 )
 
 

@@ -158,7 +158,7 @@ def work_path(
     last: State | None = None
     leap: Leap | None = None
     problem, rest = solver.problem, 0.0
-    from_rest = not problem.is_proportional()
+    from_rest = not problem.is_elastic_at_first()
     if reached is None and from_rest:
         level = solver.at_rest(monitor)
         yield level

@@ -24,6 +24,7 @@ from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level, State
+from perfplast_fenicsx.solvers.active_set.equality_qp import NOTHING_HELD, Held
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton import Newton, criterion_met, newton_direction
 from perfplast_fenicsx.solvers.newton_options import Monitor, NewtonOptions, regularisation
@@ -119,7 +120,9 @@ class WorkNewton(LevelSolver):
         iterate, loads = self.iterate, self.problem.loads
         active = iterate.begin(rest)
         self.program.set_operator(iterate.operator(1.0))
-        iterate.aim(self.program.response(loads.live, active, rtol=1e-8))
+        sliding = self.problem.basis.sliding
+        stuck = Held(sliding, np.zeros(len(sliding))) if self.friction else NOTHING_HELD
+        iterate.aim(self.program.response(loads.live, active, rtol=1e-8, given=stuck))
         unit = iterate.direction.du
         iterate.fields.e.x.array[:] = iterate.direction.de.x.array
         overstress = iterate.fields.largest_overstress()
@@ -135,11 +138,11 @@ class WorkNewton(LevelSolver):
             InputError: If something besides ζ loads the bodies.
             LinearFailure: If the elastic problem cannot be solved.
         """
-        if not self.problem.is_proportional():
+        if not self.problem.is_elastic_at_first():
             raise InputError(
-                "supports move, loads are constant or bodies are strained at first, so that the"
-                " first yield is no multiple of an elastic state; leave out what does not grow with"
-                " the load factor."
+                "surfaces rub, supports move, loads are constant or bodies are strained at first,"
+                " so that the first yield is no multiple of an elastic state; leave out what does"
+                " not grow with the load factor."
             )
         return self._yielding(rtol=1e-8, rounds=None)
 

@@ -10,6 +10,7 @@ from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.io.results.friction_fields import FrictionFields
 from perfplast_fenicsx.materials.mandel import tensor
 from perfplast_fenicsx.problem.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.problem import Problem
@@ -26,7 +27,8 @@ class OutputFields:
             plastic), ``yield_ratio`` (of σ by the law, for von Mises ‖dev σ‖/γ, the largest of each
             cell's points, 0 in elastic bodies), ``contact_pressure`` (linear on the contact
             surfaces, 0 elsewhere, positive where bodies push each other; at an edge of two contact
-            faces the mean of both).
+            faces the mean of both); and, where there is friction, those of
+            :class:`friction_fields.FrictionFields`.
         resultants: Force of each contact on its primary surface, and of each obstacle on its
             surface behind them, shape (num_contacts, gdim), the same on every rank.
     """
@@ -66,6 +68,9 @@ class OutputFields:
         self._to_nodes = fem_petsc.interpolation_matrix(vertices, self._nodes)
         self._to_nodes.assemble()
         self._areas = self._contact_areas(vertices)
+        self._friction = FrictionFields(problem, vertices) if problem.friction.count else None
+        if self._friction is not None:
+            self.fields |= self._friction.fields
 
     def update(self, level: Level) -> dict[str, fem.Function]:
         """Bring all fields to a level. Collective."""
@@ -74,6 +79,8 @@ class OutputFields:
         self._plastic.interpolate(self._at_points)
         self.fields["plastic"].x.array[:] = by_cell(self._at_points).mean(axis=1)
         self.of_stress(level.stress, level.contact_forces)
+        if self._friction is not None:
+            self._friction.update(level, self._areas)
         return self.fields
 
     def of_stress(self, sigma: fem.Function, contact_forces: Floats) -> dict[str, fem.Function]:
