@@ -72,10 +72,10 @@ def limits(folder: ResultFolder, coarse: bool) -> list[Row]:
     for size in (0.1,) if coarse else (0.1, 0.05):
         shape = {"interface": TUBE_SEAM, "size": size, "order": 2, "finer": FINER}
         found = collapse(nested(mesh(folder, write_thick_tube, **shape), TUBE, TUBE))
-        rows.append(found.row("tube in a tube", size, exact, 1e-3))
+        rows.append(found.row("tubes meshed apart", size, exact, 1e-3))
     stronger = replace(STEEL, yield_stress=1.25 * STEEL.yield_stress)
     sizes = {0.5: 2.5e-2} if coarse else {0.35: 1e-2, 0.2: 2.5e-3, 0.13: 1e-3}
-    cases = [("shell in a shell", STEEL), ("shell in a stronger one", stronger)]
+    cases = [("shells meshed apart", STEEL), ("in a stronger shell, apart", stronger)]
     for case, outer in cases[1:] if coarse else cases:
         exact = STEEL.yield_stress * math.log(SPHERE_SEAM / CORE)
         exact = 2 * (exact + outer.yield_stress * math.log(SHELL / SPHERE_SEAM))

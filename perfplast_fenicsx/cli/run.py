@@ -23,8 +23,10 @@ from perfplast_fenicsx.limit_analysis.drucker import drucker_bounds
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod, method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.pictures.drawing_process import draw
+from perfplast_fenicsx.problem.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.load_stepping import load_path, rests_first
+from perfplast_fenicsx.solvers.stage_stepping import stage_path
 from perfplast_fenicsx.solvers.stroke import stroke
 
 SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
@@ -68,7 +70,9 @@ def run(
         terminal.status("setting up the problem")
         problem = case.problem(comm)
         checkpoints = Checkpoints(folder, problem, case.table, __version__)
-        saved = checkpoints.read() if restart else Saved()
+        with at(case.path.name):
+            stages = LoadingHistory(problem, case.stages) if case.stages else None
+        saved = checkpoints.read(stages) if restart else Saved()
         method = case.method if saved.reports else case.method_on(problem)
         solver = None if method == LimitMethod.INTERIOR_POINT else case.solver(problem)
         if not restart:
@@ -90,7 +94,7 @@ def run(
                 began=began,
             )
             try:
-                return _solve(context, solver)
+                return _solve(context, solver, stages)
             except Interrupted as interrupted:
                 told = (
                     "what is solved is on file; go on" if solver else "nothing is lost; begin anew"
@@ -112,12 +116,16 @@ def _on_friction(problem: Problem) -> list[str]:
     return told
 
 
-def _solve(context: RunContext, solver: Any) -> int:
+def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> int:
     case, saved, recorder = context.case, context.saved, Recorder(context)
     limit = None
     if case.loading.limit_tolerance is not None:
         with at(case.path.name):
             limit = _limit(context, solver, recorder, case.loading.limit_tolerance)
+    elif stages is not None:
+        start = saved.level.state if saved.level else None
+        for level in stage_path(solver, stages, recorder.iteration, start):
+            recorder.level(level)
     else:
         values = case.loading.values or []
         if isinstance(case.loading, DisplacementControl) and case.loading.until is not None:

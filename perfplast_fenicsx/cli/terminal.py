@@ -59,6 +59,7 @@ class Terminal:
         self._last = 0.0
         self._began = time.monotonic()
         self._steps = 0
+        self._stage = ""
         self._driven = False
 
     def say(self, text: str = "") -> None:
@@ -123,8 +124,11 @@ class Terminal:
         )
 
     def level(self, report: LevelReport) -> None:
-        """Write the line of a level."""
+        """Write the line of a level, and one more where a stage begins."""
         self._steps += 1
+        if report.stage != self._stage:
+            self._stage = report.stage
+            self.say(f"Stage '{report.stage}':")
         found = report.driving_force if self._driven else report.alpha
         cells = (
             *(self._steps, f"{report.zeta:.6g}", f"{found:.6g}"),
@@ -153,8 +157,10 @@ class Terminal:
             problem: Whose it is.
         """
         width = max(map(len, report.reactions), default=0)
+        factors = "".join(f", {name} = {factor:.6g}" for name, factor in report.factors.items())
         forces = f"Forces {problem.kinematics.forces}".rstrip()
-        self.say(f"{forces} at zeta = {report.zeta:.6g}, in balance to {report.balance:.1e}:")
+        at = f"zeta = {report.zeta:.6g}{factors}"
+        self.say(f"{forces} at {at}, in balance to {report.balance:.1e}:")
         for name, force in report.reactions.items():
             cells = "  ".join(f"{component:>12.6g}" for component in force)
             self.say(f"  {name:<{width}}  {cells}")

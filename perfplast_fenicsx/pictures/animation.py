@@ -56,8 +56,7 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
                 now = (report.zeta, report.driving_force) if report else (0.0, 0.0)
                 draw_stroke(axes, reader.reports, now)
             else:
-                now = (report.alpha, report.zeta) if report else (0.0, 0.0)
-                draw_curve(axes, reader.reports, reader.limit, unit, now)
+                draw_curve(axes, reader.reports, reader.limit, unit, report)
 
         images = [renderer.draw(number, panel) for panel in shown]
         state = level_caption(report, scene.driven, unit)

@@ -79,6 +79,9 @@ def level_caption(report: LevelReport | None, driven: bool, unit: str) -> str:
         driven: Whether ζ moves supports and obstacles.
         unit: Of α.
     """
+    if report is not None and report.factors:
+        factors = [f"{name} = {factor:.6g}" for name, factor in report.factors.items()]
+        return f"{report.stage or 'at rest'}:   {',   '.join(factors)}"
     zeta, alpha, force = (
         (report.zeta, report.alpha, report.driving_force) if report else (0.0, 0.0, 0.0)
     )

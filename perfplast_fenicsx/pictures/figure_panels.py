@@ -69,13 +69,16 @@ def panels(
     Args:
         frames: One skin with one or more states: with ``displacement``, ``contact_pressure``,
             ``yield_ratio``, the mark ``contact``, and ``dissipation`` where it is to be shown. All
-            frames have the same scales.
+            frames have the same scales. Where the bodies remember, and there is an
+            ``accumulated_plastic_strain``, it is shown and not the displacement.
         units: For the legends.
         largest_dissipation: Of all cells, inner ones too; for mechanisms alone.
         middle: Show displacement or dissipation, and not only the other two.
     """
     found = [_stress(frames)]
-    if not middle:
+    if "accumulated_plastic_strain" in frames[-1].at_cells and largest_dissipation is None:
+        found.append(_flow(frames))
+    elif not middle:
         pass
     elif largest_dissipation is not None:
         found.append(_mechanism(frames, largest_dissipation))
@@ -97,6 +100,13 @@ def panels(
             panel.colours = np.concatenate([panel.colours, opacity[..., None]], axis=2)
         found.append(panel)
     return found
+
+
+def _flow(frames: Sequence[Surface]) -> Panel:
+    """The plastic strain that has accumulated so far."""
+    flow = 100 * np.array([a.at_cells["accumulated_plastic_strain"] for a in frames])
+    colours = mpl.colormaps["viridis"]
+    return _graded("Accumulated plastic strain", flow, _from_zero(flow), colours, "in %")
 
 
 def _mechanism(frames: Sequence[Surface], largest_dissipation: float) -> Panel:

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from perfplast_fenicsx.pictures.history_curve import draw_history
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.problem.report import LevelReport
 
@@ -74,17 +75,22 @@ def draw_curve(
     reports: Sequence[LevelReport],
     limit: Bounds | None = None,
     unit: str = "",
-    now: tuple[float, float] | None = None,
+    now: LevelReport | None = None,
 ) -> None:
     """Draw ζ over α of the converged levels; the last one that failed as a line.
+
+    Of a history the factors of loads are drawn (:func:`history_curve.draw_history`).
 
     Args:
         axes: Where.
         reports: Of all levels.
         limit: Limit load, to be marked with its bounds.
         unit: Of α.
-        now: (α, ζ) to be marked.
+        now: The level to be marked.
     """
+    if any(report.factors for report in reports):
+        draw_history(axes, reports, unit, now)
+        return
     solved = [report for report in reports if report.converged]
     alphas = [0.0, *(report.alpha for report in solved)]
     zetas = [0.0, *(report.zeta for report in solved)]
@@ -107,7 +113,7 @@ def draw_curve(
     if len(solved) > 1 and solved[-1].alpha > FAR * solved[0].alpha > 0:
         axes.set_xscale("symlog", linthresh=solved[0].alpha)
     if now is not None:
-        axes.plot(*now, "o", color="black", markersize=9, zorder=5)
+        axes.plot(now.alpha, now.zeta, "o", color="black", markersize=9, zorder=5)
     bracket = f" ({unit})" if unit else ""
     axes.set(xlabel=f"work of the loads α{bracket}", ylabel="load factor ζ")
     axes.set_xlim(left=0)

@@ -124,6 +124,8 @@ def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, 
     levels = reader.levels
     if surface is None or len(levels) < 2 or levels[-1].report.plastic_cells == 0:
         return None
+    if levels[-1].report.factors:
+        return None  # of a history no level is next to collapse
     before, last = levels[-2:]
     work = last.report.alpha - before.report.alpha
     earlier = reader.surface(before).at_points["displacement"]

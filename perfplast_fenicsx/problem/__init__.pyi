@@ -6,6 +6,7 @@ from .initial_strain import Temperature as Temperature
 from .integrals import Integral as Integral
 from .law_on_cells import LawOnCells as LawOnCells
 from .load_case import LoadCase as LoadCase
+from .loading_history import LoadingHistory as LoadingHistory
 from .loads import LOADS as LOADS
 from .loads import BodyForce as BodyForce
 from .loads import Force as Force
@@ -18,6 +19,7 @@ from .problem import Problem as Problem
 from .report import Iteration as Iteration
 from .report import LevelReport as LevelReport
 from .rigid_surface import RigidSurface as RigidSurface
+from .stage import Stage as Stage
 from .state import Level as Level
 from .state import State as State
 from .supports import Support as Support

@@ -67,8 +67,8 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
 
     The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap − ⟨reactions, u_D⟩, and inf J_ζ is minus
     that at the solution, so the sum of both is the duality gap. It vanishes for the solution alone,
-    and is told relative to Ψ + S, the sum of what is never negative in both. Gaps are those of the
-    basis, which what u_D closes is taken from.
+    and is told relative to |Ψ| + ½‖σ‖². Gaps are those of the basis, which what u_D closes is taken
+    from.
     """
     comm, basis = problem.comm, problem.basis
     internal = fields.assemble_all_forces()
@@ -84,19 +84,18 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     room = basis.gap - y.array_r[basis.index]
     slack = comm.allreduce(float(np.dot(forces, room)))
     resisted = comm.allreduce(float(np.dot(forces, basis.gap)))
-    potential, conjugate = fields.potential(), fields.conjugate()
-    energy = potential - problem.loads.work(fields.u.x.petsc_vec, zeta)
+    energy = fields.potential() - problem.loads.work(fields.u.x.petsc_vec, zeta)
     rubbed = _rubbed(problem, y, r)
     energy += rubbed.energy
     moved = _moved(problem, internal)
-    dual = conjugate + fields.initial_work() + resisted - moved.work
+    dual = fields.conjugate() + fields.initial_work() + resisted - moved.work
     least = RIGID**2 * fields.jagged_norm2()
-    rigid = potential + conjugate <= least
-    scale = max(potential + rubbed.energy + conjugate, least, SMALLEST)
+    size = fields.size()
+    scale = max(size + rubbed.energy, least, SMALLEST)
     free = r.copy()
     free.array[basis.index] = 0
     free.array[basis.sliding] = 0
-    least_force = RIGID * fields.gross_force() if rigid else 0.0
+    least_force = RIGID * fields.gross_force() if size <= least else fields.inner_force()
     pushing = math.sqrt(comm.allreduce(float(forces @ forces)))
     norm = max(problem.loads.norm(zeta), moved.norm, pushing, least_force, SMALLEST)
     certificate = Certificate(

@@ -24,6 +24,7 @@ def declared_loads(
     bcs: list[fem.DirichletBC],
     rigid: Sequence[RigidSurface],
     driven: bool,
+    strained: bool,
 ) -> LoadCase:
     """The loads of a problem. Collective.
 
@@ -34,6 +35,7 @@ def declared_loads(
         bcs: Supports.
         rigid: Surfaces that forces may act on.
         driven: Whether ζ moves supports or obstacles: there may then be no load, and none grows.
+        strained: Whether there is an initial strain: there may then be no load either.
 
     Raises:
         InputError: If a load does not fit the mesh, grows where it must not, or nothing grows.
@@ -45,7 +47,7 @@ def declared_loads(
             f"the load on '{growing[0].on}' grows with ζ, but ζ moves supports or obstacles; make"
             " the load constant, or leave the motion out."
         )
-    if not driven and not loads:
+    if not (driven or strained or loads):
         raise InputError("no load is given, so nothing can be increased; give at least one load.")
     free = [surface.on for surface in rigid if surface.free]
     for load in loads:
@@ -54,9 +56,10 @@ def declared_loads(
                 f"the force on '{load.on}' acts on no rigid surface that is free to move; declare"
                 " it rigid, without a motion, or give a traction."
             )
-    dead, live = (_work(V, tagged_mesh, part) for part in (constant, growing))
+    dead, live = (work_vector(V, tagged_mesh, part) for part in (constant, growing))
     case = LoadCase.of(dead, live, bcs)
-    if not driven and not case.grows() and (growing or case.is_proportional()):
+    still = bool(loads) and not case.grows()
+    if not driven and still and (growing or case.is_proportional()):
         raise InputError(
             "the loads do no work on any admissible displacement, so nothing can be increased;"
             " give a load that is not zero on a surface that is free to move."
@@ -64,7 +67,7 @@ def declared_loads(
     return case
 
 
-def _work(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> PETSc.Vec:
+def work_vector(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> PETSc.Vec:
     """L(v) of some loads as a vector, at supported unknowns too. Collective."""
     spread = [load for load in loads if not isinstance(load, Force)]
     if spread:

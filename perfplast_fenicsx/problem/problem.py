@@ -142,9 +142,8 @@ class Problem:
         self.basis: JumpBasis = self._contact(contacts, obstacles, taken)
         self.motion = self._motion(displacement)
         self.prescribed = self.motion.displacement_at(0.0)
-        self.loads: LoadCase = declared_loads(
-            self.V, tagged_mesh, loads, self.bcs, rigid, self.motion.driven
-        )
+        told = (self.motion.driven, self.initial_strain is not None)
+        self.loads: LoadCase = declared_loads(self.V, tagged_mesh, loads, self.bcs, rigid, *told)
         self._declared = self.loads
 
     def __repr__(self) -> str:

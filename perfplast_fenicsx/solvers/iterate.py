@@ -23,7 +23,7 @@ from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.problem.stiffness import Stiffness
 from perfplast_fenicsx.profiling import phase
-from perfplast_fenicsx.solvers.active_set.slip import Slip, stuck
+from perfplast_fenicsx.solvers.active_set.slip import Slip, slipping, stuck
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
 SLOPE_REDUCTION = 1e-3
@@ -72,10 +72,8 @@ class Iterate:
         """
         problem, basis, u = self.problem, self.problem.basis, self.fields.u
         problem.remember(start.history if start else {})
-        if start is None:
-            u.x.array[:] = 0
-        else:
-            u.x.array[:] = start.u.x.array
+        u.x.array[:] = 0.0 if start is None else start.u.x.array
+        before = self._remembered(start)
         self.lifted = start is None and problem.initial_strain is not None
         if problem.motion.moves_supports:
             held, known = problem.fixed.ravel(), problem.prescribed[problem.fixed]
@@ -92,7 +90,7 @@ class Iterate:
         self._stick()
         self.fields.update()
         if self.lifted:  # or the first step would start from cells that yield without reason
-            self.fields.take_elastic_stress()
+            self.fields.take_elastic_stress(before)
         return problem.first_active.copy() if start is None else start.active.copy()
 
     def _stick(self) -> None:
@@ -105,13 +103,20 @@ class Iterate:
             self.y.array[friction.unknowns(~slips)] = 0
             self.problem.basis.T.mult(self.y, self.fields.u.x.petsc_vec)
             self.fields.u.x.scatter_forward()
-        along = np.divide(jumps, sizes[:, None], out=np.zeros_like(jumps), where=slips[:, None])
-        across = np.divide(friction.bound, sizes, out=np.zeros_like(sizes), where=slips)
-        self.slip = Slip(~slips & (friction.bound > 0), along, across)
+        self.slip = slipping(jumps, friction.bound, slips)
 
     def jumps(self) -> Floats:
         """Tangential jumps (length) of the places of friction hosted here."""
         return self.problem.friction.jumps(self.y)
+
+    def _remembered(self, start: State | None) -> tuple[Floats, Floats] | None:
+        """Strain and stress of a state behind plastic flow, where it is to be moved from."""
+        problem = self.problem
+        moves = problem.motion.moves_supports or problem.motion.driven
+        if start is None or not (problem.history and moves):
+            return None
+        self.fields.update()
+        return self.fields.e.x.array.copy(), self.fields.stress.x.array.copy()
 
     def room(self) -> Floats:
         """Room g − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""
@@ -227,7 +232,7 @@ class Iterate:
         """Advance by β δu and tell how large the step was by a criterion of Remark 1.
 
         "energy" is the change of J_ζ, with ζ = 0, as for prescribed work, of Ψ − L₀, relative to
-        the same or, beside constant loads and supports that move, to Ψ + S.
+        the same or, beside what does not grow with ζ, to |Ψ| + ½‖σ‖².
         """
         if stopping != "energy":
             increment = self.increment(stopping)
@@ -237,8 +242,8 @@ class Iterate:
         self.advance(beta)
         after = self.energy(zeta)
         total = max(abs(after) + abs(before), self.least_norm2())
-        if not self.problem.is_proportional():  # J_ζ may pass zero
-            total = max(total, self.fields.potential() + self.fields.conjugate())
+        if self.problem.history or not self.problem.is_proportional():  # J_ζ may pass zero
+            total = max(total, self.fields.size())
         return abs(after - before) / total if total > 0 else 0.0
 
     def increment(self, stopping: str) -> float:
@@ -277,10 +282,9 @@ class Iterate:
     def first_work(self, zeta: float) -> float:
         """What later works are compared with, behind the first step. Collective.
 
-        L₀(u) + ζL₁(u), which may vanish, or Ψ + S, which does not.
+        L₀(u) + ζL₁(u), which may vanish, or |Ψ| + ½‖σ‖², which does not.
         """
-        fields = self.fields
-        return max(abs(self.total_work(zeta)), fields.potential() + fields.conjugate())
+        return max(abs(self.total_work(zeta)), self.fields.size())
 
     def advance(self, beta: float) -> None:
         """Take the step: u ← u + β δu."""

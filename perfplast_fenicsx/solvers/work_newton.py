@@ -62,9 +62,10 @@ class WorkNewton(LevelSolver):
         """Find ζ, the multiplier of the work equality, and u with L₁(u) = α. Collective.
 
         Raises:
-            InputError: If α is not finite, or negative where nothing but ζ loads the bodies.
+            InputError: If α is not finite, or negative where nothing but ζ loads the bodies, which
+                remember nothing.
         """
-        if value < 0 and self.problem.is_proportional():
+        if value < 0 and self.problem.is_proportional() and not self.problem.history:
             raise InputError(f"the work alpha = {value} is negative; give zero or more.")
         return super().solve(value, start, monitor)
 

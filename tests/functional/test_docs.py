@@ -24,6 +24,7 @@ from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
+from perfplast_fenicsx.problem.stage import Stage
 from perfplast_fenicsx.solvers.methods import METHODS
 from tests.test_walls import BELOW
 
@@ -44,6 +45,7 @@ TABLES = {
     "[element]": [schemas.ElementOptions],
     "[solve]": [entry.options for entry in METHODS.values()],
     "[loading]": [*LOADINGS.values()],
+    "[[stage]]": [Stage],
     "[output]": [schemas.OutputOptions],
     "[units]": [Units],
 }

@@ -9,6 +9,7 @@ from perfplast_fenicsx.io.case.loading_options import (
     Control,
     DisplacementControl,
     LoadControl,
+    StageControl,
     WorkControl,
 )
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
@@ -40,7 +41,7 @@ def check_loading(
     if isinstance(loading, DisplacementControl):
         _check_driven(loads, supports, obstacles)
         return
-    if not loads:
+    if not loads and not (strained and isinstance(loading, StageControl)):
         raise InputError("no load is given; add a [[load]] table.")
     for obstacle in obstacles:
         if any(obstacle.move):

@@ -9,6 +9,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.schema import Table
 from perfplast_fenicsx.limit_analysis.limit_methods import TOLERANCE, LimitMethod
 from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.stage import Stage
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,20 @@ class DisplacementControl:
             )
 
 
-Control = LoadControl | DisplacementControl | WorkControl | BoundsControl
+@dataclass(frozen=True)
+class StageControl:
+    """Loading by stages, in place of [loading]."""
+
+    prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
+    values: ClassVar[None] = None
+    limit_tolerance: ClassVar[None] = None
+    limit_method: ClassVar[None] = None
+    element: ClassVar[Table] = {}
+
+    stages: list[Stage]
+
+
+Control = LoadControl | DisplacementControl | WorkControl | BoundsControl | StageControl
 
 
 def _check_tolerance(tolerance: float | None) -> None:

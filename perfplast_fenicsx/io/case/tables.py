@@ -26,7 +26,9 @@ class Document:
         material: The law of each body; NAME is that of its physical volume.
         load: What pushes and pulls, at least once unless control = "displacement". The load factor
             ζ multiplies all loads but those that are constant.
-        loading: How far the bodies are loaded, and by what it is controlled.
+        loading: How far the bodies are loaded, and by what it is controlled; it is missing where
+            there are stages.
+        stage: A history of loading, instead of [loading]: the bodies then remember plastic flow.
         model: What the coordinates of a mesh in the plane mean.
         title: For people; the name of the file where it is missing.
         support: What holds the bodies.
@@ -44,7 +46,8 @@ class Document:
 
     mesh: Table
     material: dict[str, Table]
-    loading: Table
+    loading: Table | None = None
+    stage: list[Table] = field(default_factory=list)
     model: Table = field(default_factory=dict)
     title: str = ""
     load: list[Table] = field(default_factory=list)
@@ -240,7 +243,7 @@ class LoadTable:
         point: Where the force acts, and what the moment is about (length); the origin without.
         constant: Whether the load acts in full at any load factor, as a weight does; without it
             true of a ``pore_pressure``, and false of others.
-        name: What messages call the load.
+        name: What messages and stages call the load.
     """
 
     on: str

@@ -52,7 +52,7 @@ STEP_KEYS = (
     *("newton_iterations", "active_set_iterations", "linear_iterations", "damping_min"),
     *("plastic_fraction", "plastic_cells", "active_contacts", "contact_pairs"),
     *("max_penetration", "duality_gap", "max_displacement", "seconds", "reactions", "balance"),
-    "driving_force",
+    *("driving_force", "stage", "factors", "works"),
 )
 """Keys of a step of ``summary.json``, on which other tools rely; ``path.csv`` has all there is."""
 
@@ -269,8 +269,10 @@ class Results:
 
 
 def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
-    """A row of ``path.csv``, with a column for each component of each reaction."""
+    """A row of ``path.csv``: columns for each part of reactions, and each load of stages."""
     row = {"step": step} | dataclasses.asdict(report)
+    for key in ("factor", "work"):
+        row |= {f"{key} {name}".replace(" ", "_"): a for name, a in row.pop(f"{key}s").items()}
     for name, force in row.pop("reactions").items():
         row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(axes, force, strict=False)}
     return row

@@ -46,6 +46,20 @@ def stuck(shape: tuple[int, ...]) -> Slip:
     return Slip(np.ones(shape[0], dtype=np.bool_), np.zeros(shape), np.zeros(shape[0]))
 
 
+def slipping(jumps: Floats, bound: Floats, slips: npt.NDArray[np.bool_]) -> Slip:
+    """Linearise at jumps.
+
+    Args:
+        jumps: s, shape (num_places, gdim − 1).
+        bound: c, shape (num_places,).
+        slips: Where they are not zero; what has no friction slips too.
+    """
+    sizes = norms(jumps)
+    along = np.divide(jumps, sizes[:, None], out=np.zeros_like(jumps), where=slips[:, None])
+    across = np.divide(bound, sizes, out=np.zeros_like(sizes), where=slips)
+    return Slip(~slips & (bound > 0), along, across)
+
+
 def judge(slip: Slip, bound: Floats, stiffness: Floats, forces: Floats, jumps: Floats) -> Slip:
     """Linearise at forces and jumps, which the last linearisation has led to.
 

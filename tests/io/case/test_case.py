@@ -319,7 +319,7 @@ FORMAT_FAULTS = [
     ("pictures", "colours", ["[output]", "'colours'", "known: fields, pictures"]),
     ("poisson = 0.29", "", ["[material.upper]", "'poisson' is missing", "a number"]),
     ("yield_stress = 450.0", "", ["[material.upper]", "'yield_stress' is missing"]),
-    ('law = "elastic"', "", ["[material.lower]", "'law' is missing", "'von-mises' or 'elastic'"]),
+    ('law = "elastic"', "", ["[material.lower]", "'law' is missing", "'von-mises', 'von"]),
     ('on = "left"', "", ["[[support]]", "'on' is missing"]),
     ('secondary = "lower_top"', "", ["[[contact]]", "'secondary' is missing"]),
     ("values = [20.0, 40.0]", "", ["[loading]", "'values' is missing"]),
