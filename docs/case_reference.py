@@ -184,6 +184,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "obstacle": ("[[obstacle]]", _chosen("shape", OBSTACLES, None, "What it is.")),
     "rigid_surface": ("[[rigid_surface]]", _single(tables.RigidSurfaceTable)),
     "tie": ("[[tie]]", _single(Tie)),
+    "model": ("[model]", _single(tables.ModelOptions)),
     "element": ("[element]", _single(tables.ElementOptions)),
     "solve": ("[solve]", _solve),
     "loading": ("[loading]", _chosen("control", LOADINGS, "load", "What is prescribed.")),

@@ -1,5 +1,6 @@
 """A strip footing in plane strain, half of it by symmetry: Prandtl's problem.
 
+As half a section of a body of revolution the footing is a circular one.
 The ground is (0, width)×(-depth, 0), the footing the part x ≤ 1 of y = 0. Volume ``ground``; curves
 ``x0`` (the symmetry line), ``bottom``, ``side``, ``footing`` and ``free`` (the rest of y = 0). With
 a punch, a second body (0, 1)×(0, 1) on the ground: volumes ``ground`` and ``punch``, its curve

@@ -1,6 +1,7 @@
 """A quarter of a thick tube in plane strain, whole or as two tubes one in the other.
 
-The tube is about the origin in the plane z = 0. Volume ``tube``; curves ``inner``, ``outer``,
+The tube is about the origin in the plane z = 0; as half a section of a body of revolution it is
+half a thick sphere, with ``x0`` on the axis. Volume ``tube``; curves ``inner``, ``outer``,
 ``x0`` and ``y0`` (the symmetry lines). With an interface: volumes ``inner_tube`` and
 ``outer_tube`` and the contact curves ``inner_tube_seam`` and ``outer_tube_seam``, whose nodes match
 unless the tubes are meshed apart.

@@ -19,14 +19,21 @@ CASES = (
     "corner_seat",
     "thick_sphere",
     "thick_tube",
+    "axisymmetry",
     "strip_footing",
+    "rigid_footing",
+    "torsion",
+    "press_fit",
     "platens",
+    "friction",
     "cracked_strips",
     "plate_with_hole",
     "hertz_line",
     "hertz_sphere",
+    "meshed_apart",
     "towers",
     "body_bounds",
+    "bound_costs",
 )
 
 

@@ -19,10 +19,12 @@ from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.adaptation import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body_bounds import bounds_of_mesh, limit_bounds
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.drucker import drucker_bounds
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod, method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.pictures.drawing_process import draw
 from perfplast_fenicsx.problem.loading_history import LoadingHistory
+from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.load_stepping import load_path, rests_first
 from perfplast_fenicsx.solvers.stage_stepping import stage_path
 from perfplast_fenicsx.solvers.stroke import stroke
@@ -77,9 +79,8 @@ def run(
             folder.create()
             checkpoints.write(saved)
         with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
-            journal.header(
-                case, [describe(case.title, method, problem), *problem.constraints.remarks]
-            )
+            remarks = [*problem.constraints.remarks, *_on_friction(problem)]
+            journal.header(case, [describe(case.title, method, problem), *remarks])
             context = RunContext(
                 case=case,
                 problem=problem,
@@ -105,6 +106,16 @@ def run(
                 return interrupted.status
 
 
+def _on_friction(problem: Problem) -> list[str]:
+    """What is to be said of Coulomb's friction, and its bounds if known. Collective."""
+    if not problem.friction.follows_pressure:
+        return []
+    told = ["Coulomb's friction: each level is one step, and its solution need not be the only one"]
+    if method_for(problem) is LimitMethod.INTERIOR_POINT:
+        told.append(drucker_bounds(problem).in_words())
+    return told
+
+
 def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> int:
     case, saved, recorder = context.case, context.saved, Recorder(context)
     limit = None
@@ -122,7 +133,7 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
         start = saved.level.state if saved.level else None
         if start is not None:
             values = values[len(saved.reports) - rests_first(solver, values) :]
-        for level in load_path(solver, values, recorder.iteration, start):
+        for level in load_path(solver, values, recorder.iteration, start, saved.before):
             recorder.level(level)
     results = recorder.results
     if case.output.pictures and (recorder.last is not None or (limit and limit.collapses)):

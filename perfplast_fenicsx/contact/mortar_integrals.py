@@ -106,7 +106,7 @@ def integrate(
     return Integrals(
         host=of_host,
         guest=pair % max(len(guests), 1),
-        M=_dual(mass, d)[of_host] @ mixed,
+        M=_balanced(_dual(mass, d)[of_host] @ mixed, mixed, of_host, d),
         d=d,
         full=_whole(host, count, each, around),
         covered=covered,
@@ -208,6 +208,14 @@ def _at(group: Longs, count: int, values: Floats) -> Floats:
         count, *values.shape[1:]
     )
     return sums
+
+
+def _balanced(M: Floats, mixed: Floats, of_host: Longs, d: Floats) -> Floats:
+    """M whose rows add up to d: where M_e can hardly be inverted, rounding is a constant in φ."""
+    missing = d - _at(of_host, len(d), M.sum(axis=2))
+    area = np.maximum(d.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+    balanced: Floats = M + (missing / area)[of_host][:, :, None] * mixed.sum(axis=1)[:, None, :]
+    return balanced
 
 
 def _dual(mass: Floats, d: Floats) -> Floats:

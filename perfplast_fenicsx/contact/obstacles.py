@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.friction_terms import check_friction
 from perfplast_fenicsx.errors import InputError
 
 
@@ -18,12 +19,26 @@ class Plane:
         point: A point of the plane (length; 2 or 3 numbers).
         normal: Points out of the obstacle, towards the body; of any length but 0.
         move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
+        tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``.
+        name: What its force is called in results; that of its surface without it.
     """
 
     on: str
     point: Sequence[float]
     normal: Sequence[float]
     move: Sequence[float] = ()
+    tresca: float | None = None
+    coulomb: float | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        check_friction(self.tresca, self.coulomb, None if self.name else self.on)
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction."""
+        return bool(self.tresca or self.coulomb)
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """Distance of points to the obstacle and the unit direction that leads into it.
@@ -52,6 +67,9 @@ class Sphere:
         radius: Its radius > 0 (length).
         hollow: Whether the body is inside.
         move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
+        tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``.
+        name: What its force is called in results; that of its surface without it.
     """
 
     on: str
@@ -59,6 +77,17 @@ class Sphere:
     radius: float
     hollow: bool = False
     move: Sequence[float] = ()
+    tresca: float | None = None
+    coulomb: float | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        check_friction(self.tresca, self.coulomb, None if self.name else self.on)
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction."""
+        return bool(self.tresca or self.coulomb)
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """See :meth:`Plane.towards`."""
@@ -76,6 +105,9 @@ class Cylinder:
         radius: Its radius > 0 (length).
         hollow: Whether the body is inside.
         move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
+        tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``.
+        name: What its force is called in results; that of its surface without it.
     """
 
     on: str
@@ -84,6 +116,17 @@ class Cylinder:
     radius: float
     hollow: bool = False
     move: Sequence[float] = ()
+    tresca: float | None = None
+    coulomb: float | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        check_friction(self.tresca, self.coulomb, None if self.name else self.on)
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction."""
+        return bool(self.tresca or self.coulomb)
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """See :meth:`Plane.towards`."""

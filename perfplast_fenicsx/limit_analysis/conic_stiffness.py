@@ -8,7 +8,7 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic_program import NONE, SingularStiffness
 from perfplast_fenicsx.limit_analysis.point_strains import deviator_in_plane, trace_dim
 from perfplast_fenicsx.materials.mandel import trace
@@ -69,6 +69,14 @@ class ConicStiffness:
         fem_petsc.assemble_matrix(self._stiffness, self._form, self._problem.bcs)  # type: ignore[arg-type]
         self._stiffness.assemble()
         self._operator.hold(held)
+
+    def add_springs(self, springs: tuple[Ints, Floats]) -> None:
+        """Let K have springs at a few unknowns, from the next assembly on.
+
+        Args:
+            springs: See :meth:`ContactOperator.add_springs`.
+        """
+        self._operator.add_springs(springs)
 
     def jump_diagonal(self) -> Floats:
         """Diagonal entries of the jumps of this rank's pairs. Collective."""

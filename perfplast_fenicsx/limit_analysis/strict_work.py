@@ -132,6 +132,9 @@ def strict_upper_bound(
     finally:
         strains.destroy()
     why_not = []
+    if problem.friction.count:
+        why_not.append("friction is taken at the nodes alone")
+        dissipation += _rubbed(problem, mechanism)
     if has_curved_cells(problem.tagged_mesh.mesh):
         why_not.append("cells are curved")
     why_not += entering_between_nodes(problem, mechanism)
@@ -140,6 +143,15 @@ def strict_upper_bound(
         why_not.append(unknown)
     of = Scope.MESH if why_not else Scope.BODY
     return Bound(dissipation / work, "upper", of, tuple(why_not))
+
+
+def _rubbed(problem: Problem, mechanism: fem.Function) -> float:
+    """What friction dissipates at the nodes. Collective."""
+    y = problem.create_vector()
+    problem.basis.M.mult(mechanism.x.petsc_vec, y)
+    mine = problem.friction.energy(problem.friction.jumps(y))
+    y.destroy()
+    return float(problem.comm.allreduce(mine))
 
 
 def points_of_cells(problem: Problem) -> Ints:

@@ -29,6 +29,10 @@ PLASTIC = "#b81414"
 PLASTIC_FROM = 0.9999
 """A yield ratio above this is plastic; the law gives 1 up to rounding."""
 
+PRESSED, FAINT = 0.02, 0.12
+"""In space, less than this share of the largest pressure is drawn with this opacity, lest surfaces
+that hardly touch hide those behind them."""
+
 DISSIPATES, SINGULAR, DECADES = 1e-3, 0.01, 2.0
 """The colours of dissipation end where they leave out this share of the area that dissipates more
 than so much of the largest: at corners it is infinite. They go so many powers of ten down."""
@@ -40,7 +44,8 @@ class Panel:
 
     Attributes:
         title: Says what is seen.
-        colours: RGB of each point, or of each triangle, in each frame, shape (num_frames, n, 3).
+        colours: RGB of each point, or of each triangle, in each frame, shape (num_frames, n, 3);
+            with a fourth column for the opacity, where what lies behind is to be seen.
         bars: Colour map, range and label of each colour bar.
         facets: Facets that are coloured, over bodies of glass; None for all triangles.
         loads: Draw the loads.
@@ -89,7 +94,10 @@ def panels(
         colours = mpl.colormaps["magma_r"]
         panel = _graded("Contact pressure", pressure, _from_zero(pressure), colours, label)
         panel.facets = contact
-        panel.title += "" if frames[0].plane else ", seen through the bodies"
+        if not frames[0].plane:
+            panel.title += ", seen through the bodies"
+            opacity = np.where(pressure > PRESSED * pressure.max(), 1.0, FAINT)
+            panel.colours = np.concatenate([panel.colours, opacity[..., None]], axis=2)
         found.append(panel)
     return found
 

@@ -20,8 +20,8 @@ from perfplast_fenicsx.pictures.figure_panels import Panel, hue
 Paint = dict[str, Any]
 """How pyvista is to draw a mesh."""
 
-SHARP = 30.0
-"""Edges between facets that differ by more degrees are drawn."""
+SHARP = 40.0
+"""Edges between facets that differ by more degrees are drawn: none of a cylinder of ten facets."""
 
 MOST_EDGES = 40_000
 """The mesh is drawn where it has no more triangles than this."""

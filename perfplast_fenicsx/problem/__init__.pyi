@@ -1,5 +1,6 @@
 from .certificate import Certificate as Certificate
 from .certificate import certify as certify
+from .certificate import friction_forces as friction_forces
 from .initial_strain import InitialStress as InitialStress
 from .initial_strain import Temperature as Temperature
 from .integrals import Integral as Integral

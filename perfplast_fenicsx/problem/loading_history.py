@@ -16,6 +16,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.declared_loads import work_vector
 from perfplast_fenicsx.problem.initial_strain import Initial, Temperature, initial_strain
 from perfplast_fenicsx.problem.load_case import LoadCase
@@ -43,6 +44,11 @@ class LoadingHistory:
         """
         given = problem.given
         check_stages(stages, given.loads, given.initial)
+        if problem.friction.count:
+            raise InputError(
+                "contact has friction, which stages would have to remember as bodies do plastic"
+                " flow; leave the friction out, or give [loading] in place of stages."
+            )
         self.problem, self.stages = problem, tuple(stages)
         names = dict.fromkeys(name for stage in stages for name in stage.factors)
         self._vectors: dict[str, PETSc.Vec] = {}

@@ -23,7 +23,7 @@ ROUNDING = 1e-9
 """Movements along a normal below this share of u_D count as none."""
 
 SAME = 1e-12
-"""Displacements that differ by this share of them are one."""
+"""Displacements that differ by this share of the largest are one."""
 
 
 def known_displacements(
@@ -50,9 +50,10 @@ def known_displacements(
         nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(support.on))
         given = np.zeros((2, len(nodes), gdim))
         given[0 if support.constant else 1] = support.motion(x[nodes])
+        most = tagged_mesh.mesh.comm.allreduce(float(np.abs(given).max(initial=0)), MPI.MAX)
         for axis in support.axes(gdim):
             old, new = values[:, nodes, axis], given[:, :, axis]
-            apart = np.abs(old - new) > SAME * np.maximum(np.abs(old), np.abs(new))
+            apart = np.abs(old - new) > SAME * np.maximum(np.abs(old), most)
             differs = fixed[nodes, axis] & apart.any(axis=0)
             if differs.any():
                 first = int(np.argmax(differs))

@@ -21,10 +21,12 @@ from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints, stacked
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.formulations import find_constraints
+from perfplast_fenicsx.contact.friction import Friction
 from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
 from perfplast_fenicsx.contact.loose_bodies import loose_motions
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.contact.rigid_motions import RigidMotions
+from perfplast_fenicsx.contact.tangential_rows import check_nothing_rubs, tangential_rows
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Material
@@ -43,7 +45,7 @@ from perfplast_fenicsx.problem.prescribed_displacement import (
     check_moved_surfaces,
     known_displacements,
 )
-from perfplast_fenicsx.problem.rigid_surface import RigidSurface
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface, name_of
 from perfplast_fenicsx.problem.spaces import make_spaces, space_at_points
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.profiling import phase
@@ -81,6 +83,7 @@ class Problem:
         has_gaps: Whether any pair is open at first.
         interferes: Whether any gap is negative.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
+        sliding, friction: The rows of jumps along surfaces that rub, and what resists these.
         first_active: Pairs that an active set begins with, so that no body is free to move.
         basis: Basis in which contact is a bound. What u_D and moving obstacles close of a gap, at
             that ζ, is taken from it.
@@ -139,15 +142,8 @@ class Problem:
         self.basis: JumpBasis = self._contact(contacts, obstacles, taken)
         self.motion = self._motion(displacement)
         self.prescribed = self.motion.displacement_at(0.0)
-        self.loads: LoadCase = declared_loads(
-            self.V,
-            tagged_mesh,
-            loads,
-            self.bcs,
-            rigid,
-            driven=self.motion.driven,
-            strained=self.initial_strain is not None,
-        )
+        told = (self.motion.driven, self.initial_strain is not None)
+        self.loads: LoadCase = declared_loads(self.V, tagged_mesh, loads, self.bcs, rigid, *told)
         self._declared = self.loads
 
     def __repr__(self) -> str:
@@ -224,6 +220,10 @@ class Problem:
         at_rest = not (moves or self.interferes or strained)
         return at_rest and self.loads.is_proportional()
 
+    def is_elastic_at_first(self) -> bool:
+        """Whether the bodies begin with multiples of one state, but for gaps. Collective."""
+        return self.is_proportional() and not self.friction.count
+
     def create_vector(self) -> PETSc.Vec:
         """A vector of zeros with an entry for each displacement unknown. Collective."""
         vector = self.loads.live.duplicate()
@@ -232,8 +232,7 @@ class Problem:
 
     def internal_form(self, stress: fem.Function) -> ufl.Form:
         """⟨σ, ε(v)⟩."""
-        form = ufl.dot(stress, self.kinematics.strain(ufl.TestFunction(self.V))) * self.dx
-        return form
+        return ufl.dot(stress, self.kinematics.strain(ufl.TestFunction(self.V))) * self.dx
 
     def _supports(
         self, supports: Sequence[Support | RigidSurface]
@@ -241,7 +240,7 @@ class Problem:
         """Conditions of increments, and u_D, constant and times ζ."""
         V, gdim, zero = self.V, self.tagged_mesh.mesh.geometry.dim, default_scalar_type(0)
         self.fixed, displacement, holder = known_displacements(V, self.tagged_mesh, supports)
-        names = [_name(support) for support in supports]
+        names = [name_of(support) for support in supports]
         self.support_names = tuple(dict.fromkeys(names))
         numbers = [self.support_names.index(name) for name in names]
         self.held_by: Ints = np.array([*numbers, -1], dtype=np.int32)[holder]
@@ -252,7 +251,8 @@ class Problem:
     @cached_property
     def glued_basis(self) -> JumpBasis:
         """A basis whose last unknowns on each rank are the jumps of ties. Collective at first."""
-        return make_basis(self.V, stacked(self.V, [self.constraints, self.ties]), self.fixed)
+        rows = stacked(self.V, [self.constraints, self.sliding, self.ties])
+        return make_basis(self.V, rows, self.fixed)
 
     @phase("contact set-up")
     def _contact(
@@ -270,20 +270,26 @@ class Problem:
         self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
         self.interferes: bool = self.comm.allreduce(bool((self.constraints.gap < 0).any()), MPI.LOR)
-        motions = RigidMotions(V, self.bodies, fixed, self.constraints, self.ties)
+        told = (contacts, obstacles, self.given.ties)
+        self.sliding, friction = tangential_rows(V, self.constraints, *told, taken)
+        held = stacked(V, [self.sliding, self.ties])
+        motions = RigidMotions(V, self.bodies, fixed, self.constraints, held)
         motions.check()
-        rows = stacked(V, [self.constraints, self.ties]) if self.num_tied else self.constraints
+        rows = stacked(V, [self.constraints, held])
         for loose in loose_motions(V, self.bodies, fixed, rows):
             if self.comm.rank == 0:
                 log.warning("%s", loose)
         self.first_active: PairFlags = motions.first_active()
-        return make_basis(V, rows, fixed, len(self.ties.host))
+        basis = make_basis(V, rows, fixed, len(self.ties.host), len(self.sliding.host))
+        self.friction: Friction = friction.at(basis.sliding)
+        return basis
 
     def _motion(self, displacement: Floats) -> GivenMotion:
         """What moves; takes what it closes of gaps from the basis. Collective."""
         V, (contacts, obstacles) = self.V, (self.given.contacts, self.given.obstacles)
         motion = given_motion(V, displacement, self.constraints, len(contacts), obstacles)
         if motion.moves_supports or motion.driven:
+            check_nothing_rubs(self.friction)
             gdim = self.tagged_mesh.mesh.geometry.dim
             moves = {name: np.zeros(gdim) for a in contacts for name in (a.primary, a.secondary)}
             moves |= {obstacle.on: motion.obstacles[i] for i, obstacle in enumerate(obstacles)}
@@ -291,8 +297,3 @@ class Problem:
             check_moved_surfaces(V, self.tagged_mesh, moves, *known)
             self.basis = replace(self.basis, gap=motion.gap_at(0.0))
         return motion
-
-
-def _name(support: Support | RigidSurface) -> str:
-    """What results call it."""
-    return f"{'support' if isinstance(support, Support) else 'rigid surface'} {support.on}"

@@ -81,6 +81,10 @@ class LevelReport:
         seconds: Wall time of the level.
         reactions: Forces on the bodies (:class:`resultants.Resultants`), one number a direction.
         balance: Their sum or moment, relative to all nodal forces.
+        slipping: Places with friction that slip.
+        friction_dissipation: What slip has dissipated, Σ c × slip (energy).
+        rounds: Of the fixed point of Coulomb's friction; 1 without it.
+        friction_excess: Largest force of friction beyond c, relative to the largest c, at least 0.
         driving_force: Where ζ moves supports and obstacles, the work that they do on the bodies for
             a growth of ζ by 1: the force along what moves, times how far it moves for ζ = 1.
         stage: The stage of a loading history; empty where there are none, and at rest before them.
@@ -112,6 +116,10 @@ class LevelReport:
     seconds: float
     reactions: Mapping[str, Sequence[float]] = field(default_factory=dict)
     balance: float = 0.0
+    slipping: int = 0
+    friction_dissipation: float = 0.0
+    rounds: int = 1
+    friction_excess: float = 0.0
     driving_force: float = 0.0
     stage: str = ""
     factors: Mapping[str, float] = field(default_factory=dict)

@@ -41,7 +41,12 @@ class Resultants:
 
 
 def resultants(
-    problem: Problem, internal: PETSc.Vec, contact: Floats, zeta: float, least: float = 0.0
+    problem: Problem,
+    internal: PETSc.Vec,
+    contact: Floats,
+    friction: Floats,
+    zeta: float,
+    least: float = 0.0,
 ) -> Resultants:
     """The resultants at a state. Collective.
 
@@ -49,6 +54,7 @@ def resultants(
         problem: The bodies, their loads and what holds them.
         internal: ⟨σ, ε(·)⟩ in nodal unknowns, at supports too.
         contact: Forces of the pairs hosted by this rank, shape (num_pairs,).
+        friction: Those of friction, shape (num_places, gdim − 1).
         zeta: Load factor.
         least: Nodal forces (force) that add up to less are next to rounding.
     """
@@ -58,6 +64,12 @@ def resultants(
     rows = problem.constraints.B.createVecLeft()
     rows.array[:] = -contact
     problem.constraints.B.multTranspose(rows, pushes)
+    if problem.friction.count:
+        there = problem.friction.index >= 0
+        along = problem.sliding.B.createVecLeft()
+        along.array[:] = -friction[there]
+        problem.sliding.B.multTransposeAdd(along, pushes, pushes)
+        along.destroy()
     if problem.num_tied:
         _add_ties(problem, internal, zeta, pushes)
     external, pushed, reaction = (
@@ -71,7 +83,7 @@ def resultants(
 
     names = list(problem.support_names)
     names += [f"contact {a.primary} {a.secondary}" for a in problem.given.contacts]
-    names += [f"obstacle {obstacle.on}" for obstacle in problem.given.obstacles]
+    names += [f"obstacle {obstacle.name or obstacle.on}" for obstacle in problem.given.obstacles]
     supports, sums = len(problem.support_names), np.zeros((len(names) + 1, gdim))
     for axis in range(gdim):
         held = held_by[:, axis] >= 0
@@ -80,6 +92,9 @@ def resultants(
         )
     on_pairs = -contact[:, None] * problem.constraints.normal
     np.add.at(sums, supports + problem.constraints.surface, on_pairs)
+    places = problem.constraints.surface[problem.friction.pair]
+    rubbed = -np.einsum("ni,nij->nj", friction, problem.friction.direction)
+    np.add.at(sums, supports + places, rubbed)
     sums[-1] = external.sum(axis=0)
     sums = comm.allreduce(sums)
 
@@ -106,7 +121,8 @@ def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.
     problem.loads.subtract_from(left, zeta)
     along = problem.create_vector()
     problem.glued_basis.T.multTranspose(left, along)
-    glued.array[:] = along.array_r[problem.glued_basis.index[len(problem.constraints.host) :]]
+    before = len(problem.constraints.host) + len(problem.sliding.host)
+    glued.array[:] = along.array_r[problem.glued_basis.index[before:]]
     problem.ties.B.multTransposeAdd(glued, forces, forces)
     for vector in (left, glued, along):
         vector.destroy()

@@ -94,3 +94,8 @@ def fitting(what: str, value: Turn, size: int) -> Floats:
             f" number{'s' if size > 1 else ''}."
         )
     return numbers
+
+
+def name_of(support: Support | RigidSurface) -> str:
+    """What results call it."""
+    return f"{'support' if isinstance(support, Support) else 'rigid surface'} {support.on}"

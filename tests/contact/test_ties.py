@@ -41,16 +41,20 @@ def sheared(gdim: int, degree: int, **tie: Any) -> Problem:
 
 @pytest.mark.mpi3
 @pytest.mark.parametrize(
-    ("gdim", "degree", "hosts"), list(product((2, 3), (1, 2), ("primary", "secondary")))
+    ("gdim", "degree", "hosts", "slope"),
+    [
+        *product((2, 3), (1, 2), ("primary", "secondary"), (0.0,)),
+        *product((2, 3), (1, 2), ("secondary",), (0.4,)),
+    ],
 )
 def test_uniform_tension_is_transmitted(
-    gdim: int, degree: int, hosts: Any, comm: MPI.Intracomm
+    gdim: int, degree: int, hosts: Any, slope: float, comm: MPI.Intracomm
 ) -> None:
-    """A linear displacement of both bodies: no pressure holds them together."""
+    """A linear displacement of both bodies: no pressure holds them together, nor friction."""
     vertical = "xyz"[gdim - 1]
     sides = [f"{body}{axis}0" for axis in "xyz"[: gdim - 1] for body in ("", "upper_")]
     problem = Problem(
-        blocks_apart(comm, *COUNTS[gdim]),
+        blocks_apart(comm, *COUNTS[gdim], slope=slope),
         {"lower": STEEL, "upper": STEEL},
         [Support("bottom", vertical), *(Support(side, side[-2]) for side in sides)],
         [Pressure("top", -1.0)],
@@ -111,9 +115,9 @@ def test_glue_certifies_and_is_the_same_on_one_rank(gdim: int, comm: MPI.Intraco
 
 @pytest.mark.parametrize("degree", [2])
 def test_limit_load_of_glued_blocks_in_tension(degree: int) -> None:
-    """2k in plane strain, as for one block."""
+    """2k in plane strain, as for one block, across an inclined seam."""
     problem = Problem(
-        blocks_apart(MPI.COMM_WORLD, *COUNTS[2]),
+        blocks_apart(MPI.COMM_WORLD, *COUNTS[2], slope=0.4),
         {"lower": STEEL, "upper": STEEL},
         [Support("bottom", "y"), Support("x0", "x"), Support("upper_x0", "x")],
         [Pressure("top", -1.0)],

@@ -41,6 +41,7 @@ TABLES = {
     "[[obstacle]]": [*OBSTACLES.values()],
     "[[rigid_surface]]": [schemas.RigidSurfaceTable],
     "[[tie]]": [Tie],
+    "[model]": [schemas.ModelOptions],
     "[element]": [schemas.ElementOptions],
     "[solve]": [entry.options for entry in METHODS.values()],
     "[loading]": [*LOADINGS.values()],

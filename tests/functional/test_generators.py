@@ -16,10 +16,14 @@ from meshes.beam_on_prop import write_beam_on_prop
 from meshes.contact_patch import write_contact_patch
 from meshes.corner_seat import LEG, write_corner_seat
 from meshes.cracked_strip import write_cracked_strip
+from meshes.footing import write_footing
 from meshes.hertz_line import ARC, write_hertz_line
 from meshes.hertz_sphere import CAP, write_hertz_sphere
 from meshes.plate_with_hole import write_plate_with_hole
 from meshes.platens import PLATEN, write_platens
+from meshes.ring import write_ring
+from meshes.shaft import write_shaft
+from meshes.square_bar import write_square_bar
 from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
 from meshes.thick_sphere import write_thick_sphere
 from meshes.thick_tube import write_thick_tube
@@ -134,6 +138,61 @@ CASES = [
         },
         [("inner_shell_seam", "outer_shell_seam")],
         rel=2e-3,
+        gdim=3,
+    ),
+    Case(
+        write_ring,
+        {"inner": 0.0, "interface": 1.5, "size": 0.3},
+        {"inner_ring": 0.75, "outer_ring": 0.25},
+        {
+            "inner": (-0.5, 0),
+            "outer": (0.5, 0),
+            "bottom": (0, -2),
+            "top": (0, 2),
+            "inner_ring_seam": (0.5, 0),
+            "outer_ring_seam": (-0.5, 0),
+        },
+        [("inner_ring_seam", "outer_ring_seam")],
+    ),
+    Case(
+        write_footing,
+        {"size": 1.0},
+        {"ground": 48},
+        {"bottom": (0, -12), "sides": (0, 0), "footing": (0, 2), "free": (0, 10)},
+    ),
+    Case(
+        write_shaft,
+        {"hub": 2.0, "size": 0.3, "order": 2},
+        {"shaft": pi / 4, "hub": 3 * pi / 4},
+        {
+            "outer": (2, 2),
+            "x0": (-2, 0),
+            "y0": (0, -2),
+            "shaft_seam": (1, 1),
+            "hub_seam": (-1, -1),
+        },
+        [("shaft_seam", "hub_seam")],
+        rel=2e-3,
+    ),
+    Case(
+        write_shaft,
+        {"length": 0.5, "size": 0.5, "order": 2},
+        {"shaft": pi / 8},
+        {
+            "outer": (0.5, 0.5, 0),
+            "x0": (-0.5, 0, 0),
+            "y0": (0, -0.5, 0),
+            "z0": (0, 0, -pi / 4),
+            "z1": (0, 0, pi / 4),
+        },
+        rel=2e-3,
+        gdim=3,
+    ),
+    Case(
+        write_square_bar,
+        {"length": 0.5, "size": 0.25},
+        {"bar": 0.125},
+        {"x0": (-0.25, 0, 0), "y0": (0, -0.25, 0), "z0": (0, 0, -0.25), "z1": (0, 0, 0.25)},
         gdim=3,
     ),
     Case(

@@ -139,9 +139,13 @@ def test_thick_tube_between_smooth_planes_and_its_limit(read: Read) -> None:
     level = Newton(problem, TIGHT).solve(p)
     radius = problem.V.tabulate_dof_coordinates()[:, 0]
     u = level.state.u.x.array.reshape(-1, 2)[:, 0]
-    exact = p / 3 * (1 + nu) / E * ((1 - 2 * nu) * radius + 4 / radius)
-    assert largest(problem.comm, u / exact - 1) < 2e-3
-    assert level.report.alpha == pytest.approx(2 * math.pi * 0.4 * exact.max() * 1.0, rel=2e-3)
+
+    def exact(r: np.ndarray) -> np.ndarray:
+        return p / 3 * (1 + nu) / E * ((1 - 2 * nu) * r + 4 / r)
+
+    assert largest(problem.comm, u / exact(radius) - 1) < 2e-3
+    work = 2 * math.pi * 0.4 * exact(np.ones(1))[0]
+    assert level.report.alpha == pytest.approx(work, rel=2e-3)
     limit = limit_load(problem, 1e-4)
     known = 2 / math.sqrt(3) * SOFT.yield_stress * math.log(2)
     assert limit.estimate == pytest.approx(known, rel=2e-3)

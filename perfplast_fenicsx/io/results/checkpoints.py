@@ -68,7 +68,7 @@ class Saved:
     Attributes:
         reports: Of the levels so far.
         level: The last one, without its iterations; None before the first.
-        before: State of the level before it, where the steps are chosen.
+        before: State of the level before it.
         search: What is known of the limit load, where one is looked for.
         timings: Wall time by activity (s).
     """

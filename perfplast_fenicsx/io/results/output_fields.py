@@ -10,6 +10,7 @@ from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.io.results.friction_fields import FrictionFields
 from perfplast_fenicsx.materials.mandel import tensor
 from perfplast_fenicsx.problem.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.problem import Problem
@@ -26,8 +27,9 @@ class OutputFields:
             plastic), ``yield_ratio`` (of σ by the law, for von Mises ‖dev σ‖/γ, the largest of each
             cell's points, 0 in elastic bodies), ``contact_pressure`` (linear on the contact
             surfaces, 0 elsewhere, positive where bodies push each other; at an edge of two contact
-            faces the mean of both). Internal variables of the laws by their names, the mean of each
-            cell: numbers, or Mandel vectors as tensors (3×3).
+            faces the mean of both); internal variables of the laws by their names, the mean of each
+            cell: numbers, or Mandel vectors as tensors (3×3); and, where there is friction, those
+            of :class:`friction_fields.FrictionFields`.
         resultants: Force of each contact on its primary surface, and of each obstacle on its
             surface behind them, shape (num_contacts, gdim), the same on every rank.
     """
@@ -72,6 +74,9 @@ class OutputFields:
         self._to_nodes = fem_petsc.interpolation_matrix(vertices, self._nodes)
         self._to_nodes.assemble()
         self._areas = self._contact_areas(vertices)
+        self._friction = FrictionFields(problem, vertices) if problem.friction.count else None
+        if self._friction is not None:
+            self.fields |= self._friction.fields
 
     def update(self, level: Level) -> dict[str, fem.Function]:
         """Bring all fields to a level, before the next one begins. Collective."""
@@ -80,6 +85,8 @@ class OutputFields:
         self._plastic.interpolate(self._at_points)
         self.fields["plastic"].x.array[:] = by_cell(self._at_points).mean(axis=1)
         self.of_stress(level.stress, level.contact_forces)
+        if self._friction is not None:
+            self._friction.update(level, self._areas)
         for name, variable in level.state.history.items():
             self._remember(name, variable)
         return self.fields

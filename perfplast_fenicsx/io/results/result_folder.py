@@ -274,7 +274,7 @@ def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
     for key in ("factor", "work"):
         row |= {f"{key} {name}".replace(" ", "_"): a for name, a in row.pop(f"{key}s").items()}
     for name, force in row.pop("reactions").items():
-        row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(axes, force, strict=True)}
+        row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(axes, force, strict=False)}
     return row
 
 
