@@ -48,6 +48,7 @@ SUMMARY_KEYS = [
 def report(zeta: float, **changes: object) -> LevelReport:
     """A report with made-up numbers, all different."""
     values: dict[str, object] = {"converged": True, "reason": "criterion met, at last"}
+    values |= {"stage": "pumping", "factors": {"water": 0.375}, "works": {"water": 3.5}}
     values["reactions"] = {"loads": [0.5, 0.0, -2.5], "support floor": [-0.5, 0.0, 2.5]}
     for number, field in enumerate(dataclasses.fields(LevelReport), start=1):
         if field.name not in values:
@@ -182,6 +183,9 @@ def test_summary_and_path(comm: MPI.Intracomm, shared_tmp_path: Path, problem: P
         assert rows[-1]["step"] == str(number)
         numbers = dataclasses.asdict(level)
         forces = numbers.pop("reactions")
+        for named in ("factor", "work"):
+            (value,) = numbers.pop(f"{named}s").values()
+            assert rows[-1][f"{named}_water"] == str(value)
         for key, value in numbers.items():
             assert rows[-1][key] == str(value)
         assert [rows[-1][f"loads_{axis}"] for axis in "xyz"] == [*map(str, forces["loads"])]
