@@ -8,7 +8,7 @@ RUN = timeout --foreground --kill-after=30 $(LIMIT) ./fenicsx
 help:
 	@echo 'make demo        two blocks pressed together, on 2 MPI ranks'
 	@echo 'make test        all tests on 1 and on 2 ranks, some on 3'
-	@echo 'make verify      every case with an exact solution, and 200 random ones'
+	@echo 'make verify      every case with an exact solution, and random ones'
 	@echo 'make bench       how fast and how large: benchmarks/README.md (hours)'
 	@echo 'make lint        ruff and mypy'
 	@echo 'make docs        the documentation site, in build/docs/index.html'
@@ -30,6 +30,7 @@ test: environment
 verify: environment
 	$(RUN) mpirun -n 2 scripts/rank0 python3 demos/verification/verify.py
 	PERFPLAST_FUZZ=20 $(RUN) python3 -m pytest -q tests/functional/test_strictness.py
+	PERFPLAST_FUZZ=50 $(RUN) python3 -m pytest -q tests/contact/test_clipping.py
 
 # CASES="start punch_16" chooses, ROUNDS=1 runs each once
 .PHONY: bench

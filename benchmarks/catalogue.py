@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 CASE = ("-m", "benchmarks.case")
+LIMIT = ("-m", "benchmarks.limit")
 
 REFERENCES = {
     ("l_plate", 2): 111.49381284,
@@ -56,6 +57,11 @@ def case(
     label = name or f"{plural(ranks)}, {solver} solver"
     command = (*CASE, model, "--n", str(n), "--solver", solver, *options)
     return Job(label, command, ranks, reference=REFERENCES.get((model, n)))
+
+
+def limit(model: str, n: int, *options: str, ranks: int) -> Job:
+    """A search for a limit load by the program."""
+    return Job(f"limit load, {plural(ranks)}", (*LIMIT, model, "--n", str(n), *options), ranks)
 
 
 def plural(ranks: int) -> str:
@@ -169,6 +175,11 @@ GROUPS = {
     "bolted_1m": Group(
         "the same, 1 001 616 unknowns",
         (case("bolted", 19, "--degree", "2", ranks=2),),
+        rounds=1,
+    ),
+    "bolted_limit": Group(
+        "its limit load to 1e-3, 269 529 unknowns",
+        (limit("bolted", 11, "--degree", "2", ranks=2),),
         rounds=1,
     ),
     "step42": Group(

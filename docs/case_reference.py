@@ -23,7 +23,7 @@ from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
-from perfplast_fenicsx.problem.supports import Support
+from perfplast_fenicsx.problem.stage import Stage
 from perfplast_fenicsx.solvers.methods import METHODS
 
 MARK = "<!-- the tables, from the program -->"
@@ -176,16 +176,19 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
         "[material.NAME]",
         _chosen("law", MATERIALS, None, "The law of the body."),
     ),
-    "support": ("[[support]]", _single(Support)),
+    "support": ("[[support]]", _single(tables.SupportTable)),
     "load": ("[[load]]", _single(tables.LoadTable)),
     "temperature": ("[[temperature]]", _single(Temperature)),
     "initial_stress": ("[[initial_stress]]", _single(InitialStress)),
     "contact": ("[[contact]]", _single(Contact)),
     "obstacle": ("[[obstacle]]", _chosen("shape", OBSTACLES, None, "What it is.")),
+    "rigid_surface": ("[[rigid_surface]]", _single(tables.RigidSurfaceTable)),
     "tie": ("[[tie]]", _single(Tie)),
+    "model": ("[model]", _single(tables.ModelOptions)),
     "element": ("[element]", _single(tables.ElementOptions)),
     "solve": ("[solve]", _solve),
     "loading": ("[loading]", _chosen("control", LOADINGS, "load", "What is prescribed.")),
+    "stage": ("[[stage]]", _single(Stage)),
     "output": ("[output]", _single(tables.OutputOptions)),
     "units": ("[units]", _single(Units)),
 }

@@ -8,6 +8,7 @@ the other, with a nut outside each. Only the plate has supports; contact alone h
 Volumes ``plate``, ``bracket_1`` and ``bracket_2``, ``bolt_1`` to ``bolt_6``, ``rod``; surfaces
 ``ends`` (the plate's short sides) and ``grip`` (the middle of the rod), and one interface for each
 two bodies that touch: ``joint_1``, …, of which each side has its name, as in ``plate_joint_1``.
+Nodes match there, unless the bodies are meshed apart.
 A STEP file of the bodies is written beside the mesh.
 """
 
@@ -17,6 +18,7 @@ from pathlib import Path
 
 import gmsh
 
+from meshes.apart import write_apart
 from meshes.command_line import mesh_parser, write_from
 from meshes.naming import interface, name
 from meshes.shapes import add_box
@@ -53,7 +55,11 @@ Solid = tuple[int, int]
 
 
 def write_bolted_assembly(
-    path: str | Path, size: float = 8.0, order: int = 1, glued: bool = False
+    path: str | Path,
+    size: float = 8.0,
+    order: int = 1,
+    glued: bool = False,
+    apart: float | None = None,
 ) -> None:
     """Mesh the assembly and write a .msh and a .step file. On one process.
 
@@ -62,6 +68,8 @@ def write_bolted_assembly(
         size: Largest edge length of the tetrahedra (mm); round parts have smaller ones.
         order: Degree of the geometry, 1 or 2.
         glued: Leave the bodies in one piece, for a comparison without contact.
+        apart: Mesh each body by itself, with edges of the brackets so many times as short as those
+            of plate and rod, and those of the bolts as those of the brackets; None for one mesh.
     """
     with gmsh_session():
         parts = {"plate": _plate()}
@@ -77,14 +85,25 @@ def write_bolted_assembly(
         ends = [tag for x in (-LENGTH / 2, LENGTH / 2) for tag in on_plane(2, 0, x)]
         name(2, {"ends": ends, "grip": _grip(bodies["rod"])} | _joints(bodies))
 
-        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", max(ROUND, 2 * math.pi * SHANK / size))
-        gmsh.model.mesh.generate(3)
-        gmsh.model.mesh.setOrder(order)
+        if apart:
+            finer = {"bracket": apart, "bolt": apart**2}
+            write_apart(
+                path, lambda body: _generate(size, order, finer.get(body.split("_")[0], 1.0))
+            )
+            return
+        _generate(size, order)
         if glued:
             gmsh.write(str(path))
         else:
             write_split(path)
+
+
+def _generate(size: float, order: int, finer: float = 1.0) -> None:
+    around = finer * max(ROUND, 2 * math.pi * SHANK / size)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", size / finer)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", around)
+    gmsh.model.mesh.generate(3)
+    gmsh.model.mesh.setOrder(order)
 
 
 def _plate() -> list[Solid]:
@@ -187,6 +206,9 @@ def main() -> None:
     """Write the mesh that the command line asks for."""
     parser = mesh_parser(write_bolted_assembly, "Mesh a bolted assembly of ten bodies.")
     parser.add_argument("--glued", action="store_true", help="leave the bodies in one piece")
+    parser.add_argument(
+        "--apart", type=float, help="mesh bodies apart, brackets and bolts so much finer"
+    )
     write_from(parser, write_bolted_assembly)
 
 

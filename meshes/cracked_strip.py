@@ -15,7 +15,7 @@ from meshes.sizes import finer_at, generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 FINER = 16.0
-"""How much smaller the elements are at the tip."""
+"""How much smaller the elements are at the tip unless told otherwise."""
 
 
 def write_cracked_strip(
@@ -23,6 +23,7 @@ def write_cracked_strip(
     width: float = 1.0,
     length: float = 2.0,
     tip: float = 0.5,
+    grading: float = FINER,
     size: float = 0.05,
     order: int = 1,
 ) -> None:
@@ -33,8 +34,9 @@ def write_cracked_strip(
         width: Half of the strip's width.
         length: Half of the strip's length.
         tip: Place of the tip on the line y = 0, between 0 and ``width``.
-        size: Edge length around the tip, as far as twice the shorter part of the bottom; it is a
-            sixteenth at the tip, and grows beyond.
+        grading: How much smaller the elements are at the tip.
+        size: Edge length around the tip, as far as twice the shorter part of the bottom; it grows
+            beyond.
         order: Degree of the geometry, 1 or 2.
     """
     with gmsh_session() as gmsh:
@@ -47,7 +49,7 @@ def write_cracked_strip(
         labels = ("inner", "outer", "side", "top", "x0")
         name(1, {label: [line] for label, line in zip(labels, lines, strict=True)})
         reach = 2.0 * min(tip, width - tip)
-        generate(2, finer_at((tip, 0.0), size / FINER, size, reach=reach), order)
+        generate(2, finer_at((tip, 0.0), size / grading, size, reach=reach), order)
         write_split(path)
 
 
@@ -57,6 +59,7 @@ def main() -> None:
     parser.add_argument("--width", type=float, help="half of the strip's width")
     parser.add_argument("--length", type=float, help="half of the strip's length")
     parser.add_argument("--tip", type=float, help="x of the crack's tip")
+    parser.add_argument("--grading", type=float, help="how much smaller elements are at the tip")
     write_from(parser, write_cracked_strip)
 
 

@@ -4,12 +4,14 @@ In the plane z = 0: a quarter of the disc of RADIUS about (0, RADIUS), 0 ≤ x, 
 touches y = 0 at the origin. Volume ``upper``; curves ``x0``, ``top`` (y = RADIUS), ``upper_arc``
 (the arc as far as x = ARC: where contact may come) and ``upper_free`` (the rest of it). With two
 bodies, the other one is the image in y = 0: ``lower``, ``lower_arc``, ``lower_free``, ``bottom``,
-and ``x0`` of both. Their nodes are exact mirror images; at the origin there are two of them.
+and ``x0`` of both. Their nodes are exact mirror images unless they are meshed apart; at the origin
+there are two of them.
 """
 
 import math
 from pathlib import Path
 
+from meshes.apart import meshed_body, write_bodies
 from meshes.command_line import mesh_parser, write_from
 from meshes.mirror import add_mirror_image
 from meshes.naming import name
@@ -27,6 +29,7 @@ def write_hertz_line(
     bodies: int = 1,
     size: float = 0.2,
     order: int = 1,
+    finer: float | None = None,
 ) -> None:
     """Mesh half of a half-cylinder, and its image, and write a .msh file. On one process.
 
@@ -36,6 +39,7 @@ def write_hertz_line(
         bodies: 1, or 2 for the mirror image as well.
         size: Largest edge length.
         order: Degree of the geometry, 1 or 2.
+        finer: Mesh the image apart, with edges so many times as short.
     """
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
@@ -50,11 +54,26 @@ def write_hertz_line(
 
         name(2, {"upper": [upper]})
         name(1, {"upper_arc": [arc], "upper_free": [free], "top": [top], "x0": [axis]})
-        generate(2, finer_at((0.0, 0.0), contact_size, size, flat=FINE), order)
-        if bodies == 2:
+
+        def mesh(near: float) -> None:
+            generate(2, finer_at((0.0, 0.0), near, size, flat=FINE), order)
+
+        def mirror() -> None:
             names = {"upper": "lower", "upper_arc": "lower_arc", "upper_free": "lower_free"}
             add_mirror_image(1, names | {"top": "bottom", "x0": "x0"})
-        write_split(path)
+
+        mesh(contact_size)
+        if bodies == 1:
+            write_split(path)
+        elif finer is None:
+            mirror()
+            write_split(path)
+        else:
+            upper_mesh = meshed_body("upper")
+            gmsh.model.mesh.clear()
+            mesh(contact_size / finer)
+            mirror()
+            write_bodies(path, [upper_mesh, meshed_body("lower")])
 
 
 def main() -> None:
@@ -62,6 +81,7 @@ def main() -> None:
     parser = mesh_parser(write_hertz_line, "Mesh a half-cylinder on a plane, half by symmetry.")
     parser.add_argument("--contact-size", type=float, help="edge length about the origin")
     parser.add_argument("--bodies", type=int, choices=(1, 2), help="2: its mirror image as well")
+    parser.add_argument("--finer", type=float, help="mesh the image apart, so much finer")
     write_from(parser, write_hertz_line)
 
 

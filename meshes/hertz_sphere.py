@@ -4,13 +4,14 @@ A quarter (x, y ≥ 0) of the lower half of the ball of RADIUS about (0, 0, RADI
 z = 0 at the origin. Volume ``upper``; surfaces ``x0``, ``y0``, ``top`` (z = RADIUS), ``upper_cap``
 (the sphere as far as CAP from the z axis: where contact may come) and ``upper_free`` (the rest of
 it). With two bodies, the other one is the image in z = 0: ``lower``, ``lower_cap``, ``lower_free``,
-``bottom``, and ``x0`` and ``y0`` of both. Their nodes are exact mirror images; at the origin there
-are two of them.
+``bottom``, and ``x0`` and ``y0`` of both. Their nodes are exact mirror images unless they are
+meshed apart; at the origin there are two of them.
 """
 
 import math
 from pathlib import Path
 
+from meshes.apart import meshed_body, write_bodies
 from meshes.command_line import mesh_parser, write_from
 from meshes.mirror import add_mirror_image
 from meshes.naming import name
@@ -27,6 +28,7 @@ def write_hertz_sphere(
     bodies: int = 1,
     size: float = 0.3,
     order: int = 1,
+    finer: float | None = None,
 ) -> None:
     """Mesh a quarter of a half-ball, and its image, and write a .msh file. On one process.
 
@@ -36,6 +38,7 @@ def write_hertz_sphere(
         bodies: 1, or 2 for the mirror image as well.
         size: Largest edge length.
         order: Degree of the geometry, 1 or 2.
+        finer: Mesh the image apart, with edges so many times as short.
     """
     with gmsh_session() as gmsh:
         geo = gmsh.model.geo
@@ -71,11 +74,26 @@ def write_hertz_sphere(
 
         name(3, {"upper": [upper]})
         name(2, {"upper_cap": [cap], "upper_free": [free], "top": [top], "x0": [x0], "y0": [y0]})
-        generate(3, finer_at((0.0, 0.0, 0.0), contact_size, size, flat=FINE), order)
-        if bodies == 2:
+
+        def mesh(near: float) -> None:
+            generate(3, finer_at((0.0, 0.0, 0.0), near, size, flat=FINE), order)
+
+        def mirror() -> None:
             names = {"upper": "lower", "upper_cap": "lower_cap", "upper_free": "lower_free"}
             add_mirror_image(2, names | {"top": "bottom", "x0": "x0", "y0": "y0"})
-        write_split(path)
+
+        mesh(contact_size)
+        if bodies == 1:
+            write_split(path)
+        elif finer is None:
+            mirror()
+            write_split(path)
+        else:
+            upper_mesh = meshed_body("upper")
+            gmsh.model.mesh.clear()
+            mesh(contact_size / finer)
+            mirror()
+            write_bodies(path, [upper_mesh, meshed_body("lower")])
 
 
 def main() -> None:
@@ -83,6 +101,7 @@ def main() -> None:
     parser = mesh_parser(write_hertz_sphere, "Mesh a half-ball on a plane, a quarter by symmetry.")
     parser.add_argument("--contact-size", type=float, help="edge length about the origin")
     parser.add_argument("--bodies", type=int, choices=(1, 2), help="2: its mirror image as well")
+    parser.add_argument("--finer", type=float, help="mesh the image apart, so much finer")
     write_from(parser, write_hertz_sphere)
 
 

@@ -17,18 +17,23 @@ from perfplast_fenicsx.mesh import gmsh_session, on_plane
 WIDTH, HEIGHT, PLATEN = 2.0, 1.0, 0.25
 """Width and height of the whole block; thickness of a platen."""
 FINER = 10.0
-"""How much smaller the elements are at the edge of the block's top."""
+"""How much smaller the elements are at the edge of the block's top unless another is given."""
 
 
 def write_platens(
-    path: str | Path, platen: bool = False, size: float = 0.05, order: int = 1
+    path: str | Path,
+    platen: bool = False,
+    grading: float = FINER,
+    size: float = 0.05,
+    order: int = 1,
 ) -> None:
     """Mesh a quarter of the block and the platen on it and write a .msh file. On one process.
 
     Args:
         path: The file to write.
         platen: Whether a platen is glued to the block.
-        size: Edge length; it is a tenth at the edge of the block's top.
+        grading: How much smaller the elements are at the edge of the block's top.
+        size: Edge length.
         order: Degree of the geometry, 1 or 2.
     """
     width, height = WIDTH / 2, HEIGHT / 2
@@ -46,7 +51,7 @@ def write_platens(
         name_planes(1, {"x0": (0, 0.0), "y0": (1, 0.0), "top": (1, top)})
         _, curves = gmsh.model.getAdjacencies(*block)
         name(1, {"side": [tag for tag in on_plane(1, 0, width) if tag in curves]})
-        generate(2, finer_at((width, height), size / FINER, size), order)
+        generate(2, finer_at((width, height), size / grading, size), order)
         # Not write_split, which would take the platen off the block.
         gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
         gmsh.write(str(path))
@@ -56,6 +61,7 @@ def main() -> None:
     """Write the mesh that the command line asks for."""
     parser = mesh_parser(write_platens, "Mesh a quarter of a block between platens.")
     parser.add_argument("--platen", action="store_true", help="with a platen glued to the block")
+    parser.add_argument("--grading", type=float, help="how much smaller elements are at the edge")
     write_from(parser, write_platens)
 
 

@@ -1,13 +1,16 @@
 """A strip footing in plane strain, half of it by symmetry: Prandtl's problem.
 
-The ground is (0, WIDTH)×(-DEPTH, 0), the footing the part x ≤ 1 of y = 0. Volume ``ground``; curves
+As half a section of a body of revolution the footing is a circular one.
+The ground is (0, width)×(-depth, 0), the footing the part x ≤ 1 of y = 0. Volume ``ground``; curves
 ``x0`` (the symmetry line), ``bottom``, ``side``, ``footing`` and ``free`` (the rest of y = 0). With
 a punch, a second body (0, 1)×(0, 1) on the ground: volumes ``ground`` and ``punch``, its curve
-``top``, ``x0`` of both bodies, and the contact curves ``ground_footing`` and ``punch_footing``.
+``top``, ``x0`` of both bodies, and the contact curves ``ground_footing`` and ``punch_footing``,
+whose nodes match unless the bodies are meshed apart.
 """
 
 from pathlib import Path
 
+from meshes.apart import write_apart
 from meshes.command_line import mesh_parser, write_from
 from meshes.naming import name
 from meshes.shapes import add_polygon
@@ -15,26 +18,37 @@ from meshes.sizes import finer_at, generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 WIDTH, DEPTH = 6.0, 6.0
-"""Extent of the ground; the half width of the footing is 1."""
+"""Extent of the ground unless others are given; the half width of the footing is 1."""
 FINER, REACH = 10.0, 2.2
-"""How much smaller the elements are at the footing's edge; how far from it ``size`` holds, which
-is the region of the slip lines."""
+"""How much smaller the elements are at the footing's edge unless told otherwise; how
+far from it ``size`` holds, which is the region of the slip lines."""
 
 
 def write_strip_footing(
-    path: str | Path, punch: bool = False, size: float = 0.2, order: int = 1
+    path: str | Path,
+    punch: bool = False,
+    width: float = WIDTH,
+    depth: float = DEPTH,
+    grading: float = FINER,
+    size: float = 0.2,
+    order: int = 1,
+    finer: float | None = None,
 ) -> None:
     """Mesh the ground and the punch and write a .msh file. On one process.
 
     Args:
         path: The file to write.
         punch: Whether there is a punch on the ground.
-        size: Edge length in the region of the slip lines; it is a tenth at the footing's edge.
+        width: Width of the ground, more than 1.
+        depth: Depth of the ground.
+        grading: How much smaller the elements are at the footing's edge.
+        size: Edge length in the region of the slip lines.
         order: Degree of the geometry, 1 or 2.
+        finer: Mesh the punch apart, with so many times as many edges.
     """
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
-        outline = [(0.0, 0.0), (0.0, -DEPTH), (WIDTH, -DEPTH), (WIDTH, 0.0), (1.0, 0.0)]
+        outline = [(0.0, 0.0), (0.0, -depth), (width, -depth), (width, 0.0), (1.0, 0.0)]
         points = [occ.addPoint(x, y, 0.0) for x, y in outline]
         following = points[1:] + points[:1]
         axis, bottom, side, free, footing = map(occ.addLine, points, following)
@@ -57,14 +71,26 @@ def write_strip_footing(
 
         name(2, bodies)
         name(1, curves)
-        generate(2, finer_at((1.0, 0.0), size / FINER, size, reach=REACH), order)
-        write_split(path)
+
+        def mesh(body: str = "") -> None:
+            own = size / finer if finer and body == "punch" else size
+            generate(2, finer_at((1.0, 0.0), own / grading, own, reach=REACH), order)
+
+        if finer is None:
+            mesh()
+            write_split(path)
+        else:
+            write_apart(path, mesh)
 
 
 def main() -> None:
     """Write the mesh that the command line asks for."""
     parser = mesh_parser(write_strip_footing, "Mesh half of a strip footing.")
     parser.add_argument("--punch", action="store_true", help="with a punch on the ground")
+    parser.add_argument("--width", type=float, help="width of the ground")
+    parser.add_argument("--depth", type=float, help="depth of the ground")
+    parser.add_argument("--grading", type=float, help="how much smaller elements are at the edge")
+    parser.add_argument("--finer", type=float, help="mesh the punch apart, so much finer")
     write_from(parser, write_strip_footing)
 
 

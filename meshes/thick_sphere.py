@@ -2,7 +2,8 @@
 
 The shell is about the origin. Volume ``shell``; surfaces ``inner``, ``outer``, ``x0``, ``y0`` and
 ``z0`` (the symmetry planes). With an interface: volumes ``inner_shell`` and ``outer_shell`` and the
-contact surfaces ``inner_shell_seam`` and ``outer_shell_seam``.
+contact surfaces ``inner_shell_seam`` and ``outer_shell_seam``, whose nodes match unless the shells
+are meshed apart.
 
 Vertices lie on the spheres, so that flat facets cut them: the body of the mesh reaches into the
 hole and not as far out. A sphere that is *circumscribed* is touched by the facets instead. The
@@ -17,6 +18,7 @@ from pathlib import Path
 import gmsh
 import numpy as np
 
+from meshes.apart import write_apart
 from meshes.command_line import mesh_parser, write_from
 from meshes.naming import name
 from meshes.sizes import generate
@@ -32,6 +34,7 @@ def write_thick_sphere(
     interface: float | None = None,
     size: float = 0.2,
     order: int = 1,
+    finer: float | None = None,
     circumscribed: str | None = None,
 ) -> None:
     """Mesh an octant of a shell and write a .msh file. On one process.
@@ -43,6 +46,7 @@ def write_thick_sphere(
         order: Degree of the geometry, 1 or 2.
         circumscribed: ``inner`` or ``outer``: the surface whose vertices are moved outwards until
             no facet of it cuts its sphere.
+        finer: Mesh two shells apart, the outer one with so many times as many edges at the seam.
 
     Raises:
         InputError: If curved facets are to be circumscribed.
@@ -86,10 +90,18 @@ def write_thick_sphere(
         name(2, {"inner": spheres[:1], "outer": spheres[-1:], "x0": x0, "y0": y0, "z0": z0})
         if interface is not None:
             name(2, {"seam": spheres[1:2]})
-        generate(3, lambda x, y, z: size * math.hypot(x, y, z), order)
-        if circumscribed is not None:
-            _circumscribe(spheres[0] if circumscribed == "inner" else spheres[-1])
-        write_split(path)
+
+        def mesh(body: str = "") -> None:
+            near = size / finer if finer and body == "outer_shell" else size
+            generate(3, lambda x, y, z: near * math.hypot(x, y, z), order)
+
+        if finer is None:
+            mesh()
+            if circumscribed is not None:
+                _circumscribe(spheres[0] if circumscribed == "inner" else spheres[-1])
+            write_split(path)
+        else:
+            write_apart(path, mesh)
 
 
 def _circumscribe(sphere: int) -> None:
@@ -113,6 +125,7 @@ def main() -> None:
     parser.add_argument(
         "--circumscribed", choices=("inner", "outer"), help="surface that does not cut its sphere"
     )
+    parser.add_argument("--finer", type=float, help="mesh them apart, the outer one so much finer")
     write_from(parser, write_thick_sphere)
 
 

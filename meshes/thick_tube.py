@@ -1,14 +1,17 @@
 """A quarter of a thick tube in plane strain, whole or as two tubes one in the other.
 
-The tube is about the origin in the plane z = 0. Volume ``tube``; curves ``inner``, ``outer``,
+The tube is about the origin in the plane z = 0; as half a section of a body of revolution it is
+half a thick sphere, with ``x0`` on the axis. Volume ``tube``; curves ``inner``, ``outer``,
 ``x0`` and ``y0`` (the symmetry lines). With an interface: volumes ``inner_tube`` and
-``outer_tube`` and the contact curves ``inner_tube_seam`` and ``outer_tube_seam``.
+``outer_tube`` and the contact curves ``inner_tube_seam`` and ``outer_tube_seam``, whose nodes match
+unless the tubes are meshed apart.
 """
 
 import math
 from itertools import pairwise
 from pathlib import Path
 
+from meshes.apart import write_apart
 from meshes.command_line import mesh_parser, write_from
 from meshes.naming import name
 from meshes.shapes import add_polygon
@@ -27,6 +30,7 @@ def write_thick_tube(
     interface: float | None = None,
     size: float = 0.05,
     order: int = 1,
+    finer: float | None = None,
 ) -> None:
     """Mesh a quarter of a tube and write a .msh file. On one process.
 
@@ -36,6 +40,7 @@ def write_thick_tube(
         interface: Radius at which the tube is cut in two; None for one tube.
         size: Edge length at the inner radius; it grows in proportion to the radius.
         order: Degree of the geometry, 1 or 2.
+        finer: Mesh two tubes apart, the outer one with so many times as many edges at the seam.
     """
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
@@ -57,8 +62,16 @@ def write_thick_tube(
         name(1, {"inner": arcs[:1], "outer": arcs[-1:], "x0": x0, "y0": y0})
         if interface is not None:
             name(1, {"seam": arcs[1:2]})
-        generate(2, lambda x, y, z: size * math.hypot(x, y), order)
-        write_split(path)
+
+        def mesh(body: str = "") -> None:
+            near = size / finer if finer and body == "outer_tube" else size
+            generate(2, lambda x, y, z: near * math.hypot(x, y), order)
+
+        if finer is None:
+            mesh()
+            write_split(path)
+        else:
+            write_apart(path, mesh)
 
 
 def main() -> None:
@@ -66,6 +79,7 @@ def main() -> None:
     parser = mesh_parser(write_thick_tube, "Mesh a quarter of a thick tube.")
     parser.add_argument("--outer", type=float, help="outer radius; the inner one is 1")
     parser.add_argument("--interface", type=float, help="radius at which to cut the tube in two")
+    parser.add_argument("--finer", type=float, help="mesh them apart, the outer one so much finer")
     write_from(parser, write_thick_tube)
 
 

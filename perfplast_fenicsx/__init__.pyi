@@ -21,6 +21,8 @@ from .limit_analysis.body_bounds import limit_bounds as limit_bounds
 from .limit_analysis.limit_methods import LimitLoad as LimitLoad
 from .limit_analysis.limit_search import limit_load as limit_load
 from .materials.elastic import Elastic as Elastic
+from .materials.hardening import Hardening as Hardening
+from .materials.plastic_flow import Flow as Flow
 from .materials.von_mises import VonMises as VonMises
 from .mesh.sample_meshes import build as build
 from .mesh.sample_meshes import l_plate as l_plate
@@ -32,13 +34,17 @@ from .mesh.tagged_mesh import read_gmsh as read_gmsh
 from .pictures.drawing_process import draw as draw
 from .problem.initial_strain import InitialStress as InitialStress
 from .problem.initial_strain import Temperature as Temperature
+from .problem.loading_history import LoadingHistory as LoadingHistory
 from .problem.loads import BodyForce as BodyForce
+from .problem.loads import Force as Force
 from .problem.loads import PorePressure as PorePressure
 from .problem.loads import Pressure as Pressure
 from .problem.loads import Traction as Traction
 from .problem.problem import Problem as Problem
 from .problem.report import Iteration as Iteration
 from .problem.report import LevelReport as LevelReport
+from .problem.rigid_surface import RigidSurface as RigidSurface
+from .problem.stage import Stage as Stage
 from .problem.state import Level as Level
 from .problem.state import State as State
 from .problem.supports import Support as Support
@@ -48,5 +54,6 @@ from .solvers.load_stepping import load_path as load_path
 from .solvers.load_stepping import work_path as work_path
 from .solvers.newton import Newton as Newton
 from .solvers.newton_options import NewtonOptions as NewtonOptions
+from .solvers.stage_stepping import stage_path as stage_path
 from .solvers.work_newton import BorderedNewton as BorderedNewton
 from .solvers.work_newton import WorkNewton as WorkNewton

@@ -15,8 +15,8 @@ BELOW: dict[str, set[str]] = {
     "contact": {"mesh"},
     "problem": {"mesh", "materials", "contact"},
     "solvers.linear": {"problem"},
-    "solvers.active_set": {"problem", "solvers.linear"},
-    "solvers": {"materials", "problem", "solvers.linear", "solvers.active_set"},
+    "solvers.active_set": {"contact", "problem", "solvers.linear"},
+    "solvers": {"contact", "materials", "problem", "solvers.linear", "solvers.active_set"},
     "limit_analysis": {"contact", "materials", "mesh", "problem", "solvers", "solvers.linear"},
     "io.case": {"mesh", "materials", "contact", "problem", "solvers", "limit_analysis"},
     "proof": set(),
@@ -30,9 +30,19 @@ BELOW: dict[str, set[str]] = {
         "io.case",
     },
     "pictures": {"contact", "problem", "io.case", "io.results"},
+    "geometry": {"mesh", "materials"},
     "cli": {
-        *("pictures", "io.case", "io.results", "limit_analysis", "solvers", "solvers.linear"),
+        *(
+            "geometry",
+            "pictures",
+            "io.case",
+            "io.results",
+            "limit_analysis",
+            "solvers",
+            "solvers.linear",
+        ),
         "problem",
+        "materials",
     },
 }
 """For each room those that it may import from, besides itself and the ground: the modules that lie

@@ -35,6 +35,7 @@ from dolfinx import default_scalar_type, fem
 from demos.verification.hertz_line import (
     ALLOWED,
     ALUMINIUM,
+    FINER,
     STEEL,
     Pressures,
     contact_modulus,
@@ -109,9 +110,17 @@ def ball_on_plane(folder: ResultFolder, degree: int, size: float) -> Problem:
     )
 
 
-def ball_on_ball(folder: ResultFolder, degree: int, size: float) -> Problem:
+def balls_apart(folder: ResultFolder, degree: int, size: float) -> Problem:
+    """A ball of steel on one of aluminium that has a finer mesh. Collective."""
+    return ball_on_ball(folder, degree, size, FINER)
+
+
+def ball_on_ball(
+    folder: ResultFolder, degree: int, size: float, finer: float | None = None
+) -> Problem:
     """A ball of steel on one of aluminium. Collective."""
-    tagged_mesh = mesh(folder, write_hertz_sphere, contact_size=size, order=degree, bodies=2)
+    shape = {"contact_size": size, "order": degree, "bodies": 2, "finer": finer}
+    tagged_mesh = mesh(folder, write_hertz_sphere, **shape)
     return Problem(
         tagged_mesh,
         {"upper": STEEL, "lower": ALUMINIUM},
@@ -184,6 +193,14 @@ CASES = (
         (STEEL, ALUMINIUM),
         {1: (12,), 2: (5,)},
         {1: (8,)},
+    ),
+    Case(
+        "ball on a ball, apart",
+        balls_apart,
+        "upper_cap",
+        (STEEL, ALUMINIUM),
+        {1: (10,), 2: (4,)},
+        {},
     ),
     Case("rigid ball on a block", rigid_ball, "face", (STEEL,), {1: (12,), 2: (5, 7)}, {1: (8,)}),
 )

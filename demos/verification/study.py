@@ -13,6 +13,7 @@ from mpi4py import MPI
 from perfplast_fenicsx import (
     BodyBounds,
     InputError,
+    Level,
     LimitLoad,
     Problem,
     TaggedMesh,
@@ -23,6 +24,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.cli import Terminal
 from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
+from perfplast_fenicsx.pictures import draw
 from perfplast_fenicsx.problem import Prescribed
 
 MOST_FACTORISATIONS = 35
@@ -159,7 +161,8 @@ def collapse(problem: Problem, rtol: float = 1e-4, method: str = "interior-point
     seconds = time.perf_counter() - began
     bracket = ""
     if problem.degree == 2 and limit.factorisations is not None:
-        bracket = in_brackets(limit_bounds(problem, rtol))
+        turned = problem.tagged_mesh.axisymmetric
+        bracket = "none: axisymmetric" if turned else in_brackets(limit_bounds(problem, rtol))
     return Collapse(problem, limit, bracket, seconds)
 
 
@@ -171,6 +174,14 @@ def in_brackets(bounds: BodyBounds) -> str:
     if upper.strict:
         return f"<= {upper.shown}"
     return f">= {lower.shown}" if lower.strict else f"none: {', '.join(upper.why_not)}"
+
+
+def show(folder: ResultFolder, problem: Problem, scene: Scene, levels: Sequence[Level]) -> None:
+    """Write load levels with their fields, and draw them. Collective."""
+    writer = ResultWriter(folder, problem, scene, "newton", prescribed=Prescribed.LOAD_FACTOR)
+    for level in levels:
+        writer.write(level)
+    draw(folder)
 
 
 HEADING = (

@@ -43,7 +43,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     rows = []
     for number in range(FEW if coarse else TOWERS):
         problem = problem_of(mesh(folder, write_tower, number=number), number)
-        found = collapse(problem, TOLERANCE)
+        found = collapse(problem, TOLERANCE, "path")
         direct = limit_load(problem, TOLERANCE, method="interior-point")
         assert found.limit.levelled_off, found.limit.reason
         assert found.limit.upper is not None

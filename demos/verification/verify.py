@@ -19,13 +19,22 @@ CASES = (
     "corner_seat",
     "thick_sphere",
     "thick_tube",
+    "axisymmetry",
     "strip_footing",
+    "rigid_footing",
+    "torsion",
+    "press_fit",
     "platens",
+    "friction",
     "cracked_strips",
     "plate_with_hole",
     "hertz_line",
     "hertz_sphere",
+    "meshed_apart",
     "towers",
+    "body_bounds",
+    "bounds_in_space",
+    "bound_costs",
 )
 
 

@@ -132,6 +132,42 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "--quiet", action="store_true", help="nothing on standard output; warnings are still shown"
     )
 
+    mesh = commands.add_parser(
+        "mesh",
+        help="turn a STEP, BREP or .geo file into a mesh and a first case file",
+        description="Read the bodies of a geometry file, find out where they touch, and write"
+        " DIR/mesh.msh and DIR/case.toml, in which materials, supports and loads are to be filled"
+        " in. Lengths are in mm for STEP files.",
+    )
+    mesh.add_argument("geometry", metavar="FILE", help=".step, .stp, .brep, .iges, .igs or .geo")
+    mesh.add_argument("-o", "--output", metavar="DIR", required=True, help="folder to write to")
+    mesh.add_argument("--size", metavar="H", type=float, help="largest edge length")
+    mesh.add_argument(
+        "--size-of",
+        metavar="BODY=H",
+        action="append",
+        default=[],
+        help="largest edge length of one body (may be repeated)",
+    )
+    mesh.add_argument(
+        "--curvature", metavar="N", type=float, default=10.0, help="elements about a circle, 10"
+    )
+    mesh.add_argument(
+        "--order", type=int, choices=(1, 2), default=1, help="2 for curved elements (default: 1)"
+    )
+    mesh.add_argument(
+        "--overlap",
+        metavar="SHARE",
+        type=float,
+        default=1e-3,
+        help="of a body's volume by which another may overlap it (default: 0.001)",
+    )
+    mesh.add_argument(
+        "--material", metavar="NAME", help="of all bodies, from the table of perfplast materials"
+    )
+    mesh.add_argument("--tied", action="store_true", help="glue bodies that touch")
+    mesh.add_argument("--force", action="store_true", help="replace mesh and case file in DIR")
+
     check = commands.add_parser(
         "check", help="check a case, its mesh and names included, without solving it"
     )
@@ -157,6 +193,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "-o", "--output", metavar="FILE", help=".gif or .webp (default: DIR/loading.gif)"
     )
 
+    commands.add_parser("materials", help="show numbers of common materials, with their sources")
     commands.add_parser(
         "info", help="show versions, PETSc's packages, BLAS, ranks and threads, for bug reports"
     )

@@ -129,7 +129,7 @@ class Recorder:
         self._run.journal.level(level.report)
         self._writer.write(level)
         if level.report.converged:
-            self._before = self.last.state if self.last and search else None
+            self._before = self.last.state if self.last else None
             self.last = level
             with self.results.timed("output"):
                 now = Saved(self.results.reports, level, self._before, search, timings)

@@ -12,17 +12,22 @@ from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.io.case.case import read_case
-from perfplast_fenicsx.io.case.loading_options import BoundsControl
+from perfplast_fenicsx.io.case.loading_options import BoundsControl, DisplacementControl
 from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.adaptation import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body_bounds import bounds_of_mesh, limit_bounds
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.drucker import drucker_bounds
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod, method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.pictures.drawing_process import draw
+from perfplast_fenicsx.problem.loading_history import LoadingHistory
+from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.load_stepping import load_path, rests_first
+from perfplast_fenicsx.solvers.stage_stepping import stage_path
+from perfplast_fenicsx.solvers.stroke import stroke
 
 SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
 """Exit statuses of the command line; an interrupted run has that of :class:`Interrupted`."""
@@ -65,16 +70,17 @@ def run(
         terminal.status("setting up the problem")
         problem = case.problem(comm)
         checkpoints = Checkpoints(folder, problem, case.table, __version__)
-        saved = checkpoints.read() if restart else Saved()
+        with at(case.path.name):
+            stages = LoadingHistory(problem, case.stages) if case.stages else None
+        saved = checkpoints.read(stages) if restart else Saved()
         method = case.method if saved.reports else case.method_on(problem)
         solver = None if method == LimitMethod.INTERIOR_POINT else case.solver(problem)
         if not restart:
             folder.create()
             checkpoints.write(saved)
         with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
-            journal.header(
-                case, [describe(case.title, method, problem), *problem.constraints.remarks]
-            )
+            remarks = [*problem.constraints.remarks, *_on_friction(problem)]
+            journal.header(case, [describe(case.title, method, problem), *remarks])
             context = RunContext(
                 case=case,
                 problem=problem,
@@ -88,7 +94,7 @@ def run(
                 began=began,
             )
             try:
-                return _solve(context, solver)
+                return _solve(context, solver, stages)
             except Interrupted as interrupted:
                 told = (
                     "what is solved is on file; go on" if solver else "nothing is lost; begin anew"
@@ -100,18 +106,34 @@ def run(
                 return interrupted.status
 
 
-def _solve(context: RunContext, solver: Any) -> int:
+def _on_friction(problem: Problem) -> list[str]:
+    """What is to be said of Coulomb's friction, and its bounds if known. Collective."""
+    if not problem.friction.follows_pressure:
+        return []
+    told = ["Coulomb's friction: each level is one step, and its solution need not be the only one"]
+    if method_for(problem) is LimitMethod.INTERIOR_POINT:
+        told.append(drucker_bounds(problem).in_words())
+    return told
+
+
+def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> int:
     case, saved, recorder = context.case, context.saved, Recorder(context)
     limit = None
     if case.loading.limit_tolerance is not None:
         with at(case.path.name):
             limit = _limit(context, solver, recorder, case.loading.limit_tolerance)
+    elif stages is not None:
+        start = saved.level.state if saved.level else None
+        for level in stage_path(solver, stages, recorder.iteration, start):
+            recorder.level(level)
     else:
         values = case.loading.values or []
+        if isinstance(case.loading, DisplacementControl) and case.loading.until is not None:
+            values = stroke(solver, case.loading.until)
         start = saved.level.state if saved.level else None
         if start is not None:
             values = values[len(saved.reports) - rests_first(solver, values) :]
-        for level in load_path(solver, values, recorder.iteration, start):
+        for level in load_path(solver, values, recorder.iteration, start, saved.before):
             recorder.level(level)
     results = recorder.results
     if case.output.pictures and (recorder.last is not None or (limit and limit.collapses)):
@@ -121,7 +143,7 @@ def _solve(context: RunContext, solver: Any) -> int:
         with results.timed("pictures"):
             draw(context.folder)
     if recorder.last is not None:
-        context.terminal.reactions(recorder.last.report)
+        context.terminal.reactions(recorder.last.report, context.problem)
     results.summary.timings["total"] = recorder.elapsed()
     results.write()
     context.terminal.results(context.folder)

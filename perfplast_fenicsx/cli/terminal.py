@@ -26,6 +26,9 @@ COLUMNS = (
     *(("linear", 7), ("plastic", 8), ("contacts", 11), ("duality gap", 11), ("seconds", 8)),
 )
 
+DRIVEN = "force"
+"""Heading of the driving force, where ζ moves supports and obstacles and no load does work."""
+
 LIVE_PERIOD = 0.2
 """Shortest time between two live lines (s)."""
 
@@ -56,6 +59,8 @@ class Terminal:
         self._last = 0.0
         self._began = time.monotonic()
         self._steps = 0
+        self._stage = ""
+        self._driven = False
 
     def say(self, text: str = "") -> None:
         """Write a line."""
@@ -84,7 +89,11 @@ class Terminal:
         for remark in problem.constraints.remarks:
             self.say(remark)
         if method != LimitMethod.INTERIOR_POINT:
-            self.say("  ".join(f"{name:>{width}}" for name, width in COLUMNS))
+            self._driven = problem.motion.driven
+            heads = (
+                (DRIVEN if name == "alpha" and self._driven else name, w) for name, w in COLUMNS
+            )
+            self.say("  ".join(f"{name:>{width}}" for name, width in heads))
 
     def iteration(self, record: Iteration) -> None:
         """Show a Newton step on the live line; a monitor of the algorithms."""
@@ -115,10 +124,14 @@ class Terminal:
         )
 
     def level(self, report: LevelReport) -> None:
-        """Write the line of a level."""
+        """Write the line of a level, and one more where a stage begins."""
         self._steps += 1
+        if report.stage != self._stage:
+            self._stage = report.stage
+            self.say(f"Stage '{report.stage}':")
+        found = report.driving_force if self._driven else report.alpha
         cells = (
-            *(self._steps, f"{report.zeta:.6g}", f"{report.alpha:.6g}"),
+            *(self._steps, f"{report.zeta:.6g}", f"{found:.6g}"),
             *(report.newton_iterations, report.active_set_iterations, report.linear_iterations),
             *(f"{report.plastic_fraction:.1%}", f"{report.active_contacts}/{report.contact_pairs}"),
             *(f"{report.duality_gap:.1e}", f"{report.seconds:.2f}"),
@@ -136,10 +149,18 @@ class Terminal:
             f" ({effort(limit)}): {limit.reason}."
         )
 
-    def reactions(self, report: LevelReport) -> None:
-        """Say what loads, supports, obstacles and contacts exert on the bodies, a line each."""
+    def reactions(self, report: LevelReport, problem: Problem) -> None:
+        """Say what loads, supports, obstacles and contacts exert on the bodies, a line each.
+
+        Args:
+            report: Of the level.
+            problem: Whose it is.
+        """
         width = max(map(len, report.reactions), default=0)
-        self.say(f"Forces at zeta = {report.zeta:.6g}, in balance to {report.balance:.1e}:")
+        factors = "".join(f", {name} = {factor:.6g}" for name, factor in report.factors.items())
+        forces = f"Forces {problem.kinematics.forces}".rstrip()
+        at = f"zeta = {report.zeta:.6g}{factors}"
+        self.say(f"{forces} at {at}, in balance to {report.balance:.1e}:")
         for name, force in report.reactions.items():
             cells = "  ".join(f"{component:>12.6g}" for component in force)
             self.say(f"  {name:<{width}}  {cells}")
@@ -162,9 +183,10 @@ def describe(title: str, method: str, problem: Problem) -> str:
     pairs = problem.num_pairs
     ranks = f"{comm.size} rank{'s' if comm.size > 1 else ''}"
     direct = method == LimitMethod.INTERIOR_POINT
+    turned = ", axisymmetric" if problem.tagged_mesh.axisymmetric else ""
     linear = "MUMPS Cholesky" if direct else chosen_solver(problem)
     return (
-        f"{title}: {bodies}; {cells} cells, P{problem.degree}, {problem.num_dofs} dofs,"
+        f"{title}: {bodies}; {cells} cells, P{problem.degree}{turned}, {problem.num_dofs} dofs,"
         f" {pairs} contact pairs;"
         f" method {method} on {ranks}, {linear}"
     )

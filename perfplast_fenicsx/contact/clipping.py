@@ -6,6 +6,8 @@ are clipped by Sutherland and Hodgman's algorithm (Comm. ACM 17, 1974, doi 10.11
 corners stay in the order in which it finds them, and slivers keep their area.
 """
 
+import functools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,7 +46,7 @@ def overlaps(host: Floats, guest: Floats) -> Overlaps:
         guest: Corners, same shape.
     """
     flat = _projected(host, guest)
-    some = np.flatnonzero((flat.max(axis=1, initial=-np.inf) > 0).all(axis=1))  # not beside an edge
+    some = np.flatnonzero(_most(flat) > 0)  # not beside an edge
     found = (_segments if host.shape[1] == 2 else _triangles)(flat[some])
     return replace(found, pair=some[found.pair])
 
@@ -55,10 +57,36 @@ def _projected(host: Floats, guest: Floats) -> Floats:
     Returns:
         Shape (num_pairs, corners, gdim), adding up to 1.
     """
-    edges = host[:, 1:] - host[:, :1]
-    inverse = np.linalg.inv(edges @ edges.transpose(0, 2, 1))
-    rest = (guest - host[:, :1]) @ (inverse @ edges).transpose(0, 2, 1)
-    return np.concatenate([1 - rest.sum(axis=2, keepdims=True), rest], axis=2)
+    first = host[:, 0]
+    edges = [host[:, i] - first for i in range(1, host.shape[2])]
+    duals = _dual_edges(edges)
+    flat = np.empty(guest.shape)
+    for corner in range(guest.shape[1]):
+        beyond = guest[:, corner] - first
+        for i, dual in enumerate(duals, start=1):
+            flat[:, corner, i] = _dot(dual, beyond)
+    flat[:, :, 0] = 1 - flat[:, :, 1:].sum(axis=2)
+    return flat
+
+
+def _dual_edges(edges: Sequence[Floats]) -> list[Floats]:
+    """Vectors in the plane of the edges whose product with their own edge is 1, with others 0."""
+    if len(edges) == 1:
+        return [edges[0] / _dot(edges[0], edges[0])[:, None]]
+    a, b = edges
+    aa, ab, bb = _dot(a, a), _dot(a, b), _dot(b, b)
+    det = (aa * bb - ab * ab)[:, None]
+    return [
+        (bb[:, None] * a - ab[:, None] * b) / det,
+        (aa[:, None] * b - ab[:, None] * a) / det,
+    ]
+
+
+def _most(flat: Floats) -> Floats:
+    """Smallest barycentric coordinate that all corners stay below, shape (num_pairs,)."""
+    corners = range(flat.shape[1])
+    largest = functools.reduce(np.maximum, (flat[:, corner] for corner in corners))
+    return functools.reduce(np.minimum, largest.T)
 
 
 def _segments(guest: Floats) -> Overlaps:
@@ -133,6 +161,10 @@ def _clipped(guest: Floats) -> tuple[Floats, Longs]:
         )
         count = np.minimum(flags.sum(axis=1), most)
     return polygon, count
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    return np.asarray(np.einsum("ni,ni->n", a, b))
 
 
 def _cross(a: Floats, b: Floats) -> Floats:

@@ -44,6 +44,8 @@ class Constraints:
             guest where nodes match. On either side the shares add up to 1; on elements of second
             order some may be negative. Shape (m, num_nodes), sparse, distributed as B and V's
             nodes.
+        area: What each row stands for of its surface (length, area), which friction is
+            proportional to; not positive where that is unknown or nothing, shape (m_local,).
         in_mean: Whether any row holds a mean of the jump on a surface, so that bodies may enter
             each other a little between nodes and at them.
         remarks: What there is to say of how contacts were made, a sentence each.
@@ -55,6 +57,7 @@ class Constraints:
     normal: Floats
     surface: Ints
     shares: PETSc.Mat
+    area: Floats
     in_mean: bool = False
     remarks: tuple[str, ...] = ()
 
@@ -100,6 +103,7 @@ def make_constraints(
     terms: Sequence[Entries],
     in_mean: bool = False,
     remarks: tuple[str, ...] = (),
+    area: Floats | None = None,
 ) -> Constraints:
     """Rows as sums of terms c·u at nodes. Collective.
 
@@ -113,6 +117,7 @@ def make_constraints(
             of the nodes, shape (n,), and coefficients c, shape (n, gdim).
         in_mean: See :class:`Constraints`.
         remarks: The same.
+        area: The same; without it there can be no friction.
     """
     comm, gdim = V.mesh.comm, V.dofmap.index_map_bs
     rows = (len(host), comm.allreduce(len(host)))
@@ -126,7 +131,8 @@ def make_constraints(
         shares.append((row, node, side[row] * along))
     B = matrix_of_entries(comm, rows, unknowns(V), entries)
     at_nodes = matrix_of_entries(comm, rows, _nodes(V), shares)
-    return Constraints(B, host, gap, normal, surface, at_nodes, in_mean, remarks)
+    known = np.zeros(len(host)) if area is None else area
+    return Constraints(B, host, gap, normal, surface, at_nodes, known, in_mean, remarks)
 
 
 def joined(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
@@ -150,6 +156,7 @@ def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
         np.concatenate([np.zeros((0, V.dofmap.index_map_bs)), *(part.normal for part in parts)]),
         np.concatenate([none, *(part.surface for part in parts)]),
         _stacked(V, rows, _nodes(V), [part.shares for part in parts]),
+        np.concatenate([np.zeros(0), *(part.area for part in parts)]),
         any(part.in_mean for part in parts),
         tuple(remark for part in parts for remark in part.remarks),
     )

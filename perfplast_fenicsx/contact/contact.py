@@ -3,10 +3,12 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from perfplast_fenicsx.contact.friction_terms import check_friction
+
 
 @dataclass(frozen=True)
 class Contact:
-    """Frictionless contact of two surfaces.
+    """Contact of two surfaces, without friction unless one of its two laws is given.
 
     They may touch or be apart, flat, curved or with edges, and their nodes need not match.
 
@@ -22,6 +24,12 @@ class Contact:
             needs no opposite nodes; without it, nodes where they match, and mortar where not.
         hosts: The surface, "primary" or "secondary", whose nodes carry mortar contact; without it,
             the one that the other covers, or that with smaller facets.
+        tresca: Friction of Tresca: the shear stress, not negative, that slip has to overcome,
+            whatever the pressure, and where the surfaces are apart, too.
+        coulomb: Friction of Coulomb: its coefficient μ, not negative.
+
+    Raises:
+        InputError: If friction is negative, or of both kinds.
     """
 
     primary: str
@@ -30,3 +38,13 @@ class Contact:
     interference: bool = False
     formulation: Literal["nodes", "mortar"] | None = None
     hosts: Literal["primary", "secondary"] | None = None
+    tresca: float | None = None
+    coulomb: float | None = None
+
+    def __post_init__(self) -> None:
+        check_friction(self.tresca, self.coulomb)
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction."""
+        return bool(self.tresca or self.coulomb)

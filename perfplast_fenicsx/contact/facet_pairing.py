@@ -55,13 +55,14 @@ def rendezvous(
     return here, send_rows(comm, guests[guest], rank)
 
 
-def candidates(host: Pieces, guest: Pieces, reach: float) -> tuple[Longs, Longs]:
+def candidates(host: Pieces, guest: Pieces, reach: float, behind: float) -> tuple[Longs, Longs]:
     """Pairs of pieces of which the guest may be met along the host's normal.
 
     Args:
         host: Pieces of one surface.
         guest: Pieces of the other.
         reach: Largest distance (length).
+        behind: Largest distance of a guest that lies behind the host (length).
 
     Returns:
         Numbers of the host and of the guest of each pair, sorted by host.
@@ -83,14 +84,14 @@ def candidates(host: Pieces, guest: Pieces, reach: float) -> tuple[Longs, Longs]
         firsts.append(np.repeat(np.arange(len(host.facet)), counts))
         seconds.append(some[every])
     first, second = np.concatenate(firsts), np.concatenate(seconds)
-    kept = _opposite(host, guest, first, second, reach)
+    kept = _opposite(host, guest, first, second, reach, behind)
     first, second = first[kept], second[kept]
     order = np.argsort(first, kind="stable")
     return first[order], second[order]
 
 
 def _opposite(
-    host: Pieces, guest: Pieces, first: Longs, second: Longs, reach: float
+    host: Pieces, guest: Pieces, first: Longs, second: Longs, reach: float, behind: float
 ) -> npt.NDArray[np.bool_]:
     """Whether pieces face each other, and one may meet the other along its normal."""
     n = host.normal[first]
@@ -100,6 +101,9 @@ def _opposite(
     aside = np.linalg.norm(between - along[:, None] * n, axis=1)
     sizes = host.radius[first] + guest.radius[second]
     opposite: npt.NDArray[np.bool_] = (
-        (facing < -FACING) & (aside <= sizes) & (np.abs(along) <= reach + sizes)
+        (facing < -FACING)
+        & (aside <= sizes)
+        & (along <= reach + sizes)
+        & (along >= -behind - sizes)
     )
     return opposite

@@ -46,9 +46,11 @@ def normals_and_gaps(
         InputError: Surfaces that do not face each other, overlap, or a negative gap.
     """
     if matching.alone:
+        far = matching.farthest
+        away = f" (the nearest is up to {far:.3g} away)" if 0 < far < np.inf else ""
         raise NoPartners(
-            f"{place}: {matching.alone} nodes have no partner on the other surface (the nearest is"
-            f" up to {matching.farthest:.3g} away); choose formulation = 'mortar', or mesh the two"
+            f"{place}: {matching.alone} nodes have no partner of their own on the other"
+            f" surface{away}; choose formulation = 'mortar', or mesh the two"
             " surfaces with the same nodes, for instance by fragmenting and splitting in gmsh."
         )
     primary, secondary = matching.primary, matching.secondary

@@ -41,6 +41,7 @@ class JumpBasis:
             row of the constraints.
         gap: Upper bounds g there (length).
         tied: Local (owned) indices of the entries of y that are jumps of ties.
+        sliding: Those of the jumps along surfaces with friction, one for each of its rows.
     """
 
     T: PETSc.Mat
@@ -48,6 +49,7 @@ class JumpBasis:
     index: Ints
     gap: Floats
     tied: Ints
+    sliding: Ints
 
 
 def make_basis(
@@ -55,15 +57,18 @@ def make_basis(
     constraints: Constraints,
     fixed: npt.NDArray[np.bool_],
     num_ties: int = 0,
+    num_sliding: int = 0,
 ) -> JumpBasis:
     """Build T and M. Collective.
 
     Args:
         V: Displacement space.
-        constraints: The rows of B, those of ties last on each rank.
+        constraints: The rows of B, on each rank first those of contact, then those of friction,
+            then those of ties.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim). They have
             no part in T and M, which then leave them as they are.
         num_ties: How many rows of this rank are those of ties.
+        num_sliding: How many are those of friction.
 
     Raises:
         InputError: If a node carries more contact conditions than it has freedom for, or the
@@ -85,9 +90,9 @@ def make_basis(
 
     plain = np.setdiff1d(np.arange(sizes[0]), row)
     identity = (plain, plain + first, np.ones(len(plain)))
-    bounded = len(row) - num_ties
-    of_bounds = pair < bounded
-    M = matrix(identity, (row[pair[of_bounds]], column[of_bounds], value[of_bounds]))
+    kept = len(row) - num_ties
+    of_kept = pair < kept
+    M = matrix(identity, (row[pair[of_kept]], column[of_kept], value[of_kept]))
 
     # u_row = Σ_j inverse_j (s_j − the terms of pair j outside the replaced components of its host)
     one, slot = np.nonzero(mate >= 0)
@@ -102,14 +107,16 @@ def make_basis(
     P.destroy()
     index = row.astype(np.int32)
     if comm.allreduce(num_ties):
-        kept = T.createVecRight()
-        kept.set(1.0)
-        kept.array[index[bounded:]] = 0.0
-        T.diagonalScale(None, kept)
-        kept.destroy()
+        moving = T.createVecRight()
+        moving.set(1.0)
+        moving.array[index[kept:]] = 0.0
+        T.diagonalScale(None, moving)
+        moving.destroy()
         T, whole = matrix(entries_of(T)), T
         whole.destroy()
-    return JumpBasis(T, M, index[:bounded], constraints.gap[:bounded], index[bounded:])
+    bounded = kept - num_sliding
+    gap = constraints.gap[:bounded]
+    return JumpBasis(T, M, index[:bounded], gap, index[kept:], index[bounded:kept])
 
 
 def _without_supports(B: PETSc.Mat, free: npt.NDArray[np.bool_]) -> tuple[Longs, Longs, Floats]:

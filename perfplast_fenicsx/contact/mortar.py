@@ -1,5 +1,6 @@
 """Contact of surfaces whose nodes need not match: dual mortar."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -54,7 +55,21 @@ class Mortar:
             for name in (contact.primary, contact.secondary)
         ]
         comm = V.mesh.comm
-        chosen = choose_side(comm, self.place, surfaces, contact.hosts, _along_normals)
+        held = _held_everywhere(comm, surfaces)
+
+        def able(nodes: SurfaceNodes) -> list[PairFlags]:
+            along = can_host(nodes, nodes["normal"])
+            return [along & (nodes["free"] | held).all(axis=1) if contact.rubs else along]
+
+        chosen = choose_side(
+            comm,
+            self.place,
+            surfaces,
+            contact.hosts,
+            able,
+            tagged_mesh.kinematics,
+            onward=contact.gap is None,
+        )
         primary = chosen.host is surfaces[0]
         gap = self._gap(V, chosen, primary)
         (rows,) = chosen.rows
@@ -70,6 +85,7 @@ class Mortar:
             [(rows.row[side], rows.node[side], coefficient[side]) for side in sides],
             in_mean=True,
             remarks=(self._remark(V, chosen),),
+            area=rows.d,
         )
 
     def _remark(self, V: fem.FunctionSpace, chosen: Side) -> str:
@@ -111,5 +127,9 @@ class Mortar:
             )
 
 
-def _along_normals(nodes: SurfaceNodes) -> list[PairFlags]:
-    return [can_host(nodes, nodes["normal"])]
+def _held_everywhere(comm: MPI.Intracomm, surfaces: Sequence[Surface]) -> npt.NDArray[np.bool_]:
+    """Components that supports hold at every node, shape (gdim,). Collective."""
+    free = np.concatenate([surface.nodes["free"] for surface in surfaces]).any(axis=0)
+    comm.Allreduce(MPI.IN_PLACE, free, MPI.LOR)
+    held: npt.NDArray[np.bool_] = ~free
+    return held

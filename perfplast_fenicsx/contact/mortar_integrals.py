@@ -12,6 +12,7 @@ polynomials, which are nowhere negative: weights d stay positive whatever part i
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -70,21 +71,30 @@ def own_basis(gdim: int, count: int) -> Floats:
     return basis
 
 
-def integrate(hosts: Facets, guests: Facets, reach: float) -> Integrals:
+def integrate(
+    hosts: Facets,
+    guests: Facets,
+    reach: float,
+    around: Callable[[Floats], Floats],
+    behind: float | None = None,
+) -> Integrals:
     """Integrate over the overlap of facets. Not collective.
 
     Args:
         hosts: Facets that carry multipliers, each on one rank.
         guests: All facets of the other surface within reach of them.
         reach: Largest distance (length).
+        around: What points of the host stand for out of the mesh's plane
+            (:meth:`kinematics.Kinematics.around`).
+        behind: Largest overlap (length); None for the same.
     """
     host, guest = pieces_of(hosts), pieces_of(guests)
-    first, second = candidates(host, guest, reach)
+    first, second = candidates(host, guest, reach, reach if behind is None else behind)
     count, each = hosts["node"].shape
     mass, d, covered = np.zeros((count, each, each)), np.zeros((count, each)), np.zeros(count)
     keys, products, on_guest = [], [], 0.0
     for chunk in _chunks(first):
-        part = _products(hosts, guests, host, guest, first[chunk], second[chunk])
+        part = _products(hosts, guests, host, guest, first[chunk], second[chunk], around)
         keys.append(part.pair)
         products.append(part.mixed)
         mass += part.mass
@@ -96,9 +106,9 @@ def integrate(hosts: Facets, guests: Facets, reach: float) -> Integrals:
     return Integrals(
         host=of_host,
         guest=pair % max(len(guests), 1),
-        M=_dual(mass, d)[of_host] @ mixed,
+        M=_balanced(_dual(mass, d)[of_host] @ mixed, mixed, of_host, d),
         d=d,
-        full=_whole(host, count, each),
+        full=_whole(host, count, each, around),
         covered=covered,
         on_guest=on_guest,
     )
@@ -126,7 +136,13 @@ class _Products:
 
 
 def _products(
-    hosts: Facets, guests: Facets, host: Pieces, guest: Pieces, first: Longs, second: Longs
+    hosts: Facets,
+    guests: Facets,
+    host: Pieces,
+    guest: Pieces,
+    first: Longs,
+    second: Longs,
+    around: Callable[[Floats], Floats],
 ) -> _Products:
     gdim, each = host.x.shape[1], hosts["node"].shape[1]
     found = overlaps(host.x[first], guest.x[second])
@@ -142,7 +158,8 @@ def _products(
 
     own = functions(host, h, found.host, each) @ own_basis(gdim, each).T
     other = functions(guest, g, found.guest, each)
-    weighted = own * (area[:, None] * weights)[:, :, None]
+    rings = around(points @ (found.host[near] @ host.x[h]))
+    weighted = own * (area[:, None] * weights * rings)[:, :, None]
     e, f = host.facet[h], guest.facet[g]
     turned = weighted.transpose(0, 2, 1)
     pair, mixed = _added(e * max(len(guests), 1) + f, turned @ other)
@@ -193,6 +210,14 @@ def _at(group: Longs, count: int, values: Floats) -> Floats:
     return sums
 
 
+def _balanced(M: Floats, mixed: Floats, of_host: Longs, d: Floats) -> Floats:
+    """M whose rows add up to d: where M_e can hardly be inverted, rounding is a constant in φ."""
+    missing = d - _at(of_host, len(d), M.sum(axis=2))
+    area = np.maximum(d.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+    balanced: Floats = M + (missing / area)[of_host][:, :, None] * mixed.sum(axis=1)[:, None, :]
+    return balanced
+
+
 def _dual(mass: Floats, d: Floats) -> Floats:
     """D_e M_e⁻¹ of each host facet.
 
@@ -214,10 +239,11 @@ def _dual(mass: Floats, d: Floats) -> Floats:
     return dual
 
 
-def _whole(host: Pieces, count: int, each: int) -> Floats:
+def _whole(host: Pieces, count: int, each: int, around: Callable[[Floats], Floats]) -> Floats:
     """∫Ñ over whole facets."""
     gdim = host.x.shape[1]
     points, weights = _rule(gdim, 2)
     at = np.einsum("qc,ncr->nqr", points, host.at)
     own = shape_functions(gdim, each, at) @ own_basis(gdim, each).T
-    return _at(host.facet, count, np.einsum("n,q,nqi->ni", host.measure, weights, own))
+    rings = around(points @ host.x)
+    return _at(host.facet, count, np.einsum("n,q,nq,nqi->ni", host.measure, weights, rings, own))

@@ -1,9 +1,9 @@
 """Rows of mortar contact: summed where their hosts are owned, and handed on where these are unfit.
 
 A node of which little more than nothing is covered, or that supports hold, cannot carry a
-multiplier. It is retired: its function is handed to its neighbours that can, in equal parts,
-before rows are divided by their weight d. So the functions still add up to 1, and forces and
-moments stay in balance.
+multiplier, nor can a vertex of quadratic facets on an axis of revolution, where ∫Ñ is 0. It is
+retired: its function is handed to its neighbours that can, in equal parts, before rows are divided
+by their weight d. So the functions still add up to 1, and forces and moments stay in balance.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ LEAST_COVERED = 0.1
 """A node carries a multiplier if this share of its function is on the covered part."""
 
 ROUNDING = 1e-14
-"""Weights of a row that are no larger are rounding."""
+"""Weights of a row, and shares of a node in the ∫Ñ around it, that are no larger are rounding."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,8 @@ def mortar_rows(
 
     d = summed(found.d)
     touched = summed(np.repeat(found.covered > 0, each).astype(np.float64)) > 0
-    able = able & touched & (d > 0)
+    around = summed(np.repeat(np.abs(found.d).sum(axis=1), each))
+    able = able & touched & (d > ROUNDING * around)
     fit = able & (d >= LEAST_COVERED * summed(found.full))
     heirs = _heirs(comm, hosts, found, corners, place, fit)
     fit = fit | (able & ~_among(count, heirs["place"]))

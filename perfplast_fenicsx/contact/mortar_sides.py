@@ -8,17 +8,13 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx.arrays import PairFlags
-from perfplast_fenicsx.contact.facet_pairing import rendezvous
+from perfplast_fenicsx.contact.facing_facets import facing_facets
 from perfplast_fenicsx.contact.mortar_gap import Distances, distances
-from perfplast_fenicsx.contact.mortar_integrals import integrate
 from perfplast_fenicsx.contact.mortar_rows import MortarRows, mortar_rows
 from perfplast_fenicsx.contact.surface_facets import Facets, pieces_of
 from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes, check_outside, extent
 from perfplast_fenicsx.errors import InputError
-
-REACH = 0.1
-"""Surfaces are looked for opposite each other in distances of this share of their size, and of
-ever larger ones if nothing is found."""
+from perfplast_fenicsx.mesh.kinematics import Kinematics
 
 WHOLE = 0.99
 """A surface counts as covered from this share on."""
@@ -71,7 +67,13 @@ Able = Callable[[SurfaceNodes], Sequence[PairFlags]]
 
 
 def choose_side(
-    comm: MPI.Intracomm, place: str, surfaces: Sequence[Surface], hosts: str | None, able: Able
+    comm: MPI.Intracomm,
+    place: str,
+    surfaces: Sequence[Surface],
+    hosts: str | None,
+    able: Able,
+    kinematics: Kinematics,
+    onward: bool,
 ) -> Side:
     """Say which surface's nodes are the hosts, and make their rows. Collective.
 
@@ -81,6 +83,8 @@ def choose_side(
         surfaces: The primary and the secondary one.
         hosts: "primary" or "secondary" if it is given.
         able: Says which nodes may be hosts.
+        kinematics: Of the mesh.
+        onward: See :func:`facing_facets.facing_facets`.
 
     Raises:
         InputError: Surfaces that are nowhere opposite each other, and hosts that supports hold.
@@ -93,7 +97,7 @@ def choose_side(
 
     def side(host: int) -> Side:
         areas = (measures[host][0], measures[1 - host][0])
-        return _side(comm, surfaces[host], surfaces[1 - host], areas, able)
+        return _side(comm, surfaces[host], surfaces[1 - host], areas, able, kinematics, onward)
 
     chosen = side(first)
     if not chosen.covered[0]:
@@ -116,19 +120,21 @@ def choose_side(
 
 
 def _side(
-    comm: MPI.Intracomm, host: Surface, guest: Surface, areas: tuple[float, float], able: Able
+    comm: MPI.Intracomm,
+    host: Surface,
+    guest: Surface,
+    areas: tuple[float, float],
+    able: Able,
+    kinematics: Kinematics,
+    onward: bool,
 ) -> Side:
     """The rows if one surface's nodes are the hosts. Collective."""
     corners = np.concatenate([surface.nodes["x"] for surface in (host, guest)])
-    size = extent(comm, corners)
-    reach = REACH * size
-    while True:
-        here, there = rendezvous(comm, host.facets, guest.facets, reach)
-        found = integrate(here, there, reach)
-        covered = comm.allreduce(np.array([found.covered.sum(), found.on_guest]))
-        if covered[0] > 0 or reach > size:
-            break
-        reach *= 2
+    facing = facing_facets(
+        comm, host.facets, guest.facets, extent(comm, corners), kinematics.around, onward
+    )
+    here, there, found = facing.hosts, facing.guests, facing.found
+    covered = comm.allreduce(np.array([found.covered.sum(), found.on_guest]))
     return Side(
         host,
         guest,

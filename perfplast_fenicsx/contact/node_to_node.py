@@ -62,7 +62,7 @@ class NodeToNode:
         size = extent(comm, np.concatenate([primary["x"], secondary["x"]]))
         matching = match_nodes(comm, primary, secondary, MATCHING_TOLERANCE * size)
         normal, gap = normals_and_gaps(comm, self.place, contact, matching, size)
-        pairs = _to_hosts(comm, matching, normal, gap)
+        pairs = _to_hosts(comm, matching, normal, gap, contact.rubs)
         every, coefficient = np.arange(len(pairs)), pairs["sign"][:, None] * pairs["normal"]
         host = pairs["host"] + V.dofmap.index_map.local_range[0]
         return make_constraints(
@@ -72,6 +72,7 @@ class NodeToNode:
             pairs["normal"],
             np.full(len(pairs), self.number, dtype=np.int32),
             [(every, host, coefficient), (every, pairs["guest"], -coefficient)],
+            area=pairs["area"],
         )
 
 
@@ -79,8 +80,8 @@ def _pair_type(gdim: int) -> np.dtype:
     """The type of a pair's row.
 
     Its fields are the local block dof of the ``host`` on its rank, the global one of the ``guest``,
-    the ``gap``, the unit ``normal`` out of the primary surface, and the ``sign``: 1 if the host
-    lies on the primary surface, −1 if on the secondary.
+    the ``gap``, the unit ``normal`` out of the primary surface, the ``sign``: 1 if the host lies on
+    the primary surface, −1 if on the secondary; and the ``area`` that either has, at least.
     """
     return np.dtype(
         [
@@ -89,12 +90,13 @@ def _pair_type(gdim: int) -> np.dtype:
             ("gap", np.float64),
             ("normal", np.float64, gdim),
             ("sign", np.float64),
+            ("area", np.float64),
         ]
     )
 
 
 def _to_hosts(
-    comm: MPI.Intracomm, matching: Matching, normal: Floats, gap: Floats
+    comm: MPI.Intracomm, matching: Matching, normal: Floats, gap: Floats, friction: bool
 ) -> npt.NDArray[np.void]:
     """Choose each pair's host, and send the pair there. Collective.
 
@@ -103,6 +105,9 @@ def _to_hosts(
     """
     primary, secondary = matching.primary, matching.secondary
     on_primary = can_host(primary, normal)
+    if friction:  # whose directions along the surface the host has to have
+        freer = secondary["free"].sum(axis=1) > primary["free"].sum(axis=1)
+        on_primary &= ~(freer & can_host(secondary, normal))
     host, guest = (
         np.where(on_primary, *sides) for sides in ((primary, secondary), (secondary, primary))
     )
@@ -112,5 +117,6 @@ def _to_hosts(
     pairs["gap"] = gap
     pairs["normal"] = normal
     pairs["sign"] = np.where(on_primary, 1.0, -1.0)
+    pairs["area"] = np.minimum(primary["weight"], secondary["weight"])
     movable = on_primary | can_host(secondary, normal)
     return send_rows(comm, pairs[movable], host["rank"][movable])

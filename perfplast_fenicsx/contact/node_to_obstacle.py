@@ -6,11 +6,17 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.constraints import Constraints, make_constraints
 from perfplast_fenicsx.contact.gap_function import without_overlap
 from perfplast_fenicsx.contact.obstacles import Obstacle
-from perfplast_fenicsx.contact.surface_nodes import can_host, extent, surface_nodes
+from perfplast_fenicsx.contact.surface_nodes import (
+    SurfaceNodes,
+    can_host,
+    extent,
+    surface_nodes,
+)
+from perfplast_fenicsx.contact.surface_normals import SHARP
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
@@ -41,6 +47,7 @@ class NodeToObstacle:
         """
         comm, gdim = V.mesh.comm, V.mesh.geometry.dim
         nodes = surface_nodes(V, tagged_mesh, self.obstacle.on, fixed)
+        faces = nodes
         nodes = nodes[np.unique(nodes["node"], return_index=True)[1]]  # on an edge once, too
         gap: Floats = np.zeros(len(nodes))
         into: Floats = np.zeros((len(nodes), gdim))
@@ -60,4 +67,16 @@ class NodeToObstacle:
             normal,
             np.full(len(nodes), self.number, dtype=np.int32),
             [(np.arange(len(nodes)), nodes["number"], normal)],
+            area=_towards(faces, nodes["node"], normal),
         )
+
+
+def _towards(faces: SurfaceNodes, node: Ints, into: Floats) -> Floats:
+    """What nodes have of the faces that look at the obstacle (length, area), shape (n,)."""
+    place = np.searchsorted(node, faces["node"])
+    place[place == len(node)] = 0
+    known = node[place] == faces["node"] if len(node) else np.zeros(len(faces), dtype=np.bool_)
+    faces, place = faces[known], place[known]
+    looks = np.einsum("ni,ni->n", faces["normal"], into[place]) >= SHARP
+    area = np.bincount(place[looks], faces["weight"][looks], len(node))
+    return np.asarray(area, dtype=np.float64)

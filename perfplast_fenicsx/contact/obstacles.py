@@ -1,4 +1,4 @@
-"""Rigid obstacles that do not move: planes, spheres and cylinders."""
+"""Rigid obstacles, which rest or move without turning: planes, spheres and cylinders."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.friction_terms import check_friction
 from perfplast_fenicsx.errors import InputError
 
 
@@ -17,11 +18,27 @@ class Plane:
         on: Physical surface that cannot penetrate it.
         point: A point of the plane (length; 2 or 3 numbers).
         normal: Points out of the obstacle, towards the body; of any length but 0.
+        move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
+        tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``.
+        name: What its force is called in results; that of its surface without it.
     """
 
     on: str
     point: Sequence[float]
     normal: Sequence[float]
+    move: Sequence[float] = ()
+    tresca: float | None = None
+    coulomb: float | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        check_friction(self.tresca, self.coulomb, None if self.name else self.on)
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction."""
+        return bool(self.tresca or self.coulomb)
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """Distance of points to the obstacle and the unit direction that leads into it.
@@ -49,12 +66,28 @@ class Sphere:
         centre: Its centre (length).
         radius: Its radius > 0 (length).
         hollow: Whether the body is inside.
+        move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
+        tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``.
+        name: What its force is called in results; that of its surface without it.
     """
 
     on: str
     centre: Sequence[float]
     radius: float
     hollow: bool = False
+    move: Sequence[float] = ()
+    tresca: float | None = None
+    coulomb: float | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        check_friction(self.tresca, self.coulomb, None if self.name else self.on)
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction."""
+        return bool(self.tresca or self.coulomb)
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """See :meth:`Plane.towards`."""
@@ -71,6 +104,10 @@ class Cylinder:
         axis: Direction of its axis, of any length but 0.
         radius: Its radius > 0 (length).
         hollow: Whether the body is inside.
+        move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
+        tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``.
+        name: What its force is called in results; that of its surface without it.
     """
 
     on: str
@@ -78,6 +115,18 @@ class Cylinder:
     axis: Sequence[float]
     radius: float
     hollow: bool = False
+    move: Sequence[float] = ()
+    tresca: float | None = None
+    coulomb: float | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        check_friction(self.tresca, self.coulomb, None if self.name else self.on)
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction."""
+        return bool(self.tresca or self.coulomb)
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """See :meth:`Plane.towards`."""
@@ -96,6 +145,15 @@ Obstacle = Plane | Sphere | Cylinder
 
 OBSTACLES = {"plane": Plane, "sphere": Sphere, "cylinder": Cylinder}
 """Obstacles by their ``shape`` in case files."""
+
+
+def move_of(obstacle: Obstacle, gdim: int) -> Floats:
+    """How far an obstacle moves for ζ = 1 (length), shape (gdim,).
+
+    Raises:
+        InputError: If that does not fit the mesh.
+    """
+    return _vector(obstacle, "move", gdim) if len(obstacle.move) else np.zeros(gdim)
 
 
 def _round(obstacle: Sphere | Cylinder, r: Floats) -> tuple[Floats, Floats]:

@@ -14,14 +14,6 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
 from perfplast_fenicsx.parallel import bounding_box
 
-MOTIONS = {
-    2: ("translation in x", "translation in y", "rotation"),
-    3: (
-        *("translation in x", "translation in y", "translation in z"),
-        *("rotation about x", "rotation about y", "rotation about z"),
-    ),
-}
-
 NEGLIGIBLE = 1e-10
 """Eigenvalues below this times the largest one count as zero."""
 
@@ -71,7 +63,7 @@ class RigidMotions:
         where = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True))
         raise InputError(
             f"the body in the box [{where}] can move as a rigid body"
-            f" ({MOTIONS[gdim][motion]}): neither supports nor contact hold it; add a"
+            f" ({bodies.kinematics.motions[motion]}): neither supports nor contact hold it; add a"
             " support, or a contact that stops this motion."
         )
 

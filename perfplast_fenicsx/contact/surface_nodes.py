@@ -24,8 +24,8 @@ def surface_node_type(gdim: int) -> np.dtype:
 
     Its fields are the coordinates ``x`` (3 numbers), the ``rank`` that owns the node, its local
     block dof ``node`` there and its global one ``number``, the ``size`` of the facets around it
-    (length), the outward unit ``normal`` of the face, and which components no support holds,
-    ``free``.
+    (length), the ``weight`` ∫N of its shape function over the face (length, area), the outward unit
+    ``normal`` of the face, and which components no support holds, ``free``.
     """
     return np.dtype(
         [
@@ -34,6 +34,7 @@ def surface_node_type(gdim: int) -> np.dtype:
             ("node", np.int32),
             ("number", np.int64),
             ("size", np.float64),
+            ("weight", np.float64),
             ("normal", np.float64, gdim),
             ("free", np.bool_, gdim),
         ]
@@ -64,6 +65,7 @@ def rows_of_nodes(
     rows["node"] = faces.node
     rows["number"] = V.dofmap.index_map.local_to_global(faces.node)
     rows["size"] = faces.size
+    rows["weight"] = faces.weight
     rows["normal"] = faces.normal
     rows["free"] = ~fixed[faces.node]
     return rows

@@ -11,6 +11,7 @@ from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import coordinate_map, geometry_dofmap
+from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import Exchange
 
@@ -26,11 +27,13 @@ class FaceNodes:
         node: Local block dofs, shape (n,).
         normal: Outward unit normals of the face at the node, shape (n, gdim).
         size: Size of the facets around it (length), shape (n,).
+        weight: ∫N of its shape function over the face (length, area), shape (n,).
     """
 
     node: Ints
     normal: Floats
     size: Floats
+    weight: Floats
 
 
 @dataclass(frozen=True)
@@ -42,12 +45,14 @@ class SurfaceFacets:
         x: Its coordinates, those that make up the geometry, shape (n, points of a facet, gdim).
         normal: Its outward unit normal at its nodes, shape (n, nodes of a facet, gdim).
         area: Its area (length, area), shape (n,).
+        weight: ∫N of the shape function of each node on it, shape (n, nodes of a facet).
     """
 
     nodes: Ints
     x: Floats
     normal: Floats
     area: Floats
+    weight: Floats
 
 
 @dataclass(frozen=True)
@@ -85,11 +90,18 @@ def faces_of(V: fem.FunctionSpace, facets: SurfaceFacets) -> tuple[FaceNodes, Fa
     owners = np.full(index_map.size_local + index_map.num_ghosts, comm.rank, dtype=np.int32)
     owners[index_map.size_local :] = index_map.owners
     rows: npt.NDArray[np.void] = np.empty(
-        len(nodes), dtype=[("node", np.int64), ("normal", np.float64, gdim), ("area", np.float64)]
+        len(nodes),
+        dtype=[
+            ("node", np.int64),
+            ("normal", np.float64, gdim),
+            ("area", np.float64),
+            ("weight", np.float64),
+        ],
     )
     rows["node"] = index_map.local_to_global(nodes)
     rows["normal"] = facets.normal.reshape(-1, gdim)
     rows["area"] = np.repeat(facets.area, facets.nodes.shape[1])
+    rows["weight"] = facets.weight.ravel()
     sent = Exchange(comm, owners[nodes])
     rows = sent.forward(rows)
     order = np.argsort(rows["node"], kind="stable")
@@ -107,6 +119,7 @@ def faces_of(V: fem.FunctionSpace, facets: SurfaceFacets) -> tuple[FaceNodes, Fa
         (corner[:, 0] - index_map.local_range[0]).astype(np.int32),
         total / np.linalg.norm(total, axis=1, keepdims=True),
         (area / count) ** (1 / (gdim - 1)),
+        np.bincount(face, weights=rows["weight"], minlength=len(corner)).astype(np.float64),
     )
     place = np.empty(len(rows), dtype=np.int64)
     place[order] = face
@@ -152,37 +165,53 @@ def surface_facets(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) 
     nodes = of_facets(V.dofmap.list, V.dofmap.dof_layout)
     corners = of_facets(geometry_dofmap(mesh), cmap.create_dof_layout())
     x = mesh.geometry.x[corners][:, :, :gdim].astype(np.float64)
-    slopes = _slopes(tdim - 1, V.element.basix_element.degree, cmap.degree)
-    tangents = np.einsum("dpb,fbi->fpdi", slopes, x)
-    if tdim == 3:
-        normals = np.cross(tangents[:, :, 0], tangents[:, :, 1])
-    else:
-        normals = np.stack([tangents[:, :, 0, 1], -tangents[:, :, 0, 0]], axis=2)
+    degree = V.element.basix_element.degree
+    normals = _crossed(_lagrange(tdim - 1, cmap.degree), x, _nodes(tdim - 1, degree))
     centre = mesh.geometry.x[geometry_dofmap(mesh)[cells, : tdim + 1]].mean(axis=1)[:, :gdim]
     outward = np.einsum("fi,fi->f", normals.mean(axis=1), x[:, :tdim].mean(axis=1) - centre) > 0
     normals[~outward] *= -1
     lengths = np.linalg.norm(normals, axis=2)
     areas = lengths.mean(axis=1) / (2 if tdim == 3 else 1)
-    return SurfaceFacets(nodes, x, normals / lengths[:, :, None], areas)
+    weight = _weights(tdim - 1, degree, cmap.degree, x, tagged_mesh.kinematics)
+    return SurfaceFacets(nodes, x, normals / lengths[:, :, None], areas, weight)
 
 
-def _slopes(dim: int, degree: int, geometry: int) -> Floats:
-    """Derivatives of a facet's coordinate functions at the nodes of displacements on it.
+def _crossed(geometry: basix.finite_element.FiniteElement, x: Floats, points: Floats) -> Floats:
+    """Normals at points of facets, as long as a facet's area element there.
 
     Args:
-        dim: Dimension of the facet.
-        degree: Of the displacements.
-        geometry: Degree of the coordinates.
+        geometry: Of the coordinates.
+        x: Coordinates of facets, shape (n, points of a facet, gdim).
+        points: On the reference facet, shape (p, gdim − 1).
 
     Returns:
-        Shape (dim, num_points, num_functions).
+        Shape (n, p, gdim).
     """
+    slopes = np.asarray(geometry.tabulate(1, np.asarray(points)))[1:, :, :, 0]
+    tangents = np.einsum("dpb,fbi->fpdi", slopes, x)
+    if len(slopes) == 2:
+        return np.asarray(np.cross(tangents[:, :, 0], tangents[:, :, 1]), dtype=np.float64)
+    return np.stack([tangents[:, :, 0, 1], -tangents[:, :, 0, 0]], axis=2)
+
+
+def _weights(dim: int, degree: int, geometry: int, x: Floats, kinematics: Kinematics) -> Floats:
+    """∫N of each node of facets, shape (n, nodes of a facet)."""
+    element = _lagrange(dim, degree)
+    rule = basix.make_quadrature(element.cell_type, degree + 2 * geometry)
+    points, weights = (np.asarray(part, dtype=np.float64) for part in rule)
+    N = np.asarray(element.tabulate(0, points))[0, :, :, 0]
+    lengths = np.linalg.norm(_crossed(_lagrange(dim, geometry), x, points), axis=2)
+    shapes = np.asarray(_lagrange(dim, geometry).tabulate(0, points))[0, :, :, 0]
+    lengths *= kinematics.around(np.einsum("qb,fbi->fqi", shapes, x))
+    return np.asarray(np.einsum("q,fq,qk->fk", weights, lengths, N), dtype=np.float64)
+
+
+def _nodes(dim: int, degree: int) -> Floats:
+    return np.asarray(_lagrange(dim, degree).points, dtype=np.float64)
+
+
+def _lagrange(dim: int, degree: int) -> basix.finite_element.FiniteElement:
+    """Shape functions of a facet, nodes equally spaced."""
     kind = basix.CellType.triangle if dim == 2 else basix.CellType.interval
-
-    def lagrange(p: int) -> basix.finite_element.FiniteElement:
-        variant = basix.LagrangeVariant.equispaced
-        return basix.create_element(basix.ElementFamily.P, kind, p, variant)
-
-    points = np.asarray(lagrange(degree).points)
-    slopes: Floats = np.asarray(lagrange(geometry).tabulate(1, points))[1:, :, :, 0]
-    return slopes
+    variant = basix.LagrangeVariant.equispaced
+    return basix.create_element(basix.ElementFamily.P, kind, degree, variant)

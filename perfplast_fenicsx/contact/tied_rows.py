@@ -72,7 +72,8 @@ def _rows(
         return [first & nodes["free"][:, axis] for axis in range(gdim)]
 
     comm = V.mesh.comm
-    chosen = choose_side(comm, place, surfaces, tie.hosts, able)
+    kinematics = tagged_mesh.kinematics
+    chosen = choose_side(comm, place, surfaces, tie.hosts, able, kinematics, onward=False)
     size = extent(comm, np.concatenate([surface.nodes["x"] for surface in surfaces]))
     apart = np.abs(chosen.distances.along)
     seen = np.isfinite(apart) & (apart > chosen.distances.slack)

@@ -9,6 +9,8 @@ from .discrete_limit import DiscreteLimit as DiscreteLimit
 from .discrete_limit import InteriorStep as InteriorStep
 from .discrete_limit import Verdict as Verdict
 from .discrete_limit import interior_point as interior_point
+from .drucker import DruckerBounds as DruckerBounds
+from .drucker import drucker_bounds as drucker_bounds
 from .entering import without_entering as without_entering
 from .kinematic_bound import dissipation_bound as dissipation_bound
 from .limit_judge import collapse_mechanism as collapse_mechanism

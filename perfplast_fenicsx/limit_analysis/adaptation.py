@@ -15,7 +15,8 @@ import numpy.typing as npt
 from perfplast_fenicsx.contact.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, limit_bounds
-from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
+from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict
+from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.singular_points import singular_points
 from perfplast_fenicsx.limit_analysis.strict_work import Bound
@@ -162,6 +163,7 @@ def adaptive_bounds(
     """
     adaptation = adaptation or Adaptation()
     adaptation.check(problem.tagged_mesh)
+    problem = with_divided_corners(problem)
     began, rounds = time.perf_counter(), list[Round]()
     found = limit_bounds(problem, rtol, steps)
     low = high = found
@@ -231,6 +233,8 @@ def _better(new: Bound, old: Bound, sign: int) -> bool:
 def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
     """The next mesh, or why there is none. Collective."""
     part = PART
+    if found.static is not None and found.static.verdict is Verdict.NO_RESISTANCE:
+        part = 1.0  # what carries nothing has no shares: cells are too large anywhere
     for _ in range(FEWER):
         marked = _marked(problem, found, part)
         if not problem.comm.allreduce(int(marked.sum())):
@@ -246,7 +250,7 @@ def _marked(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.
     """Cells with a part of the gap or of the dissipation of the multipliers. Collective."""
     dissipation = None if found.static is None else found.static.dissipation
     topology = problem.tagged_mesh.mesh.topology
-    marked = np.zeros(topology.index_map(topology.dim).size_local, dtype=np.bool_)
+    marked = np.full(topology.index_map(topology.dim).size_local, part >= 1.0)
     for shares in (found.shares, dissipation):
         if shares is not None:
             marked |= largest_shares(problem.comm, shares, part)

@@ -8,16 +8,18 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
 from perfplast_fenicsx.limit_analysis.gap_shares import gap_shares
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, from_interior_point
+from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.static_bound import StaticBound, strict_lower_bound
-from perfplast_fenicsx.limit_analysis.strict_work import Bound, Scope, strict_upper_bound
+from perfplast_fenicsx.limit_analysis.strict_work import TURNED, Bound, Scope, strict_upper_bound
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.certificate import contact_forces
-from perfplast_fenicsx.problem.loads import is_uniform, uniform
+from perfplast_fenicsx.problem.loads import uniform
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)
@@ -39,7 +41,7 @@ class BodyBounds:
         stress: That stress, Mandel vectors at the vertices of this rank's cells of ``problem``,
             shape (num_cells, d + 1, m); None without a lower bound, and in space where cells are
             not split (curved ones, linear elements).
-        shares: What each owned cell of the given mesh, before it was split, has of the gap
+        shares: What each owned cell of the mesh, before it was split in space, has of the gap
             (:mod:`gap_shares`), shape (num_cells,); None without both bounds.
         certificates: What is left of what a bound asks for, by name.
         steps: Of the interior point method, for both bounds.
@@ -103,7 +105,8 @@ def limit_bounds(
 ) -> BodyBounds:
     """Find bounds of the limit load of the body that the mesh fills. Collective.
 
-    The mechanism is the best of the mesh that keeps the volume everywhere, for which tetrahedra are
+    Cells in corners of plane bodies that could carry nothing are divided (:mod:`lone_corners`). The
+    mechanism is the best of the mesh that keeps the volume everywhere, for which tetrahedra are
     split from their centres, and enters no other body between the nodes either.
 
     Args:
@@ -114,10 +117,21 @@ def limit_bounds(
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, a body
             has another law than those of von Mises and Hooke, loads are formulas or pore pressures,
-            or no stress can carry them.
+            no stress can carry them, or the mesh is axisymmetric.
     """
+    if problem.tagged_mesh.axisymmetric:
+        raise InputError(
+            f"{TURNED}; seek the limit load of the mesh with control = 'work' and until = 'limit'."
+        )
+    if problem.given.rigid:
+        raise InputError(
+            f"the surface '{problem.given.rigid[0].on}' is rigid, and of such surfaces resultants"
+            " are known but no tractions, which bounds of the body need; give control = 'work' and"
+            " until = 'limit', for that of the mesh."
+        )
     for load in problem.given.loads:
         uniform(load)
+    problem = with_divided_corners(problem)
     given, split = problem, None
     tagged_mesh = problem.tagged_mesh
     if problem.bodies.gdim == 3 and problem.degree == 2 and not has_curved_cells(tagged_mesh.mesh):
@@ -161,12 +175,6 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
         upper = Bound(None, "upper", Scope.MESH, ("no admissible mechanism was found",))
     else:
         upper = strict_upper_bound(problem, limit.mechanism)
-        if not all(is_uniform(load) for load in problem.given.loads):
-            why_not = (
-                *upper.why_not,
-                "the work of loads that are no numbers is integrated at points",
-            )
-            upper = replace(upper, of=Scope.MESH, why_not=why_not)
     certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
     return BodyBounds(
         problem=problem,

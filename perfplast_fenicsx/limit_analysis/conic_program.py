@@ -71,15 +71,17 @@ class Strains(Protocol):
 
 
 class Stiffness(Protocol):
-    """K with ⟨κ tr ε δ + a dev ε − (N:ε) N, ε⟩ and c s² for the jump s of each contact pair.
+    """K with ⟨κ tr ε δ + a dev ε − (N:ε) N, ε⟩ and c s² for the jump s of each contact pair."""
 
-    Attributes:
-        factorisations: So far.
-        solves: Systems solved so far.
-    """
+    @property
+    def factorisations(self) -> int:
+        """So far."""
+        ...
 
-    factorisations: int
-    solves: int
+    @property
+    def solves(self) -> int:
+        """Systems solved so far."""
+        ...
 
     def assemble(self, bulk: Floats, a: Floats, normal: Floats, held: Ints = NONE) -> None:
         """Bring K to moduli at the points, with unknowns that stay zero. Collective."""

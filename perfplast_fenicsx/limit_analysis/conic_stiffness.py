@@ -8,10 +8,10 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic_program import NONE, SingularStiffness
-from perfplast_fenicsx.limit_analysis.point_strains import deviator_in_plane
-from perfplast_fenicsx.materials.mandel import strain, trace
+from perfplast_fenicsx.limit_analysis.point_strains import deviator_in_plane, trace_dim
+from perfplast_fenicsx.materials.mandel import trace
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.stiffness import create_stiffness
 from perfplast_fenicsx.profiling import phase
@@ -28,10 +28,11 @@ class ConicStiffness:
         """Compile the form, and find the pattern. Collective."""
         self._problem = problem
         self.factorisations = self.solves = 0
-        Q, S, gdim = problem.Q, problem.S, problem.bodies.gdim
+        Q, S, strain = problem.Q, problem.S, problem.kinematics.strain
+        dim = trace_dim(problem)
         self._bulk, self._a, self._normal = fem.Function(Q), fem.Function(Q), fem.Function(S)
         trial, test = (strain(f(problem.V)) for f in (ufl.TrialFunction, ufl.TestFunction))
-        e, d = deviator_in_plane(trial, gdim), deviator_in_plane(test, gdim)
+        e, d = deviator_in_plane(trial, dim), deviator_in_plane(test, dim)
         N = self._normal
         density = (
             self._bulk * trace(trial) * trace(test)
@@ -68,6 +69,14 @@ class ConicStiffness:
         fem_petsc.assemble_matrix(self._stiffness, self._form, self._problem.bcs)  # type: ignore[arg-type]
         self._stiffness.assemble()
         self._operator.hold(held)
+
+    def add_springs(self, springs: tuple[Ints, Floats]) -> None:
+        """Let K have springs at a few unknowns, from the next assembly on.
+
+        Args:
+            springs: See :meth:`ContactOperator.add_springs`.
+        """
+        self._operator.add_springs(springs)
 
     def jump_diagonal(self) -> Floats:
         """Diagonal entries of the jumps of this rank's pairs. Collective."""

@@ -19,6 +19,7 @@ from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteratio
 from perfplast_fenicsx.limit_analysis.interior_steps import (
     InteriorStep,
     Verdict,
+    check_friction_has_limits,
     check_proportional,
     iterate,
 )
@@ -87,6 +88,7 @@ def interior_point(
             body's yield set is none that the method knows (:meth:`Law.cone`).
     """
     check_proportional(problem, rtol)
+    check_friction_has_limits(problem)
     with ExitStack() as made:
         program = limit_program(problem)
         made.callback(program.destroy)
@@ -138,6 +140,8 @@ def _result(
     if iteration is not None and steps:
         low = lower_bound(iteration)
         lower, unbalanced = low.value, low.unbalanced
+        if lower is None and verdict is Verdict.FOUND:
+            reason += "; forces were not brought into balance, and so no lower bound but 0"
         _write_stress(iteration, stress)
         forces = iteration.now.forces * program.force_unit
         if verdict in (Verdict.FOUND, Verdict.STALLED):
@@ -173,8 +177,10 @@ def _result(
 def _write_stress(iteration: InteriorIteration, function: fem.Function) -> None:
     """Write the stress of the iterate into a function of S. Collective."""
     now = iteration.now
-    array = function.x.array[: now.deviator.size].reshape(now.deviator.shape)
-    array[:] = now.deviator
-    array[:, :3] += now.pressure[:, None]
+    space = function.function_space.dofmap
+    count = space.index_map.size_local  # points of friction follow behind them
+    array = function.x.array[: count * space.index_map_bs].reshape(count, -1)
+    array[:] = now.deviator[:count]
+    array[:, :3] += now.pressure[:count, None]
     array *= iteration.program.stress_unit
     function.x.scatter_forward()

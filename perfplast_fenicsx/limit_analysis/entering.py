@@ -82,10 +82,9 @@ def without_entering(problem: Problem) -> Problem | None:
 
     Returns:
         A problem that shares all but contact with the given one; that one itself if its elements
-        are linear; None where contact is on curved faces or of nodes that do
-        not match.
+        are linear; None where contact is on curved faces, of nodes that do not match, or rubs.
     """
-    in_mean = problem.constraints.in_mean or problem.num_tied
+    in_mean = problem.constraints.in_mean or problem.num_tied or problem.friction.count
     faces = None if in_mean else _flat_faces(problem)
     if faces is None:
         return None

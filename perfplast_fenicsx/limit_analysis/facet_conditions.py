@@ -28,6 +28,8 @@ VARYING = "a load is a formula or a pressure in pores"
 
 TWICE = "a surface is in contact with more than one other"
 
+RIGID = "a surface is rigid, of which resultants are known and no tractions"
+
 TIED = "surfaces are glued together in the mean alone"
 
 
@@ -168,6 +170,7 @@ def facet_conditions(problem: Problem) -> FacetConditions:
             why_not.append(CURVED)
     every = np.concatenate(touching)
     faults = {
+        RIGID: len(given.rigid) > 0,
         TIED: problem.num_tied > 0,
         VARYING: varies,
         UNMATCHED: not matched,

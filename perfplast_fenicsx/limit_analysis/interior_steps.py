@@ -117,6 +117,20 @@ def iterate(
     return Verdict.STALLED, f"the bounds have not met in {MOST_STEPS} steps"
 
 
+def check_friction_has_limits(problem: Problem) -> None:
+    """Refuse friction that no limit theorem holds for.
+
+    Raises:
+        InputError: If any is Coulomb's.
+    """
+    if problem.friction.follows_pressure:
+        raise InputError(
+            "with Coulomb's friction (coulomb = ...) no limit theorem holds; give values of the"
+            " load factor or the work, beside which Drucker's bounds of the limit load are told, or"
+            " tresca = ... in its place."
+        )
+
+
 def check_proportional(problem: Problem, rtol: float) -> None:
     """Refuse what no limit load is known of. Collective.
 

@@ -23,8 +23,8 @@ import ufl
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.contact.friction import norms
 from perfplast_fenicsx.limit_analysis.viscous_flow import NoFlow, ViscousFlow
-from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.problem.integrals import Integral
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, OfLaw, integrate
 from perfplast_fenicsx.problem.problem import Problem
@@ -39,6 +39,9 @@ SETTLED = 1e-5
 STIFF = (1e4, 1e2)
 """What flows less than the mean is at most so many times more viscous; the next one where rounding
 spoils a flow."""
+
+TINY = 1e-300
+"""What nothing is divided by less of."""
 
 MOST_HOLDS = 4
 """So many times pairs that a mechanism would close are held as well."""
@@ -84,8 +87,9 @@ class KinematicBound:
 
     def __init__(self, problem: Problem) -> None:
         """Compile the forms, where the laws have bounds. Collective."""
-        self._comm, laws = problem.comm, problem.laws
+        self._comm, laws, self._friction = problem.comm, problem.laws, problem.friction
         self._flow: ViscousFlow | None = None
+        strain = problem.kinematics.strain
         rate = strain(fem.Function(problem.V))
         unable = [type(on.law).__name__ for on in laws if on.law.inadmissible(rate) is None]
         if unable:
@@ -130,7 +134,13 @@ class KinematicBound:
             return UpperBound(None, None, flow.solves - before, reason)
         mechanism = flow.velocity.copy()
         mechanism.name = flow.velocity.name
-        return UpperBound(self._power() - flow.dead_work(), mechanism, flow.solves - before)
+        bound = self._power() + self._rubbed(flow) - flow.dead_work()
+        return UpperBound(bound, mechanism, flow.solves - before)
+
+    def _rubbed(self, flow: ViscousFlow) -> float:
+        """What friction dissipates in a flow. Collective."""
+        friction = self._friction
+        return self._comm.allreduce(friction.energy(flow.slips())) if friction.count else 0.0
 
     def _enter_nothing(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
         """Let the bodies flow, with pairs that close held as well."""
@@ -149,7 +159,7 @@ class KinematicBound:
         for _ in range(MOST_FLOWS):
             self._thicken(flow, stiff)
             flow.solve(held)
-            power = self._power()
+            power = self._power() + self._rubbed(flow)
             before, bound = bound, power - flow.dead_work()
             if abs(before - bound) <= SETTLED * power:
                 break
@@ -168,6 +178,10 @@ class KinematicBound:
             raise NoFlow("nothing dissipates")
         viscosity[viscosity == 0] = usual  # of no account where all of a strain is inadmissible
         flow.viscosity.x.array[: self._count] = viscosity
+        if self._friction.count:
+            rates = norms(flow.slips())
+            least = max(self._mean(rates), TINY) / stiff
+            flow.drag = self._friction.bound / np.maximum(rates, least)
 
     def _values(self, expression: LawExpression) -> Floats:
         expression.interpolate(self._value)

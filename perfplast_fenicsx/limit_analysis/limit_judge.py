@@ -96,7 +96,7 @@ class Judge:
     def __call__(self, state: State, before: State | None, plastic_cells: int) -> None:
         """Add a level, and the state of the one before, to the search. Collective."""
         search, points = self._search, self._search.points
-        if before is None and not self._problem.is_proportional():
+        if before is None and not self._problem.is_elastic_at_first():
             search.rest = state.alpha
             return
         points.append((state.alpha - (search.rest or 0.0), state.zeta))
@@ -209,7 +209,7 @@ def collapse_mechanism(problem: Problem, before: State | None, last: State | Non
     Collective.
     """
     v = fem.Function(problem.V, name="mechanism")
-    if last is None or (before is None and not problem.is_proportional()):
+    if last is None or (before is None and not problem.is_elastic_at_first()):
         return v
     v.x.array[:] = last.u.x.array
     if before is not None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.limit_analysis.interior_steps import check_friction_has_limits
 from perfplast_fenicsx.limit_analysis.limit_judge import Judge, Search, collapse_mechanism
 from perfplast_fenicsx.limit_analysis.limit_methods import (
     TOLERANCE,
@@ -61,6 +62,7 @@ def limit_load(
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
+    check_friction_has_limits(problem)
     follows = any(given is not None for given in (solver, on_level, search, reached))
     if _chosen(method, problem, follows) is LimitMethod.INTERIOR_POINT:
         return by_interior_point(problem, rtol, monitor)

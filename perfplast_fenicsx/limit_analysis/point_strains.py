@@ -15,7 +15,7 @@ from dolfinx.fem import petsc as fem_petsc
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.materials.mandel import Expr, strain, trace
+from perfplast_fenicsx.materials.mandel import Expr, trace
 from perfplast_fenicsx.problem.integrals import assemble_force
 from perfplast_fenicsx.problem.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.problem import Problem
@@ -26,11 +26,11 @@ class PointStrains:
 
     def __init__(self, problem: Problem) -> None:
         """Compile what evaluates them. Collective."""
-        self._problem, self.gdim = problem, problem.bodies.gdim
+        self._problem, self.gdim = problem, trace_dim(problem)
         self._u, self._e = fem.Function(problem.V), fem.Function(problem.S)
         self._stress = fem.Function(problem.S)
         points = interpolation_points(problem.S.element)
-        self._strain = fem.Expression(strain(self._u), points)
+        self._strain = fem.Expression(problem.kinematics.strain(self._u), points)
         self._force_form = fem.form(problem.internal_form(self._stress))
         self._force = problem.create_vector()
         self.count = problem.Q.dofmap.index_map.size_local
@@ -80,6 +80,11 @@ class PointStrains:
         self._problem.basis.T.multTranspose(self._force, out)
 
 
+def trace_dim(problem: Problem) -> int:
+    """How many normal stresses are in equations of equilibrium: all but that out of the plane."""
+    return 3 if problem.kinematics.whole else 2
+
+
 def deviator_in_plane(e: Expr, gdim: int) -> Expr:
     """The deviator of a strain rate, of its part in the plane in plane strain; UFL."""
     mean = trace(e) / gdim
@@ -103,4 +108,12 @@ def yield_radii(problem: Problem) -> Floats:
     values = weakness.x.array[: problem.Q.dofmap.index_map.size_local]
     radii = np.full(len(values), np.inf)
     np.divide(1.0, values, out=radii, where=values > 0)
+    return radii
+
+
+def radii_of_cells(problem: Problem) -> Floats:
+    """γ of each cell that this rank owns, the least of its points. Collective."""
+    topology = problem.tagged_mesh.mesh.topology
+    owned = topology.index_map(topology.dim).size_local
+    radii: Floats = yield_radii(problem)[problem.Q.dofmap.list[:owned]].min(axis=1)
     return radii

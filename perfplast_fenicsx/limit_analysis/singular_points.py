@@ -12,7 +12,7 @@ from dolfinx import la
 from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.mesh.glued_edges import vertex_coordinates
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.given import Given
 from perfplast_fenicsx.problem.loads import BodyForce, PorePressure
@@ -20,16 +20,26 @@ from perfplast_fenicsx.problem.loads import BodyForce, PorePressure
 ROUNDING = 1e-6
 """What an angle is beyond that of a straight line by rounding."""
 
+RIGHT = np.pi / 2
+
 
 def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int) -> Ints:
     """Local vertices of a plane mesh that need more cells. Collective.
 
-    They are the ends of loads, supports and contacts on a straight boundary, and re-entrant
-    corners, where fewer than ``valence`` cells meet.
+    They are ends of loads, supports and contacts, and corners, where the principal stresses turn
+    and too few cells meet.
+
+    Args:
+        tagged_mesh: Of triangles.
+        given: Its loads, supports and contacts.
+        valence: Cells that should meet where they may turn by a right angle, as at the end of a
+            load on a straight side: there they turn by what the angle of the body exceeds a right
+            one, and where nothing ends by what it exceeds a straight one. Where they turn by less,
+            as much fewer will do.
     """
     topology = tagged_mesh.mesh.topology
-    vertices = topology.connectivity(2, 0).array.reshape(-1, 3)[: topology.index_map(2).size_local]
-    x = vertex_coordinates(tagged_mesh.mesh)[vertices, :2]
+    vertices, points = corners(tagged_mesh.mesh)
+    x = points[vertices]
     one, other = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
     across = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
     angle = np.arctan2(np.abs(across), np.einsum("cvi,cvi->cv", one, other))
@@ -49,10 +59,10 @@ def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int) -> Ints
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
     angles, cells, facets, kinds, squares = table.T
-    straight = angles > np.pi - ROUNDING
     changes = facets * squares - kinds**2 > 0.5  # all alike: the square of the mean
-    singular = (facets > 0) & ((straight & changes) | (angles > np.pi + ROUNDING))
-    return np.flatnonzero(singular & (cells < valence)).astype(np.int32)
+    least = np.where(changes, RIGHT, np.pi) + ROUNDING
+    turns = np.clip(angles - least, 0.0, RIGHT)
+    return np.flatnonzero((facets > 0) & (cells < valence * turns / RIGHT)).astype(np.int32)
 
 
 def _columns(*columns: Floats | float) -> Floats:

@@ -9,7 +9,7 @@ yield set in the end, so that its load is a bound whatever the method has reache
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 
@@ -29,7 +29,7 @@ from perfplast_fenicsx.limit_analysis.rebalancing import BALANCED, rebalance
 from perfplast_fenicsx.limit_analysis.static_certificate import StaticCertificate, certify_stress
 from perfplast_fenicsx.limit_analysis.static_program import StaticProgram, static_program
 from perfplast_fenicsx.limit_analysis.stress_cells import mandel_vectors
-from perfplast_fenicsx.limit_analysis.strict_work import Bound, Scope
+from perfplast_fenicsx.limit_analysis.strict_work import TURNED, Bound, Scope
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -43,6 +43,11 @@ MOST_CORRECTIONS = 4
 CORNERS = (
     "no stress that is linear in the cells can carry the loads: where loaded, free and supported"
     " surfaces meet in a corner, one cell alone would have to; divide it, or refine the mesh there"
+)
+
+COARSE = (
+    "no stress that is linear in the cells can carry the loads and press wherever bodies touch;"
+    " refine the mesh"
 )
 
 REPLACED = "loads were put in the place of those that the problem was declared with"
@@ -105,6 +110,8 @@ def strict_lower_bound(
     """
     check_proportional(problem, rtol)
     conditions = facet_conditions(problem)
+    if problem.tagged_mesh.axisymmetric:
+        return _nothing(conditions, Verdict.STALLED, TURNED)
     if not problem.as_declared:
         return _nothing(conditions, Verdict.STALLED, REPLACED)
     if conditions.prevents is not None:
@@ -123,13 +130,16 @@ def strict_lower_bound(
             program.choose_units()
         except SingularStiffness as failure:
             return _nothing(conditions, Verdict.STALLED, str(failure))
+        none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
         if not static.can_carry():
-            none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
             return _nothing(conditions, Verdict.NO_RESISTANCE, CORNERS, none)
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
         steps: list[InteriorStep] = []
         verdict, reason = iterate(iteration, rtol, steps, monitor)
+        if verdict is Verdict.NO_RESISTANCE:
+            found = _nothing(conditions, verdict, COARSE, none)
+            return replace(found, steps=steps, factorisations=program.stiffness.factorisations)
         return _result(static, iteration, conditions, why_not, verdict, reason, steps)
 
 

@@ -13,7 +13,7 @@ from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, Discret
 from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions
 from perfplast_fenicsx.limit_analysis.facet_velocities import FacetVelocities
 from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrains
-from perfplast_fenicsx.limit_analysis.point_strains import yield_radii
+from perfplast_fenicsx.limit_analysis.point_strains import radii_of_cells
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -75,9 +75,7 @@ def static_program(problem: Problem, conditions: FacetConditions) -> StaticProgr
     twins[:, :, 0] = at.twins
     facets = FacetVelocities(mesh, at.numbers, twins.ravel())
     axes = np.where(at.held[:, :, None], 0.0, at.axes)[on]
-    points = problem.Q.dofmap.list[: len(on)]
-    radii = yield_radii(problem)[points].min(axis=1)
-    strains = MultiplierStrains(facets, at.vertices, axes, radii)
+    strains = MultiplierStrains(facets, at.vertices, axes, radii_of_cells(problem))
 
     num_owned = facets.count // size
     everywhere = np.zeros((num_owned, tdim, tdim), dtype=bool)

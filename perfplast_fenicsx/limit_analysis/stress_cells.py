@@ -20,6 +20,9 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
 
+OFF_DIAGONAL = {2: ((0, 1),), 3: ((1, 2), (0, 2), (0, 1))}
+"""Components behind the diagonal ones in a Mandel vector, by dimension."""
+
 
 @dataclass(frozen=True)
 class CellLayout:
@@ -97,11 +100,21 @@ def mandel_vectors(gdim: int) -> Floats:
     every = np.zeros((len(tensors(gdim)), 3, 3))
     every[:, :gdim, :gdim] = tensors(gdim)
     every[0] = np.eye(3)
-    pairs = ((0, 1),) if gdim == 2 else ((1, 2), (0, 2), (0, 1))
     return np.stack(
-        [every[:, i, i] for i in range(3)] + [math.sqrt(2) * every[:, i, j] for i, j in pairs],
+        [every[:, i, i] for i in range(3)]
+        + [math.sqrt(2) * every[:, i, j] for i, j in OFF_DIAGONAL[gdim]],
         axis=1,
     )
+
+
+def matrices(mandel: Floats) -> Floats:
+    """Symmetric matrices of Mandel vectors, shape (..., 3, 3) of (..., 4 or 6)."""
+    found: Floats = np.zeros((*mandel.shape[:-1], 3, 3))
+    for i in range(3):
+        found[..., i, i] = mandel[..., i]
+    for place, (i, j) in enumerate(OFF_DIAGONAL[mandel.shape[-1] // 2], start=3):
+        found[..., i, j] = found[..., j, i] = mandel[..., place] / math.sqrt(2)
+    return found
 
 
 def gradients(x: Floats) -> tuple[Floats, Floats]:

@@ -34,6 +34,13 @@ ADMISSIBLE = 1e-9
 """Volume change in plastic bodies and strain in elastic ones that are rounding, beside ‖ε(v)‖."""
 
 
+TURNED = (
+    "strict bounds are for plane strain and space, as the hoop strain of bodies of revolution is no"
+    " polynomial"
+)
+"""Why an axisymmetric mesh has none."""
+
+
 class Scope(StrEnum):
     """What a bound is one of."""
 
@@ -99,12 +106,14 @@ def strict_upper_bound(
             "loads are constant, and a strict bound is one of loads that all grow; leave out what"
             " does not grow with the load factor."
         )
+    if problem.tagged_mesh.axisymmetric:
+        return Bound(None, "upper", Scope.MESH, (TURNED,))
     strains = PointStrains(problem)
     try:
         trace, deviator = strains.of_function(mechanism)
         plastic = np.isfinite(strains.radii)
         squares = np.einsum("ni,ni->n", deviator, deviator)
-        volume = trace**2 / problem.bodies.gdim
+        volume = trace**2 / strains.gdim
         wrong = volume + np.where(plastic, 0.0, squares)
         weights, comm = strains.weights, problem.comm
         part, whole = comm.allreduce(np.array([weights @ wrong, weights @ (volume + squares)]))
@@ -123,6 +132,9 @@ def strict_upper_bound(
     finally:
         strains.destroy()
     why_not = []
+    if problem.friction.count:
+        why_not.append("friction is taken at the nodes alone")
+        dissipation += _rubbed(problem, mechanism)
     if has_curved_cells(problem.tagged_mesh.mesh):
         why_not.append("cells are curved")
     why_not += entering_between_nodes(problem, mechanism)
@@ -131,6 +143,15 @@ def strict_upper_bound(
         why_not.append(unknown)
     of = Scope.MESH if why_not else Scope.BODY
     return Bound(dissipation / work, "upper", of, tuple(why_not))
+
+
+def _rubbed(problem: Problem, mechanism: fem.Function) -> float:
+    """What friction dissipates at the nodes. Collective."""
+    y = problem.create_vector()
+    problem.basis.M.mult(mechanism.x.petsc_vec, y)
+    mine = problem.friction.energy(problem.friction.jumps(y))
+    y.destroy()
+    return float(problem.comm.allreduce(mine))
 
 
 def points_of_cells(problem: Problem) -> Ints:

@@ -13,7 +13,7 @@ from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
 from perfplast_fenicsx.machine_memory import spare_memory
-from perfplast_fenicsx.materials.mandel import Expr, strain
+from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.problem.integrals import Integral, assemble_force
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells, integrate
 from perfplast_fenicsx.problem.problem import Problem
@@ -47,6 +47,7 @@ class ViscousFlow:
     Attributes:
         velocity: v, with L₁(v) = 1 after a solve.
         viscosity: η > 0 at the points, to be set before one.
+        drag: The same of friction, force over rate of slip, shape (num_places,).
         factorisations: So far.
         solves: Linear systems solved so far.
     """
@@ -57,6 +58,8 @@ class ViscousFlow:
         self.factorisations = self.solves = 0
         self.velocity = v = fem.Function(problem.V, name="mechanism")
         self.viscosity = eta = fem.Function(problem.Q)
+        self.drag: Floats = np.zeros(len(problem.friction.bound))
+        strain = problem.kinematics.strain
         rate = strain(v)
         trial, test = (strain(f(problem.V)) for f in (ufl.TrialFunction, ufl.TestFunction))
         multipliers = {
@@ -126,6 +129,11 @@ class ViscousFlow:
             self._solve(self._force, self._rest)
         self._combine()
 
+    def slips(self) -> Floats:
+        """Rates of slip of the velocity, shape (num_places, gdim − 1). Collective."""
+        self._problem.basis.M.mult(self.velocity.x.petsc_vec, self._y)
+        return self._problem.friction.jumps(self._y)
+
     def make_admissible(self) -> None:
         """Do away with what is inadmissible in the last flow, but for rounding. Collective.
 
@@ -185,6 +193,9 @@ class ViscousFlow:
         self._stiffness.zeroEntries()
         fem_petsc.assemble_matrix(self._stiffness, self._operator_form, self._problem.bcs)  # type: ignore[arg-type]
         self._stiffness.assemble()
+        friction = self._problem.friction
+        each = self.drag[:, None, None] * np.eye(friction.index.shape[1])
+        self._operator.add_springs((friction.index, each) if friction.count else None)
         self._operator.hold(closed)
         self._ksp.setOperators(self._operator.matrix)
         self._ksp.setUp()

@@ -1,5 +1,7 @@
 from .elastic import Elastic as Elastic
 from .elastic import ElasticLaw as ElasticLaw
+from .hardening import Hardening as Hardening
+from .hardening import HardeningLaw as HardeningLaw
 from .isotropic_elasticity import IsotropicElasticity as IsotropicElasticity
 from .law import Law as Law
 from .law import Material as Material
@@ -8,8 +10,10 @@ from .mandel import Expr as Expr
 from .mandel import deviator as deviator
 from .mandel import mandel_size as mandel_size
 from .mandel import spherical as spherical
-from .mandel import strain as strain
 from .mandel import tensor as tensor
 from .mandel import trace as trace
+from .plastic_flow import Flow as Flow
+from .plastic_flow import FlowLaw as FlowLaw
+from .plastic_flow import HardeningFlowLaw as HardeningFlowLaw
 from .von_mises import VonMises as VonMises
 from .von_mises import VonMisesLaw as VonMisesLaw

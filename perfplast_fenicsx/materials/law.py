@@ -112,7 +112,10 @@ class Material(Protocol):
         law: The class of the law, a :class:`Law` when called with the parameters as keywords.
     """
 
-    law: ClassVar[type[Any]]
+    @property
+    def law(self) -> type[Any]:
+        """The class."""
+        ...
 
     def parameters(self) -> Mapping[str, float]:
         """Numbers of the law, by the names of its arguments."""

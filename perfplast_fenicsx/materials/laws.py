@@ -1,8 +1,13 @@
 """The laws that a case file may name."""
 
 from perfplast_fenicsx.materials.elastic import Elastic
+from perfplast_fenicsx.materials.hardening import Hardening
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.von_mises import VonMises
 
-MATERIALS: dict[str, type[Material]] = {"von-mises": VonMises, "elastic": Elastic}
+MATERIALS: dict[str, type[Material]] = {
+    "von-mises": VonMises,
+    "von-mises-hardening": Hardening,
+    "elastic": Elastic,
+}
 """Materials by the name of their law in case files."""

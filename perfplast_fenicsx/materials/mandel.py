@@ -2,6 +2,7 @@
 
     (e_xx, e_yy, e_zz, √2 e_yz, √2 e_xz, √2 e_xy)      in 3D,
     (e_xx, e_yy, e_zz, √2 e_xy)                        in plane strain,
+    (e_rr, e_zz, e_θθ, √2 e_rz)                        in axisymmetry,
 
 so that ``dot(s, e)`` is σ:e and ``sqrt(dot(e, e))`` is the Frobenius norm. Plane strain is 3D with
 vanishing out-of-plane strain: its out-of-plane stress is kept.
@@ -17,19 +18,8 @@ Expr: TypeAlias = Any
 
 
 def mandel_size(gdim: int) -> int:
-    """Number of Mandel components: 6 in 3D, 4 in plane strain."""
+    """Number of Mandel components: 6 in 3D, 4 in plane strain and axisymmetry."""
     return {2: 4, 3: 6}[gdim]
-
-
-def strain(u: Expr) -> Expr:
-    """Small strain ε(u) = sym ∇u as a Mandel vector, shape (6,) or (4,) in plane strain."""
-    grad = ufl.grad(u)
-    if grad.ufl_shape == (2, 2):
-        shear = (grad[0, 1] + grad[1, 0]) / math.sqrt(2)
-        return ufl.as_vector([grad[0, 0], grad[1, 1], 0, shear])
-    pairs = ((1, 2), (0, 2), (0, 1))
-    shears = [(grad[i, j] + grad[j, i]) / math.sqrt(2) for i, j in pairs]
-    return ufl.as_vector([*(grad[i, i] for i in range(3)), *shears])
 
 
 def trace(e: Expr) -> Expr:

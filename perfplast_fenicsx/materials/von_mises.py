@@ -70,6 +70,10 @@ class VonMisesLaw(Law):
         """½ s:C⁻¹s."""
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
+    def flow(self, e: Expr) -> Expr:
+        """The plastic strain (1 − θ) dev e of a strain, 0 where it is elastic."""
+        return (1 - self.secant(e)) * deviator(e)
+
     def direction(self, e: Expr) -> Expr:
         """n̂ = dev e/‖dev e‖ where plastic, else 0. No division by zero at e = 0."""
         d = deviator(e)

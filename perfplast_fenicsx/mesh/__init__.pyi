@@ -1,4 +1,8 @@
+from .box_mesh import Box as Box
+from .box_mesh import Surface as Surface
+from .box_mesh import structured_mesh as structured_mesh
 from .gmsh_reader import gmsh_session as gmsh_session
+from .kinematics import Kinematics as Kinematics
 from .refinement import Refined as Refined
 from .refinement import fan as fan
 from .refinement import refine as refine

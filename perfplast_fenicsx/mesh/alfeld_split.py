@@ -6,7 +6,7 @@ data, Comput. Aided Geom. Des. 1 (1984), 169). Facets of the given mesh stay who
 that match still do.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import basix.ufl
 import numpy as np
@@ -30,7 +30,7 @@ class AlfeldSplit(TaggedMesh):
         parents: For each local cell the local index of the cell that it is a part of.
     """
 
-    parents: Ints
+    parents: Ints = field(kw_only=True)
 
 
 def alfeld_split(tagged_mesh: TaggedMesh) -> AlfeldSplit:
@@ -87,5 +87,6 @@ def alfeld_split(tagged_mesh: TaggedMesh) -> AlfeldSplit:
         ),
         volumes=tagged_mesh.volumes,
         surfaces=tagged_mesh.surfaces,
+        axisymmetric=tagged_mesh.axisymmetric,
         parents=parents,
     )

@@ -8,6 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.parallel import bounding_box
 
 
@@ -21,6 +22,7 @@ class Bodies:
         centre: Centre of the bodies, shape (3,).
         size: Diagonal of the box around the bodies (length).
         gdim: Geometric dimension.
+        kinematics: What tells rigid motions.
     """
 
     count: int
@@ -28,11 +30,12 @@ class Bodies:
     centre: Floats
     size: float
     gdim: int
+    kinematics: Kinematics
 
     @property
     def num_modes(self) -> int:
-        """Rigid motions a body has: 6 in 3D, 3 in 2D."""
-        return 6 if self.gdim == 3 else 3
+        """Rigid motions a body has: 6 in space, 3 in plane strain, 1 in axisymmetry."""
+        return len(self.kinematics.motions)
 
     def rigid_modes(self, x: Floats) -> Floats:
         """Rigid motions at points: translations, then rotations about the centre, of unit size.
@@ -44,12 +47,7 @@ class Bodies:
             Displacements, shape (n, gdim, num_modes).
         """
         r = (x - self.centre) / self.size
-        planes = ((0, 1),) if self.gdim == 2 else ((1, 2), (2, 0), (0, 1))
-        modes = np.zeros((len(x), self.gdim, self.num_modes))
-        modes[:, range(self.gdim), range(self.gdim)] = 1
-        for k, (i, j) in enumerate(planes, start=self.gdim):
-            modes[:, i, k], modes[:, j, k] = -r[:, j], r[:, i]
-        return modes
+        return self.kinematics.rigid_modes(np.asarray(r, dtype=np.float64))
 
     def functionals(
         self,
@@ -74,14 +72,14 @@ class Bodies:
         return out
 
 
-def find_bodies(V: fem.FunctionSpace) -> Bodies:
+def find_bodies(V: fem.FunctionSpace, kinematics: Kinematics) -> Bodies:
     """Label the bodies of V's mesh and measure them. Collective."""
     comm = V.mesh.comm
     count, of_node = _components(V)
     x = V.tabulate_dof_coordinates()
     low, high = bounding_box(comm, x)
     size = float(np.linalg.norm(high - low))
-    return Bodies(count, of_node, (low + high) / 2, size, V.mesh.geometry.dim)
+    return Bodies(count, of_node, (low + high) / 2, size, V.mesh.geometry.dim, kinematics)
 
 
 def _components(V: fem.FunctionSpace) -> tuple[int, Ints]:

@@ -12,7 +12,7 @@ from dolfinx import la
 from dolfinx.mesh import Mesh
 
 from perfplast_fenicsx.arrays import Floats, Longs, PairFlags
-from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.parallel import Exchange, fetch_rows, send_rows
 
 
@@ -22,7 +22,7 @@ class GluedEdges:
     Attributes:
         of_cell: Local edges of each owned cell, shape (num_cells, edges_per_cell).
         vertices: Local vertices of each local edge, shape (num_edges, 2).
-        middles: Midpoints, shape (num_edges, 3).
+        middles: Midpoints, shape (num_edges, gdim).
         order: A number for each local edge, larger for longer ones and different for all edges of a
             cell. Of two edges of a cell the same is the larger on every rank, and on the other
             side of a contact.
@@ -47,7 +47,7 @@ class GluedEdges:
         shape = (-1, 3 if tdim == 2 else 6)
         self.of_cell = topology.connectivity(tdim, 1).array.reshape(shape)[:num_cells]
         self.vertices = topology.connectivity(1, 0).array.reshape(num_edges, 2)
-        ends = vertex_coordinates(mesh)[self.vertices]
+        ends = corners(mesh)[1][self.vertices]
         self.middles: Floats = ends.mean(axis=1)
 
         labels, glued = _labels(mesh, opposite)
@@ -99,24 +99,13 @@ class GluedEdges:
         return vector.array.copy()
 
 
-def vertex_coordinates(mesh: Mesh) -> Floats:
-    """Coordinates of the local vertices, shape (num_vertices, 3)."""
-    topology = mesh.topology
-    count = topology.index_map(0).size_local + topology.index_map(0).num_ghosts
-    size = topology.dim + 1
-    x = np.empty((count, 3))
-    vertices = topology.connectivity(topology.dim, 0).array.reshape(-1, size)
-    x[vertices] = mesh.geometry.x[geometry_dofmap(mesh)[:, :size]]
-    return x
-
-
 IRRATIONAL = np.array([0.754877666, 0.569840291, 0.328125733])
 """A direction along which hardly any two edges of a mesh have their middles at the same place."""
 
 
 def _place(middles: Floats) -> Floats:
     """What decides between edges of the same length, whatever their numbers on so many ranks."""
-    place: Floats = (middles * IRRATIONAL).sum(axis=1)
+    place: Floats = (middles * IRRATIONAL[: middles.shape[1]]).sum(axis=1)
     return place
 
 

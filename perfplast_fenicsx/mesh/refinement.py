@@ -19,7 +19,8 @@ from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.bisection import cut, edges_of_faces
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
-from perfplast_fenicsx.mesh.glued_edges import GluedEdges, vertex_coordinates
+from perfplast_fenicsx.mesh.glued_edges import GluedEdges
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import fetch_rows, send_rows
 
@@ -124,7 +125,7 @@ def _cut(
     mesh = tagged_mesh.mesh
     topology, comm = mesh.topology, mesh.comm
     dim, owned = topology.dim, len(edges.of_cell)
-    old, new = vertex_coordinates(mesh)[: topology.index_map(0).size_local], edges.new_points(marks)
+    old, new = corners(mesh)[1][: topology.index_map(0).size_local], edges.new_points(marks)
     first = (comm.scan(len(old) + len(new)) or 0) - len(old) - len(new)
     number = la.vector(topology.index_map(0), 1, dtype=np.int64)
     number.array[: len(old)] = first + np.arange(len(old))
@@ -144,7 +145,7 @@ def _cut(
     rows = np.column_stack([bodies[parts.parents], numbers, parts.facets, parts.cells])
     rows = _in_order(mesh, rows, parts.parents)
     element = basix.ufl.element("Lagrange", topology.cell_name(), 1, shape=(dim,))
-    points = np.concatenate([old, new])[:, :dim]
+    points = np.concatenate([old, new])
     finer = create_mesh(comm, rows[:, -(dim + 1) :].copy(), x=points, e=ufl.Mesh(element))
     told = fetch_rows(comm, rows, np.asarray(finer.topology.original_cell_index, dtype=np.int64))
     return Refined(
@@ -156,6 +157,7 @@ def _cut(
             facet_tags=_facet_meshtags(finer, told[:, 2 : dim + 3].astype(np.int32)),
             volumes=tagged_mesh.volumes,
             surfaces=tagged_mesh.surfaces,
+            axisymmetric=tagged_mesh.axisymmetric,
         ),
         parents=told[:, 1],
     )

@@ -1,6 +1,6 @@
 """Bodies in one mesh, with names, and how to read them from a gmsh file on any number of ranks."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -16,6 +16,8 @@ from dolfinx.mesh import CellType, Mesh, MeshTags, create_mesh, meshtags_from_en
 from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.gmsh_reader import GmshMesh, read_msh
+from perfplast_fenicsx.mesh.kinematics import KINDS, ON_AXIS, Kinematics
+from perfplast_fenicsx.parallel import bounding_box
 
 _CELLS = {1: CellType.interval, 2: CellType.triangle, 3: CellType.tetrahedron}
 
@@ -32,6 +34,8 @@ class TaggedMesh:
         facet_tags: Tags of the named facets; a facet has one name at most.
         volumes: Name to tag, the same on all ranks.
         surfaces: Name to tag, the same on all ranks.
+        axisymmetric: Whether the plane of the mesh is half a section of bodies of revolution
+            (:meth:`turned`); otherwise triangles are of plane strain.
     """
 
     mesh: Mesh
@@ -39,6 +43,7 @@ class TaggedMesh:
     facet_tags: MeshTags
     volumes: dict[str, int]
     surfaces: dict[str, int]
+    axisymmetric: bool = False
 
     def __repr__(self) -> str:
         topology = self.mesh.topology
@@ -48,6 +53,34 @@ class TaggedMesh:
             f" volumes {', '.join(sorted(self.volumes)) or 'none'};"
             f" surfaces {', '.join(sorted(self.surfaces)) or 'none'})"
         )
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """What the coordinates mean."""
+        in_plane = "axisymmetric" if self.axisymmetric else "plane-strain"
+        return KINDS["space" if self.mesh.geometry.dim == 3 else in_plane]
+
+    def turned(self) -> "TaggedMesh":
+        """The same mesh as half a section of bodies of revolution: x is r, y the axis z.
+
+        Collective.
+
+        Raises:
+            InputError: If the mesh is one of tetrahedra, or reaches to where r < 0.
+        """
+        if self.mesh.geometry.dim == 3:
+            raise InputError(
+                "axisymmetric bodies want a mesh of triangles, half their section with x as radius"
+                " and y along the axis, but this one has tetrahedra; give such a mesh, or leave"
+                " kind out."
+            )
+        low, high = bounding_box(self.mesh.comm, self.mesh.geometry.x.astype(np.float64))
+        if low[0] < -ON_AXIS * np.linalg.norm(high - low):
+            raise InputError(
+                f"the mesh reaches to x = {low[0]:.4g}, but x is the radius in axisymmetry; give"
+                " half the section, where x >= 0."
+            )
+        return replace(self, axisymmetric=True)
 
     def cells(self, name: str) -> Ints:
         """Local indices of the cells of a volume, sorted; empty on ranks without any.

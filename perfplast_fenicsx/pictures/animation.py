@@ -13,9 +13,10 @@ from PIL import Image
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.field_figure import deformation_scale, in_words, level_caption
 from perfplast_fenicsx.pictures.figure_panels import compose, panels
-from perfplast_fenicsx.pictures.loading_curve import draw_curve
+from perfplast_fenicsx.pictures.loading_curve import draw_curve, draw_stroke
 from perfplast_fenicsx.pictures.renderer import Renderer
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
+from perfplast_fenicsx.problem.report import LevelReport
 
 MOST_FRAMES = 60
 """Of more levels as many are shown, the last among them."""
@@ -40,21 +41,26 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
     """
     chosen = np.unique(np.linspace(0, len(levels) - 1, min(len(levels), MOST_FRAMES)).round())
     levels = [levels[int(i)] for i in chosen]
-    scene, unit = reader.scene, reader.scene.units.of_work(reader.gdim)
+    scene, unit = reader.scene, reader.scene.unit_of_work(reader.gdim)
     surfaces = [reader.surface(level) for level in levels]
     surfaces.insert(0, _unloaded(surfaces[0]))
-    path = [(0.0, 0.0), *((level.report.alpha, level.report.zeta) for level in levels)]
+    path = [None, *(level.report for level in levels)]
     shown = panels(surfaces, scene.units, middle=False)
     scale = deformation_scale(surfaces)
     renderer = Renderer(surfaces, scene, scale, PIXELS)
     frames = []
-    for number, (alpha, zeta) in enumerate(path):
+    for number, report in enumerate(path):
 
-        def curve(axes: Axes, now: tuple[float, float] = (alpha, zeta)) -> None:
-            draw_curve(axes, reader.reports, reader.limit, unit, now)
+        def curve(axes: Axes, report: LevelReport | None = report) -> None:
+            if scene.driven:
+                now = (report.zeta, report.driving_force) if report else (0.0, 0.0)
+                draw_stroke(axes, reader.reports, now)
+            else:
+                draw_curve(axes, reader.reports, reader.limit, unit, report)
 
         images = [renderer.draw(number, panel) for panel in shown]
-        words = (scene.title, f"{level_caption(zeta, alpha, unit)},   {in_words(scale)}")
+        state = level_caption(report, scene.driven, unit)
+        words = (scene.title, f"{state},   {in_words(scale)}{scene.view}")
         canvas = FigureCanvasAgg(compose(shown, images, words, DPI, curve))
         canvas.draw()
         frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))

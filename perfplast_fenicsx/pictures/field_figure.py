@@ -11,6 +11,7 @@ from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.figure_panels import compose, panels
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.pictures.renderer import Renderer
+from perfplast_fenicsx.problem.report import LevelReport
 
 SHOWN_DEFORMATION, SHOWN_MECHANISM = 0.1, 0.04
 """The largest displacement is drawn about so large, relative to the size of the bodies."""
@@ -45,7 +46,7 @@ def draw_fields(
     scale = deformation_scale([surface], wanted)
     renderer = Renderer([surface], scene, scale, PIXELS)
     images = [renderer.draw(0, panel) for panel in shown]
-    words = (scene.title, f"{caption},   {in_words(scale)}")
+    words = (scene.title, f"{caption},   {in_words(scale)}{scene.view}")
     replace_picture(path, compose(shown, images, words))
 
 
@@ -70,6 +71,20 @@ def in_words(scale: float) -> str:
     return "deformation to scale" if scale == 1 else f"deformation drawn {scale:g} times as large"
 
 
-def level_caption(zeta: float, alpha: float, unit: str) -> str:
-    """A level in words."""
+def level_caption(report: LevelReport | None, driven: bool, unit: str) -> str:
+    """A level in words, or the unloaded bodies.
+
+    Args:
+        report: Of the level; None for the unloaded bodies.
+        driven: Whether ζ moves supports and obstacles.
+        unit: Of α.
+    """
+    if report is not None and report.factors:
+        factors = [f"{name} = {factor:.6g}" for name, factor in report.factors.items()]
+        return f"{report.stage or 'at rest'}:   {',   '.join(factors)}"
+    zeta, alpha, force = (
+        (report.zeta, report.alpha, report.driving_force) if report else (0.0, 0.0, 0.0)
+    )
+    if driven:
+        return f"load factor ζ = {zeta:.6g},   driving force {force:.5g}"
     return f"load factor ζ = {zeta:.6g},   work of the loads α = {alpha:.5g} {unit}".rstrip()

@@ -29,6 +29,10 @@ PLASTIC = "#b81414"
 PLASTIC_FROM = 0.9999
 """A yield ratio above this is plastic; the law gives 1 up to rounding."""
 
+PRESSED, FAINT = 0.02, 0.12
+"""In space, less than this share of the largest pressure is drawn with this opacity, lest surfaces
+that hardly touch hide those behind them."""
+
 DISSIPATES, SINGULAR, DECADES = 1e-3, 0.01, 2.0
 """The colours of dissipation end where they leave out this share of the area that dissipates more
 than so much of the largest: at corners it is infinite. They go so many powers of ten down."""
@@ -40,7 +44,8 @@ class Panel:
 
     Attributes:
         title: Says what is seen.
-        colours: RGB of each point, or of each triangle, in each frame, shape (num_frames, n, 3).
+        colours: RGB of each point, or of each triangle, in each frame, shape (num_frames, n, 3);
+            with a fourth column for the opacity, where what lies behind is to be seen.
         bars: Colour map, range and label of each colour bar.
         facets: Facets that are coloured, over bodies of glass; None for all triangles.
         loads: Draw the loads.
@@ -64,13 +69,16 @@ def panels(
     Args:
         frames: One skin with one or more states: with ``displacement``, ``contact_pressure``,
             ``yield_ratio``, the mark ``contact``, and ``dissipation`` where it is to be shown. All
-            frames have the same scales.
+            frames have the same scales. Where the bodies remember, and there is an
+            ``accumulated_plastic_strain``, it is shown and not the displacement.
         units: For the legends.
         largest_dissipation: Of all cells, inner ones too; for mechanisms alone.
         middle: Show displacement or dissipation, and not only the other two.
     """
     found = [_stress(frames)]
-    if not middle:
+    if "accumulated_plastic_strain" in frames[-1].at_cells and largest_dissipation is None:
+        found.append(_flow(frames))
+    elif not middle:
         pass
     elif largest_dissipation is not None:
         found.append(_mechanism(frames, largest_dissipation))
@@ -86,9 +94,19 @@ def panels(
         colours = mpl.colormaps["magma_r"]
         panel = _graded("Contact pressure", pressure, _from_zero(pressure), colours, label)
         panel.facets = contact
-        panel.title += "" if frames[0].plane else ", seen through the bodies"
+        if not frames[0].plane:
+            panel.title += ", seen through the bodies"
+            opacity = np.where(pressure > PRESSED * pressure.max(), 1.0, FAINT)
+            panel.colours = np.concatenate([panel.colours, opacity[..., None]], axis=2)
         found.append(panel)
     return found
+
+
+def _flow(frames: Sequence[Surface]) -> Panel:
+    """The plastic strain that has accumulated so far."""
+    flow = 100 * np.array([a.at_cells["accumulated_plastic_strain"] for a in frames])
+    colours = mpl.colormaps["viridis"]
+    return _graded("Accumulated plastic strain", flow, _from_zero(flow), colours, "in %")
 
 
 def _mechanism(frames: Sequence[Surface], largest_dissipation: float) -> Panel:

@@ -1,4 +1,7 @@
-"""The loading curve: load factor ζ over the work of the loads α. Single-process."""
+"""The loading curve: load factor ζ over the work of the loads α, or force over stroke.
+
+Single-process.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from perfplast_fenicsx.pictures.history_curve import draw_history
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.problem.report import LevelReport
 
@@ -35,9 +39,14 @@ class Bounds(Protocol):
 
 
 def save_curve(
-    reports: Sequence[LevelReport], title: str, path: Path, limit: Bounds | None, unit: str = ""
+    reports: Sequence[LevelReport],
+    title: str,
+    path: Path,
+    limit: Bounds | None,
+    unit: str = "",
+    driven: bool = False,
 ) -> None:
-    """Draw ζ over α, and save the picture.
+    """Draw the curve, and save the picture.
 
     Args:
         reports: Of all levels.
@@ -45,6 +54,7 @@ def save_curve(
         path: The png file.
         limit: Limit load, to be marked with its bounds.
         unit: Of α.
+        driven: Whether ζ moves supports and obstacles.
 
     Raises:
         OSError: If the file cannot be written.
@@ -52,7 +62,10 @@ def save_curve(
     figure = Figure(figsize=(7, 5), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    draw_curve(axes, reports, limit, unit)
+    if driven:
+        draw_stroke(axes, reports)
+    else:
+        draw_curve(axes, reports, limit, unit)
     axes.set_title(title, parse_math=False)
     replace_picture(path, figure)
 
@@ -62,17 +75,22 @@ def draw_curve(
     reports: Sequence[LevelReport],
     limit: Bounds | None = None,
     unit: str = "",
-    now: tuple[float, float] | None = None,
+    now: LevelReport | None = None,
 ) -> None:
     """Draw ζ over α of the converged levels; the last one that failed as a line.
+
+    Of a history the factors of loads are drawn (:func:`history_curve.draw_history`).
 
     Args:
         axes: Where.
         reports: Of all levels.
         limit: Limit load, to be marked with its bounds.
         unit: Of α.
-        now: (α, ζ) to be marked.
+        now: The level to be marked.
     """
+    if any(report.factors for report in reports):
+        draw_history(axes, reports, unit, now)
+        return
     solved = [report for report in reports if report.converged]
     alphas = [0.0, *(report.alpha for report in solved)]
     zetas = [0.0, *(report.zeta for report in solved)]
@@ -95,10 +113,37 @@ def draw_curve(
     if len(solved) > 1 and solved[-1].alpha > FAR * solved[0].alpha > 0:
         axes.set_xscale("symlog", linthresh=solved[0].alpha)
     if now is not None:
-        axes.plot(*now, "o", color="black", markersize=9, zorder=5)
+        axes.plot(now.alpha, now.zeta, "o", color="black", markersize=9, zorder=5)
     bracket = f" ({unit})" if unit else ""
     axes.set(xlabel=f"work of the loads α{bracket}", ylabel="load factor ζ")
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right")
+
+
+def draw_stroke(
+    axes: Axes, reports: Sequence[LevelReport], now: tuple[float, float] | None = None
+) -> None:
+    """Draw the driving force over the stroke ζ of the converged levels.
+
+    Args:
+        axes: Where.
+        reports: Of all levels.
+        now: (ζ, force) to be marked.
+    """
+    solved = [report for report in reports if report.converged]
+    strokes = [report.zeta for report in solved]
+    forces = [report.driving_force for report in solved]
+    axes.axhline(0, color=ELASTIC, linewidth=0.8)
+    axes.axvline(0, color=ELASTIC, linewidth=0.8)
+    axes.plot(strokes, forces, "o-", color=LINE, markersize=5, label="solved load levels")
+    for report in reports:
+        if not report.converged:
+            label = f"no solution found at ζ = {report.zeta:.6g}"
+            axes.axvline(report.zeta, color=LIMIT, linestyle="--", label=label)
+    if now is not None:
+        axes.plot(*now, "o", color="black", markersize=9, zorder=5)
+    axes.set(xlabel="load factor ζ of the motion", ylabel="driving force")
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right")

@@ -20,8 +20,8 @@ from perfplast_fenicsx.pictures.figure_panels import Panel, hue
 Paint = dict[str, Any]
 """How pyvista is to draw a mesh."""
 
-SHARP = 30.0
-"""Edges between facets that differ by more degrees are drawn."""
+SHARP = 40.0
+"""Edges between facets that differ by more degrees are drawn: none of a cylinder of ten facets."""
 
 MOST_EDGES = 40_000
 """The mesh is drawn where it has no more triangles than this."""
@@ -31,6 +31,12 @@ IN_FRONT = 1e-3
 
 GLASS = {True: 0.2, False: 0.12}
 """Opacity of bodies in the plane, and of their skins in space."""
+
+DASHES, AXIS_BEYOND = 24, 0.05
+"""Of an axis of revolution, and how far it goes beyond the bodies, relative to their height."""
+
+CORNER, LETTERS = 0.22, (0.4, 0.2)
+"""Of a picture, for the arrows that say where r and z lead; and sizes of these two letters."""
 
 HATCHES = 60
 """Hatching has so many lines across the picture."""
@@ -60,6 +66,7 @@ class Renderer:
         # of the same facets in all frames, so that arrows move with the bodies and do not jump
         self._arrows = [load_arrows(skin, moved, scene.on_surfaces) for moved in self._frames]
         self._view = np.array(best_view(skin))
+        self._axis = _axis(skin) if scene.axisymmetric else None
         bodies = range(len(skin.names))
         self._sharp = [] if self._flat else [self._sharp_edges(body) for body in bodies]
         near = sample_obstacles(skin, self._frames.reshape(-1, 3), scene.obstacles)
@@ -91,6 +98,17 @@ class Renderer:
         arrows = self._arrows[frame]
         if panel.loads and len(arrows.starts):
             plotter.add_arrows(arrows.starts, arrows.vectors, color="#111111", lighting=False)
+        if self._axis is not None:
+            plotter.add_mesh(self._axis, color="#606060", line_width=2, lighting=False)
+            plotter.add_axes(
+                interactive=False,
+                line_width=4,
+                xlabel="r",
+                ylabel="z",
+                zlabel="",
+                label_size=LETTERS,
+                viewport=(0, 0, CORNER, CORNER),
+            )
         self._aim(plotter)
         plotter.enable_anti_aliasing("ssaa")
         image = plotter.screenshot(return_img=True)
@@ -196,6 +214,19 @@ class Renderer:
         return mesh.clean().extract_feature_edges(
             SHARP, boundary_edges=False, manifold_edges=False, non_manifold_edges=False
         )
+
+
+def _axis(skin: Surface) -> pv.PolyData:
+    """The axis of revolution beside the bodies, dashed and dotted."""
+    low, high = skin.points[:, 1].min(), skin.points[:, 1].max()
+    margin = AXIS_BEYOND * (high - low)
+    begin = np.linspace(low - margin, high + margin, DASHES, endpoint=False)
+    dash = begin[1] - begin[0]
+    ends = np.column_stack([begin, begin + 0.6 * dash, begin + 0.75 * dash, begin + 0.85 * dash])
+    points = np.zeros((ends.size, 3))
+    points[:, 1] = ends.ravel()
+    points[:, 2] = skin.points[0, 2]
+    return _mesh(points, np.arange(len(points)).reshape(-1, 2))
 
 
 def _mesh(points: Floats, cells: Longs) -> pv.PolyData:

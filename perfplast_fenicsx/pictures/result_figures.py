@@ -52,11 +52,11 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
 def _levels(reader: ResultReader, target: Path) -> Iterator[str]:
     """Draw what there is of levels: ``path.png``, and ``fields.png`` of the last."""
     scene, levels = reader.scene, reader.levels
-    unit = scene.units.of_work(reader.gdim) if levels else ""
+    unit = scene.unit_of_work(reader.gdim) if levels else ""
     with _drawing(target / "path.png") as path:
         from perfplast_fenicsx.pictures.loading_curve import save_curve
 
-        save_curve(reader.reports, scene.title, path, reader.limit, unit)
+        save_curve(reader.reports, scene.title, path, reader.limit, unit, scene.driven)
     yield str(path)
     if not any(report.converged for report in reader.reports):
         yield "No level is solved: there are no fields to draw."
@@ -69,7 +69,7 @@ def _levels(reader: ResultReader, target: Path) -> Iterator[str]:
     with _drawing(target / "fields.png") as path:
         from perfplast_fenicsx.pictures.field_figure import draw_fields, level_caption
 
-        draw_fields(surface, scene, level_caption(report.zeta, report.alpha, unit), path)
+        draw_fields(surface, scene, level_caption(report, scene.driven, unit), path)
     yield str(path)
 
 
@@ -124,6 +124,8 @@ def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, 
     levels = reader.levels
     if surface is None or len(levels) < 2 or levels[-1].report.plastic_cells == 0:
         return None
+    if levels[-1].report.factors:
+        return None  # of a history no level is next to collapse
     before, last = levels[-2:]
     work = last.report.alpha - before.report.alpha
     earlier = reader.surface(before).at_points["displacement"]

@@ -41,6 +41,7 @@ T = TypeVar("T")
 
 DISPLACEMENT, PRESSURE = f"{POINT_DATA}/displacement", f"{POINT_DATA}/contact_pressure"
 YIELD_RATIO, LEVEL = f"{CELL_DATA}/yield_ratio", f"{FIELD_DATA}/level"
+ACCUMULATED = f"{CELL_DATA}/accumulated_plastic_strain"
 VELOCITY, DISSIPATION = f"{POINT_DATA}/mechanism", f"{CELL_DATA}/dissipation"
 
 
@@ -161,10 +162,14 @@ class ResultReader:
         """The skin with the fields of a level."""
         skin = self._skin
         u, pressure, ratio = self._arrays(level.file, DISPLACEMENT, PRESSURE, YIELD_RATIO)
+        at_cells = {"yield_ratio": ratio[skin.cells]}
+        if bool(level.report.factors) and self._read(level.file, _remembers):
+            (flow,) = self._arrays(level.file, ACCUMULATED)
+            at_cells["accumulated_plastic_strain"] = flow[skin.cells]
         return dataclasses.replace(
             skin.surface,
             at_points={"displacement": u[skin.nodes], "contact_pressure": pressure[skin.nodes]},
-            at_cells={"yield_ratio": ratio[skin.cells]},
+            at_cells=at_cells,
         )
 
     def mechanism(self, surface: Surface | None) -> tuple[Surface, float] | None:
@@ -237,10 +242,20 @@ class ResultReader:
             ) from error
 
 
+def _remembers(path: Path) -> bool:
+    """Whether a file has a history of plastic flow."""
+    with h5py.File(path, locking=False) as file:
+        return ACCUMULATED in file
+
+
 def _report(row: dict[str, Any]) -> LevelReport:
-    values = {}
+    values: dict[str, Any] = {}
+    for key in ("factor", "work"):
+        begin = f"{key}_"
+        named = {name.removeprefix(begin): row[name] for name in row if name.startswith(begin)}
+        values[f"{key}s"] = {name: float(text) for name, text in named.items()}
     for field in dataclasses.fields(LevelReport):
-        if field.name == "reactions":
+        if field.name in ("reactions", "factors", "works"):
             continue
         text = row[field.name]
         values[field.name] = text == "True" if field.type is bool else field.type(text)  # type: ignore[operator]

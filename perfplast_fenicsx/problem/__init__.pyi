@@ -1,12 +1,15 @@
 from .certificate import Certificate as Certificate
 from .certificate import certify as certify
+from .certificate import friction_forces as friction_forces
 from .initial_strain import InitialStress as InitialStress
 from .initial_strain import Temperature as Temperature
 from .integrals import Integral as Integral
 from .law_on_cells import LawOnCells as LawOnCells
 from .load_case import LoadCase as LoadCase
+from .loading_history import LoadingHistory as LoadingHistory
 from .loads import LOADS as LOADS
 from .loads import BodyForce as BodyForce
+from .loads import Force as Force
 from .loads import Load as Load
 from .loads import PorePressure as PorePressure
 from .loads import Pressure as Pressure
@@ -15,6 +18,8 @@ from .prescribed import Prescribed as Prescribed
 from .problem import Problem as Problem
 from .report import Iteration as Iteration
 from .report import LevelReport as LevelReport
+from .rigid_surface import RigidSurface as RigidSurface
+from .stage import Stage as Stage
 from .state import Level as Level
 from .state import State as State
 from .supports import Support as Support

@@ -1,5 +1,6 @@
 """How good is a state? Duality gap, equilibrium, penetration, contact forces, complementarity."""
 
+import math
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -10,14 +11,37 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.friction import norms
 from perfplast_fenicsx.problem.energy_norms import RIGID
 from perfplast_fenicsx.problem.integrals import assemble_force
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.resultants import Resultants, resultants
 
+ROUNDING = 1e-13
+"""Slip below this share of the largest displacement is none."""
+
 SMALLEST = 1e-300
 """What nothing is divided by less of."""
+
+
+@dataclass(frozen=True)
+class Rubbed:
+    """What friction does at a state.
+
+    Attributes:
+        forces: μ of the places hosted by this rank, shape (num_places, gdim − 1).
+        jumps: The slip s there (length), same shape.
+        energy: Σ c‖s‖, which slip has dissipated.
+        excess: Largest ‖μ‖ − c, relative to the largest c; 0 where none is larger.
+        slipping: Places that slip.
+    """
+
+    forces: Floats
+    jumps: Floats
+    energy: float
+    excess: float
+    slipping: int
 
 
 @dataclass(frozen=True)
@@ -34,6 +58,7 @@ class Certificate:
     complementarity: float
     equilibrium: float
     duality_gap: float
+    friction: Rubbed
     resultants: Resultants
 
 
@@ -42,8 +67,8 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
 
     The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap − ⟨reactions, u_D⟩, and inf J_ζ is minus
     that at the solution, so the sum of both is the duality gap. It vanishes for the solution alone,
-    and is told relative to Ψ + S, the sum of what is never negative in both. Gaps are those of the
-    basis, which what u_D closes is taken from.
+    and is told relative to |Ψ| + ½‖σ‖². Gaps are those of the basis, which what u_D closes is taken
+    from.
     """
     comm, basis = problem.comm, problem.basis
     internal = fields.assemble_all_forces()
@@ -59,17 +84,20 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     room = basis.gap - y.array_r[basis.index]
     slack = comm.allreduce(float(np.dot(forces, room)))
     resisted = comm.allreduce(float(np.dot(forces, basis.gap)))
-    potential, conjugate = fields.potential(), fields.conjugate()
-    energy = potential - problem.loads.work(fields.u.x.petsc_vec, zeta)
+    energy = fields.potential() - problem.loads.work(fields.u.x.petsc_vec, zeta)
+    rubbed = _rubbed(problem, y, r)
+    energy += rubbed.energy
     moved = _moved(problem, internal)
-    dual = conjugate + fields.initial_work() + resisted - moved.work
+    dual = fields.conjugate() + fields.initial_work() + resisted - moved.work
     least = RIGID**2 * fields.jagged_norm2()
-    rigid = potential + conjugate <= least
-    scale = max(potential + conjugate, least, SMALLEST)
+    size = fields.size()
+    scale = max(size + rubbed.energy, least, SMALLEST)
     free = r.copy()
     free.array[basis.index] = 0
-    least_force = RIGID * fields.gross_force() if rigid else 0.0
-    norm = max(problem.loads.norm(zeta), moved.norm, least_force, SMALLEST)
+    free.array[basis.sliding] = 0
+    least_force = RIGID * fields.gross_force() if size <= least else fields.inner_force()
+    pushing = math.sqrt(comm.allreduce(float(forces @ forces)))
+    norm = max(problem.loads.norm(zeta), moved.norm, pushing, least_force, SMALLEST)
     certificate = Certificate(
         forces,
         max_penetration=comm.allreduce(max(0.0, float((-room).max(initial=0))), MPI.MAX),
@@ -77,7 +105,8 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
         complementarity=slack / scale,
         equilibrium=free.norm(PETSc.NormType.NORM_2) / norm,
         duality_gap=(energy + dual) / scale,
-        resultants=resultants(problem, internal, forces, zeta, least_force),
+        friction=rubbed,
+        resultants=resultants(problem, internal, forces, rubbed.forces, zeta, least_force),
     )
     for vector in (residual, r, y, free):
         vector.destroy()
@@ -90,19 +119,50 @@ def contact_forces(problem: Problem, stress: fem.Function, zeta: float) -> Float
     Returns:
         Shape (num_pairs,), those of the pairs hosted by this rank.
     """
+    r = _left(problem, stress, zeta)
+    forces = -r.array_r[problem.basis.index]
+    r.destroy()
+    return forces
+
+
+def friction_forces(problem: Problem, stress: fem.Function, zeta: float) -> Floats:
+    """The same of friction, shape (num_places, gdim − 1). Collective."""
+    r = _left(problem, stress, zeta)
+    forces = -problem.friction.jumps(r)
+    r.destroy()
+    return forces
+
+
+def _left(problem: Problem, stress: fem.Function, zeta: float) -> PETSc.Vec:
+    """What stress and loads leave to contact, in the jump basis. Collective."""
     residual, r = problem.create_vector(), problem.create_vector()
     assemble_force(residual, fem.form(problem.internal_form(stress)), problem.bcs)
     problem.loads.subtract_from(residual, zeta)
     problem.basis.T.multTranspose(residual, r)
-    forces = -r.array_r[problem.basis.index]
-    for vector in (residual, r):
-        vector.destroy()
-    return forces
+    residual.destroy()
+    return r
+
+
+def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec) -> Rubbed:
+    """Friction at y, with the forces that the gradient r leaves to it. Collective."""
+    friction, comm = problem.friction, problem.comm
+    jumps, forces = friction.jumps(y), -friction.jumps(r)
+    if not friction.count:
+        return Rubbed(forces, jumps, 0.0, 0.0, 0)
+    sizes = norms(jumps)
+    slips = sizes > ROUNDING * y.norm(PETSc.NormType.NORM_INFINITY)
+    energy = comm.allreduce(friction.energy(np.where(slips[:, None], jumps, 0.0)))
+    excess = float((norms(forces) - friction.bound).max(initial=0))
+    finite = friction.bound[np.isfinite(friction.bound)]
+    most = np.array([excess, finite.max(initial=0)])
+    comm.Allreduce(MPI.IN_PLACE, most, MPI.MAX)
+    relative = float(most[0] / most[1]) if most[1] > 0 else 0.0
+    return Rubbed(forces, jumps, energy, relative, comm.allreduce(int(slips.sum())))
 
 
 @dataclass(frozen=True)
 class _Moved:
-    """What supports that move do: their work on u_D, and the norm of all nodal forces."""
+    """What is moved does: work of supports on u_D, and the norm of all nodal forces."""
 
     work: float
     norm: float
@@ -110,7 +170,7 @@ class _Moved:
 
 def _moved(problem: Problem, internal: PETSc.Vec) -> _Moved:
     """⟨σ, ε(ũ_D)⟩ with ũ_D zero at all other unknowns, and so no work of loads. Collective."""
-    if not problem.moves_supports:
+    if not (problem.motion.moves_supports or problem.motion.driven):
         return _Moved(0.0, 0.0)
     u = problem.prescribed.ravel()[: internal.getLocalSize()]
     return _Moved(problem.comm.allreduce(float(internal.array_r @ u)), float(internal.norm()))

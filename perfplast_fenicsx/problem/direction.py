@@ -4,7 +4,7 @@ import ufl
 from dolfinx import default_scalar_type, fem
 
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.materials.mandel import Expr, strain
+from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.problem.energy_norms import strain_norm2, stress_norm2
 from perfplast_fenicsx.problem.integrals import Integral
 from perfplast_fenicsx.problem.law_on_cells import LawOnCells, integrate
@@ -33,7 +33,9 @@ class Direction:
         self._cells = problem.cells
         self.du, self.de = fem.Function(problem.V), fem.Function(S)
         self.beta = fem.Constant(problem.tagged_mesh.mesh, default_scalar_type(1))
-        self._strain = fem.Expression(strain(self.du), interpolation_points(S.element))
+        self._strain = fem.Expression(
+            problem.kinematics.strain(self.du), interpolation_points(S.element)
+        )
         de = self.de
 
         def ended(on: LawOnCells) -> Expr:

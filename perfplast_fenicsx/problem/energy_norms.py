@@ -32,6 +32,19 @@ def strain_norm2(problem: Problem, strain: Expr) -> Integral:
     return Integral(problem.comm, integrate(problem.laws, square))
 
 
+def stiffness_of_nodes(problem: Problem) -> float:
+    """A node's stiffness (force/length) against all others, the mean ∫ 2μ/h² of them. Collective.
+
+    √(stiffness · energy) is the norm of the forces by which the stress of an energy pulls at nodes
+    from all sides, which may balance each other.
+    """
+    h2 = abs(ufl.JacobianDeterminant(problem.tagged_mesh.mesh)) ** (
+        2 / problem.tagged_mesh.mesh.geometry.dim
+    )
+    stiffness = integrate(problem.laws, lambda on: 2 * on.law.elastic.shear / h2)
+    return Integral(problem.comm, stiffness)() / problem.V.dofmap.index_map.size_global
+
+
 def jagged_norm2(problem: Problem, u: fem.Function) -> Integral:
     """‖u‖² if neighbouring nodes moved against each other, ∫ 2μ|u|²/h²; compiled once. Collective.
 

@@ -9,6 +9,7 @@ from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.problem.initial_strain import Initial
 from perfplast_fenicsx.problem.loads import Load
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.supports import Support
 
 
@@ -24,3 +25,4 @@ class Given:
     degree: int
     initial: Sequence[Initial]
     ties: Sequence[Tie]
+    rigid: Sequence[RigidSurface]

@@ -28,15 +28,17 @@ COMPONENTS = {4: "xx, yy, zz and xy", 6: "xx, yy, zz, yz, xz and xy"}
 
 @dataclass(frozen=True)
 class Temperature:
-    """Change of temperature in a volume, constant at any load factor.
+    """Change of temperature in a volume, constant at any load factor unless stages name it.
 
     Args:
         on: Physical volume; its material has an ``expansion``.
         change: The change (temperature), a number or a formula in x, y, z.
+        name: What stages call it; without it ``on``.
     """
 
     on: str
     change: Formula
+    name: str = ""
 
 
 @dataclass(frozen=True)

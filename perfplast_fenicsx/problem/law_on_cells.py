@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import ufl
@@ -36,7 +36,7 @@ class LawOnCells:
     law: Law
     old: Mapping[str, fem.Function]
     cells: Ints
-    dx: ufl.Measure
+    dx: Any
 
 
 OfLaw: TypeAlias = Callable[[LawOnCells], Expr]

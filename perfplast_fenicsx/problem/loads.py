@@ -88,13 +88,35 @@ class PorePressure:
     constant: bool = True
 
 
-Load = Traction | Pressure | BodyForce | PorePressure
+@dataclass(frozen=True)
+class Force:
+    """Force and moment on a rigid surface that is free to move.
+
+    Args:
+        on: The rigid surface.
+        value: The force, one number a direction; in the plane for each unit of depth.
+        moment: About the point: a number in the plane, one for each axis in space; 0 without.
+        point: Where the force acts (length; 2 or 3 numbers).
+        name: What messages call it.
+        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+    """
+
+    on: str
+    value: Sequence[float]
+    moment: float | Sequence[float] = ()
+    point: Sequence[float] = ()
+    name: str = ""
+    constant: bool = False
+
+
+Load = Traction | Pressure | BodyForce | PorePressure | Force
 
 LOADS: dict[str, type[Any]] = {
     "traction": Traction,
     "pressure": Pressure,
     "body_force": BodyForce,
     "pore_pressure": PorePressure,
+    "force": Force,
 }
 """Kinds of loads by their name in case files."""
 
@@ -102,7 +124,7 @@ LOADS: dict[str, type[Any]] = {
 def is_uniform(load: Load) -> bool:
     """Whether a load is a traction, a pressure or a force given as numbers."""
     numbers = np.asarray(load.value).dtype.kind in "fiu"
-    return numbers and not isinstance(load, PorePressure)
+    return numbers and not isinstance(load, PorePressure | Force)
 
 
 def uniform(load: Load) -> Floats:
@@ -114,7 +136,7 @@ def uniform(load: Load) -> Floats:
     values = np.atleast_1d(np.asarray(load.value))
     if not is_uniform(load):
         raise InputError(
-            f"the load on '{load.on}' is a formula or a pore pressure, and strict bounds are for"
-            " uniform loads; give it as numbers, or seek the limit load of the mesh alone."
+            f"the load on '{load.on}' is a formula, a pore pressure or a force, and strict bounds"
+            " are for uniform loads; give it as numbers, or seek the limit load of the mesh alone."
         )
     return values.astype(np.float64)

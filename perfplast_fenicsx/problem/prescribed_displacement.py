@@ -1,6 +1,8 @@
 """The displacement u_D of supports as arrays, and where contact could not see it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
@@ -13,74 +15,96 @@ from perfplast_fenicsx.contact.surface_nodes import LEAST_COSINE
 from perfplast_fenicsx.contact.surface_normals import face_nodes
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import bounding_box
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.supports import AXES, Support
 
 ROUNDING = 1e-9
 """Movements along a normal below this share of u_D count as none."""
 
+SAME = 1e-12
+"""Displacements that differ by this share of the largest are one."""
+
 
 def known_displacements(
-    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, supports: Sequence[Support]
+    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, supports: Sequence[Support | RigidSurface]
 ) -> tuple[npt.NDArray[np.bool_], Floats, Ints]:
-    """Which components the supports hold, and where. Collective.
+    """Which components supports and rigid surfaces that are moved hold, and where. Collective.
+
+    On the axis of bodies of revolution nothing moves outwards, whatever holds it.
 
     Returns:
-        Flags, displacements (length) that are 0 at other components, and the number of the first
-        support that holds them, −1 at others; all of local nodes, ghosts too, shape
-        (num_nodes, gdim).
+        Flags; displacements (length), the constant ones and those that ζ multiplies, 0 at other
+        components, shape (2, num_nodes, gdim); and the number of the first support that holds them,
+        −1 at others. All of local nodes, ghosts too, shape (num_nodes, gdim).
 
     Raises:
         InputError: An unknown surface, wrong components, a value that is not finite, or two values
             for the same component of a node.
     """
     fdim, gdim = tagged_mesh.mesh.topology.dim - 1, tagged_mesh.mesh.geometry.dim
-    index_map = V.dofmap.index_map
-    shape = (index_map.size_local + index_map.num_ghosts, gdim)
-    fixed, values, message = np.zeros(shape, dtype=bool), np.zeros(shape), None
-    holder = np.full(shape, -1, dtype=np.int32)
+    x = V.tabulate_dof_coordinates()[:, :gdim]
+    fixed, values, message = np.zeros(x.shape, dtype=bool), np.zeros((2, *x.shape)), None
+    holder = np.full(x.shape, -1, dtype=np.int32)
     for number, support in enumerate(supports):
-        if not np.isfinite(support.value):
-            raise InputError(
-                f"value = {support.value} of the support on '{support.on}' is not finite; give a"
-                " length, or 0 for none."
-            )
         nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(support.on))
+        given = np.zeros((2, len(nodes), gdim))
+        given[0 if support.constant else 1] = support.motion(x[nodes])
+        most = tagged_mesh.mesh.comm.allreduce(float(np.abs(given).max(initial=0)), MPI.MAX)
         for axis in support.axes(gdim):
-            known = nodes[fixed[nodes, axis]]
-            other = values[known, axis][values[known, axis] != support.value]
-            if other.size:
+            old, new = values[:, nodes, axis], given[:, :, axis]
+            apart = np.abs(old - new) > SAME * np.maximum(np.abs(old), most)
+            differs = fixed[nodes, axis] & apart.any(axis=0)
+            if differs.any():
+                first = int(np.argmax(differs))
                 message = (
-                    f"the support on '{support.on}' moves nodes by {support.value:g} along"
-                    f" {AXES[axis]} that another support moves by {other[0]:g}; leave the component"
-                    " out of one of them, or part their surfaces."
+                    f"the support on '{support.on}' moves nodes by {_told(new[:, first])} along"
+                    f" {AXES[axis]} that another support moves by {_told(old[:, first])}; leave the"
+                    " component out of one of them, or part their surfaces."
                 )
-            fresh = nodes[~fixed[nodes, axis]]
-            holder[fresh, axis] = number
+            fresh = ~fixed[nodes, axis]
+            holder[nodes[fresh], axis] = number
+            values[:, nodes[fresh], axis] = new[:, fresh]
             fixed[nodes, axis] = True
-            values[nodes, axis] = support.value
-    raise_together(tagged_mesh.mesh.comm, message)
-    return fixed, values, holder
+    comm = tagged_mesh.mesh.comm
+    low, high = bounding_box(comm, V.tabulate_dof_coordinates())
+    size = float(np.linalg.norm(high - low))
+    on_axis = tagged_mesh.kinematics.held(V.tabulate_dof_coordinates(), size)
+    if (on_axis & (values != 0)).any():
+        message = (
+            "a support moves nodes of the axis r = 0 along x, which is the radius; leave x out of"
+            " its components, or the axis out of its surface."
+        )
+    raise_together(comm, message)
+    return fixed | on_axis, values, holder
+
+
+def _told(displacement: Floats) -> str:
+    """A displacement in words: its constant part, and that which ζ multiplies."""
+    constant, growing = displacement
+    return f"{growing:g} times ζ" if growing else f"{constant:g}"
 
 
 def check_moved_surfaces(
     V: fem.FunctionSpace,
     tagged_mesh: TaggedMesh,
-    surfaces: Iterable[str],
+    moves: Mapping[str, Floats],
     constraints: Constraints,
     fixed: npt.NDArray[np.bool_],
     prescribed: Floats,
 ) -> None:
-    """Refuse supports that move nodes of contact surfaces along their normals, unseen by any pair.
+    """Refuse what moves nodes of contact surfaces along their normals, unseen by any pair.
 
     Where neither node of a pair is free along the normal there is no pair. Collective.
 
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
-        surfaces: Names of those in contact, with each other or with obstacles.
+        moves: How far what is opposite moves by itself for ζ = 1 (length), by the name of each
+            surface in contact: 0, or as an obstacle does, shape (gdim,).
         constraints: The rows of these surfaces.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
-        prescribed: u_D, same shape.
+        prescribed: u_D, constant and times ζ, shape (2, num_nodes, gdim).
 
     Raises:
         InputError: Naming the surface.
@@ -89,14 +113,39 @@ def check_moved_surfaces(
     paired = la.vector(V.dofmap.index_map, 1)
     paired.array[nodes_of(constraints.B, V.dofmap.index_map_bs)] = 1
     paired.scatter_forward()
-    for name in surfaces:
+    constant, growing = prescribed
+    for name, move in moves.items():
         faces = face_nodes(V, tagged_mesh, name)
-        along = np.abs(np.sum(faces.normal * prescribed[faces.node], axis=1))
+        given = (constant[faces.node], growing[faces.node] - move)
+        along = np.max([np.abs(np.sum(faces.normal * u, axis=1)) for u in given], axis=0)
         freedom = (np.abs(faces.normal) * ~fixed[faces.node]).max(axis=1, initial=0)
         unseen = (freedom < LEAST_COSINE) & (paired.array[faces.node] == 0)
-        if (unseen & (along > ROUNDING * np.abs(prescribed).max(initial=0))).any():
+        largest = max(np.abs(prescribed).max(initial=0), np.abs(move).max())
+        if (unseen & (along > ROUNDING * largest)).any():
             message = (
-                f"supports move nodes of the contact surface '{name}' along its normal towards"
-                " others that cannot give way; leave these nodes out of the contact surface."
+                f"supports hold nodes of the contact surface '{name}' along its normal, so that"
+                " these, which move or are moved against, cannot give way; leave them out of the"
+                " contact surface."
             )
     raise_together(tagged_mesh.mesh.comm, message)
+
+
+def check_moved_ties(V: fem.FunctionSpace, ties: Constraints, prescribed: Floats) -> None:
+    """Refuse supports that by themselves move one side of a tie and not the other. Collective.
+
+    Args:
+        V: Displacement space.
+        ties: Their rows.
+        prescribed: u_D at each local node, shape (num_nodes, gdim).
+
+    Raises:
+        InputError: If they do.
+    """
+    u = fem.Function(V)
+    u.x.array[:] = prescribed.ravel()
+    apart = float(np.abs(ties.jumps(u.x.petsc_vec)).max(initial=0))
+    if V.mesh.comm.allreduce(apart > ROUNDING * np.abs(prescribed).max(initial=0), MPI.LOR):
+        raise InputError(
+            "a support moves nodes of a tied surface, which the other surface would have to"
+            " follow; leave these nodes out of the support or of the tie, or give it the value 0."
+        )

@@ -16,24 +16,27 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
-from dolfinx.fem import petsc as fem_petsc
 
-from perfplast_fenicsx.arrays import Ints, PairFlags
+from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints, stacked
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.formulations import find_constraints
+from perfplast_fenicsx.contact.friction import Friction
 from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
 from perfplast_fenicsx.contact.loose_bodies import loose_motions
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.contact.rigid_motions import RigidMotions
+from perfplast_fenicsx.contact.tangential_rows import check_nothing_rubs, tangential_rows
 from perfplast_fenicsx.contact.tie import Tie
-from perfplast_fenicsx.contact.tied_rows import tied_rows
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Material
-from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
+from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.declared_loads import declared_loads
 from perfplast_fenicsx.problem.given import Given
+from perfplast_fenicsx.problem.given_motion import GivenMotion, given_motion
+from perfplast_fenicsx.problem.glued_rows import glued_rows
 from perfplast_fenicsx.problem.initial_strain import Initial, initial_strain
 from perfplast_fenicsx.problem.law_on_cells import lay_out
 from perfplast_fenicsx.problem.load_case import LoadCase
@@ -42,9 +45,9 @@ from perfplast_fenicsx.problem.prescribed_displacement import (
     check_moved_surfaces,
     known_displacements,
 )
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface, name_of
 from perfplast_fenicsx.problem.spaces import make_spaces, space_at_points
 from perfplast_fenicsx.problem.supports import Support
-from perfplast_fenicsx.problem.work_form import work_form
 from perfplast_fenicsx.profiling import phase
 
 log = logging.getLogger(__name__)
@@ -60,7 +63,7 @@ class Problem:
         V: Continuous displacements, one vector a node.
         S: Mandel vectors (strain, stress) at the quadrature points (:class:`spaces.Spaces`).
         Q: Scalars at the quadrature points.
-        dx: Integrates over these points.
+        dx: Integrates over these points; around the axis in axisymmetry.
         cells: All cells of this rank, ghosts too; what is interpolated often names them, since
             DOLFINx makes such an array each time and leaves it to Python's cyclic collector.
         bodies: Connected components and their rigid motions.
@@ -68,19 +71,22 @@ class Problem:
         initial_strain: e₀, which the laws do not see of ε(u); None for none.
         bcs: Supports, homogeneous as those of increments are.
         fixed: Supported components of each local node, ghosts too, shape (num_nodes, gdim).
-        support_names: Surfaces with supports, each once.
+        support_names: Supports and moved rigid surfaces as results name them, each once.
         held_by: Which of them holds a component, −1 where none does; shape as of ``fixed``.
-        prescribed: u_D, the displacement of these components (length), 0 elsewhere.
-        moves_supports: Whether u_D is anything but 0.
+        motion: What supports and obstacles do at any ζ.
+        prescribed: u_D, the displacement of these components (length), 0 elsewhere, as it is at the
+            ζ of :meth:`move_to`, at first 0.
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
-        ties: The equations B u = 0 of ties, with rows like those of contact.
+        ties: The equations B u = 0 of ties and rigid surfaces, with rows like those of contact.
         num_tied: How many there are on all ranks together.
         has_gaps: Whether any pair is open at first.
         interferes: Whether any gap is negative.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
+        sliding, friction: The rows of jumps along surfaces that rub, and what resists these.
         first_active: Pairs that an active set begins with, so that no body is free to move.
-        basis: Basis in which contact is a bound: what u_D closes of a gap is taken from it.
+        basis: Basis in which contact is a bound. What u_D and moving obstacles close of a gap, at
+            that ζ, is taken from it.
         loads: L₀ and L₁.
     """
 
@@ -95,6 +101,7 @@ class Problem:
         degree: int = 1,
         initial: Sequence[Initial] = (),
         ties: Sequence[Tie] = (),
+        rigid: Sequence[RigidSurface] = (),
     ) -> None:
         """Declare the problem. Collective.
 
@@ -109,25 +116,35 @@ class Problem:
                 not lock in plastic flow.
             initial: Changes of temperature, and stress in bodies that are not deformed.
             ties: Pairs of surfaces that are glued together.
+            rigid: Surfaces that move as rigid bodies.
 
         Raises:
             InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
         self.tagged_mesh = tagged_mesh
-        self.given = Given(materials, supports, loads, contacts, obstacles, degree, initial, ties)
-        spaces = make_spaces(tagged_mesh.mesh, degree)
+        self.given = Given(
+            materials, supports, loads, contacts, obstacles, degree, initial, ties, rigid
+        )
+        spaces = make_spaces(tagged_mesh.mesh, degree, self.kinematics)
         self.degree, self.dx = degree, spaces.dx
         self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
         topology = tagged_mesh.mesh.topology
         index_map = topology.index_map(topology.dim)
         self.cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
-        self.bodies: Bodies = find_bodies(self.V)
+        self.bodies: Bodies = find_bodies(self.V, self.kinematics)
         self.laws = lay_out(tagged_mesh, spaces, materials)
         self.initial_strain = initial_strain(tagged_mesh, spaces, materials, self.laws, initial)
-        self.bcs = self._supports(supports)
-        taken = self._ties(ties)
-        self._contact(contacts, obstacles, taken)
-        self.loads = self._declared = self._loads(loads)
+        self.bcs, displacement = self._supports(
+            [*supports, *(surface for surface in rigid if not surface.free)]
+        )
+        self.ties, taken = glued_rows(self.V, tagged_mesh, ties, rigid, self.fixed, displacement)
+        self.num_tied: int = self.comm.allreduce(len(self.ties.host))
+        self.basis: JumpBasis = self._contact(contacts, obstacles, taken)
+        self.motion = self._motion(displacement)
+        self.prescribed = self.motion.displacement_at(0.0)
+        told = (self.motion.driven, self.initial_strain is not None)
+        self.loads: LoadCase = declared_loads(self.V, tagged_mesh, loads, self.bcs, rigid, *told)
+        self._declared = self.loads
 
     def __repr__(self) -> str:
         topology = self.tagged_mesh.mesh.topology
@@ -154,6 +171,11 @@ class Problem:
     def comm(self) -> MPI.Intracomm:
         """The ranks that share the mesh."""
         return self.tagged_mesh.mesh.comm
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """What the coordinates of the mesh mean."""
+        return self.tagged_mesh.kinematics
 
     @property
     def as_declared(self) -> bool:
@@ -185,11 +207,22 @@ class Problem:
         for name, function in self.history.items():
             function.x.array[:] = history[name].x.array if history else 0.0
 
+    def move_to(self, zeta: float) -> None:
+        """Put supports and obstacles, and so ``prescribed`` and gaps, where they are at ζ."""
+        if self.motion.driven:
+            self.prescribed = self.motion.displacement_at(zeta)
+            self.basis = replace(self.basis, gap=self.motion.gap_at(zeta))
+
     def is_proportional(self) -> bool:
         """Whether nothing but ζ loads or moves the bodies. Collective."""
         strained = self.initial_strain is not None
-        at_rest = not (self.moves_supports or self.interferes or strained)
+        moves = self.motion.moves_supports or self.motion.driven
+        at_rest = not (moves or self.interferes or strained)
         return at_rest and self.loads.is_proportional()
+
+    def is_elastic_at_first(self) -> bool:
+        """Whether the bodies begin with multiples of one state, but for gaps. Collective."""
+        return self.is_proportional() and not self.friction.count
 
     def create_vector(self) -> PETSc.Vec:
         """A vector of zeros with an entry for each displacement unknown. Collective."""
@@ -199,40 +232,27 @@ class Problem:
 
     def internal_form(self, stress: fem.Function) -> ufl.Form:
         """⟨σ, ε(v)⟩."""
-        return ufl.dot(stress, strain(ufl.TestFunction(self.V))) * self.dx
+        return ufl.dot(stress, self.kinematics.strain(ufl.TestFunction(self.V))) * self.dx
 
-    def _supports(self, supports: Sequence[Support]) -> list[fem.DirichletBC]:
+    def _supports(
+        self, supports: Sequence[Support | RigidSurface]
+    ) -> tuple[list[fem.DirichletBC], Floats]:
+        """Conditions of increments, and u_D, constant and times ζ."""
         V, gdim, zero = self.V, self.tagged_mesh.mesh.geometry.dim, default_scalar_type(0)
-        self.fixed, self.prescribed, holder = known_displacements(V, self.tagged_mesh, supports)
-        self.support_names = tuple(dict.fromkeys(support.on for support in supports))
-        numbers = [self.support_names.index(support.on) for support in supports]
+        self.fixed, displacement, holder = known_displacements(V, self.tagged_mesh, supports)
+        names = [name_of(support) for support in supports]
+        self.support_names = tuple(dict.fromkeys(names))
+        numbers = [self.support_names.index(name) for name in names]
         self.held_by: Ints = np.array([*numbers, -1], dtype=np.int32)[holder]
-        self.moves_supports: bool = self.comm.allreduce(bool(self.prescribed.any()), MPI.LOR)
         nodes = [np.flatnonzero(self.fixed[:, i]).astype(np.int32) for i in range(gdim)]
-        return [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
+        bcs = [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
+        return bcs, displacement
 
     @cached_property
     def glued_basis(self) -> JumpBasis:
         """A basis whose last unknowns on each rank are the jumps of ties. Collective at first."""
-        return make_basis(self.V, stacked(self.V, [self.constraints, self.ties]), self.fixed)
-
-    @phase("contact set-up")
-    def _ties(self, ties: Sequence[Tie]) -> npt.NDArray[np.bool_]:
-        """Make the rows of ties. Collective.
-
-        Returns:
-            Components of local nodes that supports hold or ties host: contact cannot have them.
-        """
-        self.ties: Constraints = tied_rows(self.V, self.tagged_mesh, ties, self.fixed)
-        self.num_tied: int = self.comm.allreduce(len(self.ties.host))
-        if self.num_tied and self.moves_supports:
-            raise InputError(
-                "ties and supports that move do not go together; leave the values of the supports"
-                " or the ties out."
-            )
-        taken = self.fixed.copy()
-        taken[self.ties.host, np.argmax(self.ties.normal, axis=1)] = True
-        return taken
+        rows = stacked(self.V, [self.constraints, self.sliding, self.ties])
+        return make_basis(self.V, rows, self.fixed)
 
     @phase("contact set-up")
     def _contact(
@@ -240,7 +260,8 @@ class Problem:
         contacts: Sequence[Contact],
         obstacles: Sequence[Obstacle],
         taken: npt.NDArray[np.bool_],
-    ) -> None:
+    ) -> JumpBasis:
+        """Find the rows, and a basis in which they are bounds. Collective."""
         V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
         self.constraints: Constraints = find_constraints(V, tagged_mesh, contacts, obstacles, taken)
         touching = {a.primary for a in contacts} | {a.secondary for a in contacts}
@@ -249,45 +270,30 @@ class Problem:
         self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
         self.interferes: bool = self.comm.allreduce(bool((self.constraints.gap < 0).any()), MPI.LOR)
-        motions = RigidMotions(V, self.bodies, fixed, self.constraints, self.ties)
+        told = (contacts, obstacles, self.given.ties)
+        self.sliding, friction = tangential_rows(V, self.constraints, *told, taken)
+        held = stacked(V, [self.sliding, self.ties])
+        motions = RigidMotions(V, self.bodies, fixed, self.constraints, held)
         motions.check()
-        rows = stacked(V, [self.constraints, self.ties]) if self.num_tied else self.constraints
+        rows = stacked(V, [self.constraints, held])
         for loose in loose_motions(V, self.bodies, fixed, rows):
             if self.comm.rank == 0:
                 log.warning("%s", loose)
         self.first_active: PairFlags = motions.first_active()
-        self.basis: JumpBasis = make_basis(V, rows, fixed, len(self.ties.host))
-        if self.moves_supports:
-            known = (self.constraints, fixed, self.prescribed)
-            check_moved_surfaces(V, tagged_mesh, sorted(touching), *known)
-            u = fem.Function(V)
-            u.x.array[:] = self.prescribed.ravel()
-            closed = self.constraints.jumps(u.x.petsc_vec)
-            self.basis = replace(self.basis, gap=self.basis.gap - closed)
+        basis = make_basis(V, rows, fixed, len(self.ties.host), len(self.sliding.host))
+        self.friction: Friction = friction.at(basis.sliding)
+        return basis
 
-    def _loads(self, loads: Sequence[Load]) -> LoadCase:
-        if not loads:
-            raise InputError(
-                "no load is given, so nothing can be increased; give at least one load."
-            )
-        growing = [load for load in loads if not load.constant]
-        constant = [load for load in loads if load.constant]
-        parts = [self._work(part) if part else None for part in (constant, growing)]
-        none = next(part for part in parts if part is not None).duplicate()
-        none.set(0)
-        dead, live = (none if part is None else part for part in parts)
-        case = LoadCase.of(dead, live, self.bcs)
-        if not case.grows() and (growing or case.is_proportional()):
-            raise InputError(
-                "the loads do no work on any admissible displacement, so nothing can be increased;"
-                " give a load that is not zero on a surface that is free to move."
-            )
-        return case
-
-    def _work(self, loads: Sequence[Load]) -> PETSc.Vec:
-        """L(v) of some loads as a vector, at supported unknowns too."""
-        work = fem_petsc.assemble_vector(
-            fem.form(work_form(self.tagged_mesh, loads, ufl.TestFunction(self.V)))
-        )
-        work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        return work
+    def _motion(self, displacement: Floats) -> GivenMotion:
+        """What moves; takes what it closes of gaps from the basis. Collective."""
+        V, (contacts, obstacles) = self.V, (self.given.contacts, self.given.obstacles)
+        motion = given_motion(V, displacement, self.constraints, len(contacts), obstacles)
+        if motion.moves_supports or motion.driven:
+            check_nothing_rubs(self.friction)
+            gdim = self.tagged_mesh.mesh.geometry.dim
+            moves = {name: np.zeros(gdim) for a in contacts for name in (a.primary, a.secondary)}
+            moves |= {obstacle.on: motion.obstacles[i] for i, obstacle in enumerate(obstacles)}
+            known = (self.constraints, self.fixed, displacement)
+            check_moved_surfaces(V, self.tagged_mesh, moves, *known)
+            self.basis = replace(self.basis, gap=motion.gap_at(0.0))
+        return motion

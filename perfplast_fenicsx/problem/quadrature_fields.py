@@ -9,14 +9,22 @@ from petsc4py import PETSc
 import ufl
 from dolfinx import default_scalar_type, fem
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.materials.mandel import strain
-from perfplast_fenicsx.problem.energy_norms import jagged_norm2, strain_norm2, stress_norm2
+from perfplast_fenicsx.problem.energy_norms import (
+    jagged_norm2,
+    stiffness_of_nodes,
+    strain_norm2,
+    stress_norm2,
+)
 from perfplast_fenicsx.problem.integrals import Integral, assemble_force
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, OfLaw, integrate
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.spaces import by_cell
 from perfplast_fenicsx.profiling import phase
+
+LEAST = 1e-4
+"""Share of the energy of the strain, were it elastic, that gaps behind plastic flow are told by."""
 
 
 class QuadratureFields:
@@ -29,7 +37,7 @@ class QuadratureFields:
         stress: Σ(e).
         force: Of :meth:`assemble_force`.
         potential: Ψ(ε(u)).
-        conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩.
+        conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩; that of the step behind a history.
         stress_norm2: ‖σ‖² in the energy norm, ∫ σ:C⁻¹σ.
         u_norm2: ‖u‖² in the energy norm, ∫ ε(u):Cε(u).
         jagged_norm2: What rounding errors of it are relative to (:mod:`energy_norms`).
@@ -47,7 +55,8 @@ class QuadratureFields:
             return Integral(comm, integrate(laws, density))
 
         initial = problem.initial_strain
-        seen = strain(self.u) if initial is None else strain(self.u) - initial
+        seen = problem.kinematics.strain(self.u)
+        seen = seen if initial is None else seen - initial
         self._strain = fem.Expression(seen, interpolation_points(S.element))
         self._initial = (
             None if initial is None else Integral(comm, ufl.dot(s, initial) * problem.dx)
@@ -70,6 +79,9 @@ class QuadratureFields:
         self._force_form = fem.form(problem.internal_form(s))
         self._owned_cells = mesh.topology.index_map(mesh.topology.dim).size_local
         self.force: PETSc.Vec = problem.create_vector()
+        self._remembers = bool(problem.history)
+        strained = self._remembers or initial is not None
+        self._stiffness = stiffness_of_nodes(problem) if strained else 0.0
 
     @phase("return map")
     def update(self) -> None:
@@ -77,12 +89,22 @@ class QuadratureFields:
         self.e.interpolate(self._strain, self.problem.cells)
         self._stress.interpolate(self.stress)
 
-    def take_elastic_stress(self) -> None:
-        """Let the stress be Ce until the next update. Collective."""
+    def take_elastic_stress(self, before: tuple[Floats, Floats] | None = None) -> None:
+        """Let the stress be Ce until the next update. Collective.
+
+        Args:
+            before: Strain e' and stress σ' to start from, where bodies remember plastic flow; the
+                stress is then σ' + C(e − e').
+        """
+        strain, stress = before or (0.0, 0.0)
+        now = self.e.x.array.copy()
+        self.e.x.array[:] -= strain
         hooke = LawExpression(
             self.problem.laws, self.problem.S, lambda on: on.law.elastic.hooke(self.e)
         )
         hooke.interpolate(self.stress)
+        self.e.x.array[:] = now
+        self.stress.x.array[:] += stress
 
     def updated_history(self) -> dict[str, fem.Function]:
         """The internal variables by name after a level that ends here; {} for Hencky's laws.
@@ -114,6 +136,22 @@ class QuadratureFields:
     def initial_work(self) -> float:
         """⟨σ, e₀⟩. Collective."""
         return 0.0 if self._initial is None else self._initial()
+
+    def size(self) -> float:
+        """|Ψ| + ½‖σ‖² (energy), which duality gaps are relative to. Collective.
+
+        Behind plastic flow stress is what is left of two strains, so that rounding errors of ψ + ψ*
+        are relative to more: at least to 1e-4 of the energy that the strain would have.
+        """
+        energy = abs(self.potential()) + self.stress_norm2() / 2
+        return max(energy, LEAST * self.u_norm2() / 2) if self._remembers else energy
+
+    def inner_force(self) -> float:
+        """Norm of the forces by which stress alone, without any load, pulls at nodes. Collective.
+
+        0 where stress comes of loads and supports, whose forces are known.
+        """
+        return (self._stiffness * self.size()) ** 0.5 if self._stiffness else 0.0
 
     @phase("assembly")
     def assemble_force(self) -> PETSc.Vec:

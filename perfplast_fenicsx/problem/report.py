@@ -70,15 +70,27 @@ class LevelReport:
         contact_pairs: All pairs.
         max_penetration: Largest (u_a − u_b)·n − g, at least 0 (length).
         smallest_contact_force: Of all pairs (force); negative means an adhesive one. 0 without any.
-        complementarity: Σ force × remaining gap, relative to Ψ + S, as the duality gap.
+        complementarity: Σ force × remaining gap, relative to |Ψ| + ½‖σ‖², as the duality gap.
         equilibrium: Norm of the forces that nothing balances (contact forces apart, which the three
-            numbers above judge), relative to that of the loads or, where supports move, of all
-            nodal forces if that is larger.
-        duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to Ψ(ε(u)) + S(σ).
+            numbers above judge), relative to the largest of these: the loads, the contact forces,
+            all nodal forces where supports move, and those that stress exerts on nodes from all
+            sides where bodies are strained at first or remember plastic flow.
+        duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to
+            |Ψ(ε(u))| + ½‖σ‖².
         max_displacement: Largest nodal displacement (length).
         seconds: Wall time of the level.
         reactions: Forces on the bodies (:class:`resultants.Resultants`), one number a direction.
         balance: Their sum or moment, relative to all nodal forces.
+        slipping: Places with friction that slip.
+        friction_dissipation: What slip has dissipated, Σ c × slip (energy).
+        rounds: Of the fixed point of Coulomb's friction; 1 without it.
+        friction_excess: Largest force of friction beyond c, relative to the largest c, at least 0.
+        driving_force: Where ζ moves supports and obstacles, the work that they do on the bodies for
+            a growth of ζ by 1: the force along what moves, times how far it moves for ζ = 1.
+        stage: The stage of a loading history; empty where there are none, and at rest before them.
+            ζ is then the time, which grows by 1 in each stage.
+        factors: What multiplies loads and temperatures, by their names in stages.
+        works: Work that each of these loads, with the factor 1, does on u (energy).
     """
 
     zeta: float
@@ -104,6 +116,14 @@ class LevelReport:
     seconds: float
     reactions: Mapping[str, Sequence[float]] = field(default_factory=dict)
     balance: float = 0.0
+    slipping: int = 0
+    friction_dissipation: float = 0.0
+    rounds: int = 1
+    friction_excess: float = 0.0
+    driving_force: float = 0.0
+    stage: str = ""
+    factors: Mapping[str, float] = field(default_factory=dict)
+    works: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"LevelReport({self.summary()})"

@@ -22,20 +22,31 @@ class Resultants:
     """Resultants by what exerts them, and how well they balance.
 
     Attributes:
-        forces: One number a direction (force; in the plane for each unit of depth), of ``loads``,
-            ``support NAME``, ``obstacle NAME`` and ``contact PRIMARY SECONDARY``: that on the
-            primary surface's body, and none on both together. What two supports hold alike is told
-            of the first one.
+        forces: One number a direction (force; in plane strain for each unit of depth; in
+            axisymmetry of the full turn, the radial one being what pushes outwards all around, and
+            no resultant of vectors), of ``loads``, ``support NAME``, ``rigid surface NAME`` if that
+            is moved, ``obstacle NAME`` and ``contact PRIMARY SECONDARY``: that on the primary
+            surface's body, and none on both together. What two supports hold alike is told of the
+            first one.
         balance: Sum of the forces on the bodies, or moment about the middle of the bodies over
-            their size, whichever is larger, relative to the sum of all nodal forces.
+            their size, whichever is larger, relative to the sum of all nodal forces. In
+            axisymmetry it is that of the axial forces.
+        driving: Work that supports and obstacles do on the bodies for a growth of ζ by 1: the force
+            along what moves, times how far it moves for ζ = 1.
     """
 
     forces: Mapping[str, list[float]]
     balance: float
+    driving: float
 
 
 def resultants(
-    problem: Problem, internal: PETSc.Vec, contact: Floats, zeta: float, least: float = 0.0
+    problem: Problem,
+    internal: PETSc.Vec,
+    contact: Floats,
+    friction: Floats,
+    zeta: float,
+    least: float = 0.0,
 ) -> Resultants:
     """The resultants at a state. Collective.
 
@@ -43,6 +54,7 @@ def resultants(
         problem: The bodies, their loads and what holds them.
         internal: ⟨σ, ε(·)⟩ in nodal unknowns, at supports too.
         contact: Forces of the pairs hosted by this rank, shape (num_pairs,).
+        friction: Those of friction, shape (num_places, gdim − 1).
         zeta: Load factor.
         least: Nodal forces (force) that add up to less are next to rounding.
     """
@@ -52,6 +64,12 @@ def resultants(
     rows = problem.constraints.B.createVecLeft()
     rows.array[:] = -contact
     problem.constraints.B.multTranspose(rows, pushes)
+    if problem.friction.count:
+        there = problem.friction.index >= 0
+        along = problem.sliding.B.createVecLeft()
+        along.array[:] = -friction[there]
+        problem.sliding.B.multTransposeAdd(along, pushes, pushes)
+        along.destroy()
     if problem.num_tied:
         _add_ties(problem, internal, zeta, pushes)
     external, pushed, reaction = (
@@ -63,9 +81,9 @@ def resultants(
     held_by = problem.held_by[: len(reaction)]
     reaction[held_by < 0] = 0
 
-    names = [f"support {name}" for name in problem.support_names]
+    names = list(problem.support_names)
     names += [f"contact {a.primary} {a.secondary}" for a in problem.given.contacts]
-    names += [f"obstacle {obstacle.on}" for obstacle in problem.given.obstacles]
+    names += [f"obstacle {obstacle.name or obstacle.on}" for obstacle in problem.given.obstacles]
     supports, sums = len(problem.support_names), np.zeros((len(names) + 1, gdim))
     for axis in range(gdim):
         held = held_by[:, axis] >= 0
@@ -74,6 +92,9 @@ def resultants(
         )
     on_pairs = -contact[:, None] * problem.constraints.normal
     np.add.at(sums, supports + problem.constraints.surface, on_pairs)
+    places = problem.constraints.surface[problem.friction.pair]
+    rubbed = -np.einsum("ni,nij->nj", friction, problem.friction.direction)
+    np.add.at(sums, supports + places, rubbed)
     sums[-1] = external.sum(axis=0)
     sums = comm.allreduce(sums)
 
@@ -81,13 +102,16 @@ def resultants(
     for name, force in zip([*names, "loads"], sums, strict=True):
         forces[name] = forces.get(name, np.zeros(gdim)) + force
     outer = [force for name, force in forces.items() if not name.startswith("contact ")]
-    missing = float(np.linalg.norm(np.sum(outer, axis=0)))
     parts = (external, pushed, reaction)
     total = comm.allreduce(sum(float(np.linalg.norm(part, axis=1).sum()) for part in parts))
     total = max(total, least)
-    missing = max(missing, _moment(problem, external + pushed + reaction))
+    missing = _missing(problem, np.sum(outer, axis=0), external + pushed + reaction)
+    rate = problem.motion.displacement[1][: len(reaction)]
+    driving = comm.allreduce(float(np.sum(reaction * rate)))
+    behind = supports + len(problem.given.contacts)
+    driving += float(np.sum(sums[behind:-1] * problem.motion.obstacles))
     told = {name: [float(number) for number in force] for name, force in forces.items()}
-    return Resultants(told, missing / total if total > 0 else 0.0)
+    return Resultants(told, missing / total if total > 0 else 0.0, driving)
 
 
 def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.Vec) -> None:
@@ -97,20 +121,26 @@ def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.
     problem.loads.subtract_from(left, zeta)
     along = problem.create_vector()
     problem.glued_basis.T.multTranspose(left, along)
-    glued.array[:] = along.array_r[problem.glued_basis.index[len(problem.constraints.host) :]]
+    before = len(problem.constraints.host) + len(problem.sliding.host)
+    glued.array[:] = along.array_r[problem.glued_basis.index[before:]]
     problem.ties.B.multTransposeAdd(glued, forces, forces)
     for vector in (left, glued, along):
         vector.destroy()
 
 
-def _moment(problem: Problem, forces: Floats) -> float:
-    """Norm of their moment about the middle of the nodes, over the distance of the farthest."""
-    comm = problem.comm
+def _missing(problem: Problem, total: Floats, forces: Floats) -> float:
+    """What rigid motions feel: of the sum of all forces, and as moment of the nodal ones.
+
+    The moment is about the middle of the nodes, over the distance of the farthest. Collective.
+    """
+    comm, kinematics = problem.comm, problem.kinematics
     x = problem.V.tabulate_dof_coordinates()[: len(forces)]
     middle = comm.allreduce(x.sum(axis=0)) / problem.V.dofmap.index_map.size_global
     arms = x - middle
-    in_space = np.zeros_like(arms)
-    in_space[:, : forces.shape[1]] = forces
-    moment = comm.allreduce(np.cross(arms, in_space).sum(axis=0))
     farthest = comm.allreduce(float(np.linalg.norm(arms, axis=1).max(initial=0)), MPI.MAX)
-    return float(np.linalg.norm(moment)) / farthest if farthest > 0 else 0.0
+    modes = kinematics.rigid_modes(np.asarray(arms / (farthest or 1.0), dtype=np.float64))
+    work = comm.allreduce(np.einsum("ni,nim->m", forces, modes))
+    at_middle = kinematics.rigid_modes(np.zeros((1, 3)))[0]
+    rotations = ~at_middle.any(axis=0)
+    felt = np.linalg.norm([total @ at_middle, work * rotations], axis=1)
+    return float(felt.max())

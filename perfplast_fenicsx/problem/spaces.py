@@ -1,6 +1,7 @@
 """Finite element spaces of one degree: displacements, and points where the law is evaluated."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import basix.ufl
 import ufl
@@ -10,6 +11,7 @@ from dolfinx.mesh import Mesh
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.mandel import mandel_size
+from perfplast_fenicsx.mesh.kinematics import Kinematics
 
 DEGREES = (1, 2)
 
@@ -27,18 +29,18 @@ class Spaces:
         V: Continuous displacements, one vector a node.
         S: Mandel vectors (strain, stress) at the points.
         Q: Scalars at the points.
-        dx: Integrates over these points.
+        dx: Integrates over these points; around the axis in axisymmetry.
     """
 
     degree: int
     V: fem.FunctionSpace
     S: fem.FunctionSpace
     Q: fem.FunctionSpace
-    dx: ufl.Measure
+    dx: Any
 
 
-def make_spaces(mesh: Mesh, degree: int) -> Spaces:
-    """Make the spaces of a degree. Collective.
+def make_spaces(mesh: Mesh, degree: int, kinematics: Kinematics | None = None) -> Spaces:
+    """Make the spaces of a degree; without kinematics dx is that of the mesh. Collective.
 
     Raises:
         InputError: If the degree is not 1 or 2.
@@ -47,12 +49,13 @@ def make_spaces(mesh: Mesh, degree: int) -> Spaces:
         raise InputError(f"degree = {degree!r} is not an element here; give 1 (linear) or 2.")
     gdim, cell = mesh.geometry.dim, mesh.basix_cell()
     metadata = {"quadrature_degree": _accuracy(degree), "quadrature_scheme": "default"}
+    dx = ufl.Measure("dx", domain=mesh, metadata=metadata)
     return Spaces(
         degree,
         fem.functionspace(mesh, basix.ufl.element("P", cell, degree, shape=(gdim,))),
         space_at_points(mesh, degree, (mandel_size(gdim),)),
         space_at_points(mesh, degree, ()),
-        ufl.Measure("dx", domain=mesh, metadata=metadata),
+        kinematics.measure(dx) if kinematics else dx,
     )
 
 

@@ -8,7 +8,6 @@ from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.contact.sparse_rows import entries_of, matrix_of_entries
-from perfplast_fenicsx.materials.mandel import strain
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
@@ -29,9 +28,8 @@ class Stiffness:
         self._problem = problem
         self._rho = fem.Constant(problem.tagged_mesh.mesh, default_scalar_type(1))
         self._stored: list[tuple[fem.Function, LawExpression]] = []
-        trial, test = (
-            strain(argument(problem.V)) for argument in (ufl.TrialFunction, ufl.TestFunction)
-        )
+        strain = problem.kinematics.strain
+        trial, test = (strain(f(problem.V)) for f in (ufl.TrialFunction, ufl.TestFunction))
         terms = [
             ufl.dot(on.law.tangent(self._store(on, fields.e), trial), test) * on.dx
             for on in problem.laws

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 
 AXES = "xyz"
@@ -14,13 +17,14 @@ class Support:
     Args:
         on: Physical surface.
         components: Any of the letters x, y, z; the default holds all that the mesh has.
-        value: Their displacement (length), the same at any load factor, such as a settlement; the
-            default is none.
+        value: Their displacement (length), such as a settlement; the default is none.
+        constant: Whether it is the same at any load factor; otherwise ζ multiplies it.
     """
 
     on: str
     components: str = AXES
     value: float = 0.0
+    constant: bool = True
 
     def axes(self, gdim: int) -> list[int]:
         """Indices of the supported components, in a mesh of dimension ``gdim``."""
@@ -31,3 +35,21 @@ class Support:
                 f" the letters in '{AXES[:gdim]}'; write for instance components = 'x'."
             )
         return sorted(AXES.index(letter) for letter in wanted)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the displacement is anything but 0."""
+        return self.value != 0
+
+    def motion(self, x: Floats) -> Floats:
+        """Displacement of points (length), for ζ = 1; both of shape (n, gdim).
+
+        Raises:
+            InputError: If it is not finite.
+        """
+        if not np.isfinite(self.value):
+            raise InputError(
+                f"value = {self.value} of the support on '{self.on}' is not finite; give a"
+                " length, or 0 for none."
+            )
+        return np.full(x.shape, self.value)

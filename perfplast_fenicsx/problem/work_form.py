@@ -10,24 +10,35 @@ from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.mesh.kinematics import divergence
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.loads import LOADS, BodyForce, Formula, Load, PorePressure, Pressure
+from perfplast_fenicsx.problem.loads import (
+    LOADS,
+    BodyForce,
+    Formula,
+    Load,
+    PorePressure,
+    Pressure,
+)
 
 
 def work_form(tagged_mesh: TaggedMesh, loads: Sequence[Load], v: ufl.Argument) -> ufl.Form:
-    """The linear form L(v) of some loads, at least one. Collective.
+    """The linear form L(v) of some loads but forces on rigid surfaces, at least one. Collective.
 
     Raises:
         InputError: An unknown name, a value that is not finite, or a formula that is none.
     """
     mesh = tagged_mesh.mesh
-    ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged_mesh.facet_tags)
-    dx = ufl.Measure("dx", domain=mesh, subdomain_data=tagged_mesh.cell_tags)
+    kinematics = tagged_mesh.kinematics
+    ds, dx = (
+        kinematics.measure(ufl.Measure(kind, domain=mesh, subdomain_data=tags))
+        for kind, tags in (("ds", tagged_mesh.facet_tags), ("dx", tagged_mesh.cell_tags))
+    )
     terms = []
     for load in loads:
         density = _density(tagged_mesh, load)
         if isinstance(load, PorePressure):
-            terms.append(density[0] * ufl.div(v) * dx(tagged_mesh.volumes[load.on]))
+            terms.append(density[0] * divergence(kinematics, v) * dx(tagged_mesh.volumes[load.on]))
         elif isinstance(load, BodyForce):
             terms.append(ufl.inner(density, v) * dx(tagged_mesh.volumes[load.on]))
         elif isinstance(load, Pressure):

@@ -11,5 +11,6 @@ from .newton import Newton as Newton
 from .newton_options import Monitor as Monitor
 from .newton_options import NewtonOptions as NewtonOptions
 from .progress import Step as Step
+from .stage_stepping import stage_path as stage_path
 from .work_newton import BorderedNewton as BorderedNewton
 from .work_newton import WorkNewton as WorkNewton

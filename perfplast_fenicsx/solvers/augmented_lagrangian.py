@@ -31,6 +31,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.solvers.anderson import Anderson, elastic_weights
+from perfplast_fenicsx.solvers.friction_splitting import FrictionSplitting
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.progress import Step
 from perfplast_fenicsx.solvers.verdicts import BEYOND, above_limit
@@ -58,7 +59,8 @@ class AugmentedLagrangianOptions:
             primal and the dual residual stay comparable.
         relaxation: Over-relaxation θ in (0, 2); 1 is the paper's method.
         acceleration: "anderson" extrapolates e^k from the last iterations, going back to the plain
-            iteration whenever that does not reduce the residual; or "none".
+            iteration whenever that does not reduce the residual; or "none", which is taken too
+            where there is friction.
         tolerance: Bound of both relative residuals, ‖ε(u) − e‖_C/‖ε(u)‖_C (primal) and
             r‖e^{k+1} − e^k‖_C/‖σ‖_E (dual); between 0 and 1.
         max_iterations: Most iterations of a level, at least 1.
@@ -109,7 +111,10 @@ class AugmentedLagrangian(LevelSolver):
         self.options = options or AugmentedLagrangianOptions()
         criterion = "primal and dual residual met"
         super().__init__(problem, self.options.max_iterations, criterion)
-        self.program.set_operator(self.iterate.operator(rho=1.0))
+        operator = self.iterate.operator(rho=1.0)
+        rubs = problem.friction.count > 0
+        self._splitting = FrictionSplitting(problem, operator) if rubs else None
+        self.program.set_operator(operator)
         self._first_work = 0.0
 
         mesh, S = problem.tagged_mesh.mesh, problem.S
@@ -148,6 +153,8 @@ class AugmentedLagrangian(LevelSolver):
         self._q.x.array[:] = self.iterate.fields.e.x.array
         self._step_3.interpolate(self._sigma)
         self._anderson.restart()
+        if self._splitting is not None:
+            self._splitting.begin(self.iterate.jumps())
         return value, active
 
     def step(
@@ -167,7 +174,10 @@ class AugmentedLagrangian(LevelSolver):
         iterate.advance(1.0)
         self._step_2.interpolate(self._next_q)
         primal2, dual2 = self._primal2(), self._dual2()
-        if options.acceleration == "anderson":
+        if self._splitting is not None:
+            more = self._splitting.follow(iterate.jumps(), float(self._r.value))
+            primal2, dual2 = primal2 + more[0], dual2 + more[1]
+        elif options.acceleration == "anderson":
             self._anderson.extrapolate(self._q, self._next_q)
         self._q.x.array[:] = self._next_q.x.array
         self._step_3.interpolate(self._sigma)
@@ -191,7 +201,7 @@ class AugmentedLagrangian(LevelSolver):
         due = len(history) % CHECK_EVERY == 0
         if not due or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None
-        return above_limit(zeta, history)
+        return above_limit(zeta, history, self.problem.motion.driven)
 
     def _step_1_gradient(self, zeta: float) -> PETSc.Vec:
         """⟨σ^k + rC(ε(u) − e^k), ε(·)⟩ − L₀ − ζL₁ over r, in jump unknowns."""
@@ -200,6 +210,9 @@ class AugmentedLagrangian(LevelSolver):
         self.problem.loads.subtract_from(self._force, zeta)
         self._force.scale(1 / float(self._r.value))
         self.problem.basis.T.multTranspose(self._force, self._gradient)
+        if self._splitting is not None:
+            r = float(self._r.value)
+            self._splitting.add_gradient(self.iterate.jumps(), r, self._gradient)
         return self._gradient
 
     def _balance(self, primal: float, dual: float) -> None:

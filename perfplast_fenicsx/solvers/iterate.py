@@ -15,6 +15,7 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.contact.friction import norms
 from perfplast_fenicsx.problem.direction import Direction
 from perfplast_fenicsx.problem.energy_norms import RIGID
 from perfplast_fenicsx.problem.problem import Problem
@@ -22,6 +23,7 @@ from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.problem.stiffness import Stiffness
 from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.active_set.slip import Slip, slipping, stuck
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
 SLOPE_REDUCTION = 1e-3
@@ -41,6 +43,7 @@ class Iterate:
         direction: δu (nodal) and the integrals along it.
         y: u in jump unknowns.
         lifted: Whether the start had not yet what supports, interference and initial strain ask.
+        slip: How friction is linearised in the next step.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -55,6 +58,7 @@ class Iterate:
         self._gradient_y = problem.create_vector()
         self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
         self.lifted = False
+        self.slip: Slip = stuck(problem.friction.index.shape)
         self._operator = ContactOperator(problem, self._stiffness.matrix)
 
     def begin(self, start: State | None) -> PairFlags:
@@ -68,12 +72,10 @@ class Iterate:
         """
         problem, basis, u = self.problem, self.problem.basis, self.fields.u
         problem.remember(start.history if start else {})
-        if start is None:
-            u.x.array[:] = 0
-        else:
-            u.x.array[:] = start.u.x.array
+        u.x.array[:] = 0.0 if start is None else start.u.x.array
+        before = self._remembered(start)
         self.lifted = start is None and problem.initial_strain is not None
-        if problem.moves_supports:
+        if problem.motion.moves_supports:
             held, known = problem.fixed.ravel(), problem.prescribed[problem.fixed]
             moved = bool((u.x.array[held] != known).any())
             self.lifted |= problem.comm.allreduce(moved, MPI.LOR)
@@ -84,11 +86,37 @@ class Iterate:
             self.y.array[basis.index] = np.minimum(jumps, basis.gap)
             basis.T.mult(self.y, u.x.petsc_vec)
             u.x.scatter_forward()
-            self.lifted |= start is None
+            self.lifted |= start is None or problem.motion.driven
+        self._stick()
         self.fields.update()
         if self.lifted:  # or the first step would start from cells that yield without reason
-            self.fields.take_elastic_stress()
+            self.fields.take_elastic_stress(before)
         return problem.first_active.copy() if start is None else start.active.copy()
+
+    def _stick(self) -> None:
+        """Let places slip on that do so, by more than rounding. Collective."""
+        friction, comm = self.problem.friction, self.problem.comm
+        jumps, largest = self.jumps(), float(self.y.norm(PETSc.NormType.NORM_INFINITY))
+        sizes = norms(jumps)
+        slips = sizes > ROUNDING * largest
+        if comm.allreduce(int((~slips & (sizes > 0)).sum())):
+            self.y.array[friction.unknowns(~slips)] = 0
+            self.problem.basis.T.mult(self.y, self.fields.u.x.petsc_vec)
+            self.fields.u.x.scatter_forward()
+        self.slip = slipping(jumps, friction.bound, slips)
+
+    def jumps(self) -> Floats:
+        """Tangential jumps (length) of the places of friction hosted here."""
+        return self.problem.friction.jumps(self.y)
+
+    def _remembered(self, start: State | None) -> tuple[Floats, Floats] | None:
+        """Strain and stress of a state behind plastic flow, where it is to be moved from."""
+        problem = self.problem
+        moves = problem.motion.moves_supports or problem.motion.driven
+        if start is None or not (problem.history and moves):
+            return None
+        self.fields.update()
+        return self.fields.e.x.array.copy(), self.fields.stress.x.array.copy()
 
     def room(self) -> Floats:
         """Room g − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""
@@ -105,11 +133,30 @@ class Iterate:
         return self.problem.loads.work(self.fields.u.x.petsc_vec, zeta)
 
     def energy(self, zeta: float) -> float:
-        """J_ζ(u) = Ψ(ε(u)) − L₀(u) − ζL₁(u)."""
-        return self.fields.potential() - self.total_work(zeta)
+        """J_ζ(u) = Ψ(ε(u)) − L₀(u) − ζL₁(u), and that of friction."""
+        return self.fields.potential() - self.total_work(zeta) + self.rubbed()
+
+    def rubbed(self) -> float:
+        """Σ c‖s‖, which friction dissipates. Collective."""
+        friction = self.problem.friction
+        return self.problem.comm.allreduce(friction.energy(self.jumps())) if friction.count else 0.0
+
+    def _rubbing(self, beta: float) -> float:
+        """Derivative of that along δu, at u + β δu. Collective."""
+        friction = self.problem.friction
+        if not friction.count:
+            return 0.0
+        change = friction.jumps(self._delta_y)
+        return self.problem.comm.allreduce(friction.slope(self.jumps(), change, beta))
+
+    def _rubbing_size(self) -> float:
+        """Σ c‖d‖ over the tangential jumps d of δu. Collective."""
+        friction = self.problem.friction
+        change = friction.jumps(self._delta_y)
+        return self.problem.comm.allreduce(friction.energy(change)) if friction.count else 0.0
 
     def gradient(self, zeta: float) -> PETSc.Vec:
-        """⟨Σ(ε(u)), ε(·)⟩ − L₀ − ζL₁ in jump unknowns; valid until the next call."""
+        """⟨Σ(ε(u)), ε(·)⟩ − L₀ − ζL₁ in jump unknowns, friction apart; until the next call."""
         self.fields.assemble_force().copy(self._gradient_u)
         self.problem.loads.subtract_from(self._gradient_u, zeta)
         self.problem.basis.T.multTranspose(self._gradient_u, self._gradient_y)
@@ -118,6 +165,7 @@ class Iterate:
     def operator(self, rho: float) -> ContactOperator:
         """Σ^{o,ρ}(ε(u)) in jump unknowns; valid until the next call."""
         self._stiffness.assemble(rho)
+        self._operator.add_springs(None)
         return self._operator
 
     def aim(self, delta_y: PETSc.Vec) -> None:
@@ -139,11 +187,11 @@ class Iterate:
         direction = self.direction
         load = self.problem.loads.work(direction.du.x.petsc_vec, zeta)
         size2 = self.fields.stress_norm2() * direction.du_norm2()
-        noise = ROUNDING * float(np.sqrt(size2))
+        noise = ROUNDING * max(float(np.sqrt(size2)), self._rubbing_size())
 
         def slope(beta: float) -> float:
             direction.beta.value = beta
-            return direction.slope() - load
+            return direction.slope() - load + self._rubbing(beta)
 
         at_zero, at_one = slope(0.0), slope(1.0)
         enough = max(SLOPE_REDUCTION * abs(at_zero), noise)
@@ -178,13 +226,13 @@ class Iterate:
             return False
         here = self.total_work(zeta)
         direction.beta.value = (max(abs(work), 10 * abs(here)) - here) / along
-        return direction.slope() < along
+        return direction.slope() + self._rubbing(float(direction.beta.value)) < along
 
     def take_step(self, beta: float, stopping: str, zeta: float = 0.0) -> float:
         """Advance by β δu and tell how large the step was by a criterion of Remark 1.
 
         "energy" is the change of J_ζ, with ζ = 0, as for prescribed work, of Ψ − L₀, relative to
-        the same or, beside constant loads and supports that move, to Ψ + S.
+        the same or, beside what does not grow with ζ, to |Ψ| + ½‖σ‖².
         """
         if stopping != "energy":
             increment = self.increment(stopping)
@@ -194,8 +242,8 @@ class Iterate:
         self.advance(beta)
         after = self.energy(zeta)
         total = max(abs(after) + abs(before), self.least_norm2())
-        if not self.problem.is_proportional():  # J_ζ may pass zero
-            total = max(total, self.fields.potential() + self.fields.conjugate())
+        if self.problem.history or not self.problem.is_proportional():  # J_ζ may pass zero
+            total = max(total, self.fields.size())
         return abs(after - before) / total if total > 0 else 0.0
 
     def increment(self, stopping: str) -> float:
@@ -234,10 +282,9 @@ class Iterate:
     def first_work(self, zeta: float) -> float:
         """What later works are compared with, behind the first step. Collective.
 
-        L₀(u) + ζL₁(u), which may vanish, or Ψ + S, which does not.
+        L₀(u) + ζL₁(u), which may vanish, or |Ψ| + ½‖σ‖², which does not.
         """
-        fields = self.fields
-        return max(abs(self.total_work(zeta)), fields.potential() + fields.conjugate())
+        return max(abs(self.total_work(zeta)), self.fields.size())
 
     def advance(self, beta: float) -> None:
         """Take the step: u ← u + β δu."""

@@ -8,13 +8,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import ClassVar, Protocol
 
-from perfplast_fenicsx.arrays import PairFlags
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.errors import check_finite
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
+from perfplast_fenicsx.solvers.active_set.friction_qp import FrictionProgram
+from perfplast_fenicsx.solvers.coulomb import solve_coulomb
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor
@@ -122,6 +126,7 @@ class LevelSolver(Stepper, ABC):
         linear: The linear solver and its counts.
         iterate: u and its fields.
         program: Solver of the contact quadratic programs.
+        friction: Solver of those with friction; None where there is none.
     """
 
     method: ClassVar[str]
@@ -143,6 +148,10 @@ class LevelSolver(Stepper, ABC):
         self.program: ContactProgram = (
             lender.program if lender else ContactProgram(problem, self.linear)
         )
+        self.friction: FrictionProgram | None = None
+        if problem.friction.count:
+            shared = lender.friction if lender else None
+            self.friction = shared or FrictionProgram(problem, self.program)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.problem!r})"
@@ -166,7 +175,20 @@ class LevelSolver(Stepper, ABC):
             InputError: If the value is not finite.
         """
         check_finite(self.prescribes.value, value)
-        return solve_level(self, value, start, monitor)
+        self.problem.move_to(value)
+        if not self.problem.friction.follows_pressure:
+            return solve_level(self, value, start, monitor)
+        pushes = np.zeros_like(self.problem.basis.gap) if start is None else self._pushes(start)
+        return solve_coulomb(
+            self.problem, lambda state: solve_level(self, value, state, monitor), start, pushes
+        )
+
+    def _pushes(self, state: State) -> Floats:
+        """Contact forces of a state, shape (num_pairs,). Collective."""
+        self.iterate.begin(state)
+        gradient = self.iterate.gradient(state.zeta)
+        forces: Floats = -gradient.array_r[self.problem.basis.index]
+        return forces
 
     def at_rest(self, monitor: Monitor | None = None) -> Level:
         """The level ζ = 0: what constant loads and supports that move do alone. Collective."""

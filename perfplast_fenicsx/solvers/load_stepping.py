@@ -4,8 +4,10 @@
 from the elastic slope to the plateau of ζ(α).
 """
 
+import dataclasses
 import logging
 import math
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -34,8 +36,18 @@ MANY_ITERATIONS = 20
 BENT, STRAIGHT = 0.08, 0.02
 """Growth of ζ in a level above which steps in α shrink, and below which they grow."""
 
+LONGEST_LINE, LONGEST_RAY = 1.0, 4.0
+"""A level of a given path starts at most so many times as far from the last one as that is from
+the one before, and from the unloaded state: where bodies yield, the line soon leaves the path."""
+
+NO_LINE = 1e-12
+"""Two states whose loads differ by less, relative, are at one place."""
+
 MOST_HALVINGS = 6
 """A level is tried again with half the step so many times."""
+
+Counts = tuple[int, int, int]
+"""Systems solved, set-ups and Krylov iterations."""
 
 log = logging.getLogger(__name__)
 
@@ -85,16 +97,20 @@ def load_path(
     values: Sequence[float],
     monitor: Monitor | None = None,
     start: State | None = None,
+    before: State | None = None,
 ) -> Iterator[Level]:
-    """Solve for each prescribed value in turn, each from the one before. Collective.
+    """Solve for each prescribed value in turn, each on the line through the two before. Collective.
 
     Where loads are constant the first level is ζ = 0, which tells whether the bodies carry them.
+    Where nothing but ζ loads bodies without gaps, the unloaded state is on the line, too: elastic
+    levels are then multiples of each other.
 
     Args:
         solver: One of the four algorithms.
         values: Load parameters ζ or works α, rising or falling, as the solver prescribes.
         monitor: Called on every rank after each iteration.
         start: State to begin with; None for the unloaded one.
+        before: State of the level before that, where there is one.
 
     Yields:
         The levels. One that has not converged is the last: the state of the level before is the
@@ -107,11 +123,11 @@ def load_path(
             return
         start = level.state
     for value in values:
-        level = solver.solve(value, start, monitor)
+        level = solver.solve(value, _along(solver, before, start, value), monitor)
         yield level
         if not level.report.converged:
             return
-        start = level.state
+        before, start = start, level.state
 
 
 def work_path(
@@ -142,7 +158,7 @@ def work_path(
     last: State | None = None
     leap: Leap | None = None
     problem, rest = solver.problem, 0.0
-    from_rest = not problem.is_proportional()
+    from_rest = not problem.is_elastic_at_first()
     if reached is None and from_rest:
         level = solver.at_rest(monitor)
         yield level
@@ -150,13 +166,15 @@ def work_path(
             return
         steps, rest = level.report.newton_iterations, level.state.alpha
         reached = Reached(level.state, None, steps, rest)
+    began, counts = time.perf_counter(), solver.linear.counts()
     if reached is None:
-        elastic = solver.first_yield()
+        elastic = solver.near_yield()
         target, start = elastic.alpha, None if problem.has_gaps else elastic
     while True:
         if reached is not None:
             before, last, rest = reached.before, reached.last, reached.rest
             leap = ahead(reached) if ahead is not None else None
+            began, counts = time.perf_counter(), solver.linear.counts()
             if leap is not None:
                 target = leap.alpha
             elif from_rest and before is None:
@@ -171,10 +189,24 @@ def work_path(
             log.info("alpha = %.6g failed (%s): half the step", target, level.report.reason)
             target = _nearer(target, last.alpha if last else rest, rest)
             start = _start(problem, before, last, leap, target)
+        level = _with_all(level, time.perf_counter() - began, solver.linear.counts(), counts)
         yield level
         if not level.report.converged:
             return
         reached = Reached(level.state, last, level.report.newton_iterations, rest)
+
+
+def _with_all(level: Level, seconds: float, now: Counts, before: Counts) -> Level:
+    """A level with what led to it: the state near first yield, and steps that were too long."""
+    solves, setups, iterations = (a - b for a, b in zip(now, before, strict=True))
+    report = dataclasses.replace(
+        level.report,
+        seconds=seconds,
+        linear_solves=solves,
+        setups=setups,
+        linear_iterations=iterations,
+    )
+    return dataclasses.replace(level, report=report)
 
 
 def _next_factor(reached: Reached) -> float:
@@ -207,17 +239,49 @@ def _start(
     return State(u, last.zeta, alpha, last.active, last.history)
 
 
-def extrapolate(
-    problem: Problem, before: State | None, last: State | None, alpha: float
+def _along(
+    solver: LevelSolver, before: State | None, last: State | None, value: float
 ) -> State | None:
-    """The state at a work α on the line through two states (the first may be the unloaded one).
+    """Where the level of a prescribed value starts: on the line through the two before it."""
+    problem, prescribes = solver.problem, solver.prescribes
+    if before is None and (problem.has_gaps or not problem.is_proportional()):
+        return last
+    longest = LONGEST_LINE if before else LONGEST_RAY
+    return extrapolate(problem, before, last, value, prescribes, longest)
+
+
+def extrapolate(
+    problem: Problem,
+    before: State | None,
+    last: State | None,
+    value: float,
+    prescribes: Prescribed = Prescribed.WORK,
+    longest: float = math.inf,
+) -> State | None:
+    """The state at a prescribed value on the line through two states.
 
     Its active set and history are those of the last level.
+
+    Args:
+        problem: Whose states they are.
+        before: The earlier state; None for the unloaded one.
+        last: The later state.
+        value: ζ or α.
+        prescribes: Which of the two.
+        longest: How far from the last state it may be, in distances of the two.
+
+    Returns:
+        The state; the last one itself where the two are not apart.
     """
-    earlier = (before.u.x.array, before.alpha) if before else (0.0, 0.0)
-    if last is None or last.alpha <= earlier[1]:
+    if last is None:
+        return None
+    earlier, here = prescribes.of(before) if before else 0.0, prescribes.of(last)
+    if abs(here - earlier) <= NO_LINE * max(abs(here), abs(earlier)):
         return last
-    stretch = (alpha - last.alpha) / (last.alpha - earlier[1])
+    stretch = float(np.clip((value - here) / (here - earlier), -longest, longest))
     u = fem.Function(problem.V, name="displacement")
-    u.x.array[:] = last.u.x.array + stretch * (last.u.x.array - np.asarray(earlier[0]))
-    return State(u, last.zeta, alpha, last.active, last.history)
+    first = before.u.x.array if before else 0.0
+    u.x.array[:] = last.u.x.array + stretch * (last.u.x.array - first)
+    alpha = last.alpha + stretch * (last.alpha - (before.alpha if before else 0.0))
+    zeta = last.zeta + stretch * (last.zeta - (before.zeta if before else 0.0))
+    return State(u, zeta, alpha, last.active, last.history)

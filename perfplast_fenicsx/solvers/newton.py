@@ -71,7 +71,7 @@ class Newton(LevelSolver):
         """Whether J_ζ falls on for ever. Collective."""
         if len(history) < 3 or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None
-        return above_limit(zeta, history)
+        return above_limit(zeta, history, self.problem.motion.driven)
 
 
 def newton_direction(
@@ -98,15 +98,17 @@ def newton_direction(
         LinearFailure: If a linear system cannot be solved.
     """
     iterate = solver.iterate
-    solver.program.set_operator(iterate.operator(rho))
-    return solver.program.solve(
-        iterate.gradient(zeta),
-        iterate.room(),
-        active,
-        rtol=forcing(history[-1].increment if history else 1.0, options.tolerance),
-        exact=exact_active_set(options, history),
-        work=work,
-    )
+    operator, gradient, room = iterate.operator(rho), iterate.gradient(zeta), iterate.room()
+    rtol = forcing(history[-1].increment if history else 1.0, options.tolerance)
+    exact = exact_active_set(options, history)
+    if solver.friction is None:
+        solver.program.set_operator(operator)
+        return solver.program.solve(gradient, room, active, rtol, exact, work)
+    solver.friction.set_operator(operator)
+    jumps, slip = iterate.jumps(), iterate.slip
+    found = solver.friction.solve(gradient, room, active, jumps, slip, rtol, exact, work)
+    iterate.slip = found.slip
+    return found.step
 
 
 def criterion_met(options: NewtonOptions) -> str:

@@ -119,6 +119,10 @@ class Progress:
             seconds=time.perf_counter() - self._began,
             reactions=certificate.resultants.forces,
             balance=certificate.resultants.balance,
+            slipping=certificate.friction.slipping,
+            friction_dissipation=certificate.friction.energy,
+            friction_excess=certificate.friction.excess,
+            driving_force=certificate.resultants.driving,
         )
         stress = fem.Function(problem.S, name="stress")
         stress.x.array[:] = fields.stress.x.array

@@ -11,17 +11,24 @@ CREDIBLE = 1e-2
 """A state with a larger duality gap is no solution, whatever the steps to it were."""
 
 
-def above_limit(zeta: float, history: Sequence[Iteration]) -> str:
-    """The verdict that (P)_ζ has no solution, with its evidence."""
+def above_limit(zeta: float, history: Sequence[Iteration], driven: bool = False) -> str:
+    """The verdict that (P)_ζ has no solution, with its evidence.
+
+    Args:
+        zeta: Load factor.
+        history: The steps so far.
+        driven: Whether ζ moves supports and obstacles, and no load grows.
+    """
     first, last = history[0], history[-1]
-    if zeta == 0:
+    if zeta == 0 or driven:
         return (
-            f"the constant loads alone are above what the bodies carry: at ζ = 0 J fell from"
-            f" {first.energy:.4g} to {last.energy:.4g}, and falls on along a collapse mechanism"
-            f" beyond {BEYOND:g} times the work of the first step"
+            f"the constant loads alone are above what the bodies carry: at ζ = {zeta:.9g} J fell"
+            f" from {first.energy:.4g} to {last.energy:.4g}, and falls on along a collapse"
+            f" mechanism beyond {BEYOND:g} times the work of the first step"
         )
+    side = "above the limit load" if zeta > 0 else "below the lower limit load"
     return (
-        f"no equilibrium exists at ζ = {zeta:.9g}, it is above the limit load: J_ζ fell from"
+        f"no equilibrium exists at ζ = {zeta:.9g}, it is {side}: J_ζ fell from"
         f" {first.energy:.4g} to {last.energy:.4g} while the work of the loads grew from"
         f" {first.alpha:.4g} to {last.alpha:.4g}, and falls on along a collapse mechanism beyond"
         f" {BEYOND:g} times the first"

@@ -24,10 +24,15 @@ from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level, State
+from perfplast_fenicsx.solvers.active_set.equality_qp import NOTHING_HELD, Held
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton import Newton, criterion_met, newton_direction
 from perfplast_fenicsx.solvers.newton_options import Monitor, NewtonOptions, regularisation
 from perfplast_fenicsx.solvers.progress import Step
+
+NEAR, FEW = 1e-4, 3
+"""Tolerance of the linear solves for a state near first yield, and how often its active set may
+change."""
 
 
 class WorkNewton(LevelSolver):
@@ -57,9 +62,10 @@ class WorkNewton(LevelSolver):
         """Find ζ, the multiplier of the work equality, and u with L₁(u) = α. Collective.
 
         Raises:
-            InputError: If α is not finite, or negative where nothing but ζ loads the bodies.
+            InputError: If α is not finite, or negative where nothing but ζ loads the bodies, which
+                remember nothing.
         """
-        if value < 0 and self.problem.is_proportional():
+        if value < 0 and self.problem.is_proportional() and not self.problem.history:
             raise InputError(f"the work alpha = {value} is negative; give zero or more.")
         return super().solve(value, start, monitor)
 
@@ -115,7 +121,9 @@ class WorkNewton(LevelSolver):
         iterate, loads = self.iterate, self.problem.loads
         active = iterate.begin(rest)
         self.program.set_operator(iterate.operator(1.0))
-        iterate.aim(self.program.response(loads.live, active, rtol=1e-8))
+        sliding = self.problem.basis.sliding
+        stuck = Held(sliding, np.zeros(len(sliding))) if self.friction else NOTHING_HELD
+        iterate.aim(self.program.response(loads.live, active, rtol=1e-8, given=stuck))
         unit = iterate.direction.du
         iterate.fields.e.x.array[:] = iterate.direction.de.x.array
         overstress = iterate.fields.largest_overstress()
@@ -131,17 +139,40 @@ class WorkNewton(LevelSolver):
             InputError: If something besides ζ loads the bodies.
             LinearFailure: If the elastic problem cannot be solved.
         """
-        if not self.problem.is_proportional():
+        if not self.problem.is_elastic_at_first():
             raise InputError(
-                "supports move, loads are constant or bodies are strained at first, so that the"
-                " first yield is no multiple of an elastic state; leave out what does not grow with"
-                " the load factor."
+                "surfaces rub, supports move, loads are constant or bodies are strained at first,"
+                " so that the first yield is no multiple of an elastic state; leave out what does"
+                " not grow with the load factor."
             )
+        return self._yielding(rtol=1e-8, rounds=None)
+
+    def near_yield(self) -> State:
+        """A state near :meth:`first_yield`, which is not worth much work. Collective.
+
+        Its work has two digits, so that it does not depend on what solvers leave.
+
+        Raises:
+            LinearFailure: If the elastic problem cannot be solved.
+        """
+        state = self._yielding(rtol=NEAR, rounds=FEW)
+        alpha = float(f"{state.alpha:.1e}")
+        scale = alpha / state.alpha if state.alpha > 0 else 1.0
+        state.u.x.array[:] *= scale
+        return State(state.u, scale * state.zeta, scale * state.alpha, state.active)
+
+    def _yielding(self, rtol: float, rounds: int | None) -> State:
+        """The multiple of an elastic state that yields first; active sets to the end, or a few."""
         iterate = self.iterate
         closed = np.zeros_like(self.problem.basis.gap)
         iterate.begin(None)
         self.program.set_operator(iterate.operator(1.0))
-        unit = self.program.solve(iterate.gradient(1.0), closed, closed <= 0, rtol=1e-8)
+        gradient, active = iterate.gradient(1.0), closed <= 0
+        unit = self.program.solve(gradient, closed, active, rtol, exact=rounds is None)
+        for _ in range(rounds or 0):
+            if unit.settled:
+                break
+            unit = self.program.solve(gradient, closed, unit.active, rtol, exact=False)
         iterate.aim(unit.delta)
         iterate.advance(1.0)
         overstress = iterate.fields.largest_overstress()

@@ -48,8 +48,12 @@ def blocks_apart(
     span: tuple[float, float] = (0.0, 1.0),
     angle: float = 0.0,
     height: float = 1.0,
+    slope: float = 0.0,
 ) -> TaggedMesh:
-    """The unit block and one on top of it over the square of a span, with these counts of cells."""
+    """The unit block and one on top of it over the square of a span, with these counts of cells.
+
+    The seam may be inclined along x, without the ends of the blocks.
+    """
     gdim = len(lower)
     wide = gdim - 1
     x, cells = block(lower, [0.0] * gdim, [1.0] * gdim, 0.0, 1)
@@ -58,6 +62,7 @@ def blocks_apart(
     volume = np.repeat([LOWER, UPPER], [len(cells), len(more)]).astype(np.int32)
     cells = np.concatenate([cells, more + len(x)])
     x = np.concatenate([x, y])
+    x[:, wide] += slope * (x[:, 0] - 0.5) * (1 - np.abs(x[:, wide] - 1))
     mine = slice(None) if comm.rank == 0 else slice(0)
     kind = CellType.triangle if gdim == 2 else CellType.tetrahedron
     domain = ufl.Mesh(basix.ufl.element("Lagrange", kind.name, 1, shape=(gdim,)))
@@ -67,9 +72,9 @@ def blocks_apart(
     cell_of = mesh.topology.connectivity(gdim - 1, gdim)
     names = {
         "bottom": (LOWER, lambda z: np.isclose(z[wide], 0)),
-        "lower_top": (LOWER, lambda z: np.isclose(z[wide], 1)),
+        "lower_top": (LOWER, lambda z: np.isclose(z[wide], 1 + slope * (z[0] - 0.5))),
         "x0": (LOWER, lambda z: np.isclose(z[0], 0)),
-        "upper_bottom": (UPPER, lambda z: np.isclose(z[wide], height)),
+        "upper_bottom": (UPPER, lambda z: np.isclose(z[wide], height + slope * (z[0] - 0.5))),
         "top": (UPPER, lambda z: np.isclose(z[wide], height + 1)),
     }
     if gdim == 3:

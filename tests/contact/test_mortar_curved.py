@@ -6,11 +6,14 @@ from typing import Any
 from mpi4py import MPI
 from petsc4py import PETSc
 
+import numpy as np
 import pytest
 
+from meshes.thick_tube import OUTER, write_thick_tube
 from perfplast_fenicsx import (
     Contact,
     Newton,
+    OutputFields,
     Pressure,
     Problem,
     Support,
@@ -19,9 +22,10 @@ from perfplast_fenicsx import (
     limit_load,
 )
 from tests.checks import assert_solved
-from tests.contact.curved_bodies import RADII, write_tubes_apart
 from tests.models import Read, touching_blocks, wedge_problem
 
+SEAM = 1.15
+APART: dict[str, Any] = {"interface": SEAM, "size": 0.1, "order": 2, "finer": 1.5}
 TUBE = VonMises(young=70e3, poisson=0.3, yield_stress=250.0)
 
 
@@ -40,23 +44,58 @@ def tubes(assembly: TaggedMesh, gap: Any = None, hosts: Any = None) -> Problem:
 @pytest.mark.parametrize("hosts", ["primary", "secondary"])
 def test_burst_pressure_of_tube_in_tube(read: Read, hosts: Any) -> None:
     """2k ln(b/a) for tubes whose nodes do not match; R. Hill 1950, chapter V."""
-    problem = tubes(read(write_tubes_apart, size=0.1), hosts=hosts)
+    problem = tubes(read(write_thick_tube, **APART), hosts=hosts)
     assert not problem.has_gaps  # the arcs are taken for what they are
     found = limit_load(problem)
-    exact = 2 / math.sqrt(3) * TUBE.yield_stress * math.log(RADII[-1] / RADII[0])
+    exact = 2 / math.sqrt(3) * TUBE.yield_stress * math.log(OUTER)
     assert found.estimate == pytest.approx(exact, rel=1e-4)
 
 
 def test_linear_facets_of_touching_arcs_have_no_gap(read: Read) -> None:
-    assert not tubes(read(write_tubes_apart, size=0.1, order=1)).has_gaps
+    assert not tubes(read(write_thick_tube, **APART | {"order": 1})).has_gaps
 
 
 def test_gap_is_a_formula_on_the_primary_surface(read: Read) -> None:
-    assembly = read(write_tubes_apart, size=0.1)
+    assembly = read(write_thick_tube, **APART)
     gap = "1e-3*(x**2 + y**2)"
     for hosts in ("primary", "secondary"):
         given = tubes(assembly, gap, hosts).constraints.gap
-        assert given == pytest.approx(1e-3 * RADII[1] ** 2, rel=1e-6)
+        assert given == pytest.approx(1e-3 * SEAM**2, rel=1e-6)
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("hosts", ["primary", "secondary"])
+def test_press_fit_of_tubes(read: Read, hosts: Any, comm: MPI.Intracomm) -> None:
+    """Tubes that are made too large by δ, in plane strain; S. Timoshenko, J. N. Goodier 1970, § 28.
+
+    p = Eδ (c² − a²)(b² − c²) / (2(1 − ν²) c³ (b² − a²)) for the radii a, c, b and one material.
+    """
+    a, c, b, overlap = 1.0, 1.5, 2.5, 1.5e-3
+    steel = VonMises(young=2e5, poisson=0.3, yield_stress=1e3)
+    shape = {"outer": b, "interface": c, "size": 0.2, "order": 2, "finer": 1.5}
+    problem = Problem(
+        read(write_thick_tube, **shape),
+        {"inner_tube": steel, "outer_tube": steel},
+        [Support("x0", "x"), Support("y0", "y")],
+        [Pressure("inner", 1.0)],
+        [
+            Contact(
+                "inner_tube_seam", "outer_tube_seam", gap=-overlap, interference=True, hosts=hosts
+            )
+        ],
+        degree=2,
+    )
+    level = Newton(problem).solve(0.0)
+    assert_solved(level)
+    assert abs(level.report.duality_gap) < 1e-11
+    assert level.report.active_contacts == problem.num_pairs
+    exact = 2e5 * overlap * (c**2 - a**2) * (b**2 - c**2)
+    exact /= 2 * (1 - 0.3**2) * c**3 * (b**2 - a**2)
+    fields = OutputFields(problem)
+    shown = comm.allreduce(fields.update(level)["contact_pressure"].x.array.max(initial=0), MPI.MAX)
+    assert shown == pytest.approx(exact, rel=1e-2)
+    mean = np.linalg.norm(fields.resultants[0]) / (math.sqrt(2) * c)
+    assert mean == pytest.approx(exact, rel=2e-3)
 
 
 @pytest.mark.mpi3

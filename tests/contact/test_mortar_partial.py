@@ -171,3 +171,28 @@ def test_linear_pressure_between_quadratic_elements(hosts: Any, comm: MPI.Intrac
     assert largest(comm, u[:, 1] - vertical) < 1e-11 / lower.young
     aside = slope * (high**2 / upper.young / 2 + high / lower.young)
     assert largest(comm, (u[:, 0] - aside)[Y > 1 + 1e-9]) < 1e-11 / lower.young
+
+
+@pytest.mark.parametrize("hosts", ["primary", "secondary"])
+def test_linear_pressure_in_space(hosts: Any, comm: MPI.Intracomm) -> None:
+    """Multipliers on quadratic triangles hold no linear pressure; the error falls with h² or so."""
+    slope = 0.7
+    lower, upper = VonMises(1e5, 0.0, 1e4), VonMises(3e5, 0.0, 1e4)
+    errors = []
+    for n in (1, 2):
+        problem = Problem(
+            blocks_apart(comm, (2 * n, 2 * n, 1), (3 * n, 3 * n, 1)),
+            {"lower": lower, "upper": upper},
+            [Support("bottom"), Support("upper_bottom", "xy")],
+            [Pressure("top", f"1 + {slope}*x")],
+            [Contact("upper_bottom", "lower_top", hosts=hosts)],
+            degree=2,
+        )
+        level = Newton(problem).solve(1.0)
+        assert_solved(level)
+        x, _, z = problem.V.tabulate_dof_coordinates().T
+        low, high = np.minimum(z, 1) / lower.young, np.maximum(z - 1, 0) / upper.young
+        down = level.state.u.x.array.reshape(-1, 3)[:, 2] + (1 + slope * x) * (low + high)
+        errors.append(largest(comm, down) * lower.young)
+    assert errors[0] < 5e-3
+    assert errors[1] < errors[0] / 4

@@ -41,16 +41,20 @@ def sheared(gdim: int, degree: int, **tie: Any) -> Problem:
 
 @pytest.mark.mpi3
 @pytest.mark.parametrize(
-    ("gdim", "degree", "hosts"), list(product((2, 3), (1, 2), ("primary", "secondary")))
+    ("gdim", "degree", "hosts", "slope"),
+    [
+        *product((2, 3), (1, 2), ("primary", "secondary"), (0.0,)),
+        *product((2, 3), (1, 2), ("secondary",), (0.4,)),
+    ],
 )
 def test_uniform_tension_is_transmitted(
-    gdim: int, degree: int, hosts: Any, comm: MPI.Intracomm
+    gdim: int, degree: int, hosts: Any, slope: float, comm: MPI.Intracomm
 ) -> None:
-    """A linear displacement of both bodies: no pressure holds them together."""
+    """A linear displacement of both bodies: no pressure holds them together, nor friction."""
     vertical = "xyz"[gdim - 1]
     sides = [f"{body}{axis}0" for axis in "xyz"[: gdim - 1] for body in ("", "upper_")]
     problem = Problem(
-        blocks_apart(comm, *COUNTS[gdim]),
+        blocks_apart(comm, *COUNTS[gdim], slope=slope),
         {"lower": STEEL, "upper": STEEL},
         [Support("bottom", vertical), *(Support(side, side[-2]) for side in sides)],
         [Pressure("top", -1.0)],
@@ -111,9 +115,9 @@ def test_glue_certifies_and_is_the_same_on_one_rank(gdim: int, comm: MPI.Intraco
 
 @pytest.mark.parametrize("degree", [2])
 def test_limit_load_of_glued_blocks_in_tension(degree: int) -> None:
-    """2k in plane strain, as for one block."""
+    """2k in plane strain, as for one block, across an inclined seam."""
     problem = Problem(
-        blocks_apart(MPI.COMM_WORLD, *COUNTS[2]),
+        blocks_apart(MPI.COMM_WORLD, *COUNTS[2], slope=0.4),
         {"lower": STEEL, "upper": STEEL},
         [Support("bottom", "y"), Support("x0", "x"), Support("upper_x0", "x")],
         [Pressure("top", -1.0)],
@@ -137,7 +141,7 @@ def test_bad_ties_are_refused() -> None:
     assert_refused(lambda: make(Tie("x0", "top")), ["tie 1", "nowhere opposite"])
     assert_refused(lambda: make(tie, tie), ["ring"])
     moved = [Support("bottom"), Support("upper_x0", "x", 1e-3)]
-    assert_refused(lambda: make(tie, supports=moved), ["ties and supports that move"])
+    assert_refused(lambda: make(tie, supports=moved), ["support moves nodes of a tied surface"])
     both = {"contacts": [Contact("lower_top", "upper_bottom")]}
     assert_refused(lambda: make(tie, **both), ["ring", "ties"])
 
@@ -160,6 +164,30 @@ def test_supports_at_a_seam_are_told_their_own_forces(
     assert report.balance < 1e-12
     np.testing.assert_allclose(report.reactions["support bottom"][-1], 10.0, rtol=1e-10)
     np.testing.assert_allclose(report.reactions["support x0"], np.zeros(gdim), atol=1e-9)
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("degree", [1, 2])
+def test_glued_blocks_between_plates(degree: int, comm: MPI.Intracomm) -> None:
+    """A support that moves and holds no node of the seam: stress E'd/H, and the reaction of it."""
+    problem = Problem(
+        blocks_apart(comm, *COUNTS[2]),
+        {"lower": STEEL, "upper": STEEL},
+        [
+            Support("bottom", "y"),
+            Support("top", "y", -1e-3),
+            Support("x0", "x"),
+            Support("upper_x0", "x"),
+        ],
+        [Pressure("upper_bottom", 1.0)],
+        degree=degree,
+        ties=[Tie("lower_top", "upper_bottom")],
+    )
+    level = Newton(problem).solve(0.0)
+    assert level.report.converged
+    assert abs(level.report.duality_gap) < 1e-11
+    stress = 2e5 / (1 - 0.3**2) * 1e-3 / 2
+    np.testing.assert_allclose(level.report.reactions["support top"], [0, -stress], atol=1e-8)
 
 
 @pytest.mark.parametrize("height", [1.0, 1.2])

@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import pytest
 
-from benchmarks import case
+from benchmarks import case, limit
 from benchmarks.catalogue import GROUPS
 from benchmarks.elastic import Elasticity
 from benchmarks.goals import GOALS, Goal
@@ -35,6 +35,16 @@ def test_a_record_fills_the_tables(comm: MPI.Intracomm, shared_tmp_path: Path) -
     assert is_wrong(record | {"reference_error": 1e-6})
     text = report({"scaling": {"a job": [record, None]}})
     assert "FAILED" in text and f"{record['E_path']:.1f}" in text
+
+
+def test_a_limit_load_is_measured(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    output = shared_tmp_path / "record.json"
+    limit.main(["l_plate", "--n", "1", "--units", "1", "-o", str(output)])
+    comm.Barrier()
+    record = json.loads(output.read_text(encoding="utf-8"))
+    assert not is_wrong(record)
+    assert record["lower"] <= record["upper"] <= record["lower"] * 1.001
+    assert f"{record['E_path']:.1f}" in report({"bolted_limit": {"a job": [record]}})
 
 
 def test_goals_name_groups_and_are_judged() -> None:

@@ -36,7 +36,7 @@ def test_both_bounds_are_the_best_of_the_mesh(shared_tmp_path: Path, seed: int, 
     assert bounds.mesh.estimate is not None
 
     folder = ResultFolder(COMM, shared_tmp_path)
-    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds))
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
     with h5py.File(folder.file("bounds.h5")) as file:
         bodies = {kind: Body.of({n: a[()] for n, a in file[kind].items()}) for kind in file}
         nodes = file["upper"]["nodes"][()]

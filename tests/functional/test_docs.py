@@ -24,7 +24,7 @@ from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
-from perfplast_fenicsx.problem.supports import Support
+from perfplast_fenicsx.problem.stage import Stage
 from perfplast_fenicsx.solvers.methods import METHODS
 from tests.test_walls import BELOW
 
@@ -33,16 +33,19 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 TABLES = {
     "[mesh]": [schemas.MeshFile],
     "[material.NAME]": [*MATERIALS.values()],
-    "[[support]]": [Support],
+    "[[support]]": [schemas.SupportTable],
     "[[load]]": [schemas.LoadTable],
     "[[temperature]]": [Temperature],
     "[[initial_stress]]": [InitialStress],
     "[[contact]]": [Contact],
     "[[obstacle]]": [*OBSTACLES.values()],
+    "[[rigid_surface]]": [schemas.RigidSurfaceTable],
     "[[tie]]": [Tie],
+    "[model]": [schemas.ModelOptions],
     "[element]": [schemas.ElementOptions],
     "[solve]": [entry.options for entry in METHODS.values()],
     "[loading]": [*LOADINGS.values()],
+    "[[stage]]": [Stage],
     "[output]": [schemas.OutputOptions],
     "[units]": [Units],
 }

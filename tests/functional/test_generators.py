@@ -3,7 +3,7 @@
 import runpy
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import asin, pi, sqrt
+from math import asin, cos, pi, sin, sqrt
 from pathlib import Path
 
 from mpi4py import MPI
@@ -13,21 +13,27 @@ import numpy.typing as npt
 import pytest
 from dolfinx.mesh import entities_to_geometry
 
+from meshes.beam_on_prop import write_beam_on_prop
 from meshes.contact_patch import write_contact_patch
 from meshes.corner_seat import LEG, write_corner_seat
 from meshes.cracked_strip import write_cracked_strip
+from meshes.footing import write_footing
 from meshes.hertz_line import ARC, write_hertz_line
 from meshes.hertz_sphere import CAP, write_hertz_sphere
 from meshes.plate_with_hole import write_plate_with_hole
 from meshes.platens import PLATEN, write_platens
+from meshes.ring import write_ring
 from meshes.rough_cube import HALF, write_rough_cube
 from meshes.rough_cube import PLATEN as LAYER
+from meshes.shaft import write_shaft
+from meshes.square_bar import write_square_bar
 from meshes.square_punch import DEPTH as DEEP
 from meshes.square_punch import PUNCH, write_square_punch
 from meshes.square_punch import WIDTH as GROUND
 from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
 from meshes.thick_sphere import write_thick_sphere
 from meshes.thick_tube import write_thick_tube
+from meshes.tube_polygon import write_tube_polygon
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
@@ -96,6 +102,20 @@ CASES = [
         rel=1e-4,
     ),
     Case(
+        write_thick_tube,
+        {"outer": 2.0, "interface": 1.5, "size": 0.2, "order": 2, "finer": 1.5},
+        {"inner_tube": quarter * (1.5**2 - 1), "outer_tube": quarter * (4 - 1.5**2)},
+        {
+            "inner": (-1, -1),
+            "outer": (2, 2),
+            "x0": (-1, 0),
+            "y0": (0, -1),
+            "inner_tube_seam": (1.5, 1.5),
+            "outer_tube_seam": (-1.5, -1.5),
+        },
+        rel=1e-4,
+    ),
+    Case(
         write_thick_sphere,
         {"size": 0.4},
         {"shell": pi / 6 * 7},
@@ -155,6 +175,61 @@ CASES = [
         gdim=3,
     ),
     Case(
+        write_ring,
+        {"inner": 0.0, "interface": 1.5, "size": 0.3},
+        {"inner_ring": 0.75, "outer_ring": 0.25},
+        {
+            "inner": (-0.5, 0),
+            "outer": (0.5, 0),
+            "bottom": (0, -2),
+            "top": (0, 2),
+            "inner_ring_seam": (0.5, 0),
+            "outer_ring_seam": (-0.5, 0),
+        },
+        [("inner_ring_seam", "outer_ring_seam")],
+    ),
+    Case(
+        write_footing,
+        {"size": 1.0},
+        {"ground": 48},
+        {"bottom": (0, -12), "sides": (0, 0), "footing": (0, 2), "free": (0, 10)},
+    ),
+    Case(
+        write_shaft,
+        {"hub": 2.0, "size": 0.3, "order": 2},
+        {"shaft": pi / 4, "hub": 3 * pi / 4},
+        {
+            "outer": (2, 2),
+            "x0": (-2, 0),
+            "y0": (0, -2),
+            "shaft_seam": (1, 1),
+            "hub_seam": (-1, -1),
+        },
+        [("shaft_seam", "hub_seam")],
+        rel=2e-3,
+    ),
+    Case(
+        write_shaft,
+        {"length": 0.5, "size": 0.5, "order": 2},
+        {"shaft": pi / 8},
+        {
+            "outer": (0.5, 0.5, 0),
+            "x0": (-0.5, 0, 0),
+            "y0": (0, -0.5, 0),
+            "z0": (0, 0, -pi / 4),
+            "z1": (0, 0, pi / 4),
+        },
+        rel=2e-3,
+        gdim=3,
+    ),
+    Case(
+        write_square_bar,
+        {"length": 0.5, "size": 0.25},
+        {"bar": 0.125},
+        {"x0": (-0.25, 0, 0), "y0": (0, -0.25, 0), "z0": (0, 0, -0.25), "z1": (0, 0, 0.25)},
+        gdim=3,
+    ),
+    Case(
         write_strip_footing,
         {"size": 0.5},
         {"ground": WIDTH * DEPTH},
@@ -180,6 +255,20 @@ CASES = [
             "punch_footing": (0, -1),
         },
         [("ground_footing", "punch_footing")],
+    ),
+    Case(
+        write_strip_footing,
+        {"punch": True, "size": 0.5, "finer": 1.5},
+        {"ground": WIDTH * DEPTH, "punch": 1},
+        {
+            "x0": (-DEPTH - 1, 0),
+            "bottom": (0, -WIDTH),
+            "side": (DEPTH, 0),
+            "free": (0, WIDTH - 1),
+            "top": (0, 1),
+            "ground_footing": (0, 1),
+            "punch_footing": (0, -1),
+        },
     ),
     Case(
         write_contact_patch,
@@ -259,6 +348,30 @@ CASES = [
         {"inner": (0, -1), "outer": (0, -2), "x0": (-4, 0), "side": (4, 0), "top": (0, 3)},
     ),
     Case(
+        write_beam_on_prop,
+        {"size": 30.0},
+        {"beam": 20000, "block": 10000},
+        {
+            "wall": (-50, 0),
+            "floor": (0, -100),
+            "top": (0, 400),
+            "beam_seam": (0, -100),
+            "block_seam": (0, 100),
+        },
+        pairs=[("beam_seam", "block_seam")],
+    ),
+    Case(
+        write_tube_polygon,
+        {"lesser": True, "size": quarter * 2 / 3},
+        {"tube": 3 * sin(pi / 6) / 2 * (4 - 1 / cos(pi / 12) ** 2)},
+        {
+            "inner": (-1 / cos(pi / 12), -1 / cos(pi / 12)),
+            "outer": (2, 2),
+            "x0": (1 / cos(pi / 12) - 2, 0),
+            "y0": (0, 1 / cos(pi / 12) - 2),
+        },
+    ),
+    Case(
         write_plate_with_hole,
         {"size": 1.0, "order": 2},
         {"plate": 18.75},
@@ -304,6 +417,21 @@ CASES = [
         },
         rel=3e-2,
         gdim=3,
+    ),
+    Case(
+        write_hertz_line,
+        {"contact_size": 0.05, "bodies": 2, "order": 2, "finer": 1.5},
+        {"lower": quarter, "upper": quarter},
+        {
+            "x0": (-2, 0),
+            "top": (0, 1),
+            "bottom": (0, -1),
+            "upper_arc": (arc_height, -ARC),
+            "upper_free": (1 - arc_height, ARC - 1),
+            "lower_arc": (arc_height, ARC),
+            "lower_free": (1 - arc_height, 1 - ARC),
+        },
+        rel=1e-5,
     ),
     Case(
         write_hertz_sphere,

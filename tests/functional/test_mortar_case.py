@@ -7,9 +7,18 @@ from mpi4py import MPI
 
 import pytest
 
+from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import SOLVED
-from tests.contact.curved_bodies import write_tubes_apart
+
+REFUSED = [
+    ('[[contact]]\nprimary = "x0"\nsecondary = "y0"', "nowhere opposite each other"),
+    ('[[tie]]\nprimary = "x0"\nsecondary = "inner_tube_seam"', "nowhere opposite each other"),
+    (
+        2 * '[[tie]]\nprimary = "inner_tube_seam"\nsecondary = "outer_tube_seam"\n',
+        "leave one of the contacts or ties of the ring out",
+    ),
+]
 
 CASE = """
 title = "Tube in tube"
@@ -53,7 +62,9 @@ def test_bodies_meshed_apart(
     case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
     if comm.rank == 0:
         case.write_text(CASE, encoding="utf-8")
-        write_tubes_apart(shared_tmp_path / "tubes.msh", size=0.1)
+        write_thick_tube(
+            shared_tmp_path / "tubes.msh", interface=1.15, size=0.1, order=2, finer=1.5
+        )
     comm.barrier()
     assert main(["run", str(case), "-o", str(results)]) == SOLVED
     out = capsys.readouterr().out
@@ -64,3 +75,24 @@ def test_bodies_meshed_apart(
     assert [step["converged"] for step in steps] == [True, True]
     assert all(abs(step["duality_gap"]) < 1e-11 for step in steps)
     assert all(step["active_contacts"] == 49 for step in steps)
+
+
+def test_what_cannot_be_joined_is_refused(
+    shared_tmp_path: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In one sentence each, before any run begins."""
+    if comm.rank == 0:
+        write_thick_tube(
+            shared_tmp_path / "tubes.msh", interface=1.15, size=0.2, order=2, finer=1.5
+        )
+    for number, (rows, words) in enumerate(REFUSED):
+        case = shared_tmp_path / f"{number}.toml"
+        if comm.rank == 0:
+            before, after = CASE.split("[[contact]]")
+            case.write_text(f"{before}{rows}\n[element]{after.split('[element]')[1]}")
+        comm.barrier()
+        assert main(["run", str(case), "-o", str(shared_tmp_path / f"results_{number}")]) == 2
+        error = capsys.readouterr().err
+        if comm.rank == 0:
+            assert words in error
+            assert error.count("\n") == 1

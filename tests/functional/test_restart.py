@@ -168,6 +168,48 @@ def test_a_search_for_the_limit_load_goes_on(
         comm.barrier()
 
 
+@pytest.mark.mpi3
+def test_a_cycle_goes_on(
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    ended_after: Callable[[int], None],
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """Ended while it is unloaded, with contact that closes and opens, beside a constant load."""
+    stages = [("press", 460.0, 2), ("release", 0.0, 2), ("again", 400.0, 1)]
+    text = "".join(
+        f'[[stage]]\nname = "{name}"\nfactors = {{ top = {top} }}\nsteps = {steps}\n'
+        for name, top, steps in stages
+    )
+    named = CONSTANT.replace("100 + x", "1 + 0.1*x") + '\nname = "weight"\n'
+    case = write_case(comm, shared_tmp_path / "case.toml", f"{CASE}{named}\n{text}")
+    whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
+    assert main(["run", str(case), "-o", str(whole)]) == SOLVED
+    ended_after(4)
+    assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM
+    comm.barrier()
+    monkeypatch.undo()
+    capfd.readouterr()
+    assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
+    if comm.rank == 0:
+        said = capfd.readouterr().out
+        assert all(f"Stage '{name}':" in said for name, *_ in stages)
+        assert "Forces at zeta = 3, top = 400, in balance" in said
+    same_path(parts, whole)
+    rows = path_of(parts)
+    names = ["", "press", "press", "release", "release", "again"]
+    assert [row["stage"] for row in rows] == names
+    assert [float(row["factor_top"]) for row in rows] == pytest.approx([0, 230, 460, 230, 0, 400])
+    works = [float(row["work_top"]) for row in rows]
+    assert works == pytest.approx([float(row["work_top"]) for row in path_of(whole)], rel=1e-10)
+    last, expected = fields_of(parts)[-1], fields_of(whole)[-1]
+    for name in ("accumulated_plastic_strain", "plastic_strain"):
+        size = np.abs(expected[name]).max()
+        assert size > 1e-6
+        np.testing.assert_allclose(last[name], expected[name], atol=1e-10 * size)
+
+
 def test_a_search_without_a_path_begins_anew(
     comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,6 +11,7 @@ import pytest
 import ufl
 from dolfinx.mesh import create_mesh, locate_entities_boundary, meshtags
 
+from meshes.strip_footing import write_strip_footing
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import (
     Adaptation,
@@ -23,10 +24,11 @@ from perfplast_fenicsx import (
     VonMises,
     adaptive_bounds,
     machine_memory,
+    read_gmsh,
 )
 from perfplast_fenicsx.limit_analysis import AdaptiveBounds, Round, strict_lower_bound
 from perfplast_fenicsx.limit_analysis.adaptation import refined
-from tests.limit_analysis.test_interior_point import COMM, SOIL, K, footing, made
+from tests.limit_analysis.test_interior_point import COMM, RIGID, SOIL, K, footing, made
 from tests.models import two_blocks_problem
 
 PRANDTL = 2 + math.pi
@@ -61,6 +63,34 @@ def test_footing(punch: bool, shared_tmp_path: Path) -> None:
     assert gaps == sorted(gaps, reverse=True)  # the best bounds of all meshes
     assert found.body.lower is found.lower
     assert found.problem.num_pairs == 0 or punch
+
+
+@pytest.mark.mpi3
+@pytest.mark.skipif(COMM.size == 1, reason="compares numbers of ranks")
+def test_every_number_of_ranks_finds_the_same(shared_tmp_path: Path) -> None:
+    """Each rank alone, and all together: meshes and bounds of every round, with contact."""
+    file = shared_tmp_path / "ground.msh"
+    if COMM.rank == 0:
+        write_strip_footing(file, punch=True, width=3.0, depth=2.0, finer=1.0, size=1.0)
+    COMM.barrier()
+
+    def rounds(comm: MPI.Intracomm) -> list[Round]:
+        problem = Problem(
+            read_gmsh(comm, file),
+            {"ground": SOIL, "punch": RIGID},
+            [Support("x0", "x"), Support("side"), Support("bottom")],
+            [Pressure("top", 1.0)],
+            [Contact("ground_footing", "punch_footing")],
+            degree=2,
+        )
+        return adaptive_bounds(problem, Adaptation(until=0.02, cells=200)).rounds
+
+    alone, together = rounds(MPI.COMM_SELF), rounds(COMM)
+    assert len(together) > 2
+    assert [one.cells for one in alone] == [one.cells for one in together]
+    for kind in ("lower", "upper"):
+        values = [[getattr(one, kind) for one in found] for found in (alone, together)]
+        np.testing.assert_allclose(*values, rtol=1e-8)
 
 
 def lattice(n: int) -> TaggedMesh:

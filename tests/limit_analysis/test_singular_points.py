@@ -9,10 +9,11 @@ import pytest
 
 from meshes.platens import write_platens
 from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
+from meshes.tube_polygon import write_tube_polygon
 from perfplast_fenicsx import Contact, Pressure, Support, TaggedMesh
 from perfplast_fenicsx.limit_analysis.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.singular_points import singular_points
-from perfplast_fenicsx.mesh.glued_edges import vertex_coordinates
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.given import Given
 from tests.models import Read
 
@@ -29,7 +30,7 @@ def declared(
 
 def places(tagged_mesh: TaggedMesh, given: Given, valence: int = MANY) -> set[tuple[float, float]]:
     """Coordinates of the singular points of all ranks."""
-    x = vertex_coordinates(tagged_mesh.mesh)[singular_points(tagged_mesh, given, valence), :2]
+    x = corners(tagged_mesh.mesh)[1][singular_points(tagged_mesh, given, valence)]
     return {
         (float(a), float(b))
         for part in tagged_mesh.mesh.comm.allgather(np.round(x, 9) + 0.0)
@@ -66,6 +67,15 @@ def test_a_straight_side_of_one_kind_has_none(read: Read) -> None:
     block = read(write_platens)
     pressed = declared([Support("x0", "x"), Support("y0", "y")], [Pressure("top", 1.0)])
     assert places(block, pressed) == set()
+
+
+def test_corners_need_fewer_cells_the_less_the_stress_turns(read: Read) -> None:
+    sides = 8
+    hole = read(write_tube_polygon, lesser=True, size=np.pi / 2 / sides)
+    given = declared([Support("x0", "x"), Support("y0", "y")], [Pressure("inner", 1.0)])
+    found = {(x, y) for x, y in places(hole, given) if min(x, y) > 0}
+    assert len(found) == sides - 1
+    assert places(hole, given, valence=2 * sides) == set()  # at a right angle; two at a corner
 
 
 @pytest.mark.mpi3

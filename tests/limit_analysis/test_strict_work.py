@@ -29,7 +29,7 @@ from perfplast_fenicsx.limit_analysis import (
 )
 from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
 from perfplast_fenicsx.limit_analysis.strict_work import composite_vertex_rule
-from perfplast_fenicsx.materials import deviator, strain
+from perfplast_fenicsx.materials import deviator
 from perfplast_fenicsx.problem import Integral
 from tests.limit_analysis.test_interior_point import BLOCK, COMM, SOIL, K, footing, made
 from tests.models import STEEL, l_plate_problem
@@ -49,7 +49,7 @@ def blocks_in_space() -> Problem:
 
 def work(problem: Problem, v: fem.Function, radius: float) -> float:
     """The plastic work of a velocity by a rule of degree 20, over that of the loads."""
-    d = deviator(strain(v))
+    d = deviator(problem.kinematics.strain(v))
     dx = ufl.Measure("dx", problem.tagged_mesh.mesh, metadata={"quadrature_degree": 20})
     dissipation = Integral(problem.comm, radius * ufl.sqrt(ufl.dot(d, d)) * dx)()
     return dissipation / problem.loads.alpha(v.x.petsc_vec)

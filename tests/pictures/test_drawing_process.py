@@ -35,7 +35,9 @@ PNG = b"\x89PNG\r\n\x1a\n"
 needs_xvfb = pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no Xvfb to draw with")
 
 
-def results(comm: MPI.Intracomm, path: Path, where: str, limit: bool = False) -> ResultFolder:
+def results(
+    comm: MPI.Intracomm, path: Path, where: str, limit: bool = False, turned: bool = False
+) -> ResultFolder:
     """A folder with two levels whose fields are made up, in the plane or in space."""
     plane = where == "plane"
     tagged_mesh = square(comm) if plane else build(comm, "two_blocks", n=1)
@@ -44,7 +46,7 @@ def results(comm: MPI.Intracomm, path: Path, where: str, limit: bool = False) ->
     if plane:
         loads = [Traction("side", (1.0, 1.0)), Pressure("bottom", 1.0)]
     far = Sphere(NEARBY[where][0].on, [1e3] * (2 if plane else 3), 1.0)  # nothing of it is seen
-    scene = Scene("$Two „blocks“", loads, contacts, [*NEARBY[where], far])
+    scene = Scene("$Two „blocks“", loads, contacts, [*NEARBY[where], far], axisymmetric=turned)
     materials = dict.fromkeys(tagged_mesh.volumes, Elastic(1.0, 0.3))
     supports = [Support("bottom" if plane else "left")]
     problem = Problem(tagged_mesh, materials, supports, loads)
@@ -76,6 +78,16 @@ def test_draw(comm: MPI.Intracomm, shared_tmp_path: Path, where: str, limit: boo
     names = ["fields.png", *(["mechanism.png"] if limit else []), "path.png"]
     assert sorted(path.name for path in folder.path.glob("*.png")) == names
     assert all(folder.file(name).read_bytes().startswith(PNG) for name in names)
+
+
+@needs_xvfb
+def test_half_a_section_is_drawn_with_its_axis(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    drawn = []
+    for turned in (False, True):
+        folder = results(comm, shared_tmp_path / str(turned), "plane", turned=turned)
+        assert draw(folder)
+        drawn.append(folder.file("fields.png").read_bytes())
+    assert drawn[0] != drawn[1]
 
 
 def test_the_drawing_process_starts_no_mpi(comm: MPI.Intracomm) -> None:

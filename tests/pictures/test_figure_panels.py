@@ -80,6 +80,9 @@ def test_colours_of_stress(count: int) -> None:
     assert displacement.colours.shape == (1, 3 * count, 3)
     assert contact.facets is not None
     assert contact.facets.tolist() == [False] * (count - 1) + [True]
+    opacity = contact.colours[0][:, 3]
+    assert (opacity[surface.points[:, 2] > 0] == 1).all()
+    assert (opacity[surface.points[:, 2] == 0] < 0.5).all()  # hides nothing that is pressed
     assert displacement.bars[0][1].vmax == pytest.approx(
         np.linalg.norm(surface.at_points["displacement"], axis=1).max()
     )

@@ -10,9 +10,10 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 
 @pytest.mark.parametrize("zetas", [[], [1.0], [1.0, 2.0, 3.0]])
-def test_path_png(tmp_path: Path, zetas: list[float]) -> None:
+@pytest.mark.parametrize("driven", [False, True])
+def test_path_png(tmp_path: Path, zetas: list[float], driven: bool) -> None:
     loading_curve = pytest.importorskip("perfplast_fenicsx.pictures.loading_curve")
     reports = [report(zeta, plastic_cells=0) for zeta in zetas]
     reports.append(report(4.0, converged=False))
-    loading_curve.save_curve(reports, "A title", tmp_path / "path.png", None)
+    loading_curve.save_curve(reports, "A title", tmp_path / "path.png", None, driven=driven)
     assert (tmp_path / "path.png").read_bytes().startswith(PNG)

@@ -100,6 +100,7 @@ def test_a_bar_that_is_heated_and_held(method: type, change: float) -> None:
 def test_a_press_fit(method: type, overlap: float) -> None:
     level = at_rest(stack(gap=-overlap, interference=True), method)
     assert pushed(level) == pytest.approx(min(YOUNG * overlap / HEIGHT, YIELD), rel=1e-8)
+    assert level.report.equilibrium < 1e-8
     force = level.contact_forces.sum()
     assert MPI.COMM_WORLD.allreduce(force) == pytest.approx(pushed(level), rel=1e-8)
 

@@ -1,8 +1,9 @@
 """Case files: what is solved and how, as TOML.
 
 A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
-``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[temperature]]``, ``[[initial_stress]]``,
-``[element]``, ``[solve]``, ``[loading]``, ``[output]`` and ``[units]``; see
+``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``,
+``[[initial_stress]]``, ``[model]``, ``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``,
+``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
@@ -16,7 +17,16 @@ from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.io.case.loading_options import LOADINGS, BoundsControl, Control
+from perfplast_fenicsx.io.case.loading_checks import check_loading
+from perfplast_fenicsx.io.case.loading_options import (
+    BoundsControl,
+    Control,
+    DisplacementControl,
+    StageControl,
+)
+from perfplast_fenicsx.io.case.loading_table import read_loading, remembering
+from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
+from perfplast_fenicsx.io.case.method_table import read_method
 from perfplast_fenicsx.io.case.scene import Scene, Units
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.io.case.tables import (
@@ -25,12 +35,14 @@ from perfplast_fenicsx.io.case.tables import (
     LoadTable,
     MeshBuilder,
     MeshFile,
+    ModelOptions,
     OutputOptions,
+    RigidSurfaceTable,
+    SupportTable,
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod, method_for
-from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
@@ -38,6 +50,8 @@ from perfplast_fenicsx.problem.initial_strain import Initial, InitialStress, Tem
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface
+from perfplast_fenicsx.problem.stage import Stage, check_stages
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.methods import METHODS
 
@@ -60,6 +74,8 @@ class Case:
     contacts: list[Contact]
     obstacles: list[Obstacle]
     ties: list[Tie]
+    model: ModelOptions
+    rigid: list[RigidSurface]
     element: ElementOptions
     method: str
     options: Any
@@ -71,11 +87,26 @@ class Case:
     @property
     def scene(self) -> Scene:
         """What pictures need to know."""
-        return Scene(self.title, self.loads, self.contacts, self.obstacles, self.units)
+        return Scene(
+            self.title,
+            self.loads,
+            self.contacts,
+            self.obstacles,
+            self.units,
+            axisymmetric=self.model.kind == "axisymmetric",
+            driven=isinstance(self.loading, DisplacementControl),
+        )
+
+    @property
+    def stages(self) -> list[Stage]:
+        """Of a loading history; none where there is a [loading]."""
+        return self.loading.stages if isinstance(self.loading, StageControl) else []
 
     def __repr__(self) -> str:
         values = self.loading.values
-        levels = "until the limit load" if values is None else f"{len(values)} levels"
+        ends = "the limit load" if self.loading.prescribes is Prescribed.WORK else "a given motion"
+        levels = f"until {ends}" if values is None else f"{len(values)} levels"
+        levels = f"{len(self.stages)} stages" if self.stages else levels
         bodies = ", ".join(self.materials)
         return (
             f"Case({str(self.path)!r}: {self.title}; {bodies}; P{self.element.degree};"
@@ -97,7 +128,8 @@ class Case:
             if self.adapt is not None:
                 with at("adapt"):
                     self.adapt.check(mesh)
-            return mesh
+        with at(f"{self.path.name}, [model]"):
+            return self.model.of(mesh)
 
     def problem(self, comm: MPI.Intracomm) -> Problem:
         """Build the mesh and declare the problem on it. Collective.
@@ -117,6 +149,7 @@ class Case:
                 self.element.degree,
                 self.initial,
                 self.ties,
+                self.rigid,
             )
 
     def solver(self, problem: Problem) -> Any:
@@ -163,8 +196,6 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
 def _case(path: Path, table: Table) -> Case:
     name = path.name
     top = convert(table, Document, name)
-    if not top.load:
-        raise InputError(f"{name}: no load is given; add a [[load]] table.")
     materials: dict[str, Material] = {}
     for body, properties in top.material.items():
         place = f"{name}, [material.{body}]"
@@ -179,11 +210,16 @@ def _case(path: Path, table: Table) -> Case:
     for place, obstacle in _numbered(top.obstacle, f"{name}, [[obstacle]]"):
         _, shape, rest = choose(obstacle, "shape", OBSTACLES, place)
         obstacles.append(convert(rest, shape, place))
-    place = f"{name}, [loading]"
-    _, schema, rest = choose(top.loading, "control", LOADINGS, place, default="load")
-    loading: Control = convert(rest, schema, place)
-    method, options = _algorithm(top.solve, loading, f"{name}, [solve]")
-    held = [convert(support, Support, place) for place, support in supports]
+    loading, place = read_loading(top, name), f"{name}, [loading]"
+    method, options = read_method(top.solve, loading, f"{name}, [solve]")
+    driven, held = isinstance(loading, DisplacementControl), []
+    for where, support in supports:
+        with at(where):
+            held.append(convert(support, SupportTable, where).support(driven))
+    rigid = []
+    for where, surface in _numbered(top.rigid_surface, f"{name}, [[rigid_surface]]"):
+        with at(where):
+            rigid.append(convert(surface, RigidSurfaceTable, where).surface(driven))
     kinds: dict[str, tuple[list[Table], type[Initial]]] = {
         "temperature": (top.temperature, Temperature),
         "initial_stress": (top.initial_stress, InitialStress),
@@ -193,31 +229,34 @@ def _case(path: Path, table: Table) -> Case:
         for where, entry in _numbered(tables, f"{name}, [[{kind}]]"):
             initial.append(convert(entry, schema_of, where))
     touching = [convert(contact, Contact, where) for where, contact in contacts]
-    meant = any(contact.interference for contact in touching)
+    strained = bool(initial) or any(contact.interference for contact in touching)
+    with at(name):
+        materials = remembering(materials, loading)
+        if isinstance(loading, StageControl):
+            check_stages(loading.stages, loads, initial)
     with at(place):
-        constant = any(load.constant for load in loads)
-        if constant or any(one.value for one in held) or initial or meant:
-            _check_not_proportional(loading)
-        elif not isinstance(loading, BoundsControl):
-            loading.check_proportional()
-        if loading.prescribes is Prescribed.WORK and all(load.constant for load in loads):
-            raise InputError(
-                "control = 'work' goes with a load that grows, but all loads are constant; take"
-                " constant = true from one of them, or give control = 'load'."
-            )
-    mesh = _mesh(top.mesh, f"{name}, [mesh]")
+        check_loading(loading, loads, [*held, *rigid], obstacles, strained)
+    mesh = read_mesh(top.mesh, f"{name}, [mesh]")
+    model = convert(top.model, ModelOptions, f"{name}, [model]")
+    if model.kind == "axisymmetric" and isinstance(loading, BoundsControl):
+        raise InputError(
+            f"{name}, [model]: control = 'bounds' is for plane strain and space; give control ="
+            " 'work' and until = 'limit' for the limit load of the mesh."
+        )
     return Case(
         path=path,
         table=table,
         title=top.title or path.stem,
         mesh=mesh,
-        adapt=_adaptation(mesh.adapt, loading, f"{name}, [mesh], adapt"),
+        adapt=read_adaptation(mesh.adapt, loading, f"{name}, [mesh], adapt"),
         materials=materials,
         supports=held,
         loads=loads,
         contacts=touching,
         obstacles=obstacles,
         ties=[convert(tie, Tie, place) for place, tie in _numbered(top.tie, f"{name}, [[tie]]")],
+        model=model,
+        rigid=rigid,
         element=convert(loading.element | top.element, ElementOptions, f"{name}, [element]"),
         method=method,
         options=options,
@@ -226,64 +265,6 @@ def _case(path: Path, table: Table) -> Case:
         units=convert(top.units, Units, f"{name}, [units]"),
         initial=initial,
     )
-
-
-def _check_not_proportional(loading: Control) -> None:
-    """Refuse what is for loads that all grow, and nothing else."""
-    if loading.limit_method == LimitMethod.INTERIOR_POINT:
-        raise InputError(
-            "supports move, loads are constant or bodies are strained at first, and strict bounds"
-            " and the interior point method are for loads that all grow; give control = 'work',"
-            " until = 'limit' and limit_method = 'path', or leave out what does not grow."
-        )
-
-
-def _algorithm(table: Table, loading: Control, place: str) -> tuple[str, Any]:
-    """Method and options; ALG1 for loads and ALG3 for works where none is named."""
-    if table and loading.limit_method == LimitMethod.INTERIOR_POINT:
-        raise InputError(
-            f"{place}: the interior point method has no levels to solve; leave this table out, or"
-            " follow a path with control = 'work', until = 'limit' and limit_method = 'path'."
-        )
-    wanted = loading.prescribes
-    fitting = [name for name, entry in METHODS.items() if entry.solver.prescribes is wanted]
-    method, algorithm, rest = choose(table, "method", METHODS, place, default=fitting[0])
-    if method not in fitting:
-        control = {schema.prescribes: name for name, schema in reversed(LOADINGS.items())}
-        other = control[algorithm.solver.prescribes]
-        raise InputError(
-            f"{place}: method = '{method}' prescribes the {other}, but [loading] has control ="
-            f" '{control[wanted]}'; use method = {' or '.join(map(repr, fitting))}, or"
-            f" control = '{other}'."
-        )
-    if loading.limit_tolerance is not None:
-        rest = limit_options(loading.limit_tolerance) | rest
-    return method, convert(rest, algorithm.options, place)
-
-
-def _mesh(table: Table, place: str) -> MeshFile | MeshBuilder:
-    if ("builder" in table) == ("file" in table):
-        what = "both a builder and a file" if "builder" in table else "neither a builder nor a file"
-        raise InputError(
-            f"{place}: there is {what}; give either builder = 'two_blocks' or another builder"
-            " with its arguments, or file = 'assembly.msh'."
-        )
-    if "file" in table:
-        return convert(table, MeshFile, place)
-    arguments = {key: value for key, value in table.items() if key not in ("builder", "adapt")}
-    named = {key: table[key] for key in ("builder", "adapt") if key in table}
-    return convert(named | {"arguments": arguments}, MeshBuilder, place)
-
-
-def _adaptation(table: Table | None, loading: Control, place: str) -> Adaptation | None:
-    if table is None:
-        return None
-    if not isinstance(loading, BoundsControl):
-        raise InputError(
-            f"{place}: meshes are adapted to bounds, but there are none without control = 'bounds'"
-            " under [loading]; choose it, or leave adapt out."
-        )
-    return convert(table, Adaptation, place)
 
 
 def _numbered(tables: list[Table], place: str) -> list[tuple[str, Table]]:

@@ -9,6 +9,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.schema import Table
 from perfplast_fenicsx.limit_analysis.limit_methods import TOLERANCE, LimitMethod
 from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.stage import Stage
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,52 @@ class BoundsControl:
         _check_tolerance(self.limit_tolerance)
 
 
-Control = LoadControl | WorkControl | BoundsControl
+@dataclass(frozen=True)
+class DisplacementControl:
+    """Loading by given motions: ζ multiplies what supports and obstacles are moved by.
+
+    Args:
+        values: Load factors, all increasing or all decreasing.
+        until: The last load factor, not 0: those before it are chosen, from first yield on.
+
+    Raises:
+        InputError: Not exactly one of ``values`` and ``until``, or values out of their range.
+    """
+
+    prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
+    limit_tolerance: ClassVar[None] = None
+    limit_method: ClassVar[None] = None
+    element: ClassVar[Table] = {}
+
+    values: list[float] | None = None
+    until: float | None = None
+
+    def __post_init__(self) -> None:
+        if (self.values is None) == (self.until is None):
+            what = "neither values nor until" if self.values is None else "both values and until"
+            raise InputError(f"there is {what}; give either values = [...] or until = 1.0.")
+        if self.values is not None:
+            _check_values(self.values, "load factors")
+        elif self.until == 0 or not math.isfinite(self.until or 0.0):
+            raise InputError(
+                f"until = {self.until} is no load factor to go to; give a finite number but 0."
+            )
+
+
+@dataclass(frozen=True)
+class StageControl:
+    """Loading by stages, in place of [loading]."""
+
+    prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
+    values: ClassVar[None] = None
+    limit_tolerance: ClassVar[None] = None
+    limit_method: ClassVar[None] = None
+    element: ClassVar[Table] = {}
+
+    stages: list[Stage]
+
+
+Control = LoadControl | DisplacementControl | WorkControl | BoundsControl | StageControl
 
 
 def _check_tolerance(tolerance: float | None) -> None:
@@ -146,6 +192,7 @@ def _check_rising(values: list[float], what: str) -> None:
 
 LOADINGS: dict[str, type[Control]] = {
     "load": LoadControl,
+    "displacement": DisplacementControl,
     "work": WorkControl,
     "bounds": BoundsControl,
 }

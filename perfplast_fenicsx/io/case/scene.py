@@ -56,6 +56,8 @@ class Scene:
         contacts: Pairs of surfaces.
         obstacles: Rigid ones.
         units: For legends.
+        axisymmetric: Whether the mesh is half a section of bodies of revolution.
+        driven: Whether ζ moves supports and obstacles, and no load grows.
     """
 
     title: str
@@ -63,6 +65,17 @@ class Scene:
     contacts: Sequence[Contact] = ()
     obstacles: Sequence[Obstacle] = ()
     units: Units = Units()
+    axisymmetric: bool = False
+    driven: bool = False
+
+    def unit_of_work(self, gdim: int) -> str:
+        """What stands in brackets behind a work on a mesh of this dimension; or nothing."""
+        return self.units.of_work(3 if self.axisymmetric else gdim)
+
+    @property
+    def view(self) -> str:
+        """What a picture of half a section has to say of itself; nothing of others."""
+        return ",   axisymmetric about z" if self.axisymmetric else ""
 
     @property
     def on_surfaces(self) -> list[Traction | Pressure]:
@@ -116,6 +129,8 @@ class _Document:
     contacts: list[Table]
     obstacles: list[Table]
     units: Table
+    axisymmetric: bool = False
+    driven: bool = False
 
 
 def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
@@ -144,5 +159,7 @@ def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
             [convert(contact, Contact, place) for contact in top.contacts],
             chosen(top.obstacles, "shape", OBSTACLES),
             convert(top.units, Units, place),
+            top.axisymmetric,
+            top.driven,
         )
     return NamedScene(scene, top.volumes, top.surfaces)

@@ -125,6 +125,8 @@ def described(hint: Any, key: str) -> str:
         if typing.get_origin(arguments[0]) is dict:
             return f"tables, each under a heading [[{key}]] of its own"
         return f"a list whose items are each {described(arguments[0], key)}"
+    if origin is dict and arguments[-1] is float:
+        return f"a table of numbers, {key} = {{NAME = 1.0}}"
     if typing.get_origin(arguments[-1]) is dict:
         return f"tables with a name, headed [{key}.NAME]"
     return f"a table, headed [{key}]"

@@ -1,6 +1,6 @@
 """What may stand in the tables of a case file: one dataclass a table, or several to choose from.
 
-Those of materials, supports, contacts, obstacles, loadings and algorithms are of the modules that
+Those of materials, contacts, obstacles, loadings and algorithms are of the modules that
 use them.
 """
 
@@ -11,7 +11,10 @@ from typing import Any, Literal
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.formulas import check
 from perfplast_fenicsx.io.case.schema import Table, shown
-from perfplast_fenicsx.problem.loads import LOADS, Load
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.loads import LOADS, Force, Load
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface, Turn
+from perfplast_fenicsx.problem.supports import AXES, Support
 
 
 @dataclass(frozen=True)
@@ -21,16 +24,20 @@ class Document:
     Args:
         mesh: The bodies.
         material: The law of each body; NAME is that of its physical volume.
-        load: What pushes and pulls, at least once. The load factor ζ multiplies all loads but those
-            that are constant.
-        loading: How far the bodies are loaded, and by what it is controlled.
+        load: What pushes and pulls, at least once unless control = "displacement". The load factor
+            ζ multiplies all loads but those that are constant.
+        loading: How far the bodies are loaded, and by what it is controlled; it is missing where
+            there are stages.
+        stage: A history of loading, instead of [loading]: the bodies then remember plastic flow.
+        model: What the coordinates of a mesh in the plane mean.
         title: For people; the name of the file where it is missing.
         support: What holds the bodies.
         temperature: Where the temperature changes.
         initial_stress: Where bodies have stress before they are deformed.
         contact: Which bodies touch, or may touch, each other.
-        obstacle: Rigid obstacles that do not move.
+        obstacle: Rigid obstacles, which may move.
         tie: Which bodies are glued together.
+        rigid_surface: Which surfaces move as rigid bodies.
         element: The finite elements.
         solve: The algorithm and its options.
         output: What is written.
@@ -39,15 +46,18 @@ class Document:
 
     mesh: Table
     material: dict[str, Table]
-    load: list[Table]
-    loading: Table
+    loading: Table | None = None
+    stage: list[Table] = field(default_factory=list)
+    model: Table = field(default_factory=dict)
     title: str = ""
+    load: list[Table] = field(default_factory=list)
     support: list[Table] = field(default_factory=list)
     temperature: list[Table] = field(default_factory=list)
     initial_stress: list[Table] = field(default_factory=list)
     contact: list[Table] = field(default_factory=list)
     obstacle: list[Table] = field(default_factory=list)
     tie: list[Table] = field(default_factory=list)
+    rigid_surface: list[Table] = field(default_factory=list)
     element: Table = field(default_factory=dict)
     solve: Table = field(default_factory=dict)
     output: Table = field(default_factory=dict)
@@ -66,6 +76,37 @@ class OutputOptions:
 
     fields: bool = True
     pictures: bool = True
+
+
+@dataclass(frozen=True)
+class ModelOptions:
+    """What the coordinates of a mesh of triangles mean.
+
+    In axisymmetry x is the radius (x ≥ 0), y the axis of revolution, and zz the hoop direction,
+    as in an initial stress. Nothing moves outwards on the axis, without a support. Loads are per
+    area and volume, as anywhere; all forces and works in results are those of the full turn, and
+    their column r is what pushes outwards all around, not a resultant of vectors.
+
+    Args:
+        kind: The default is plane strain.
+    """
+
+    kind: Literal["plane-strain", "axisymmetric"] | None = None
+
+    def of(self, tagged_mesh: TaggedMesh) -> TaggedMesh:
+        """The mesh with that meaning. Collective.
+
+        Raises:
+            InputError: If it is one of tetrahedra, or reaches to where the radius is negative.
+        """
+        if self.kind == "axisymmetric":
+            return tagged_mesh.turned()
+        if self.kind is not None and tagged_mesh.mesh.geometry.dim == 3:
+            raise InputError(
+                f"kind = '{self.kind}' is for meshes of triangles, but this one has tetrahedra;"
+                " leave it out."
+            )
+        return tagged_mesh
 
 
 @dataclass(frozen=True)
@@ -109,8 +150,82 @@ class MeshBuilder:
 
 
 @dataclass(frozen=True)
+class SupportTable:
+    """Known displacement of some components on a surface.
+
+    Args:
+        on: Physical surface.
+        components: Any of the letters x, y, z; the default holds all that the mesh has.
+        value: Their displacement (length), such as a settlement; the default is none.
+        constant: Whether it is the same at any load factor. With control = "displacement" the load
+            factor multiplies it unless this is true; otherwise it is always true.
+    """
+
+    on: str
+    components: str = AXES
+    value: float = 0.0
+    constant: bool | None = None
+
+    def support(self, driven: bool) -> Support:
+        """The support, where motions follow the load factor, or do not.
+
+        Raises:
+            InputError: If it is to follow where none does.
+        """
+        constant = _stays(self.constant, driven, f"the support on '{self.on}'")
+        return Support(self.on, self.components, self.value, constant)
+
+
+@dataclass(frozen=True)
+class RigidSurfaceTable:
+    """A surface that a rigid plate is glued to, such as the rough base of a footing.
+
+    Without displacement and rotation it is free to move, and loads act on it, a ``force`` among
+    them.
+
+    Args:
+        on: Physical surface.
+        point: What it turns about (length; 2 or 3 numbers); the origin without.
+        displacement: Of that point (length; 2 or 3 numbers), 0 if there is a rotation alone.
+        rotation: A number in the plane, one for each axis in space (rad), 0 if there is a
+            displacement alone.
+        components: Those of the letters x, y, z that a known motion holds; the default holds all. A
+            bar that is twisted so by its end may warp there.
+        constant: As for supports.
+    """
+
+    on: str
+    point: list[float] = field(default_factory=list)
+    displacement: list[float] | None = None
+    rotation: float | list[float] | None = None
+    components: str = AXES
+    constant: bool | None = None
+
+    def surface(self, driven: bool) -> RigidSurface:
+        """The surface, where motions follow the load factor, or do not.
+
+        Raises:
+            InputError: If it is to follow where none does.
+        """
+        constant = _stays(self.constant, driven, f"the rigid surface '{self.on}'")
+        turn: Turn = () if self.rotation is None else self.rotation
+        shift = self.displacement or ()
+        return RigidSurface(self.on, self.point, shift, turn, self.components, constant)
+
+
+def _stays(constant: bool | None, driven: bool, what: str) -> bool:
+    """Whether what is moved keeps its place at any load factor."""
+    if not driven and constant is False:
+        raise InputError(
+            f"{what} has constant = false, but moves with the load factor under control ="
+            " 'displacement' alone; choose it, or leave constant out."
+        )
+    return not driven if constant is None else constant
+
+
+@dataclass(frozen=True)
 class LoadTable:
-    """A load on a surface or in a volume: give exactly one of its four kinds.
+    """A load on a surface or in a volume: give exactly one of its kinds.
 
     Numbers may be formulas in x, y, z, such as ``"10*maximum(8 - y, 0)"``, which are taken at the
     nodes of quadratic cells.
@@ -122,9 +237,13 @@ class LoadTable:
         body_force: Force per volume, one number or formula a direction.
         pore_pressure: Pressure of water in the pores (stress), a number or formula; the stress of
             the material is then the effective one.
+        force: On a rigid surface that is free to move, one number a direction; in the plane for
+            each unit of depth.
+        moment: With or in place of a force, a number in the plane, one for each axis in space.
+        point: Where the force acts, and what the moment is about (length); the origin without.
         constant: Whether the load acts in full at any load factor, as a weight does; without it
             true of a ``pore_pressure``, and false of others.
-        name: What messages call the load.
+        name: What messages and stages call the load.
     """
 
     on: str
@@ -132,6 +251,9 @@ class LoadTable:
     pressure: float | str | None = None
     body_force: list[float | str] | None = None
     pore_pressure: float | str | None = None
+    force: list[float] | None = None
+    moment: float | list[float] | None = None
+    point: list[float] | None = None
     constant: bool | None = None
     name: str = ""
 
@@ -139,15 +261,17 @@ class LoadTable:
         """The load that it describes.
 
         Raises:
-            InputError: If it has none or several of the four kinds, or one that is not finite.
+            InputError: If it has none or several of the kinds, or one that is not finite.
         """
         given = {kind: getattr(self, kind) for kind in LOADS}
+        if self.moment is not None and self.force is None:
+            given["force"] = []
         given = {kind: value for kind, value in given.items() if value is not None}
         if len(given) != 1:
             what = " and ".join(given) or "no load"
             raise InputError(
                 f"{place}: '{self.on}' has {what}; give exactly one of traction, pressure,"
-                " body_force and pore_pressure (several loads are several [[load]] tables)."
+                " body_force, pore_pressure and force (several loads are several [[load]] tables)."
             )
         ((kind, value),) = given.items()
         numbers = value if isinstance(value, list) else [value]
@@ -160,5 +284,13 @@ class LoadTable:
                 check(formula, f"{place}: {kind}")
         cls = LOADS[kind]
         constant = cls.constant if self.constant is None else self.constant
+        if cls is Force:
+            moment: Turn = () if self.moment is None else self.moment
+            return Force(self.on, numbers, moment, self.point or (), self.name, constant)
+        if self.point is not None or self.moment is not None:
+            raise InputError(
+                f"{place}: the {kind} on '{self.on}' has a point or a moment, which go with a force"
+                " on a rigid surface; leave them out."
+            )
         load: Load = cls(self.on, value, self.name, constant)
         return load

@@ -1,15 +1,12 @@
 """Fields of bounds of a body: the stress of the lower one, and where the gap between them is."""
 
 import basix.ufl
-import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.stress_cells import matrices
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
-
-MANDEL = {4: ((0, 1),), 6: ((1, 2), (0, 2), (0, 1))}
-"""Components behind the diagonal ones, by the number of all."""
 
 
 def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
@@ -42,12 +39,7 @@ def _tensors(body: BodyBounds, mandel: Floats) -> fem.Function:
     mesh = body.problem.tagged_mesh.mesh
     space = fem.functionspace(mesh, basix.ufl.element("DG", mesh.basix_cell(), 0, shape=(3, 3)))
     function = fem.Function(space, name="lower_bound_stress")
-    tensors = np.zeros((len(mandel), 3, 3))
-    for i in range(3):
-        tensors[:, i, i] = mandel[:, i]
-    for place, (i, j) in enumerate(MANDEL[mandel.shape[1]], start=3):
-        tensors[:, i, j] = tensors[:, j, i] = mandel[:, place] / np.sqrt(2)
     values = function.x.array.reshape(-1, 9)
-    values[space.dofmap.list[: len(mandel), 0]] = tensors.reshape(-1, 9)
+    values[space.dofmap.list[: len(mandel), 0]] = matrices(mandel).reshape(-1, 9)
     function.x.scatter_forward()
     return function

@@ -42,6 +42,7 @@ from perfplast_fenicsx.io.results.result_files import BEFORE, NEWEST
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.limit_judge import Search
 from perfplast_fenicsx.problem.certificate import contact_forces
+from perfplast_fenicsx.problem.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import LevelReport
 from perfplast_fenicsx.problem.spaces import space_at_points
@@ -67,7 +68,7 @@ class Saved:
     Attributes:
         reports: Of the levels so far.
         level: The last one, without its iterations; None before the first.
-        before: State of the level before it, where the steps are chosen.
+        before: State of the level before it.
         search: What is known of the limit load, where one is looked for.
         timings: Wall time by activity (s).
     """
@@ -136,8 +137,11 @@ class Checkpoints:
         folder = self._folder
         write_arrays(folder, folder.file(NEWEST), arrays, folder.file(BEFORE))
 
-    def read(self) -> Saved:
+    def read(self, stages: LoadingHistory | None = None) -> Saved:
         """The last checkpoint that is whole. Collective.
+
+        Args:
+            stages: Where the problem goes through stages; it is left at the time of the last level.
 
         Raises:
             InputError: If none is, or the mesh is another one.
@@ -151,7 +155,7 @@ class Checkpoints:
         for path in generations(self._folder):
             try:
                 found = header_of(self._problem.comm, path)
-                saved = self._read(found, path)
+                saved = self._read(found, path, stages)
             except InputError as error:
                 faults.append(str(error))
                 continue
@@ -160,7 +164,7 @@ class Checkpoints:
             return saved
         raise nothing_left(self._folder, faults)
 
-    def _read(self, header: Header, path: Path) -> Saved:
+    def _read(self, header: Header, path: Path, stages: LoadingHistory | None) -> Saved:
         """Collective.
 
         Raises:
@@ -188,6 +192,8 @@ class Checkpoints:
         if reports:
             stress = fem.Function(problem.S, name="stress")
             self._to_points(arrays["stress"], stress)
+            if stages is not None:
+                stages.go_to(reports[-1].zeta)
             forces = contact_forces(problem, stress, reports[-1].zeta)
             level = Level(self._to_state(arrays, "", reports[-1]), stress, forces, reports[-1])
             if "displacement" + BEFORE_LAST in arrays:

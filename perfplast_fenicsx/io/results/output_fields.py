@@ -10,7 +10,8 @@ from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.materials.mandel import strain, tensor
+from perfplast_fenicsx.io.results.friction_fields import FrictionFields
+from perfplast_fenicsx.materials.mandel import tensor
 from perfplast_fenicsx.problem.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.spaces import by_cell
@@ -26,7 +27,9 @@ class OutputFields:
             plastic), ``yield_ratio`` (of σ by the law, for von Mises ‖dev σ‖/γ, the largest of each
             cell's points, 0 in elastic bodies), ``contact_pressure`` (linear on the contact
             surfaces, 0 elsewhere, positive where bodies push each other; at an edge of two contact
-            faces the mean of both).
+            faces the mean of both); internal variables of the laws by their names, the mean of each
+            cell: numbers, or Mandel vectors as tensors (3×3); and, where there is friction, those
+            of :class:`friction_fields.FrictionFields`.
         resultants: Force of each contact on its primary surface, and of each obstacle on its
             surface behind them, shape (num_contacts, gdim), the same on every rank.
     """
@@ -53,8 +56,14 @@ class OutputFields:
         self.fields = {name: fem.Function(space, name=name) for name, space in spaces.items()}
         self.resultants: Floats = np.zeros((0, mesh.geometry.dim))
 
-        u = self.fields["displacement"]
-        self._strain = fem.Expression(strain(u), interpolation_points(problem.S.element))
+        shapes = {(): scalars, (size,): tensors}
+        for name, variable in problem.history.items():
+            space = shapes[variable.function_space.value_shape]
+            self.fields[name] = fem.Function(space, name=name)
+        u, e0 = self.fields["displacement"], problem.initial_strain
+        seen = problem.kinematics.strain(u)
+        at = interpolation_points(problem.S.element)
+        self._strain = fem.Expression(seen if e0 is None else seen - e0, at)
         self._mean = fem.Function(piecewise_constant(size))
         self._tensor = fem.Expression(tensor(self._mean), interpolation_points(tensors.element))
         self._at_points = fem.Function(problem.Q)
@@ -65,15 +74,33 @@ class OutputFields:
         self._to_nodes = fem_petsc.interpolation_matrix(vertices, self._nodes)
         self._to_nodes.assemble()
         self._areas = self._contact_areas(vertices)
+        self._friction = FrictionFields(problem, vertices) if problem.friction.count else None
+        if self._friction is not None:
+            self.fields |= self._friction.fields
 
     def update(self, level: Level) -> dict[str, fem.Function]:
-        """Bring all fields to a level. Collective."""
+        """Bring all fields to a level, before the next one begins. Collective."""
         self.fields["displacement"].x.array[:] = level.state.u.x.array
         self._e.interpolate(self._strain, self._problem.cells)
         self._plastic.interpolate(self._at_points)
         self.fields["plastic"].x.array[:] = by_cell(self._at_points).mean(axis=1)
         self.of_stress(level.stress, level.contact_forces)
+        if self._friction is not None:
+            self._friction.update(level, self._areas)
+        for name, variable in level.state.history.items():
+            self._remember(name, variable)
         return self.fields
+
+    def _remember(self, name: str, variable: fem.Function) -> None:
+        """Mean of an internal variable in each cell."""
+        dofmap = variable.function_space.dofmap
+        width = dofmap.index_map_bs
+        means = variable.x.array.reshape(-1, width)[dofmap.list].mean(axis=1)
+        if width == 1:
+            self.fields[name].x.array[:] = means.ravel()
+        else:
+            self._mean.x.array[:] = means.ravel()
+            self.fields[name].interpolate(self._tensor)
 
     def of_stress(self, sigma: fem.Function, contact_forces: Floats) -> dict[str, fem.Function]:
         """Bring the fields that belong to a stress up to date, and return them. Collective.
@@ -121,7 +148,8 @@ class OutputFields:
         tagged_mesh, tags = self._problem.tagged_mesh, self._problem.contact_tags
         if not tags:
             return np.ones(vertices.dofmap.index_map.size_local)
-        ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)
+        section = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)
+        ds = self._problem.kinematics.measure(section)
         vector = fem.assemble_vector(fem.form(ufl.TestFunction(vertices) * ds(tags)))
         vector.scatter_reverse(la.InsertMode.add)
         areas = vector.array[: vertices.dofmap.index_map.size_local].copy()
@@ -137,7 +165,7 @@ def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
         problem: The bodies.
         v: The velocity, its ghosts up to date.
     """
-    rate, at_points = strain(v), fem.Function(problem.Q)
+    rate, at_points = problem.kinematics.strain(v), fem.Function(problem.Q)
     work = LawExpression(problem.laws, problem.Q, lambda on: on.law.dissipation(rate))
     work.interpolate(at_points)
     cells = fem.functionspace(problem.tagged_mesh.mesh, ("DG", 0))

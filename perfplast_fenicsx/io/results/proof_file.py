@@ -25,17 +25,14 @@ from perfplast_fenicsx.io.results.global_ordering import (
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
-from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
+from perfplast_fenicsx.limit_analysis.point_strains import radii_of_cells
+from perfplast_fenicsx.limit_analysis.stress_cells import matrices
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
 from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction, uniform
 from perfplast_fenicsx.problem.problem import Problem
 
 Blocks = dict[str, Block]
-
-OFF_DIAGONAL = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)]}
-"""Components of a stress behind the diagonal ones in a Mandel vector, by dimension."""
 
 
 @dataclass(frozen=True)
@@ -68,19 +65,19 @@ class VelocityProof:
     velocity: fem.Function
 
 
-def proofs(bounds: BodyBounds) -> tuple[StressProof | None, VelocityProof | None]:
-    """What proves those bounds that are strict."""
-    problem, lower, upper, static = bounds.problem, bounds.lower, bounds.upper, bounds.static
-    stress_proof = velocity_proof = None
-    if lower.strict and lower.value is not None and static is not None:
-        stress, mesh = static.stress, problem.tagged_mesh
-        if isinstance(mesh, AlfeldSplit) and stress.ndim == 4:  # by cell of the mesh, and its part
-            part = mesh.mesh.topology.original_cell_index % stress.shape[1]
-            stress = stress[mesh.parents, part]
-        stress_proof = StressProof(problem, lower.value, stress)
-    if upper.strict and upper.value is not None:
-        velocity_proof = VelocityProof(problem, upper.value, bounds.mechanism)
-    return stress_proof, velocity_proof
+def proofs(low: BodyBounds, high: BodyBounds) -> tuple[StressProof | None, VelocityProof | None]:
+    """What proves a lower and an upper bound; None of one that is not strict, or has no proof.
+
+    Args:
+        low: What was found on the mesh of the lower bound.
+        high: What was found on that of the upper one.
+    """
+    stress = velocity = None
+    if low.lower.strict and low.lower.value is not None and low.stress is not None:
+        stress = StressProof(low.problem, low.lower.value, low.stress)
+    if high.upper.strict and high.upper.value is not None and high.problem.degree == 2:
+        velocity = VelocityProof(high.problem, high.upper.value, high.mechanism)
+    return stress, velocity
 
 
 def write_proof(
@@ -138,14 +135,9 @@ def _named(group: str, blocks: Blocks) -> Blocks:
 
 def _stress(proof: StressProof) -> Blocks:
     """The stress as symmetric matrices. Collective."""
-    mesh, mandel = proof.problem.tagged_mesh.mesh, proof.stress
+    mesh = proof.problem.tagged_mesh.mesh
     d = mesh.geometry.dim
-    matrices = np.zeros((*mandel.shape[:2], d, d))
-    for i in range(d):
-        matrices[..., i, i] = mandel[..., i]
-    for place, (i, j) in enumerate(OFF_DIAGONAL[d], start=3):
-        matrices[..., i, j] = matrices[..., j, i] = mandel[..., place] / np.sqrt(2)
-    return {"stress": block(cell_ordering(mesh), matrices)}
+    return {"stress": block(cell_ordering(mesh), matrices(proof.stress)[..., :d, :d].copy())}
 
 
 def _velocity(proof: VelocityProof) -> Blocks:
@@ -202,7 +194,7 @@ def _body(problem: Problem) -> Blocks:
     return {
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),
         "cells": block(of_cells, numbers[cells]),
-        "yield_radius": block(of_cells, _yield_radii(problem)),
+        "yield_radius": block(of_cells, radii_of_cells(problem)),
         "body_force": block(of_cells, _body_forces(problem, len(cells))),
         "facets": block(of_facets, numbers[facets]),
         "surface": block(of_facets, surface),
@@ -218,16 +210,6 @@ def _table(problem: Problem, rows: list, shape: tuple[int, ...], kind: npt.DType
     """What every rank knows, as an array that rank 0 has."""
     values = np.asarray(rows, dtype=kind).reshape(len(rows), *shape)
     return Block(values if problem.comm.rank == 0 else values[:0], 0, len(rows))
-
-
-def _yield_radii(problem: Problem) -> Floats:
-    """γ of each owned cell. Collective."""
-    topology = problem.tagged_mesh.mesh.topology
-    strains = PointStrains(problem)
-    owned = topology.index_map(topology.dim).size_local
-    radii: Floats = strains.radii[problem.Q.dofmap.list[:owned, 0]]
-    strains.destroy()
-    return radii
 
 
 def _body_forces(problem: Problem, count: int) -> Floats:

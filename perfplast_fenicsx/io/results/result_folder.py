@@ -36,7 +36,6 @@ from perfplast_fenicsx.io.results.result_files import (
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import LevelReport
-from perfplast_fenicsx.problem.supports import AXES
 
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
@@ -53,6 +52,7 @@ STEP_KEYS = (
     *("newton_iterations", "active_set_iterations", "linear_iterations", "damping_min"),
     *("plastic_fraction", "plastic_cells", "active_contacts", "contact_pairs"),
     *("max_penetration", "duality_gap", "max_displacement", "seconds", "reactions", "balance"),
+    *("driving_force", "stage", "factors", "works"),
 )
 """Keys of a step of ``summary.json``, on which other tools rely; ``path.csv`` has all there is."""
 
@@ -172,6 +172,8 @@ class Summary:
     Attributes:
         prescribed: What each level prescribes, "zeta" or "alpha"; the other one is found.
         mesh: Numbers of cells, vertices and displacement unknowns (dofs).
+        model: Which ``kind`` it is, the ``axes`` that components of ``reactions`` are of, and what
+            ``forces`` and works are of: each unit of depth, or the full turn.
         steps: A :data:`STEP_KEYS` table for each level.
         limit: Limit load, where one was asked for.
         timings: Wall time by activity (s).
@@ -184,6 +186,7 @@ class Summary:
     prescribed: str
     ranks: int
     mesh: dict[str, int]
+    model: dict[str, str]
     steps: list[dict[str, Any]] = field(default_factory=list)
     limit: dict[str, Any] | None = None
     timings: dict[str, float] = field(default_factory=dict)
@@ -204,7 +207,7 @@ class Results:
         reports: Sequence[LevelReport] = (),
     ) -> None:
         """Write a summary without levels, or with those of an earlier run. Collective."""
-        mesh = problem.tagged_mesh.mesh
+        mesh, kinematics = problem.tagged_mesh.mesh, problem.kinematics
         self.folder = folder
         self.summary = Summary(
             title=title,
@@ -217,6 +220,7 @@ class Results:
                 "vertices": mesh.topology.index_map(0).size_global,
                 "dofs": problem.num_dofs,
             },
+            model={"kind": kinematics.name, "axes": kinematics.axes, "forces": kinematics.forces},
         )
         self.reports: list[LevelReport] = []
         for report in reports:
@@ -236,7 +240,8 @@ class Results:
     def _path(self) -> str:
         """What ``path.csv`` says."""
         text = io.StringIO()
-        rows = [_row(step, report) for step, report in enumerate(self.reports, start=1)]
+        axes = self.summary.model["axes"]
+        rows = [_row(step, report, axes) for step, report in enumerate(self.reports, start=1)]
         writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
         if rows:
             writer.writeheader()
@@ -263,11 +268,13 @@ class Results:
         self.folder.on_root(write)
 
 
-def _row(step: int, report: LevelReport) -> dict[str, Any]:
-    """A row of ``path.csv``, with a column for each component of each reaction."""
+def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
+    """A row of ``path.csv``: columns for each part of reactions, and each load of stages."""
     row = {"step": step} | dataclasses.asdict(report)
+    for key in ("factor", "work"):
+        row |= {f"{key} {name}".replace(" ", "_"): a for name, a in row.pop(f"{key}s").items()}
     for name, force in row.pop("reactions").items():
-        row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(AXES, force, strict=False)}
+        row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(axes, force, strict=False)}
     return row
 
 

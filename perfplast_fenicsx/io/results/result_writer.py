@@ -9,7 +9,7 @@ from perfplast_fenicsx.io.results.bound_fields import bound_fields
 from perfplast_fenicsx.io.results.checkpoints import Saved
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
-from perfplast_fenicsx.io.results.proof_file import StressProof, VelocityProof, write_proof
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.io.results.result_files import PROOF
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds
@@ -122,22 +122,14 @@ class ResultWriter:
                 alpha = 0.0 if limit.alpha is None else limit.alpha
                 self._fields.write_mechanism(fields, limit.lower, alpha)
             if body is not None:
-                halves = (adaptive.low, adaptive.high) if adaptive else (body, body)
-                self._write_proof(*halves)
+                low, high = (adaptive.low, adaptive.high) if adaptive else (body, body)
+                lower, upper = proofs(low, high)
+                if lower is not None or upper is not None:
+                    folder = self.results.folder
+                    write_proof(folder, folder.file(PROOF), lower, upper)
             table = {key: getattr(limit, key) for key in LIMIT_KEYS}
             self.results.summary.limit = table | {"body": body and _table(body, adaptive)}
             self.results.write()
-
-    def _write_proof(self, low: BodyBounds, high: BodyBounds) -> None:
-        """Write what proves the lower and the upper bound of the body, if any. Collective."""
-        lower = upper = None
-        if low.lower.value is not None and low.lower.strict and low.stress is not None:
-            lower = StressProof(low.problem, low.lower.value, low.stress)
-        if high.upper.value is not None and high.upper.strict and high.problem.degree == 2:
-            upper = VelocityProof(high.problem, high.upper.value, high.mechanism)
-        if lower is not None or upper is not None:
-            folder = self.results.folder
-            write_proof(folder, folder.file(PROOF), lower, upper)
 
 
 def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:

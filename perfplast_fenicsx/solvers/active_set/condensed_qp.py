@@ -6,7 +6,11 @@ import numpy as np
 from scipy.optimize import nnls
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
-from perfplast_fenicsx.solvers.active_set.equality_qp import EqualityProgram, QuadraticModel
+from perfplast_fenicsx.solvers.active_set.equality_qp import (
+    EqualityProgram,
+    Held,
+    QuadraticModel,
+)
 
 TOLERANCE = 1e-6
 """Relative tolerance of the linear solves that condense."""
@@ -48,8 +52,13 @@ def condense(
     last = program.comm.scan(len(local))
     count, mine = program.comm.allreduce(len(local)), slice(last - len(local), last)
     delta, gradient, nothing = (model.r.duplicate() for _ in range(3))
+    given = model.given.index
     unit = QuadraticModel(
-        nothing, np.zeros_like(model.jumps), None if model.work is None else 0.0, TOLERANCE
+        nothing,
+        np.zeros_like(model.jumps),
+        None if model.work is None else 0.0,
+        TOLERANCE,
+        Held(given, np.zeros(len(given))),
     )
     columns = np.zeros((count, count + 1))
     try:

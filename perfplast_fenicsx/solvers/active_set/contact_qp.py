@@ -25,8 +25,10 @@ from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.condensed_qp import condense
 from perfplast_fenicsx.solvers.active_set.equality_qp import (
+    NOTHING_HELD,
     ROUNDING,
     EqualityProgram,
+    Held,
     QuadraticModel,
     Solution,
 )
@@ -52,6 +54,7 @@ class ContactStep:
             solution, and no iteration may end with it.
         iterations: Sets of held pairs solved with.
         multiplier: Of the work equality; 0 without it.
+        held_forces: Of the unknowns that were given, what holds them, shape (num_held,).
     """
 
     delta: PETSc.Vec
@@ -59,6 +62,7 @@ class ContactStep:
     settled: bool
     iterations: int
     multiplier: float
+    held_forces: Floats
 
 
 class ContactProgram:
@@ -85,6 +89,7 @@ class ContactProgram:
         rtol: float,
         exact: bool = True,
         work: float | None = None,
+        given: Held = NOTHING_HELD,
     ) -> ContactStep:
         """Solve the contact QP. Collective.
 
@@ -95,19 +100,22 @@ class ContactProgram:
             rtol: Relative tolerance of the linear solves.
             exact: Go on until the active set is right; otherwise solve once.
             work: ℓᵀδ if it is prescribed, where ℓ are the loads.
+            given: Unknowns that are held at values.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.
         """
         r.copy(self._r)
-        model = QuadraticModel(self._r, room, work, rtol)
+        model = QuadraticModel(self._r, room, work, rtol, given)
         solution = self._equality.minimise(model, active, self._delta)
         if not self._contact:
-            return _step(solution, active, True)
+            return self._step(solution, active, True)
         if not exact:
             wrong = self._wrong(solution)
+            settled = not self._comm.allreduce(int(wrong.sum()))
+            step = self._step(solution, active ^ wrong, settled)
             self._push_back(solution)
-            return _step(solution, active ^ wrong, not self._comm.allreduce(int(wrong.sum())))
+            return step
         solution, circling = self._search(solution)
         settled = circling is None
         if circling is not None:
@@ -115,15 +123,18 @@ class ContactProgram:
         self._push_back(solution)
         if settled:
             solution, settled = self._inequality.solve(solution)
-        return _step(solution, solution.held, settled)
+        return self._step(solution, solution.held, settled)
 
-    def response(self, load: PETSc.Vec, held: PairFlags, rtol: float) -> PETSc.Vec:
+    def response(
+        self, load: PETSc.Vec, held: PairFlags, rtol: float, given: Held = NOTHING_HELD
+    ) -> PETSc.Vec:
         """δ with Aδ = load where these pairs keep their jumps and all others are free. Collective.
 
         Args:
             load: In nodal unknowns.
             held: Shape (num_pairs,).
             rtol: Relative tolerance of the linear solve.
+            given: Other unknowns that are held at values.
 
         Returns:
             In the jump basis; valid until the next solve.
@@ -133,8 +144,18 @@ class ContactProgram:
         """
         self._T.multTranspose(load, self._r)
         self._r.scale(-1)
-        model = QuadraticModel(self._r, np.zeros(len(held)), None, rtol)
+        model = QuadraticModel(self._r, np.zeros(len(held)), None, rtol, given)
         return self._equality.minimise(model, held, self._delta).delta
+
+    def _step(self, solution: Solution, active: PairFlags, settled: bool) -> ContactStep:
+        """What a solution tells. Collective."""
+        forces: Floats = np.zeros(0)
+        if solution.model.given is not NOTHING_HELD:
+            self._equality.gradient(solution, self._gradient)
+            forces = -self._gradient.array_r[solution.model.given.index]
+        return ContactStep(
+            solution.delta, active, settled, solution.solves, solution.multiplier, forces
+        )
 
     def _push_back(self, solution: Solution) -> None:
         """Open the pairs that δ closes beyond their room."""
@@ -194,7 +215,3 @@ class ContactProgram:
             circling = circling | outside
             held = held & ~circling
         return solution, False
-
-
-def _step(solution: Solution, active: PairFlags, settled: bool) -> ContactStep:
-    return ContactStep(solution.delta, active, settled, solution.solves, solution.multiplier)

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 from petsc4py import PETSc
 
+import numpy as np
+
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
@@ -21,6 +23,22 @@ from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, Linear
 
 ROUNDING = 1e-12
 """Contact forces below this share of the largest force decide nothing, and so for lengths."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """Unknowns that are given beside the jumps of pairs.
+
+    Attributes:
+        index: Local (owned) unknowns, shape (num_held,).
+        values: Their δ, same shape.
+    """
+
+    index: Ints
+    values: Floats
+
+
+NOTHING_HELD = Held(np.zeros(0, dtype=np.int32), np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -32,12 +50,14 @@ class QuadraticModel:
         jumps: Jump of each pair hosted here where it is held (length), shape (num_pairs,).
         work: ℓᵀδ (energy) if it is prescribed, where ℓ are the loads.
         rtol: Relative tolerance of the linear solves.
+        given: Other unknowns that are held, whatever pairs are.
     """
 
     r: PETSc.Vec
     jumps: Floats
     work: float | None
     rtol: float
+    given: Held = NOTHING_HELD
 
 
 @dataclass(frozen=True)
@@ -141,23 +161,28 @@ class EqualityProgram:
     def _set_rhs(
         self, model: QuadraticModel, held: PairFlags, delta: PETSc.Vec, multiplier: float
     ) -> None:
-        """Give held pairs their jumps in δ; what that leaves is the right-hand side."""
-        closed = self.index[held]
-        delta.array[closed] = model.jumps[held]
+        """Give held unknowns their values in δ; what that leaves is the right-hand side."""
+        delta.array[self.index[held]] = model.jumps[held]
+        delta.array[model.given.index] = model.given.values
         self._set_gradient(model, delta, multiplier, self._rhs)
         self._rhs.scale(-1)
-        self._rhs.array[closed] = 0
+        self._rhs.array[self._closed(model, held)] = 0
+
+    def _closed(self, model: QuadraticModel, held: PairFlags) -> Ints:
+        """All held unknowns."""
+        return np.concatenate([self.index[held], model.given.index])
 
     def _solve(self, start: Solution, held: PairFlags, correction: bool) -> Solution:
         """Change δ by what the right-hand side asks, and by what makes the work right."""
-        if self._linear.hold(self.index[held]):
+        if self._linear.hold(self._closed(start.model, held)):
             self._response_is_new = False
         self._reduce(self._rhs, start.accuracy, self._change, correction)
         start.delta.axpy(1.0, self._change)
         multiplier = start.multiplier
         work, rtol = start.model.work, start.model.rtol
         if work is not None:
-            multiplier += self._shift(start.delta, held, work, rtol)
+            closed = self._closed(start.model, held)
+            multiplier += self._shift(start.delta, closed, work, rtol)
         return Solution(
             model=start.model,
             delta=start.delta,
@@ -176,11 +201,11 @@ class EqualityProgram:
         else:
             x.set(0)
 
-    def _shift(self, delta: PETSc.Vec, held: PairFlags, work: float, rtol: float) -> float:
+    def _shift(self, delta: PETSc.Vec, closed: Ints, work: float, rtol: float) -> float:
         """Add the multiple of A⁻¹ℓ that makes the work right, and return it. Collective."""
         missing = work - self._border.dot(delta)
         if not self._response_is_new:
-            self._respond(self.index[held], rtol)
+            self._respond(closed, rtol)
         compliance = self._border.dot(self._response)
         if not compliance > 0:
             raise LinearFailure("the loads do no work on this active set, so it carries none")

@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Ints
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.contact_rows import ContactRows
@@ -28,6 +28,16 @@ class ContactOperator:
         changed = problem.num_pairs or problem.num_tied
         self._rows = ContactRows(problem) if changed else None
         self._u, self._image, self._y = (problem.create_vector() for _ in range(3))
+        self._springs: tuple[Ints, Floats] | None = None
+
+    def add_springs(self, springs: tuple[Ints, Floats] | None) -> None:
+        """Let A have springs at a few unknowns, or none, from the next :meth:`hold` on.
+
+        Args:
+            springs: Local (owned) unknowns of one node each, −1 for none, shape (n, k), and their
+                stiffness, shape (n, k, k).
+        """
+        self._springs = springs
 
     def mult_add(self, y: PETSc.Vec, r: PETSc.Vec, f: PETSc.Vec) -> None:
         """Set f to A y + r. Collective."""
@@ -38,6 +48,11 @@ class ContactOperator:
         self.stiffness.mult(self._u, self._image)
         self._T.multTranspose(self._image, self._y)
         f.waxpy(1.0, self._y, r)
+        if self._springs is not None:
+            index, stiffness = self._springs
+            there, local = index >= 0, y.array_r
+            values = np.where(there, local[index], 0.0) if index.size else np.zeros(index.shape)
+            f.array[index[there]] += np.einsum("nij,nj->ni", stiffness, values)[there]
 
     @phase("basis change")
     def hold(self, held: Ints) -> None:
@@ -46,9 +61,25 @@ class ContactOperator:
         if self._rows is not None:
             self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)  # copies forget it
             self._rows.transform(self.matrix)
+        if self._springs is not None:
+            self._stiffen(*self._springs)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         if self._rows is not None:
             self._take_out(np.concatenate([held, self._tied]))
+
+    def _stiffen(self, index: Ints, stiffness: Floats) -> None:
+        """Add the springs to the matrix."""
+        first = self.matrix.getOwnershipRange()[0]
+        pairs = np.repeat(index[:, :, None], index.shape[1], axis=2)
+        row, column = pairs, np.swapaxes(pairs, 1, 2)
+        there = (row >= 0) & (column >= 0)
+        rows, columns = (place[there].astype(PETSc.IntType) + first for place in (row, column))
+        pointer = np.arange(len(rows) + 1, dtype=PETSc.IntType)
+        values = stiffness[there]
+        self.matrix.setValuesIJV(
+            pointer, columns, values, addv=PETSc.InsertMode.ADD_VALUES, rowmap=rows
+        )
+        self.matrix.assemble()
 
     def _take_out(self, held: Ints) -> None:
         """Make rows and columns of held unknowns those of the identity times a scale."""

@@ -193,7 +193,7 @@ def test_a_support_that_moves(read: Read, comm: MPI.Intracomm) -> None:
     moved = ('components = "xyz"\n', 'components = "yz"\n' + along)
     case = read(replaced(*moved))
     assert case.supports == [Support("left", "yz"), Support("left", "x", -1e-3)]
-    assert case.problem(comm).moves_supports
+    assert case.problem(comm).motion.moves_supports
     loading = WORK[1] + 'until = "limit"\nlimit_tolerance = 1e-5\n'
     assert read(replaced(WORK[0], loading).replace(*moved)).loading.values is None
 
@@ -274,6 +274,41 @@ def test_the_problem_is_built(read: Read, comm: MPI.Intracomm) -> None:
     assert problem.num_dofs == 2 * 7 * 3 * 3 * 3
 
 
+WORK_NEWTON = '[solve]\nmethod = "work-newton"\n'
+DRIVEN = (
+    BASE[BASE.index("[[support]]") :],
+    """[[support]]
+on = "left"
+[[support]]
+on = "top"
+components = "z"
+value = -1e-3
+[[contact]]
+primary = "upper_bottom"
+secondary = "lower_top"
+[loading]
+control = "displacement"
+until = 1.0
+""",
+)
+"""Everything behind the materials, and the same with a support that follows ζ."""
+
+
+def test_motions_that_follow_the_load_factor(read: Read, comm: MPI.Intracomm) -> None:
+    case = read(replaced(*DRIVEN))
+    assert case.supports == [
+        Support("left", constant=False),
+        Support("top", "z", -1e-3, constant=False),
+    ]
+    assert case.scene.driven
+    assert "until a given motion" in repr(case)
+    problem = case.problem(comm)
+    assert problem.motion.driven
+    assert not problem.loads.grows()
+    still = replaced(*DRIVEN).replace('on = "left"', 'on = "left"\nvalue = 0.1\nconstant = true')
+    assert read(still).supports[0] == Support("left", value=0.1)
+
+
 FORMAT_FAULTS = [
     # the file
     ("[solve]", "[solve", ["bad.toml is not valid TOML", "line"]),
@@ -284,7 +319,7 @@ FORMAT_FAULTS = [
     ("pictures", "colours", ["[output]", "'colours'", "known: fields, pictures"]),
     ("poisson = 0.29", "", ["[material.upper]", "'poisson' is missing", "a number"]),
     ("yield_stress = 450.0", "", ["[material.upper]", "'yield_stress' is missing"]),
-    ('law = "elastic"', "", ["[material.lower]", "'law' is missing", "'von-mises' or 'elastic'"]),
+    ('law = "elastic"', "", ["[material.lower]", "'law' is missing", "'von-mises', 'von"]),
     ('on = "left"', "", ["[[support]]", "'on' is missing"]),
     ('secondary = "lower_top"', "", ["[[contact]]", "'secondary' is missing"]),
     ("values = [20.0, 40.0]", "", ["[loading]", "'values' is missing"]),
@@ -309,7 +344,7 @@ FORMAT_FAULTS = [
     # choices
     ('law = "von-mises"', 'law = "vonmises"', ["[material.upper]", "did you mean 'von-mises'?"]),
     ('"newton"', '"secant"', ["[solve]", "method = 'secant'", "newton"]),
-    ('"load"', '"displacement"', ["[loading]", "control = 'displacement'", "load"]),
+    ('"load"', '"strain"', ["[loading]", "control = 'strain'", "load"]),
     ('"displacement"', '"strain"', ["[solve]", "'strain'", "'stress'", "'energy'"]),
     # ranges
     ("young = 206900.0", "young = 0.0", ["[material.upper]", "young = 0.0"]),
@@ -352,6 +387,15 @@ FORMAT_FAULTS = [
     (SOLVE, UZAWA + 'acceleration = "fast"', ["[solve]", "acceleration", "anderson"]),
     (SOLVE, UZAWA + "max_iterations = 0", ["[solve]", "max_iterations = 0"]),
     (SOLVE, UZAWA + "damping = true", ["[solve]", "'damping'"]),
+    # motions
+    ('"load"', '"displacement"', ["[loading]", "the load on 'top' is to grow", "constant = true"]),
+    (DRIVEN[0], DRIVEN[1].replace("value = -1e-3", ""), ["[loading]", "moves nothing"]),
+    (DRIVEN[0], DRIVEN[1].replace("until = 1.0", ""), ["neither values nor until"]),
+    (DRIVEN[0], DRIVEN[1].replace("until = 1.0", "until = 0.0"), ["until = 0.0"]),
+    (DRIVEN[0], DRIVEN[1].replace("until = 1.0", "values = [1, 1]"), ["1.0 after 1.0"]),
+    (DRIVEN[0], DRIVEN[1] + WORK_NEWTON, ["'work-newton'", "control = 'displacement'"]),
+    ('components = "xyz"', "constant = false", ["[[support]]", "constant = false", "'left'"]),
+    ("[solve]", OBSTACLE.replace("point", "move = [0, 0, 1.0]\npoint"), ["'lower_top'", "move"]),
     # elements and obstacles
     ("[solve]", "[element]\ndegree = 3\n[solve]", ["[element]", "degree = 3", "1 or 2"]),
     ("[solve]", '[element]\ndegree = "2"\n[solve]', ["[element]", "degree = '2'"]),

@@ -20,11 +20,13 @@ SCENE = Scene(
     [Traction("top", [0.0, 0.0, -1.0]), BodyForce("upper", [0.0, 0.0, 1.0]), Pressure("left", 2.0)],
     [Contact("upper_bottom", "lower_top", gap="0.1*x")],
     [
-        Plane("top", [0.0, 0.0, 3.0], [0.0, 0.0, -1.0]),
-        Sphere("left", [0.0, 1.0, 2.0], 0.5, hollow=True),
-        Cylinder("top", [0.0, 1.0, 2.0], [1.0, 0.0, 0.0], 0.5),
+        Plane("top", [0.0, 0.0, 3.0], [0.0, 0.0, -1.0], move=[0.0, 0.0, -0.1]),
+        Sphere("left", [0.0, 1.0, 2.0], 0.5, hollow=True, move=[]),
+        Cylinder("top", [0.0, 1.0, 2.0], [1.0, 0.0, 0.0], 0.5, move=[]),
     ],
     Units("mm", "MPa"),
+    axisymmetric=True,
+    driven=True,
 )
 
 
@@ -72,4 +74,7 @@ def test_units_in_legends() -> None:
     assert Units("mm", "MPa").of_work(3) == "MPa mm³"
     assert Units("mm", "MPa").of_work(2) == "MPa mm²"
     assert Units("mm").of_work(3) == ""
+    plane = Scene("", units=Units("mm", "MPa"))
+    assert [plane.unit_of_work(2), SCENE.unit_of_work(2)] == ["MPa mm²", "MPa mm³"]
+    assert [plane.view, SCENE.view] == ["", ",   axisymmetric about z"]
     assert Units().of_stress() == "the materials' unit of stress"

@@ -76,7 +76,7 @@ def test_the_bounds_of_a_body(shared_tmp_path: Path, read: Read, dim: int) -> No
     )
     bounds = limit_bounds(problem)
     results = ResultFolder(COMM, shared_tmp_path)
-    write_proof(results, results.file("bounds.h5"), *proofs(bounds))
+    write_proof(results, results.file("bounds.h5"), *proofs(bounds, bounds))
     found = check(results.file("bounds.h5"))
     assert found["lower"].proven == pytest.approx(bounds.lower.value, rel=1e-9)
     assert found["upper"].proven == pytest.approx(bounds.upper.value, rel=1e-9)

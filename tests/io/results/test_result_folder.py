@@ -29,7 +29,18 @@ from perfplast_fenicsx.problem.report import LevelReport
 from perfplast_fenicsx.problem.supports import Support
 
 SUMMARY_KEYS = [
-    *("title", "version", "method", "prescribed", "ranks", "mesh", "steps", "limit", "timings"),
+    *(
+        "title",
+        "version",
+        "method",
+        "prescribed",
+        "ranks",
+        "mesh",
+        "model",
+        "steps",
+        "limit",
+        "timings",
+    ),
     "peak_memory_mb",
 ]
 

@@ -1,0 +1,218 @@
+# %% [markdown]
+# # Bodies of revolution: a thick sphere, a thick tube, a circular footing
+#
+# Half a section stands for the whole body. The [thick sphere](thick_sphere.py) has the same curve
+# ζ(α) and the same limit load as its octant in space, whole and divided at a radius of 1.4a into
+# two shells in contact. The tube between smooth planes has p = 2/√3 σ_y ln(b/a).
+#
+# A smooth circular footing on the half space has the limit load 5.69 c with Tresca's condition
+# (R. T. Shield, Proc. R. Soc. A 233, 1955). With von Mises no exact one is known. His yield set
+# lies between those of two Tresca materials, that with c = σ_y/2 inside it and that with c = σ_y/√3
+# around it: so
+#
+#     5.69/2 = 2.845 ≤ p/σ_y ≤ 3.285 = 5.69/√3.
+#
+# A rough one has 6.05 c (G. Eason, R. T. Shield, ZAMP 11, 1960), and so 3.025 to 3.493 σ_y.
+#
+# The table has the middle as the exact value, and half of the width as the error that is allowed.
+# The footing is given as a pressure on the ground, and as a punch a thousand times as stiff that
+# stands on it without friction; the rough one is a support that is moved down. The numbers are
+# those of the mesh: u_r/r is no polynomial, and strict bounds of the body are not known to the
+# program.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/axisymmetry.py
+
+# %%
+import math
+import time
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+from demos.verification import strip_footing, thick_sphere
+from demos.verification.slip import subfolder
+from demos.verification.study import Row, collapse, mesh, run
+from demos.verification.thick_sphere import INTERFACE, MATERIAL, RADII, exact_points
+from meshes.ring import write_ring
+from meshes.strip_footing import write_strip_footing
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx import (
+    Contact,
+    Newton,
+    Pressure,
+    Problem,
+    Support,
+    TaggedMesh,
+    WorkNewton,
+    load_path,
+)
+from perfplast_fenicsx.io import ResultFolder, Scene
+from perfplast_fenicsx.pictures import draw
+
+TITLE = "Bodies of revolution"
+ALLOWED = 2e-3
+OUTER = 2.0
+LOADS = [Pressure("inner", 1.0)]
+TUBE = 2 / math.sqrt(3) * MATERIAL.yield_stress * math.log(OUTER)
+SMOOTH, ROUGH = 5.69, 6.05
+"""Limit loads of circular footings over the cohesion c, with Tresca's condition."""
+MIDDLE = (1 / 2 + 1 / math.sqrt(3)) / 2
+"""Of c over the yield stress of von Mises, between both Tresca materials."""
+WIDTH = (1 / math.sqrt(3) - 1 / 2) / 2 / MIDDLE
+"""How far they are from it, relative."""
+WAY = (0.005, 0.02, 0.1, 1.0)
+"""Displacements of the rough footing; what it carries has levelled off at the last."""
+
+
+# %% [markdown]
+# ## Spheres and tubes
+
+
+# %%
+def shell(tagged_mesh: TaggedMesh, degree: int) -> Problem:
+    """Half a shell under inner pressure, or one in another."""
+    contacts = [Contact("inner_tube_seam", "outer_tube_seam")]
+    return Problem(
+        tagged_mesh,
+        dict.fromkeys(tagged_mesh.volumes, MATERIAL),
+        [Support("y0", "y")],
+        LOADS,
+        contacts if len(tagged_mesh.volumes) > 1 else [],
+        degree=degree,
+    )
+
+
+def curve_error(problem: Problem) -> tuple[float, int]:
+    """Largest relative error of ζ at the works of half a shell, and linear systems. Collective."""
+    exact = exact_points(RADII)
+    solver = WorkNewton(problem)
+    levels = list(load_path(solver, [4 * alpha for alpha, _ in exact]))  # of four octants
+    if not all(level.report.converged for level in levels):
+        return math.nan, solver.linear.solves
+    zetas = [zeta for _, zeta in exact]
+    errors = [abs(lv.state.zeta / zeta - 1) for lv, zeta in zip(levels, zetas, strict=True)]
+    return max(errors), solver.linear.solves
+
+
+def spheres(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Curves and limit loads of whole and divided shells. Collective."""
+    rows = []
+    for case, interface in (("sphere's section", None), ("sphere's section, divided", INTERFACE)):
+        limits = []
+        for size in (0.3,) if coarse else (0.3, 0.15, 0.075):
+            tagged_mesh = mesh(
+                folder, write_thick_tube, outer=OUTER, interface=interface, size=size, order=2
+            )
+            problem = shell(tagged_mesh.turned(), degree=2)
+            began = time.perf_counter()
+            error, solves = curve_error(problem)
+            rows.append(
+                Row(
+                    case=case,
+                    quantity="largest error of ζ(α)",
+                    element="P2, curved",
+                    size=size,
+                    dofs=problem.num_dofs,
+                    computed=error,
+                    exact=0.0,
+                    allowed=ALLOWED,
+                    solves=solves,
+                    seconds=time.perf_counter() - began,
+                )
+            )
+            limits.append(collapse(problem).row(case, size, thick_sphere.EXACT, ALLOWED))
+        rows += limits
+    return rows
+
+
+def tubes(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Limit loads of a tube between smooth planes. Collective."""
+    rows = []
+    for degree in (1, 2):
+        for size in (0.2,) if coarse else (0.2, 0.1, 0.05):
+            tagged_mesh = mesh(folder, write_ring, outer=OUTER, height=0.4, size=size).turned()
+            supports = [Support("bottom", "y"), Support("top", "y")]
+            problem = Problem(tagged_mesh, {"ring": MATERIAL}, supports, LOADS, degree=degree)
+            found = collapse(problem)
+            rows.append(found.row("tube's section", size, TUBE, ALLOWED if degree == 2 else None))
+    return rows
+
+
+# %% [markdown]
+# ## The footing
+
+
+# %%
+def footings(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Limit loads by a uniform pressure and by a punch, over the yield stress. Collective."""
+    rows = []
+    soil, stiff = strip_footing.SOIL, strip_footing.STIFF
+    contacts = [Contact("ground_footing", "punch_footing")]
+    for punch in (False, True):
+        loads = [Pressure("top" if punch else "footing", soil.yield_stress)]
+        name = "punch" if punch else "pressure"
+        for size in (0.4,) if coarse else (0.4, 0.2, 0.1):
+            tagged_mesh = mesh(folder, write_strip_footing, size=size, punch=punch).turned()
+            problem = Problem(
+                tagged_mesh,
+                {"ground": soil} | ({"punch": stiff} if punch else {}),
+                [Support("side", "x"), Support("bottom")],
+                loads,
+                contacts if punch else [],
+                degree=2,
+            )
+            found = collapse(problem)
+            exact = SMOOTH * MIDDLE
+            rows.append(found.row(f"circular footing, {name}", size, exact, WIDTH))
+    pictures = subfolder(folder, "footing")
+    scene = Scene("Circular footing, smooth", loads, contacts, axisymmetric=True)
+    found.write(pictures, scene)
+    draw(pictures)
+    return rows
+
+
+def rough(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Reactions of a footing that is glued to the ground and moved far. Collective."""
+    rows, soil = [], strip_footing.SOIL
+    for size in (0.4,) if coarse else (0.4, 0.2, 0.1):
+        ground = mesh(folder, write_strip_footing, size=size).turned()
+        supports = [
+            *(Support("side", "x"), Support("bottom"), Support("footing", "x")),
+            Support("footing", "y", value=-1.0, constant=False),
+        ]
+        problem = Problem(ground, {"ground": soil}, supports, degree=2)
+        began = time.perf_counter()
+        solver = Newton(problem)
+        *_, last = load_path(solver, WAY)
+        down = -last.report.reactions["support footing"][1] / math.pi
+        rows.append(
+            Row(
+                case="circular footing, rough",
+                quantity="reaction over area and σ_y",
+                element="P2",
+                size=size,
+                dofs=problem.num_dofs,
+                computed=down / soil.yield_stress if last.report.converged else math.nan,
+                exact=ROUGH * MIDDLE,
+                allowed=WIDTH,
+                solves=solver.linear.solves,
+                seconds=time.perf_counter() - began,
+            )
+        )
+    return rows
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """All of them. Collective."""
+    parts = (spheres, tubes, footings, rough)
+    return [row for part in parts for row in part(folder, coarse)]
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,166 @@
+# %% [markdown]
+# # Bounds of the body, on meshes that follow them
+#
+# Both bounds of the limit load hold for the body that the mesh fills, whatever the mesh. So an
+# exact limit load must lie between them, and how far they are apart is all that a mesh decides.
+# Here coarse meshes of about equal cells are refined where the bounds say, until a gap is reached
+# with no more than a given number of cells: footings, rough platens, strips with a slit and with
+# notches, whose limit loads are known; a block on a weaker block; the tutorial's beam on its prop.
+#
+# Where the body is round, a mesh of straight cells is another body. A tube under pressure from
+# within has two of them: the tube carries whatever a polygon in it carries, with the pressure
+# itself as stress in what is left of it; and a mechanism of a polygon that the tube lies in is one
+# of the tube.
+#
+# The beam shows what a limit load of a mesh is worth: that of the tutorial's mesh is 5 % too large.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/body_bounds.py
+
+# %%
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+from mpi4py import MPI
+
+from demos.verification.bounded_bodies import ADAPTED, BEAM, PLATENS, TUBE, Case
+from demos.verification.slip import draw_slip
+from demos.verification.study import Row, run
+from perfplast_fenicsx import (
+    Adaptation,
+    BodyBounds,
+    LimitLoad,
+    Problem,
+    adaptive_bounds,
+    limit_bounds,
+    limit_load,
+)
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
+from perfplast_fenicsx.limit_analysis import AdaptiveBounds
+from perfplast_fenicsx.problem import Prescribed
+
+TITLE = "Bounds of the body, plane strain"
+POLYGONS = ((8, (0.043, 96)), (29, TUBE.asked))
+"""Sides of the tube's circles in a quarter, and what is asked for with so many."""
+TUTORIAL = 12.0
+"""Edge length of the tutorial's mesh."""
+
+
+# %% [markdown]
+# ## Rows of the table
+#
+# Each case has the cells of its last mesh and the gap in percent, against those that are asked for,
+# and where the limit load is known the two inequalities.
+
+
+# %%
+def rows_of(case: Case, low: BodyBounds, high: BodyBounds, cells: int, seconds: float) -> list[Row]:
+    """What a lower and an upper bound of a case have reached."""
+    lower, upper = low.lower, high.upper
+    assert lower.strict and upper.strict, f"{case.name}: {lower!r}, {upper!r}"
+    assert lower.value is not None and upper.value is not None
+    row = Row(
+        case=case.name,
+        quantity="cells",
+        element="P1 and P2",
+        size=1.0,
+        dofs=high.problem.num_dofs,
+        computed=cells,
+        exact=case.asked[1],
+        allowed=0.0,
+        solves=0,
+        seconds=seconds,
+        bound=True,
+        bracket=f"{lower.shown} ... {upper.shown}",
+    )
+    rest = replace(row, seconds=0.0, bracket="")
+    gap = 100 * (upper.value / lower.value - 1)
+    rows = [row, replace(rest, quantity="gap in %", computed=gap, exact=100 * case.asked[0])]
+    if case.exact is not None:
+        exact = case.exact
+        rows.append(replace(rest, quantity="lower bound", computed=lower.value, exact=exact))
+        rows.append(replace(rest, quantity="exact value", computed=exact, exact=upper.value))
+    return rows
+
+
+def adapted(case: Case, problem: Problem) -> tuple[AdaptiveBounds, list[Row]]:
+    """Bounds of a case on finer and finer meshes. Collective."""
+    began = time.perf_counter()
+    found = adaptive_bounds(problem, Adaptation(*case.asked))
+    seconds = time.perf_counter() - began
+    return found, rows_of(case, found.low, found.high, found.rounds[-1].cells, seconds)
+
+
+def tube(folder: ResultFolder, sides: int, asked: tuple[float, int]) -> list[Row]:
+    """Bounds of the round tube from a polygon on either side of it. Collective."""
+    began, size = time.perf_counter(), math.pi / 2 / sides
+    low, high = (
+        limit_bounds(TUBE.problem(folder, lesser=lesser, size=size)) for lesser in (True, False)
+    )
+    cells = high.problem.tagged_mesh.mesh.topology.index_map(2).size_global
+    return rows_of(replace(TUBE, asked=asked), low, high, cells, time.perf_counter() - began)
+
+
+def of_mesh(row: Row, limit: LimitLoad, element: str, inside: bool) -> Row:
+    """The limit load of a mesh beside the middle of the bracket, and whether it must be inside."""
+    low, high = (float(end) for end in row.bracket.split(" ... "))
+    return replace(
+        row,
+        quantity="limit load of a mesh",
+        element=element,
+        computed=math.nan if limit.estimate is None else limit.estimate,
+        exact=(low + high) / 2,
+        allowed=(high - low) / (high + low) if inside else None,
+        seconds=0.0,
+        bound=False,
+        factorisations=limit.factorisations,
+    )
+
+
+def show(folder: ResultFolder, case: Case, found: AdaptiveBounds) -> None:
+    """Draw the mechanism on the last mesh. Collective."""
+    scene = Scene(case.name, case.loads, case.contacts)
+    writer = ResultWriter(
+        folder, found.problem, scene, "interior-point", prescribed=Prescribed.WORK
+    )
+    writer.write_limit(found.last.mesh, found.body, found)
+    draw_slip(folder, case.name)
+
+
+# %% [markdown]
+# The beam's limit load on the tutorial's mesh is shown beside the middle of its bracket: its edge
+# that stands on the block and its hinges are as wide as the cells there.
+
+
+# %%
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Bounds on adapted meshes, and of the tube on its polygons. Collective."""
+    rows = []
+    for case in ADAPTED:
+        if coarse:
+            if case.coarse is None:
+                continue
+            case = replace(case, asked=case.coarse)
+        found, new = adapted(case, case.problem(folder))
+        rows += new
+        if case.exact is None:
+            rows.append(of_mesh(new[0], found.last.mesh, "P2, last mesh", inside=True))
+        if case is BEAM:
+            tutorial = limit_load(case.problem(folder, size=TUTORIAL))
+            rows.append(of_mesh(new[0], tutorial, "P2, tutorial", inside=False))
+        if case.name == PLATENS.name:
+            show(folder, case, found)
+    for sides, asked in POLYGONS[:1] if coarse else POLYGONS:
+        rows += tube(folder, sides, asked)
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,128 @@
+# %% [markdown]
+# # What bounds of the body cost
+#
+# The block between rough platens, in plane strain, of which half is rigid when it collapses: how
+# many cells bounds that are 1 % apart take, on meshes that follow the bounds and on meshes that are
+# refined everywhere, and how many steps the interior point method takes as meshes grow.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/bound_costs.py
+
+# %%
+import time
+from collections.abc import Sequence
+from itertools import pairwise
+
+from mpi4py import MPI
+
+import numpy as np
+
+from demos.verification.body_bounds import show
+from demos.verification.bounded_bodies import PLATENS
+from demos.verification.study import Row, run
+from perfplast_fenicsx import Adaptation, BodyBounds, Problem, adaptive_bounds, limit_bounds
+from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.mesh import refine
+
+TITLE = "Cost of bounds"
+GAP, ROUGHLY = 0.01, 0.05
+"""The gap that cells are counted for; another one for a quick look."""
+FEWER, LESS = 1 / 5, 1 / 2
+"""Cells of the adapted meshes, relative to the others, at these gaps."""
+STEPS = 30
+"""Of the interior point method for one bound."""
+LARGE = 0.0125
+"""Edge length of the largest mesh."""
+
+Reached = list[tuple[int, float]]
+"""Cells and gap of finer and finer meshes."""
+
+
+def cells_for(reached: Reached, gap: float) -> float:
+    """Cells at which a gap is reached, between two meshes by a power law."""
+    for (few, wide), (many, narrow) in pairwise(reached):
+        if narrow <= gap:
+            share = np.log(wide / gap) / np.log(wide / narrow)
+            return float(few * (many / few) ** share)
+    return np.nan
+
+
+def num_cells(problem: Problem) -> int:
+    """Cells of all ranks."""
+    count: int = problem.tagged_mesh.mesh.topology.index_map(2).size_global
+    return count
+
+
+def uniform(problem: Problem, gap: float) -> Reached:
+    """Gaps on meshes whose cells are all divided into four, until one is small. Collective."""
+    reached: Reached = []
+    while not reached or reached[-1][1] > gap:
+        if reached:
+            every = np.ones(problem.tagged_mesh.mesh.topology.index_map(2).size_local, dtype=bool)
+            problem = problem.on(refine(problem.tagged_mesh, every).tagged_mesh)
+        reached.append((num_cells(problem), gap_of(limit_bounds(problem))))
+    return reached
+
+
+def gap_of(found: BodyBounds) -> float:
+    """By how much the upper bound exceeds the lower one, relative."""
+    assert found.lower.value is not None
+    assert found.upper.value is not None
+    return found.upper.value / found.lower.value - 1
+
+
+# %%
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Cells for a gap, and steps on the finest mesh. Collective."""
+    gap, fewer = (ROUGHLY, LESS) if coarse else (GAP, FEWER)
+    began, problem = time.perf_counter(), PLATENS.problem(folder)
+    found = adaptive_bounds(problem, Adaptation(until=gap))
+    show(folder, PLATENS, found)
+    adapted = [(round_.cells, round_.gap) for round_ in found.rounds if round_.gap is not None]
+    few, many = cells_for(adapted, gap), cells_for(uniform(problem, gap), gap)
+    rows = [
+        Row(
+            case=PLATENS.name,
+            quantity=f"cells for {100 * gap:g} %, to uniform",
+            element="P1 and P2",
+            size=1.0,
+            dofs=found.problem.num_dofs,
+            computed=few / many,
+            exact=fewer,
+            allowed=0.0,
+            solves=0,
+            seconds=time.perf_counter() - began,
+            bound=True,
+        )
+    ]
+    for size in () if coarse else (4 * LARGE, 2 * LARGE, LARGE):
+        began, problem = time.perf_counter(), PLATENS.problem(folder, size=size)
+        bounds = limit_bounds(problem)
+        assert bounds.static is not None
+        of_lower = len(bounds.static.steps)
+        rows.append(
+            Row(
+                case=PLATENS.name,
+                quantity=f"steps, {num_cells(problem)} cells",
+                element="P1 and P2",
+                size=size,
+                dofs=problem.num_dofs,
+                computed=max(of_lower, bounds.steps - of_lower),
+                exact=STEPS,
+                allowed=0.0,
+                solves=0,
+                seconds=time.perf_counter() - began,
+                bound=True,
+                bracket=f"{bounds.lower.shown} ... {bounds.upper.shown}",
+            )
+        )
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,254 @@
+# %% [markdown]
+# # Friction: a block that slides, rough platens, a block on a slope, and stick within slip
+#
+# Tresca's friction is a shear stress τ̄ that slip has to overcome, Coulomb's is μ times the pressure.
+#
+# - A block is pushed aside on another one, meshed apart, until it slides: at the force τ̄A in any
+#   direction, since nothing of its friction is a polygon.
+# - A block is pressed between platens with τ̄ = m k, k = σ_y/√3. If it is as wide as high, its stress
+#   is uniform at collapse whatever m is, as slip lines at 45° leave it on its sides: 2k. If it is
+#   twice as wide, the limit load grows with m from 2k to 2.4277 k of platens that are glued.
+# - A block of the weight G on a slope with tan α = 0.1, pushed up it by a horizontal force F, slides
+#   at F/G = (tan α + μ)/(1 − μ tan α) (NAFEMS, benchmark CGS-4, with μ = 0.3).
+# - Two long cylinders of one material that are pressed on each other by P and pushed aside by Q < μP
+#   stick within |x| ≤ c = b √(1 − Q/(μP)) and slip outside (C. Cattaneo, 1938; K. L. Johnson, Contact
+#   Mechanics, chapter 7). Half planes stand for the cylinders, with the gap x²/(2R) between them. c
+#   follows from the second moments of shear stress and pressure, ∫q x²/∫q − ∫p x²/∫p = c²/4.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/friction.py
+
+# %%
+import math
+import time
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from demos.verification.hertz_line import contact_modulus
+from demos.verification.study import Row, collapse, mesh, run
+from meshes.facing_blocks import write_facing_blocks
+from perfplast_fenicsx import (
+    BodyForce,
+    Contact,
+    Elastic,
+    Newton,
+    Pressure,
+    Problem,
+    Support,
+    Traction,
+    VonMises,
+    WorkNewton,
+    limit_load,
+    stacked_blocks,
+)
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
+from perfplast_fenicsx.pictures import draw
+from perfplast_fenicsx.problem import Prescribed, friction_forces
+
+TITLE = "Friction"
+STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
+RIGID = Elastic(young=206900e3, poisson=0.29)
+K = STEEL.yield_stress / math.sqrt(3)
+SEAM = ("lower_seam", "upper_seam")
+
+
+# %% [markdown]
+# ## A block that slides, in space
+
+
+# %%
+def slides(comm: MPI.Intracomm, coarse: bool) -> list[Row]:
+    """ζ at which a block slides in three directions. Collective."""
+    rows = []
+    for degrees in (0.0, 37.0, 45.0):
+        angle, n = math.radians(degrees), 2 if coarse else 4
+        aside = (0.2 * math.cos(angle), 0.2 * math.sin(angle), -1.0)
+        problem = Problem(
+            stacked_blocks(comm, n),
+            {"lower": STEEL, "upper": STEEL},
+            [Support("bottom")],
+            [Traction("top", aside)],
+            [Contact("lower_top", "upper_bottom", tresca=10.0, formulation="mortar")],
+        )
+        began = time.perf_counter()
+        limit = limit_load(problem, method="path")
+        rows.append(
+            Row(
+                case=f"sliding block, {degrees:g}°",
+                quantity="load factor",
+                element="P1",
+                size=1 / n,
+                dofs=problem.num_dofs,
+                computed=limit.lower,
+                exact=50.0,
+                allowed=1e-6,
+                solves=limit.linear_solves,
+                seconds=time.perf_counter() - began,
+            )
+        )
+    return rows
+
+
+# %% [markdown]
+# ## Between platens, a quarter by symmetry
+
+
+# %%
+def platens(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Limit loads for some m and both shapes. Collective."""
+    rows: list[Row] = []
+    for shape, height in (("as wide as high", 1.0), ("twice as wide", 0.5)):
+        fine, size = (0.02, 0.15) if coarse else (0.005, 0.06)
+        tagged_mesh = mesh(
+            folder,
+            write_facing_blocks,
+            left=0.0,
+            below=height,
+            above=0.25,
+            finest_at=1.0,
+            flat=0.02,
+            fine=fine,
+            size=size,
+        )
+        before = 2 * K
+        for m in (0.0, 0.25, 0.5, 0.75, 1.0):
+            problem = Problem(
+                tagged_mesh,
+                {"lower": STEEL, "upper": RIGID},
+                [Support("left", "x"), Support("bottom", "y")],
+                [Pressure("top", 1.0)],
+                [Contact(*SEAM, tresca=m * K)],
+                degree=2,
+            )
+            found = collapse(problem)
+            name = f"platens, {shape}, m = {m:g}"
+            if shape == "as wide as high":
+                rows.append(found.row(name, size, 2 * K, 0.01))
+            else:
+                exact = {0.0: 2 * K, 1.0: 2.4277 * K}.get(m)
+                rows.append(found.row(name, size, exact or before, 0.02 if exact else None))
+                assert found.zeta >= before * (1 - 1e-4), "the limit load falls with m"
+                before = found.zeta
+    return rows
+
+
+# %% [markdown]
+# ## On a slope
+
+
+# %%
+def slope(comm: MPI.Intracomm) -> list[Row]:
+    """F/G at which a block slides up. Collective."""
+    tangent, mu = 0.1, 0.3
+    angle = math.atan(tangent)
+    c, s = math.cos(angle), math.sin(angle)
+    problem = Problem(
+        stacked_blocks(comm, 2),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom"), Support("y0", "y")],
+        [BodyForce("upper", (-s, 0.0, -c), constant=True), BodyForce("upper", (c, 0.0, -s))],
+        [Contact("lower_top", "upper_bottom", coulomb=mu)],
+    )
+    began, solver = time.perf_counter(), WorkNewton(problem)
+    level = rest = solver.at_rest()
+    for further in (1e-6, 1e-5, 1e-4, 1e-3):
+        level = solver.solve(rest.state.alpha + further, level.state)
+    return [
+        Row(
+            case="block on a slope, Coulomb",
+            quantity="F/G",
+            element="P1",
+            size=0.5,
+            dofs=problem.num_dofs,
+            computed=level.report.zeta if level.report.converged else math.nan,
+            exact=(tangent + mu) / (1 - mu * tangent),
+            allowed=1e-6,
+            solves=solver.linear.solves,
+            seconds=time.perf_counter() - began,
+        )
+    ]
+
+
+# %% [markdown]
+# ## Stick within slip
+
+
+# %%
+def cattaneo(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Half-width of the part that sticks. Collective."""
+    body, width, share, mu, radius = Elastic(210e3, 0.3), 0.1, 0.5, 0.3, 10.0
+    modulus = contact_modulus(body, body)
+    push = math.pi * modulus * width**2 / (4 * radius)
+    aside = share * mu * push
+    parts = 8 if coarse else 16
+    tagged_mesh = mesh(folder, write_facing_blocks, fine=width / parts)
+    # on top, a couple keeps the contact free of moment
+    down = f"{-push / 2!r} + {1.5 * aside!r}*x"
+    problem = Problem(
+        tagged_mesh,
+        {"lower": body, "upper": body},
+        [Support("bottom")],
+        [Traction("top", (aside / 2, down))],
+        [Contact(*SEAM, gap=f"x*x/{2 * radius}", coulomb=mu)],
+        degree=2,
+    )
+    began = time.perf_counter()
+    level = Newton(problem).solve(1.0)
+    seconds = time.perf_counter() - began
+    x = problem.V.tabulate_dof_coordinates()[problem.constraints.host, 0]
+    rubs = problem.friction
+    along = friction_forces(problem, level.stress, 1.0)[:, 0] * rubs.direction[:, 0, 0]
+
+    def middle(force: np.ndarray, at: np.ndarray) -> tuple[float, float]:
+        sums = np.array([force @ at**0, force @ at, force @ at**2])
+        total, first, second = problem.comm.allreduce(sums)
+        return float(first / total), float(second / total)
+
+    at, of_pressure = middle(level.contact_forces, x)
+    other, of_shear = middle(along, x[rubs.pair])
+    stick = 2 * math.sqrt(max((of_shear - other**2) - (of_pressure - at**2), 0.0))
+    scene = Scene(TITLE, problem.given.loads, problem.given.contacts)
+    writer = ResultWriter(folder, problem, scene, "newton", prescribed=Prescribed.LOAD_FACTOR)
+    writer.write(level)
+    draw(folder)
+    return [
+        Row(
+            case="stick within slip, Coulomb",
+            quantity=quantity,
+            element="P2",
+            size=width / parts,
+            dofs=problem.num_dofs,
+            computed=computed if level.report.converged else math.nan,
+            exact=exact,
+            allowed=allowed,
+            solves=level.report.linear_solves,
+            seconds=seconds,
+        )
+        for quantity, computed, exact, allowed in (
+            ("half-width of contact", 2 * math.sqrt(of_pressure - at**2), width, 0.03),
+            ("half-width of stick", stick, width * math.sqrt(1 - share), 0.05),
+        )
+    ]
+
+
+# %%
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """All of them. Collective."""
+    return [
+        *slides(comm, coarse),
+        *slope(comm),
+        *cattaneo(folder, coarse),
+        *platens(folder, coarse),
+    ]
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()

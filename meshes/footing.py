@@ -1,0 +1,58 @@
+"""A strip footing in plane strain, both halves of it: for loads that lean or turn.
+
+The ground is (-WIDTH, WIDTH)×(-DEPTH, 0), the footing the part |x| ≤ 1 of y = 0. Volume ``ground``;
+curves ``bottom``, ``sides``, ``footing`` and ``free`` (the rest of y = 0). The mesh is its own
+mirror image.
+"""
+
+from pathlib import Path
+
+from meshes.command_line import mesh_parser, write_from
+from meshes.naming import name
+from meshes.shapes import add_polygon
+from meshes.sizes import finer_at, generate
+from perfplast_fenicsx.mesh import gmsh_session, write_split
+
+WIDTH, DEPTH = 6.0, 4.0
+"""Extent of the ground; the half width of the footing is 1."""
+FINER, REACH = 10.0, 2.2
+"""How much smaller the elements are at the footing's edges; how far from them ``size`` holds."""
+
+
+def write_footing(path: str | Path, size: float = 0.4, order: int = 1) -> None:
+    """Mesh the ground and write a .msh file. On one process.
+
+    Args:
+        path: The file to write.
+        size: Edge length in the region of the slip lines; it is a tenth at the footing's edges.
+        order: Degree of the geometry, 1 or 2.
+    """
+    with gmsh_session() as gmsh:
+        occ, mesh = gmsh.model.occ, gmsh.model.mesh
+        corners = [(0.0, 0.0), (0.0, -DEPTH), (WIDTH, -DEPTH), (WIDTH, 0.0), (1.0, 0.0)]
+        ends = [occ.addPoint(x, y, 0.0) for x, y in corners]
+        images = [*ends[:2], *(occ.addPoint(-x, y, 0.0) for x, y in corners[2:])]
+        axis = occ.addLine(ends[0], ends[1])
+        right, left = (
+            [occ.addLine(chain[i], chain[(i + 1) % 5]) for i in range(1, 5)]
+            for chain in (ends, images)
+        )
+        halves = [add_polygon([axis, *right]), add_polygon([axis, *left])]
+        occ.synchronize()
+        for line, image in zip(right, left, strict=True):
+            mesh.setPeriodic(1, [image], [line], [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1])
+        labels = ("bottom", "sides", "free", "footing")
+        name(2, {"ground": halves})
+        name(1, {label: [right[i], left[i]] for i, label in enumerate(labels)})
+        one, other = (finer_at((x, 0.0), size / FINER, size, reach=REACH) for x in (-1.0, 1.0))
+        generate(2, lambda x, y, z: min(one(x, y, z), other(x, y, z)), order)
+        write_split(path)
+
+
+def main() -> None:
+    """Write the mesh that the command line asks for."""
+    write_from(mesh_parser(write_footing, "Mesh a strip footing."), write_footing)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,160 @@
+"""``perfplast mesh``: a geometry file becomes a folder with a mesh and a first case file."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from mpi4py import MPI
+
+from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.cli.terminal import Terminal
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.geometry.cad_process import mesh_geometry
+from perfplast_fenicsx.geometry.first_case import first_case
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.survey import Survey
+from perfplast_fenicsx.materials.common import MATERIALS, find
+
+CASE, MESH = "case.toml", "mesh.msh"
+"""Files of the folder."""
+
+
+def mesh(
+    comm: MPI.Intracomm,
+    source: str,
+    output: str,
+    options: MeshingOptions,
+    material: str | None = None,
+    tied: bool = False,
+    force: bool = False,
+) -> None:
+    """Mesh a geometry file, say what is in it, and write mesh and first case. Collective.
+
+    Args:
+        comm: Rank 0 does it.
+        source: STEP, BREP, IGES or .geo.
+        output: The folder.
+        options: Sizes and degree of the elements.
+        material: Of all bodies, by its name in the table of ``perfplast materials``.
+        tied: Glue what touches.
+        force: Replace a mesh and a case file.
+
+    Raises:
+        InputError: If the file cannot be meshed, or the folder has a case file already.
+    """
+    terminal, fault = Terminal(comm), None
+    if comm.rank == 0:
+        terminal.status(f"meshing {source}")
+        try:
+            survey = _mesh(Path(source), Path(output), options, material, tied, force)
+        except InputError as error:
+            fault = str(error)
+        terminal.clear()
+    raise_together(comm, fault)
+    if comm.rank == 0:
+        terminal.say(describe(survey))
+        case = Path(output) / CASE
+        terminal.say(
+            f"\nWritten: {Path(output) / MESH} and {case}. Fill in what is marked with <- there;"
+            f" then: perfplast run {case} -o {Path(output) / 'results'}"
+        )
+
+
+def read_sizes(given: Sequence[str]) -> dict[str, float]:
+    """What ``--size-of BODY=H`` says.
+
+    Raises:
+        InputError: If one says something else.
+    """
+    sizes = {}
+    for text in given:
+        body, equals, size = text.rpartition("=")
+        try:
+            sizes[body] = float(size)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise InputError(
+                f"--size-of '{text}' is no body with a size; write for instance bolt=2.5."
+            )
+    return sizes
+
+
+def common_materials() -> str:
+    """The table of common materials."""
+    rows = [("material", "young", "poisson", "yield_stress", "", "source")]
+    for one in MATERIALS:
+        numbers = (f"{one.young:g}", f"{one.poisson:g}", f"{one.yield_stress:g}")
+        rows.append((one.name, *numbers, one.what, one.source))
+    return "\n".join(["Stresses in MPa (N/mm²).", *_aligned(rows)])
+
+
+def describe(survey: Survey) -> str:
+    """What there is in a geometry, as tables."""
+    rows: list[tuple[str, ...]] = [
+        ("body", "elements", "volume" if survey.dim == 3 else "area", "from", "to")
+    ]
+    for body in survey.bodies:
+        rows.append(
+            (body.name, f"{body.cells}", f"{body.volume:.5g}", _place(body.low), _place(body.high))
+        )
+    text = [f"{len(survey.bodies)} bodies, {survey.nodes} nodes", *_aligned(rows)]
+    if survey.joints:
+        rows = [("touching", "", "area" if survey.dim == 3 else "length", "shape")]
+        for joint in survey.joints:
+            rows.append((*joint.surfaces, f"{joint.area:.5g}", " and ".join(joint.shapes)))
+        text += ["", *_aligned(rows)]
+    if survey.near:
+        rows = [("apart", "", "gap")]
+        rows += [(*near.bodies, f"{near.gap:.3g}") for near in survey.near]
+        text += ["", *_aligned(rows)]
+    rows = [("no.", "free face", "area" if survey.dim == 3 else "length", "shape", "about")]
+    for face in survey.faces:
+        rows.append(
+            (f"{face.number}", face.name, f"{face.area:.5g}", face.shape, _place(face.centre))
+        )
+    text += ["", *_aligned(rows)]
+    text += [f"\nwarning: {remark}." for remark in survey.remarks]
+    return "\n".join(text)
+
+
+def _mesh(
+    source: Path,
+    output: Path,
+    options: MeshingOptions,
+    material: str | None,
+    tied: bool,
+    force: bool,
+) -> Survey:
+    filled = find(material) if material else None
+    existing = [name for name in (CASE, MESH) if (output / name).exists()]
+    if existing and not force:
+        raise InputError(
+            f"'{output}' has a {existing[0]} already; give --force to replace it, or another -o."
+        )
+    try:
+        made = not output.exists()
+        output.mkdir(parents=True, exist_ok=True)
+        try:
+            survey = mesh_geometry(source, output / MESH, options)
+        except InputError:
+            if made:
+                output.rmdir()
+            raise
+        case = first_case(survey, source.stem, MESH, filled, tied)
+        replace(output / CASE, case.encode())
+    except OSError as error:
+        raise InputError(f"'{output}' cannot be written: {error.strerror or error}.") from error
+    return survey
+
+
+def _place(point: tuple[float, ...]) -> str:
+    return " ".join(f"{x:.4g}" for x in point)
+
+
+def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  "
+        + "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]

@@ -1,0 +1,103 @@
+"""Facets of two surfaces that lie opposite each other, looked for in ever larger distances."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.facet_pairing import rendezvous
+from perfplast_fenicsx.contact.mortar_integrals import Integrals, integrate
+from perfplast_fenicsx.contact.surface_facets import Facets
+
+REACH = 0.1
+"""Facets are first looked for in distances of this share of the size of both surfaces."""
+
+
+@dataclass(frozen=True)
+class Facing:
+    """Host facets, each on one rank, and the guest facets there that they overlap.
+
+    Attributes:
+        hosts: All host facets.
+        guests: Those of the other surface that were met; some more than once.
+        found: Their integrals.
+    """
+
+    hosts: Facets
+    guests: Facets
+    found: Integrals
+
+
+def facing_facets(
+    comm: MPI.Intracomm,
+    hosts: Facets,
+    guests: Facets,
+    size: float,
+    around: Callable[[Floats], Floats],
+    onward: bool,
+) -> Facing:
+    """Look for what lies opposite. Collective.
+
+    The reach is doubled until anything is found and, if that is asked for, host facets that have
+    found nothing go on searching. In front of them alone: what lies farther behind them than the
+    first reach that found anything is no overlap of bodies.
+
+    Args:
+        comm: The ranks.
+        hosts: This rank's facets of the surface that carries the multipliers.
+        guests: Those of the other surface.
+        size: Of both surfaces (length).
+        around: See :func:`mortar_integrals.integrate`.
+        onward: Whether each host facet searches up to this size.
+    """
+    parts: list[Facing] = []
+    reach, behind = REACH * size, np.inf
+    while True:
+        here, there = rendezvous(comm, hosts, guests, reach)
+        found = integrate(here, there, reach, around, min(reach, behind))
+        covered = found.covered > 0
+        some, alone = comm.allreduce(np.array([covered.sum(), (~covered).sum()]))
+        last = reach > size or not alone or (not onward and (some or parts))
+        if last:
+            parts.append(Facing(here, there, found))
+            return _joined(parts)
+        if some:
+            parts.append(Facing(here[covered], there, _of(found, covered)))
+            hosts, behind = here[~covered], min(reach, behind)
+        reach *= 2
+
+
+def _of(found: Integrals, covered: np.ndarray) -> Integrals:
+    """The integrals of covered host facets, numbered anew."""
+    number = np.cumsum(covered) - 1
+    return Integrals(
+        number[found.host],
+        found.guest,
+        found.M,
+        found.d[covered],
+        found.full[covered],
+        found.covered[covered],
+        found.on_guest,
+    )
+
+
+def _joined(parts: list[Facing]) -> Facing:
+    found = [part.found for part in parts]
+    hosts = np.cumsum([0, *(len(part.hosts) for part in parts)])
+    guests = np.cumsum([0, *(len(part.guests) for part in parts)])
+    return Facing(
+        np.concatenate([part.hosts for part in parts]),
+        np.concatenate([part.guests for part in parts]),
+        Integrals(
+            np.concatenate([one.host + k for one, k in zip(found, hosts, strict=False)]),
+            np.concatenate([one.guest + k for one, k in zip(found, guests, strict=False)]),
+            np.concatenate([one.M for one in found]),
+            np.concatenate([one.d for one in found]),
+            np.concatenate([one.full for one in found]),
+            np.concatenate([one.covered for one in found]),
+            sum(one.on_guest for one in found),
+        ),
+    )

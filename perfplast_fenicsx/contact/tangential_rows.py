@@ -1,0 +1,210 @@
+"""The rows of friction: jumps along the surface, of the same nodes and weights as those of contact.
+
+A row of contact is the jump of two surfaces along its normal n. The jump along a direction t in the
+surface has the same weights, so that both are of one vector, which friction holds or lets slip.
+"""
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.contact.constraints import Constraints, make_constraints
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.friction import Friction
+from perfplast_fenicsx.contact.obstacles import Obstacle
+from perfplast_fenicsx.contact.sparse_rows import entries_of, matrix_of_entries
+from perfplast_fenicsx.contact.tie import Tie
+from perfplast_fenicsx.errors import InputError
+
+NOTHING = 1e-9
+"""Rows with less than this share of the largest area have no friction; so vertices of quadratic
+tetrahedra, on which a constant shear stress exerts no force."""
+
+NORMAL = 0.5
+"""Eigenvalues of directions in the surface are 1, of others 0."""
+
+
+def check_nothing_rubs(friction: Friction) -> None:
+    """Refuse friction beside supports or obstacles that move.
+
+    Raises:
+        InputError: If there is any.
+    """
+    if friction.count:
+        raise InputError(
+            "friction does not go together with supports or obstacles that move; leave their motion"
+            " or the friction out."
+        )
+
+
+def tangential_rows(
+    V: fem.FunctionSpace,
+    constraints: Constraints,
+    contacts: Sequence[Contact],
+    obstacles: Sequence[Obstacle],
+    ties: Sequence[Tie],
+    taken: npt.NDArray[np.bool_],
+) -> tuple[Constraints, Friction]:
+    """The rows of friction, and what belongs to them but the places of their unknowns. Collective.
+
+    Where faces meet at an edge, nodes have no direction in both of them, and no friction.
+
+    Args:
+        V: Displacement space.
+        constraints: The rows of contact.
+        contacts: Some of which may rub.
+        obstacles: The same.
+        ties: Which nothing can rub on.
+        taken: Components of local nodes that supports hold or ties host, shape (num_nodes, gdim).
+
+    Returns:
+        The rows, and friction whose ``index`` has numbers of rows.
+
+    Raises:
+        InputError: If a surface has friction and is tied, or supports hold hosts along the surface
+            where their guests are free.
+    """
+    comm, gdim, rubbing = V.mesh.comm, V.mesh.geometry.dim, (*contacts, *obstacles)
+    _check_ties(contacts, obstacles, ties)
+    place = _places(comm, constraints, rubbing)
+    free = ~taken[constraints.host[place]]
+    directions, there = _directions(constraints.normal[place], free)
+    row, node, weight = _weights(constraints, gdim)
+    chosen = np.full(len(constraints.host), -1)
+    chosen[place] = np.arange(len(place))
+    row, node, weight = _of(chosen, row, node, weight)
+    _check_guests(V, constraints, rubbing, taken, place, (row, node, weight))
+
+    which, slot = np.nonzero(there)
+    number = np.full(there.shape, -1, dtype=np.int32)
+    number[which, slot] = np.arange(len(which))
+    terms = []
+    for axis in range(gdim - 1):
+        to = number[row, axis]
+        kept = to >= 0
+        coefficient = weight[kept, None] * directions[row[kept], axis]
+        terms.append((to[kept], node[kept], coefficient))
+    pairs = place[which]
+    rows = make_constraints(
+        V,
+        constraints.host[pairs],
+        np.zeros(len(pairs)),
+        directions[which, slot],
+        constraints.surface[pairs],
+        terms,
+        area=constraints.area[pairs],
+    )
+    surface, area = constraints.surface[place], constraints.area[place]
+    tresca, coulomb = (
+        np.array([getattr(one, key) or 0.0 for one in rubbing] or [0.0])[surface]
+        for key in ("tresca", "coulomb")
+    )
+    friction = Friction(
+        pair=place.astype(np.int32),
+        index=number,
+        direction=directions,
+        area=area,
+        coulomb=coulomb,
+        bound=tresca * area,
+        count=comm.allreduce(len(place)),
+        follows_pressure=comm.allreduce(bool(coulomb.any()), MPI.LOR),
+    )
+    return rows, friction
+
+
+def _check_ties(
+    contacts: Sequence[Contact], obstacles: Sequence[Obstacle], ties: Sequence[Tie]
+) -> None:
+    """Refuse friction on surfaces that are glued."""
+    rubs = {name for a in contacts if a.rubs for name in (a.primary, a.secondary)}
+    rubs |= {obstacle.on for obstacle in obstacles if obstacle.rubs}
+    both = sorted(rubs & {name for tie in ties for name in (tie.primary, tie.secondary)})
+    if both:
+        raise InputError(
+            f"'{both[0]}' has friction and is tied, so that it can never slip; leave out the"
+            " friction or the tie."
+        )
+
+
+def _places(
+    comm: MPI.Intracomm, constraints: Constraints, rubbing: Sequence[Contact | Obstacle]
+) -> Longs:
+    """Rows of contact with friction. Collective."""
+    rubs = np.array([one.rubs for one in rubbing] or [False])[constraints.surface]
+    largest = comm.allreduce(float(constraints.area.max(initial=0)), MPI.MAX)
+    hosts, counts = np.unique(constraints.host, return_counts=True)
+    alone = counts[np.searchsorted(hosts, constraints.host)] == 1
+    return np.flatnonzero(rubs & alone & (constraints.area > NOTHING * largest))
+
+
+def _directions(normal: Floats, free: npt.NDArray[np.bool_]) -> tuple[Floats, npt.NDArray]:
+    """Orthonormal directions along the surface that supports leave free.
+
+    Args:
+        normal: Shape (n, gdim).
+        free: Components that hosts may move in, same shape.
+
+    Returns:
+        Shape (n, gdim − 1, gdim), zero where there is none; and where there is one.
+    """
+    along = normal * free
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    projection = np.einsum("ni,ij->nij", free, np.eye(normal.shape[1]))
+    projection -= along[:, :, None] * along[:, None, :]
+    values, vectors = np.linalg.eigh(projection)
+    there = values[:, 1:] > NORMAL
+    return np.swapaxes(vectors[:, :, 1:], 1, 2) * there[:, :, None], there
+
+
+def _weights(constraints: Constraints, gdim: int) -> tuple[Longs, Longs, Floats]:
+    """Row, global block dof and weight w of the nodes with a part in each jump Σ w u."""
+    row, column, value = entries_of(constraints.B)
+    node, axis = np.divmod(column, gdim)
+    largest = np.argmax(np.abs(constraints.normal), axis=1)[row]
+    kept = axis == largest
+    row, largest = row[kept], largest[kept]
+    return row, node[kept], value[kept] / constraints.normal[row, largest]
+
+
+def _of(chosen: Longs, row: Longs, node: Longs, weight: Floats) -> tuple[Longs, Longs, Floats]:
+    """Terms of chosen rows, with their new numbers."""
+    kept = chosen[row] >= 0
+    return chosen[row[kept]], node[kept], weight[kept]
+
+
+def _check_guests(
+    V: fem.FunctionSpace,
+    constraints: Constraints,
+    rubbing: Sequence[Contact | Obstacle],
+    taken: npt.NDArray[np.bool_],
+    place: Longs,
+    terms: tuple[Longs, Longs, Floats],
+) -> None:
+    """Make sure that what a host cannot do its guests cannot do either. Collective."""
+    comm, index_map, gdim = V.mesh.comm, V.dofmap.index_map, V.mesh.geometry.dim
+    rows = (len(place), comm.allreduce(len(place)))
+    nodes = (index_map.size_local, index_map.size_global)
+    W = matrix_of_entries(comm, rows, nodes, [(terms[0], terms[1], np.abs(terms[2]))])
+    moves, moved = W.createVecs()
+    held: Ints = np.zeros(len(place), dtype=np.int32)
+    for axis in range(gdim):
+        moves.array[:] = ~taken[: index_map.size_local, axis]
+        W.mult(moves, moved)
+        held |= taken[constraints.host[place], axis] & (moved.array_r > NOTHING)
+    for thing in (W, moves, moved):
+        thing.destroy()
+    where = constraints.surface[place[held > 0]]
+    first = comm.allreduce(int(where.min(initial=len(rubbing))), MPI.MIN)
+    if first < len(rubbing):
+        one = rubbing[first]
+        name = f"'{one.primary}' and '{one.secondary}'" if isinstance(one, Contact) else one.on
+        raise InputError(
+            f"friction of {name}: supports hold nodes of one surface along it where the other is"
+            " free; give hosts = 'primary' or 'secondary', the surface that is free, or hold both"
+            " surfaces alike."
+        )

@@ -1,0 +1,5 @@
+"""Geometry files of CAD systems, as meshes of bodies with names."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

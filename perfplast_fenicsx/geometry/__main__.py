@@ -1,0 +1,35 @@
+"""The meshing program: ``python3 -m perfplast_fenicsx.geometry SOURCE TARGET.msh OPTIONS SURVEY``.
+
+:mod:`cad_process` starts it, since broken geometry makes gmsh crash. Nothing of MPI is imported.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.geometry.cad_process import REFUSED
+from perfplast_fenicsx.geometry.mesher import mesh_file
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
+
+
+def main(argv: Sequence[str]) -> int:
+    """Mesh, and write what has been found."""
+    source, target, options, survey = argv
+    try:
+        with gmsh_session() as gmsh:
+            gmsh.logger.start()
+            read = msgspec.json.decode(options, type=MeshingOptions)
+            found = mesh_file(Path(source), Path(target), read)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return REFUSED
+    Path(survey).write_bytes(msgspec.json.encode(found))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

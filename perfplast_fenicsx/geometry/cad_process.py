@@ -1,0 +1,85 @@
+"""The meshing program's process: a geometry that breaks gmsh takes nothing with it."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import msgspec
+
+from perfplast_fenicsx.child_process import environment_apart
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.survey import Survey
+
+PATIENCE = 3600.0
+"""Longest time for a mesh (s)."""
+
+REFUSED = 2
+"""Exit status of the program where its last words are a sentence that says what is wrong."""
+
+ROOT = Path(__file__).parents[2]
+"""Where the package is."""
+
+
+def mesh_geometry(
+    source: str | Path, target: str | Path, options: MeshingOptions | None = None
+) -> Survey:
+    """Mesh a geometry file: one mesh in which bodies touch with matching nodes and share none.
+
+    Not collective. All names are made: of bodies by the file, of faces by where they lie.
+
+    Args:
+        source: A STEP, BREP or IGES file, or gmsh's .geo.
+        target: The .msh file to write.
+        options: Sizes and degree of the elements.
+
+    Raises:
+        InputError: If the file cannot be read or meshed; nothing is written then.
+    """
+    environment = environment_apart()
+    places = [environment.get("PYTHONPATH"), str(ROOT)]
+    environment["PYTHONPATH"] = os.pathsep.join(filter(None, places))
+    with tempfile.TemporaryDirectory() as folder:
+        mesh, survey = Path(folder) / "mesh.msh", Path(folder) / "survey.json"
+        program = [sys.executable, "-P", "-m", "perfplast_fenicsx.geometry"]
+        arguments = [
+            Path(source).absolute(),
+            mesh,
+            msgspec.json.encode(options or MeshingOptions()).decode(),
+            survey,
+        ]
+        try:
+            done = subprocess.run(
+                [*program, *map(str, arguments)],
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                encoding="utf-8",
+                errors="replace",
+                timeout=PATIENCE,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as error:
+            raise InputError(
+                f"'{source}' was not meshed in {PATIENCE:g} s; give a larger size, or simplify the"
+                " geometry in the CAD system."
+            ) from error
+        if done.returncode:
+            if done.returncode > 0 and done.returncode != REFUSED:
+                raise RuntimeError(f"a fault of the meshing program:\n{done.stderr}")
+            raise InputError(_cause(str(source), done.returncode, done.stderr))
+        Path(target).write_bytes(mesh.read_bytes())
+        return msgspec.json.decode(survey.read_bytes(), type=Survey)
+
+
+def _cause(source: str, status: int, complaints: str) -> str:
+    if status == REFUSED:
+        return complaints.strip().splitlines()[-1]
+    how = (signal.strsignal(-status) or f"signal {-status}").lower()
+    return (
+        f"gmsh broke down over '{source}' ({how}); heal the geometry in the CAD system and export"
+        " it again, or give another size."
+    )

@@ -1,0 +1,119 @@
+"""Bodies of gmsh's current model, cut along each other so that their meshes match."""
+
+from collections.abc import Sequence
+from itertools import product
+
+import gmsh
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.geometry.parts import Part
+from perfplast_fenicsx.geometry.survey import Near
+
+NEAR = 0.02
+"""Bodies that are no farther apart than this share of the smaller one's size nearly touch."""
+
+TOUCHING = 1e-7
+"""Distances below this share of the assembly's size are none."""
+
+MOST_DISTANCES = 300
+"""So many pairs of bodies are measured at most."""
+
+
+def cut_along_each_other(dim: int, parts: Sequence[Part], overlap: float) -> list[Part]:
+    """Make neighbours share the faces at which they touch.
+
+    Args:
+        dim: Of the bodies.
+        parts: They have new entities afterwards.
+        overlap: Share of the smaller body's volume by which two may overlap.
+
+    Raises:
+        InputError: If bodies overlap by more, or cannot be cut.
+    """
+    solids = [(dim, tag) for part in parts for tag in part.tags]
+    if len(solids) < 2 or set(solids) - set(gmsh.model.occ.getEntities(dim)):
+        return list(parts)  # one body, or gmsh's own geometry, whose neighbours share faces already
+    sizes = {tag: gmsh.model.occ.getMass(dim, tag) for _, tag in solids}
+    try:
+        _, images = gmsh.model.occ.fragment(solids, [])
+    except Exception as error:  # gmsh raises nothing more specific
+        raise InputError(f"the bodies cannot be cut along each other: {error}.") from error
+    gmsh.model.occ.synchronize()
+    owner: dict[int, int] = {}
+    places = iter(zip(solids, images, strict=True))
+    whole = [sum(sizes[tag] for tag in part.tags) for part in parts]
+    for number, part in enumerate(parts):
+        for _ in part.tags:
+            for _, tag in next(places)[1]:
+                before = owner.get(tag, number)
+                owner[tag] = number
+                if before == number:
+                    continue
+                common, smaller = (
+                    gmsh.model.occ.getMass(dim, tag),
+                    min(whole[before], whole[number]),
+                )
+                if common > overlap * smaller:
+                    raise InputError(
+                        f"bodies '{parts[before].name}' and '{part.name}' overlap by {common:.3g},"
+                        f" {common / smaller:.1%} of the smaller one; move them apart in the CAD"
+                        " system, or allow a larger share by overlap."
+                    )
+    return [
+        Part(part.name, part.label, tuple(tag for tag, own in owner.items() if own == number))
+        for number, part in enumerate(parts)
+    ]
+
+
+def near_misses(dim: int, parts: Sequence[Part]) -> list[Near]:
+    """Bodies that are close to each other and touch nowhere, so that nothing is between them."""
+    if set(gmsh.model.getEntities(dim)) - set(gmsh.model.occ.getEntities(dim)):
+        return []
+    boxes = np.array([box(dim, part.tags) for part in parts])
+    sizes = np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
+    none = TOUCHING * float(np.linalg.norm(boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)))
+    first, second = np.triu_indices(len(parts), 1)
+    between = np.maximum(boxes[first, 0] - boxes[second, 1], boxes[second, 0] - boxes[first, 1])
+    apart = np.linalg.norm(between.clip(min=0), axis=1)
+    reach = NEAR * np.minimum(sizes[first], sizes[second])
+    nearest = np.argsort(apart, kind="stable")[:MOST_DISTANCES]
+    owner = {tag: number for number, part in enumerate(parts) for tag in part.tags}
+    touching = set(map(frozenset[int], shared(dim, owner).values()))
+    found = []
+    for pair in nearest[apart[nearest] <= reach[nearest]]:
+        one, other = int(first[pair]), int(second[pair])
+        if {one, other} in touching:
+            continue
+        gap = min(
+            gmsh.model.occ.getDistance(dim, a, dim, b)[0]
+            for a, b in product(parts[one].tags, parts[other].tags)
+        )
+        if none < gap <= reach[pair]:
+            found.append(Near((parts[one].name, parts[other].name), float(gap)))
+    return found
+
+
+def shared(dim: int, owner: dict[int, int]) -> dict[int, tuple[int, ...]]:
+    """The faces of bodies, and whose they are: one body's, or two bodies'.
+
+    Args:
+        dim: Of the bodies.
+        owner: The body of each entity; faces within a body are left out.
+    """
+    sides: dict[int, list[int]] = {}
+    for tag, body in owner.items():
+        for face in gmsh.model.getAdjacencies(dim, tag)[1]:
+            sides.setdefault(int(face), []).append(body)
+    return {
+        face: tuple(sorted(set(bodies)))
+        for face, bodies in sides.items()
+        if len(bodies) == 1 or len(set(bodies)) > 1
+    }
+
+
+def box(dim: int, tags: Sequence[int]) -> Floats:
+    """Smallest and largest coordinates, shape (2, 3)."""
+    boxes = np.array([gmsh.model.getBoundingBox(dim, tag) for tag in tags]).reshape(-1, 2, 3)
+    return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])

@@ -1,0 +1,102 @@
+"""What there is in a geometry: bodies, where they touch or nearly touch, and their free faces."""
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Body:
+    """A solid; in the plane, a face.
+
+    Attributes:
+        name: Its physical name in the mesh.
+        label: Its name in the file, with those of the assemblies it is part of.
+        volume: Of its mesh (in the plane, the area).
+        low: Smallest coordinates.
+        high: Largest coordinates.
+        cells: Elements.
+        worst: Quality of the worst one, 1 for an equilateral one, 0 for a flat one.
+    """
+
+    name: str
+    label: str
+    volume: float
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    cells: int
+    worst: float
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Where two bodies touch.
+
+    Attributes:
+        bodies: Their names.
+        surfaces: The names of both sides in the mesh.
+        area: Of the contact (in the plane, the length).
+        shapes: Of the faces in it, such as "flat" or "cylindrical".
+    """
+
+    bodies: tuple[str, str]
+    surfaces: tuple[str, str]
+    area: float
+    shapes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Face:
+    """A free face: all that one body has free in one plane or on one cylinder, or one face.
+
+    Attributes:
+        number: As in the picture.
+        name: Its name in the mesh.
+        body: Whose it is.
+        shape: Such as "flat".
+        area: Of its mesh.
+        centre: The mean of its nodes' places.
+    """
+
+    number: int
+    name: str
+    body: str
+    shape: str
+    area: float
+    centre: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Near:
+    """Two bodies that nearly touch.
+
+    Attributes:
+        bodies: Their names.
+        gap: The smallest distance between them.
+    """
+
+    bodies: tuple[str, str]
+    gap: float
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What there is in a geometry that has been meshed.
+
+    Attributes:
+        dim: 3 for solids, 2 for a plane model.
+        degree: Of the elements' geometry.
+        nodes: Of the mesh, both sides of joints counted.
+        bodies: At least one.
+        joints: Where bodies touch.
+        near: Where bodies nearly touch.
+        faces: What is free, sorted by number.
+        remarks: What a user should know, a sentence each.
+    """
+
+    dim: int
+    degree: int
+    nodes: int
+    bodies: list[Body]
+    joints: list[Joint] = field(default_factory=list)
+    near: list[Near] = field(default_factory=list)
+    faces: list[Face] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)

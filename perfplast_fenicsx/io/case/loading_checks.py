@@ -1,0 +1,92 @@
+"""What of a case goes with which control."""
+
+from collections.abc import Sequence
+
+from perfplast_fenicsx.contact.obstacles import Obstacle
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.loading_options import (
+    BoundsControl,
+    Control,
+    DisplacementControl,
+    LoadControl,
+    StageControl,
+    WorkControl,
+)
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
+from perfplast_fenicsx.problem.loads import Load
+from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface
+from perfplast_fenicsx.problem.supports import Support
+
+
+def check_loading(
+    loading: Control,
+    loads: Sequence[Load],
+    supports: Sequence[Support | RigidSurface],
+    obstacles: Sequence[Obstacle],
+    strained: bool,
+) -> None:
+    """Refuse loads and motions that do not go with the control.
+
+    Args:
+        loading: The control.
+        loads: What acts.
+        supports: What holds or moves the bodies.
+        obstacles: What surfaces cannot penetrate.
+        strained: Whether bodies are strained at first, or interference is meant.
+
+    Raises:
+        InputError: Naming what does not fit.
+    """
+    if isinstance(loading, DisplacementControl):
+        _check_driven(loads, supports, obstacles)
+        return
+    if not loads and not (strained and isinstance(loading, StageControl)):
+        raise InputError("no load is given; add a [[load]] table.")
+    for obstacle in obstacles:
+        if any(obstacle.move):
+            raise InputError(
+                f"the obstacle at '{obstacle.on}' has a move, which follows the load factor under"
+                " control = 'displacement' alone; choose it, or leave move out."
+            )
+    constant = any(load.constant for load in loads)
+    if constant or any(support.moves for support in supports) or strained:
+        _check_not_proportional(loading)
+    elif isinstance(loading, LoadControl | WorkControl):
+        loading.check_proportional()
+    if loading.prescribes is Prescribed.WORK and all(load.constant for load in loads):
+        raise InputError(
+            "control = 'work' goes with a load that grows, but all loads are constant; take"
+            " constant = true from one of them, or give control = 'load'."
+        )
+
+
+def _check_driven(
+    loads: Sequence[Load],
+    supports: Sequence[Support | RigidSurface],
+    obstacles: Sequence[Obstacle],
+) -> None:
+    """Refuse loads that grow, and motions of which there are none."""
+    for load in loads:
+        if not load.constant:
+            raise InputError(
+                f"control = 'displacement' moves supports and obstacles, but the load on"
+                f" '{load.on}' is to grow; give it constant = true, or control = 'load'."
+            )
+    moved = any(support.moves and not support.constant for support in supports)
+    if not moved and not any(any(obstacle.move) for obstacle in obstacles):
+        raise InputError(
+            "control = 'displacement' moves nothing; give a [[support]] a value, an [[obstacle]]"
+            " a move, or a [[rigid_surface]] a displacement or rotation."
+        )
+
+
+def _check_not_proportional(loading: Control) -> None:
+    """Refuse what is for loads that all grow, and nothing else."""
+    interior = loading.limit_method == LimitMethod.INTERIOR_POINT
+    if interior or isinstance(loading, BoundsControl):
+        raise InputError(
+            "supports move, loads are constant or bodies are strained at first, and strict bounds"
+            " and the interior point method are for loads that all grow; give control = 'work',"
+            " until = 'limit' and limit_method = 'path', or leave out what does not grow."
+        )

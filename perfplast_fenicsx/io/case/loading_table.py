@@ -1,0 +1,56 @@
+"""The loading of a case file: ``[loading]``, or ``[[stage]]`` with bodies that remember."""
+
+from collections.abc import Mapping
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.loading_options import LOADINGS, Control, StageControl
+from perfplast_fenicsx.io.case.schema import choose, convert
+from perfplast_fenicsx.io.case.tables import Document
+from perfplast_fenicsx.materials.hardening import Hardening
+from perfplast_fenicsx.materials.laws import Material
+from perfplast_fenicsx.materials.plastic_flow import Flow
+from perfplast_fenicsx.materials.von_mises import VonMises
+from perfplast_fenicsx.problem.stage import Stage
+
+
+def read_loading(top: Document, name: str) -> Control:
+    """How the bodies are loaded.
+
+    Raises:
+        InputError: If there is not exactly one of both tables, or its keys are wrong.
+    """
+    if top.stage and top.loading is not None:
+        raise InputError(
+            f"{name}: there are both [loading] and [[stage]], which is a loading by itself; leave"
+            " one of them out."
+        )
+    if top.stage:
+        places = [f"{name}, [[stage]] number {i}" for i in range(1, len(top.stage) + 1)]
+        tables = zip(top.stage, places, strict=True)
+        return StageControl([convert(table, Stage, place) for table, place in tables])
+    if top.loading is None:
+        raise InputError(
+            f"{name}: 'loading' is missing; give a table, headed [loading], or [[stage]] tables."
+        )
+    place = f"{name}, [loading]"
+    _, schema, rest = choose(top.loading, "control", LOADINGS, place, default="load")
+    loading: Control = convert(rest, schema, place)
+    return loading
+
+
+def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str, Material]:
+    """Materials as the loading wants them: those that flow remember it where there are stages.
+
+    Raises:
+        InputError: If a limit load is sought that hardening bodies do not have.
+    """
+    hard = sorted(name for name, a in materials.items() if isinstance(a, Hardening))
+    if hard and loading.limit_tolerance is not None:
+        raise InputError(
+            f"the material of '{hard[0]}' hardens, so that bodies carry any load, and there is no"
+            " limit load to be sought; give values or stages, or law = 'von-mises'."
+        )
+    if not isinstance(loading, StageControl):
+        return dict(materials)
+    yields = VonMises | Hardening
+    return {name: Flow(a) if isinstance(a, yields) else a for name, a in materials.items()}

@@ -1,0 +1,42 @@
+"""``[mesh]`` of a case file: a file or a builder, and how it is adapted."""
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.loading_options import BoundsControl, Control
+from perfplast_fenicsx.io.case.schema import Table, convert
+from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile
+from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
+
+
+def read_mesh(table: Table, place: str) -> MeshFile | MeshBuilder:
+    """The mesh.
+
+    Raises:
+        InputError: If there is not exactly one of a file and a builder, or keys are wrong.
+    """
+    if ("builder" in table) == ("file" in table):
+        what = "both a builder and a file" if "builder" in table else "neither a builder nor a file"
+        raise InputError(
+            f"{place}: there is {what}; give either builder = 'two_blocks' or another builder"
+            " with its arguments, or file = 'assembly.msh'."
+        )
+    if "file" in table:
+        return convert(table, MeshFile, place)
+    arguments = {key: value for key, value in table.items() if key not in ("builder", "adapt")}
+    named = {key: table[key] for key in ("builder", "adapt") if key in table}
+    return convert(named | {"arguments": arguments}, MeshBuilder, place)
+
+
+def read_adaptation(table: Table | None, loading: Control, place: str) -> Adaptation | None:
+    """How the mesh is adapted; None where it is not.
+
+    Raises:
+        InputError: If no bounds of the body are sought, or keys are wrong.
+    """
+    if table is None:
+        return None
+    if not isinstance(loading, BoundsControl):
+        raise InputError(
+            f"{place}: meshes are adapted to bounds, but there are none without control = 'bounds'"
+            " under [loading]; choose it, or leave adapt out."
+        )
+    return convert(table, Adaptation, place)

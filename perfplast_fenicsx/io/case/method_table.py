@@ -1,0 +1,43 @@
+"""``[solve]`` of a case file: the algorithm, and whether it goes with the loading."""
+
+from typing import Any
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.loading_options import LOADINGS, Control, StageControl
+from perfplast_fenicsx.io.case.schema import Table, choose, convert
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
+from perfplast_fenicsx.limit_analysis.limit_search import limit_options
+from perfplast_fenicsx.solvers.methods import METHODS
+
+
+def read_method(table: Table, loading: Control, place: str) -> tuple[str, Any]:
+    """Method and options; ALG1 for loads and ALG3 for works where none is named.
+
+    Raises:
+        InputError: If the method does not go with the loading, or its options are wrong.
+    """
+    if table and loading.limit_method == LimitMethod.INTERIOR_POINT:
+        raise InputError(
+            f"{place}: the interior point method has no levels to solve; leave this table out, or"
+            " follow a path with control = 'work', until = 'limit' and limit_method = 'path'."
+        )
+    wanted = loading.prescribes
+    fitting = [name for name, entry in METHODS.items() if entry.solver.prescribes is wanted]
+    method, algorithm, rest = choose(table, "method", METHODS, place, default=fitting[0])
+    if method not in fitting and isinstance(loading, StageControl):
+        raise InputError(
+            f"{place}: method = '{method}' prescribes the work, but stages prescribe loads; use"
+            f" method = {' or '.join(map(repr, fitting))}."
+        )
+    if method not in fitting:
+        control = {schema.prescribes: name for name, schema in reversed(LOADINGS.items())}
+        other = control[algorithm.solver.prescribes]
+        chosen = next(name for name, schema in LOADINGS.items() if isinstance(loading, schema))
+        raise InputError(
+            f"{place}: method = '{method}' prescribes the {other}, but [loading] has control ="
+            f" '{chosen}'; use method = {' or '.join(map(repr, fitting))}, or"
+            f" control = '{other}'."
+        )
+    if loading.limit_tolerance is not None:
+        rest = limit_options(loading.limit_tolerance) | rest
+    return method, convert(rest, algorithm.options, place)

@@ -1,0 +1,93 @@
+"""Slip and friction on contact surfaces as fields that people look at."""
+
+import numpy as np
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.sparse_rows import entries_of, matrix_of_entries
+from perfplast_fenicsx.problem.certificate import friction_forces
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.state import Level
+
+
+class FrictionFields:
+    """Linear on surfaces with friction, zero elsewhere.
+
+    Attributes:
+        fields: ``slip`` (length), the jump u_a − u_b along the surface, on both of them; and
+            ``friction_stress``, what friction exerts on each surface, with opposite signs.
+    """
+
+    def __init__(self, problem: Problem, vertices: fem.FunctionSpace) -> None:
+        """Make what brings values of places to vertices. Collective.
+
+        Args:
+            problem: The bodies.
+            vertices: Linear functions.
+        """
+        self._problem = problem
+        gdim = problem.bodies.gdim
+        mesh = vertices.mesh
+        space = fem.functionspace(mesh, ("P", 1, (gdim,)))
+        names = ("slip", "friction_stress")
+        self.fields = {name: fem.Function(space, name=name) for name in names}
+        self._nodes = fem.functionspace(mesh, ("P", problem.degree))
+        self._to_nodes = fem_petsc.interpolation_matrix(vertices, self._nodes)
+        self._to_nodes.assemble()
+        shares = problem.constraints.shares
+        row, column, value = entries_of(shares)
+        rows, columns = shares.getSizes()
+        positive = (row, column, np.maximum(value, 0.0))
+        self._shares = matrix_of_entries(problem.comm, rows, columns, [positive])
+
+    def update(self, level: Level, areas: Floats) -> None:
+        """Bring the fields to a level. Collective.
+
+        Args:
+            level: The level.
+            areas: ∫ψ of each owned vertex over the surfaces of contact.
+        """
+        problem, friction = self._problem, self._problem.friction
+        y = problem.create_vector()
+        problem.basis.M.mult(level.state.u.x.petsc_vec, y)
+        forces = friction_forces(problem, level.stress, level.state.zeta)
+        slip = np.einsum("ni,nij->nj", friction.jumps(y), friction.direction)
+        on_nodes = problem.sliding.B.createVecLeft()
+        on_nodes.array[:] = -forces[friction.index >= 0]
+        problem.sliding.B.multTranspose(on_nodes, y)
+        pulls = y.array_r.reshape(-1, slip.shape[1])
+        weight = self._at_vertices(friction.area)
+        weight = np.where(weight > 0, weight, 1.0)
+        for axis in range(slip.shape[1]):
+            mean = self._at_vertices(friction.area * slip[:, axis]) / weight
+            self._set("slip", axis, mean)
+            self._set("friction_stress", axis, self._gathered(pulls[:, axis]) / areas)
+        for function in self.fields.values():
+            function.x.scatter_forward()
+        for vector in (y, on_nodes):
+            vector.destroy()
+
+    def _set(self, name: str, axis: int, values: Floats) -> None:
+        array = self.fields[name].x.array.reshape(-1, self._problem.bodies.gdim)
+        array[: len(values), axis] = values
+
+    def _at_vertices(self, of_places: Floats) -> Floats:
+        """Values of places, shared among nodes and then vertices. Collective."""
+        on_rows, on_nodes = self._shares.createVecLeft(), self._shares.createVecRight()
+        on_rows.array[self._problem.friction.pair] = of_places
+        self._shares.multTranspose(on_rows, on_nodes)
+        values = self._gathered(on_nodes.array_r)
+        for vector in (on_rows, on_nodes):
+            vector.destroy()
+        return values
+
+    def _gathered(self, of_nodes: Floats) -> Floats:
+        """Σ_k f_k ψ_j(x_k) of each owned vertex j. Collective."""
+        on_vertices, on_nodes = self._to_nodes.createVecs()
+        on_nodes.array[:] = of_nodes
+        self._to_nodes.multTranspose(on_nodes, on_vertices)
+        values: Floats = on_vertices.array.copy()
+        for vector in (on_vertices, on_nodes):
+            vector.destroy()
+        return values

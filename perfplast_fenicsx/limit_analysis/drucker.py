@@ -1,0 +1,87 @@
+"""Bounds of the load that bodies with Coulomb's friction carry: Drucker's two theorems.
+
+No limit theorem holds for Coulomb's friction, as slip does not follow the normal of the friction
+cone. But a body carries no less than without any friction, and no more than if nothing could slip
+or part where there is friction: both are limit loads of perfect plasticity (D. C. Drucker, Coulomb
+friction, plasticity, and limit loads, J. Appl. Mech. 21 (1954), 71).
+"""
+
+import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from perfplast_fenicsx.limit_analysis.discrete_limit import DiscreteLimit, Verdict, interior_point
+from perfplast_fenicsx.problem.problem import Problem
+
+
+@dataclass(frozen=True)
+class DruckerBounds:
+    """What a mesh carries with Coulomb's friction.
+
+    Attributes:
+        lower: Limit load without friction, at least; 0 where nothing but friction holds the bodies.
+        upper: Limit load where nothing slips or parts, at most; None where there is none.
+    """
+
+    lower: float
+    upper: float | None
+
+    def in_words(self) -> str:
+        """What they say, in a sentence."""
+        most = "without end" if self.upper is None else f"at most {self.upper:.6g}"
+        return (
+            f"with Coulomb's friction the mesh carries at least {self.lower:.6g}, as without"
+            f" friction, and {most}, as if nothing slipped (Drucker); no other limit theorem holds"
+        )
+
+
+def drucker_bounds(problem: Problem, rtol: float = 1e-4) -> DruckerBounds:
+    """Find both. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        rtol: How near static and kinematic load of each come, relative.
+
+    Raises:
+        InputError: As :func:`discrete_limit.interior_point`.
+    """
+    smooth, tied = (
+        interior_point(make(problem), rtol) for make in (without_friction, without_slip)
+    )
+    return DruckerBounds(_carried(smooth), tied.upper)
+
+
+def _carried(found: DiscreteLimit) -> float:
+    unheld = found.verdict is Verdict.NO_RESISTANCE or found.lower is None
+    return 0.0 if unheld else max(found.lower or 0.0, 0.0)
+
+
+def without_friction(problem: Problem) -> Problem:
+    """The same problem, of which nothing rubs; it shares all else with the given one."""
+    smooth = copy.copy(problem)
+    smooth.friction = problem.friction.smooth()
+    return smooth
+
+
+def without_slip(problem: Problem) -> Problem:
+    """The same problem, in which nothing slips or parts where it rubs. Collective."""
+    tied = copy.copy(problem)
+    basis, friction = problem.basis, problem.friction
+    parts = np.ones(len(basis.index), dtype=np.bool_)
+    parts[friction.pair] = False
+    held = np.concatenate([basis.tied, basis.index[~parts], basis.sliding])
+    T = basis.T.copy()
+    moving = T.createVecRight()
+    moving.set(1.0)
+    moving.array[held] = 0.0
+    T.diagonalScale(None, moving)
+    moving.destroy()
+    none = np.zeros(0, dtype=np.int32)
+    tied.basis = replace(
+        basis, T=T, index=basis.index[parts], gap=basis.gap[parts], tied=held, sliding=none
+    )
+    tied.friction = friction.nowhere()
+    tied.num_pairs = problem.comm.allreduce(int(parts.sum()))
+    tied.num_tied = problem.num_tied + problem.num_pairs - tied.num_pairs
+    return tied

@@ -1,0 +1,233 @@
+"""What the coordinates of a mesh mean: space, plane strain, or half a section of revolution.
+
+All that depends on it is told here and nowhere else: the strain of a displacement, what integrals
+are taken over, and which motions strain nothing.
+
+In axisymmetry the mesh's x is the radius r ≥ 0, its y the axis z, and the out-of-plane component of
+strains and stresses is the hoop: ε = (u_r,r, u_z,z, u_r/r, √2 ε_rz). Integrals are over the full
+turn, 2πr dr dz and 2πr ds, and so are all forces and works.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from ufl.domain import extract_unique_domain
+
+from perfplast_fenicsx.arrays import Floats
+
+ON_AXIS = 1e-10
+"""Points whose radius is below this share of the size of the bodies are on the axis."""
+
+
+class Kinematics(Protocol):
+    """What is asked of the meaning of coordinates.
+
+    Attributes:
+        name: As ``kind`` of ``[model]`` has it.
+        axes: Letters of the components of forces in results.
+        whole: Whether bodies have an end in all directions; plane strain has forces and works for
+            each unit of depth, and its out-of-plane stress is in no equation of equilibrium.
+        forces: What forces and works are of, in words; empty where nothing has to be said.
+        motions: The rigid motions in words.
+    """
+
+    name: str
+    axes: str
+    whole: bool
+    forces: str
+    motions: tuple[str, ...]
+
+    def strain(self, u: Any) -> Any:
+        """Small strain ε(u) as a Mandel vector, shape (6,), or (4,) of meshes in the plane; UFL."""
+        ...
+
+    def measure(self, measure: ufl.Measure) -> Any:
+        """The measure of the bodies, from that of their mesh; a function times it is a form."""
+        ...
+
+    def around(self, x: Floats) -> Floats:
+        """What a point stands for out of the mesh's plane: its ring 2πr (length), or 1.
+
+        Args:
+            x: Points, shape (..., gdim).
+
+        Returns:
+            Shape (...,).
+        """
+        ...
+
+    def rigid_modes(self, r: Floats) -> Floats:
+        """Rigid motions at points: translations, then rotations about the origin.
+
+        Args:
+            r: Points, shape (n, 3).
+
+        Returns:
+            Displacements, shape (n, gdim, number of motions).
+        """
+        ...
+
+    def held(self, x: Floats, size: float) -> npt.NDArray[np.bool_]:
+        """Components that are zero at points whatever holds them: u_r on the axis.
+
+        Args:
+            x: Points, shape (n, 3).
+            size: Of the bodies (length).
+
+        Returns:
+            Shape (n, gdim).
+        """
+        ...
+
+
+def divergence(kinematics: Kinematics, v: Any) -> Any:
+    """Change of volume, tr ε(v); UFL."""
+    e = kinematics.strain(v)
+    return e[0] + e[1] + e[2]
+
+
+class Space:
+    """Bodies of tetrahedra."""
+
+    name: str = "space"
+    axes: str = "xyz"
+    whole: bool = True
+    forces: str = ""
+    motions: tuple[str, ...] = (
+        *("translation in x", "translation in y", "translation in z"),
+        *("rotation about x", "rotation about y", "rotation about z"),
+    )
+
+    def strain(self, u: Any) -> Any:
+        """See :meth:`Kinematics.strain`."""
+        grad = ufl.grad(u)
+        pairs = ((1, 2), (0, 2), (0, 1))
+        shears = [(grad[i, j] + grad[j, i]) / math.sqrt(2) for i, j in pairs]
+        return ufl.as_vector([*(grad[i, i] for i in range(3)), *shears])
+
+    def measure(self, measure: ufl.Measure) -> Any:
+        """See :meth:`Kinematics.measure`."""
+        return measure
+
+    def around(self, x: Floats) -> Floats:
+        """See :meth:`Kinematics.around`."""
+        return np.ones(x.shape[:-1])
+
+    def rigid_modes(self, r: Floats) -> Floats:
+        """See :meth:`Kinematics.rigid_modes`."""
+        return _rigid_modes(r, 3, ((1, 2), (2, 0), (0, 1)))
+
+    def held(self, x: Floats, size: float) -> npt.NDArray[np.bool_]:
+        """See :meth:`Kinematics.held`."""
+        return np.zeros((len(x), 3), dtype=np.bool_)
+
+
+class PlaneStrain:
+    """Triangles that are sections of bodies without an end along z, where nothing moves along z."""
+
+    name: str = "plane-strain"
+    axes: str = "xy"
+    whole: bool = False
+    forces: str = "for each unit of depth"
+    motions: tuple[str, ...] = ("translation in x", "translation in y", "rotation")
+
+    def strain(self, u: Any) -> Any:
+        """See :meth:`Kinematics.strain`."""
+        return _in_plane(ufl.grad(u), 0)
+
+    def measure(self, measure: ufl.Measure) -> Any:
+        """See :meth:`Kinematics.measure`."""
+        return measure
+
+    def around(self, x: Floats) -> Floats:
+        """See :meth:`Kinematics.around`."""
+        return np.ones(x.shape[:-1])
+
+    def rigid_modes(self, r: Floats) -> Floats:
+        """See :meth:`Kinematics.rigid_modes`."""
+        return _rigid_modes(r, 2, ((0, 1),))
+
+    def held(self, x: Floats, size: float) -> npt.NDArray[np.bool_]:
+        """See :meth:`Kinematics.held`."""
+        return np.zeros((len(x), 2), dtype=np.bool_)
+
+
+class Axisymmetric:
+    """Triangles that are half the section of bodies of revolution: x is r, y the axis z."""
+
+    name: str = "axisymmetric"
+    axes: str = "rz"
+    whole: bool = True
+    forces: str = "of the full turn (r: outwards, summed all around; z: along the axis)"
+    motions: tuple[str, ...] = ("translation along the axis",)
+
+    def strain(self, u: Any) -> Any:
+        """See :meth:`Kinematics.strain`."""
+        return _in_plane(ufl.grad(u), u[0] / _radius(extract_unique_domain(u)))
+
+    def measure(self, measure: ufl.Measure) -> Any:
+        """See :meth:`Kinematics.measure`."""
+        return AroundAxis(measure)
+
+    def around(self, x: Floats) -> Floats:
+        """See :meth:`Kinematics.around`."""
+        ring: Floats = 2 * math.pi * x[..., 0]
+        return ring
+
+    def rigid_modes(self, r: Floats) -> Floats:
+        """See :meth:`Kinematics.rigid_modes`."""
+        modes = np.zeros((len(r), 2, 1))
+        modes[:, 1] = 1
+        return modes
+
+    def held(self, x: Floats, size: float) -> npt.NDArray[np.bool_]:
+        """See :meth:`Kinematics.held`."""
+        held = np.zeros((len(x), 2), dtype=np.bool_)
+        held[:, 0] = np.abs(x[:, 0]) <= ON_AXIS * size
+        return held
+
+
+@dataclass(frozen=True)
+class AroundAxis:
+    """The measure 2πr dμ of the full turn, for a measure dμ of the section."""
+
+    section: ufl.Measure
+
+    def __rmul__(self, integrand: Any) -> ufl.Form:
+        """∫ of a function over the full turn."""
+        return (2 * math.pi * _radius(self.ufl_domain()) * integrand) * self.section
+
+    def __call__(self, *args: Any, **arguments: Any) -> "AroundAxis":
+        """The same over a part of the section, as of a :class:`ufl.Measure`."""
+        return replace(self, section=self.section(*args, **arguments))
+
+    def ufl_domain(self) -> Any:
+        """The mesh of the section."""
+        return self.section.ufl_domain()
+
+
+_ALL: tuple[Kinematics, ...] = (Space(), PlaneStrain(), Axisymmetric())
+
+KINDS = {one.name: one for one in _ALL}
+"""By name."""
+
+
+def _radius(domain: Any) -> Any:
+    return ufl.SpatialCoordinate(domain)[0]
+
+
+def _in_plane(grad: Any, out_of_plane: Any) -> Any:
+    shear = (grad[0, 1] + grad[1, 0]) / math.sqrt(2)
+    return ufl.as_vector([grad[0, 0], grad[1, 1], out_of_plane, shear])
+
+
+def _rigid_modes(r: Floats, gdim: int, planes: tuple[tuple[int, int], ...]) -> Floats:
+    modes = np.zeros((len(r), gdim, gdim + len(planes)))
+    modes[:, range(gdim), range(gdim)] = 1
+    for k, (i, j) in enumerate(planes, start=gdim):
+        modes[:, i, k], modes[:, j, k] = -r[:, j], r[:, i]
+    return modes

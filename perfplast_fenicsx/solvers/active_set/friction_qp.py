@@ -1,0 +1,123 @@
+"""The contact QP of one Newton step with friction.
+
+    minimise ½ δᵀAδ + rᵀδ + Σ c‖s + δ_t‖  subject to  δ_s ≤ room
+
+Each linearisation of friction (:mod:`slip`) leaves a contact QP in which tangential jumps are held
+where surfaces stick, and have forces and springs where they slip.
+"""
+
+from dataclasses import dataclass, replace
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram, ContactStep
+from perfplast_fenicsx.solvers.active_set.equality_qp import Held
+from perfplast_fenicsx.solvers.active_set.slip import (
+    Slip,
+    distance,
+    forces_of,
+    judge,
+    springs,
+)
+from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
+
+MOST_LINEARISATIONS = 40
+
+SETTLED = 1e-9
+"""Distance from the law of friction, relative to the largest force, that is none."""
+
+
+@dataclass(frozen=True)
+class FrictionStep:
+    """Solution of one contact QP with friction.
+
+    Attributes:
+        step: That of the last linearisation; not settled where the next one differs.
+        slip: The next linearisation.
+    """
+
+    step: ContactStep
+    slip: Slip
+
+
+class FrictionProgram:
+    """Solver of the contact QPs of a problem with friction."""
+
+    def __init__(self, problem: Problem, program: ContactProgram) -> None:
+        """Keep what all steps share. Collective."""
+        self._problem, self._program = problem, program
+        self._r = problem.create_vector()
+        self._stiffness: Floats | None = None
+        self._operator: ContactOperator | None = None
+
+    def set_operator(self, A: ContactOperator) -> None:
+        """Take a new operator A in the jump basis, or the same with new values. Collective."""
+        self._operator = A
+        if self._stiffness is None:
+            A.hold(np.zeros(0, dtype=np.int32))
+            diagonal = A.matrix.getDiagonal()
+            entries = self._problem.friction.gather(diagonal.array_r)
+            diagonal.destroy()
+            self._stiffness = entries.max(axis=1)
+
+    def solve(
+        self,
+        r: PETSc.Vec,
+        room: Floats,
+        active: PairFlags,
+        jumps: Floats,
+        slip: Slip,
+        rtol: float,
+        exact: bool = True,
+        work: float | None = None,
+    ) -> FrictionStep:
+        """Solve the contact QP with friction. Collective.
+
+        Args:
+            r: Gradient at δ = 0 of all but friction.
+            room: How far each pair hosted here may still close, shape (num_pairs,).
+            active: Active set to begin with.
+            jumps: Tangential jumps s at δ = 0, shape (num_places, gdim − 1).
+            slip: Linearisation to begin with.
+            rtol: Relative tolerance of the linear solves.
+            exact: Go on until active set and linearisation are right; otherwise solve once.
+            work: ℓᵀδ if it is prescribed, where ℓ are the loads.
+
+        Raises:
+            LinearFailure: If a linear system cannot be solved.
+        """
+        assert self._operator is not None and self._stiffness is not None
+        friction, k, comm = self._problem.friction, self._stiffness, self._problem.comm
+        iterations = 0
+        for _ in range(MOST_LINEARISATIONS):
+            r.copy(self._r)
+            friction.add(forces_of(slip, friction.bound, jumps), self._r.array)
+            self._operator.add_springs((friction.index, springs(slip, k)))
+            self._program.set_operator(self._operator)
+            held = Held(friction.unknowns(slip.sticks), -jumps[self._there(slip)])
+            step = self._program.solve(self._r, room, active, rtol, exact, work, held)
+            iterations += step.iterations
+            after = jumps + friction.jumps(step.delta)
+            forces = forces_of(slip, friction.bound, after)
+            forces[self._there(slip)] = step.held_forces
+            following = judge(slip, friction.bound, k, forces, after)
+            off = distance(friction.bound, k, forces, after)
+            largest = np.where(np.isfinite(friction.bound), friction.bound, 0.0)
+            worst = np.array([off.max(initial=0), largest.max(initial=0)])
+            comm.Allreduce(MPI.IN_PLACE, worst, MPI.MAX)
+            changes = comm.allreduce(int((following.sticks != slip.sticks).sum()))
+            settled = changes == 0 and worst[0] <= SETTLED * worst[1]
+            slip, active = following, step.active
+            if settled or not exact:
+                break
+        settled = settled and step.settled
+        return FrictionStep(replace(step, settled=settled, iterations=iterations), slip)
+
+    def _there(self, slip: Slip) -> np.ndarray:
+        """Jumps, of the shape of ``index``, that are held."""
+        return slip.sticks[:, None] & (self._problem.friction.index >= 0)

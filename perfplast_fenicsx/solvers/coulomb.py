@@ -1,0 +1,87 @@
+"""Coulomb's friction as a fixed point of Tresca's: c ← μ λ, with the contact forces λ.
+
+Each round is a convex problem with the bounds of the round before, and is certified as one. The
+fixed point is not the minimum of anything: there may be none, or several, and neither duality gap
+nor limit theorems are known of it. The path counts as one step, for which slip and the force of
+friction are opposite in the end, whatever was in between.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from mpi4py import MPI
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.state import Level, State
+
+MOST_ROUNDS = 100
+
+SETTLED = 1e-8
+"""Change of the bounds in a round, relative to the largest one, that makes it the last."""
+
+Solve = Callable[[State | None], Level]
+"""Solves a level with Tresca's friction from a state."""
+
+
+def solve_coulomb(problem: Problem, solve: Solve, start: State | None, pushes: Floats) -> Level:
+    """Solve a level with Coulomb's friction. Collective.
+
+    Args:
+        problem: Whose friction is brought up to date.
+        solve: Solves it with the bounds that it has.
+        start: State to begin with; None for none.
+        pushes: Contact forces there, shape (num_pairs,); where there are none, nothing slips in
+            the first round.
+    """
+    friction, comm = problem.friction, problem.comm
+    follows = friction.coulomb > 0
+    total = comm.allreduce(float(_bounds(problem, pushes).sum()))
+    if start is None or not total > 0:
+        start = None
+        friction.bound[follows] = np.inf
+    else:
+        friction.bound[follows] = _bounds(problem, pushes)
+    rounds: list[Level] = []
+    reason = f"the bounds of friction have not settled in {MOST_ROUNDS} rounds"
+    for _ in range(MOST_ROUNDS):
+        level = solve(start)
+        rounds.append(level)
+        if not level.report.converged:
+            reason = f"round {len(rounds)} of Coulomb's friction: {level.report.reason}"
+            return _together(rounds, False, reason)
+        start = level.state
+        bounds = _bounds(problem, level.contact_forces)
+        change = np.abs(bounds - friction.bound[follows]).max(initial=0)
+        largest = np.array([change, bounds.max(initial=0)])
+        comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+        if largest[0] <= SETTLED * largest[1]:
+            return _together(rounds, True, level.report.reason)
+        friction.bound[follows] = bounds
+    return _together(rounds, False, reason)
+
+
+def _bounds(problem: Problem, forces: Floats) -> Floats:
+    """μ λ where friction is Coulomb's."""
+    friction = problem.friction
+    follows = friction.coulomb > 0
+    bounds: Floats = friction.coulomb[follows] * np.maximum(forces[friction.pair[follows]], 0.0)
+    return bounds
+
+
+def _together(rounds: list[Level], converged: bool, reason: str) -> Level:
+    """The last round with the counts of all."""
+    last, reports = rounds[-1], [level.report for level in rounds]
+    sums = {
+        name: sum(getattr(report, name) for report in reports)
+        for name in (
+            *("newton_iterations", "active_set_iterations", "linear_iterations"),
+            *("linear_solves", "setups", "seconds"),
+        )
+    }
+    report = replace(last.report, converged=converged, reason=reason, rounds=len(rounds), **sums)
+    iterations = [one for level in rounds for one in level.iterations]
+    numbered = [replace(one, number=i) for i, one in enumerate(iterations, start=1)]
+    return replace(last, report=report, iterations=numbered)

@@ -1,0 +1,65 @@
+"""Loading by stages: bodies that remember are loaded, unloaded and loaded again."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.problem.loading_history import ROUNDING, LoadingHistory
+from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.state import Level, State
+from perfplast_fenicsx.solvers.level_solver import LevelSolver
+from perfplast_fenicsx.solvers.newton_options import Monitor
+
+
+def stage_path(
+    solver: LevelSolver,
+    history: LoadingHistory,
+    monitor: Monitor | None = None,
+    start: State | None = None,
+) -> Iterator[Level]:
+    """Solve the levels of all stages in turn, each from the one before. Collective.
+
+    Where something loads the bodies before the first stage, the first level is ζ = 0.
+
+    Args:
+        solver: Of the history's problem; one that prescribes load factors.
+        history: The stages.
+        monitor: Called on every rank after each iteration.
+        start: A state of these stages to go on from; None for the virgin bodies.
+
+    Yields:
+        The levels. One that has not converged is the last: the state of the level before is the
+        last valid one.
+
+    Raises:
+        InputError: If the solver prescribes works.
+    """
+    if solver.prescribes is not Prescribed.LOAD_FACTOR:
+        raise InputError(
+            f"stages prescribe loads, but the method '{solver.method}' prescribes works; take"
+            " method = 'newton'."
+        )
+    times = history.times()
+    if start is None and history.rests_first():
+        times.insert(0, 0.0)
+    elif start is not None:
+        times = [time for time in times if time > start.zeta + ROUNDING]
+    for time in times:
+        history.go_to(time)
+        level = _told(history, solver.solve(time, start, monitor))
+        yield level
+        if not level.report.converged:
+            return
+        start = level.state
+
+
+def _told(history: LoadingHistory, level: Level) -> Level:
+    """The level with what stages are called in its report. Collective."""
+    report, stage = level.report, history.label(level.state.zeta)
+    factors, reason = history.factors(level.state.zeta), report.reason
+    if not report.converged and stage:
+        reached = ", ".join(f"{name} = {factor:.6g}" for name, factor in factors.items())
+        reason = f"in '{stage}', at {reached}: {reason}"
+    works = history.works(level.state.u.x.petsc_vec)
+    told = replace(report, reason=reason, stage=stage, factors=factors, works=works)
+    return replace(level, report=told)

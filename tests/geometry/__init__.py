@@ -1,0 +1,1 @@
+"""Tests of perfplast_fenicsx.geometry."""

@@ -1,0 +1,189 @@
+"""Geometry files become meshes with names, or one sentence."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+from mpi4py import MPI
+
+import gmsh
+import pytest
+
+from perfplast_fenicsx import read_gmsh
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.geometry import MeshingOptions, Survey, mesh_geometry
+from perfplast_fenicsx.geometry.parts import unique_names
+from perfplast_fenicsx.mesh import gmsh_session
+
+FOREIGN = Path("/usr/share/opencascade/data")
+"""What Debian's OpenCASCADE brings along."""
+
+
+def pin_in_plate(shift: float = 0.0, beside: float = 0.0) -> None:
+    """A plate with a hole, the pin in it, a block on top, and one that stands beside."""
+    occ = gmsh.model.occ
+    plate, hole = occ.addBox(-10, -10, 0, 30, 20, 4), occ.addCylinder(0, 0, 0, 0, 0, 4, 5)
+    occ.cut([(3, plate)], [(3, hole)])
+    occ.addCylinder(shift, 0, 0, 0, 0, 4, 5)
+    occ.addBox(10, -10, 4, 10, 20, 4)
+    occ.addBox(20 + beside, -10, 0, 5, 20, 4)
+
+
+def write(path: Path, make: Callable[[], None]) -> Path:
+    """Write a geometry by rank 0."""
+    if MPI.COMM_WORLD.rank == 0:
+        with gmsh_session():
+            make()
+            gmsh.model.occ.synchronize()
+            gmsh.write(str(path))
+    MPI.COMM_WORLD.barrier()
+    return path
+
+
+def survey_of(source: Path, mesh: Path, options: MeshingOptions | None = None) -> Survey:
+    """Mesh by rank 0; the same survey or refusal on all ranks."""
+    found: Survey | InputError | None = None
+    if MPI.COMM_WORLD.rank == 0:
+        try:
+            found = mesh_geometry(source, mesh, options)
+        except InputError as error:
+            found = error
+    found = MPI.COMM_WORLD.bcast(found)
+    if isinstance(found, InputError):
+        raise found
+    assert found is not None
+    return found
+
+
+@pytest.mark.mpi3
+def test_bodies_joints_and_faces(shared_tmp_path: Path) -> None:
+    step = write(shared_tmp_path / "pin.step", pin_in_plate)
+    mesh = shared_tmp_path / "pin.msh"
+    found = survey_of(step, mesh, MeshingOptions(size=8.0, curvature=24.0))
+    assert [body.name for body in found.bodies] == [f"part_{n}" for n in (1, 2, 3, 4)]
+    volumes = [body.volume for body in found.bodies]
+    assert volumes == pytest.approx([2400 - 100 * math.pi, 100 * math.pi, 800, 400], rel=0.02)
+    assert sum(volumes[:2]) == pytest.approx(2400)  # what the pin lacks the plate has
+    joints = {joint.bodies: joint for joint in found.joints}
+    assert set(joints) == {("part_1", "part_2"), ("part_1", "part_3"), ("part_1", "part_4")}
+    assert joints["part_1", "part_2"].shapes == ("cylindrical",)
+    assert joints["part_1", "part_2"].area == pytest.approx(40 * math.pi, rel=0.01)
+    assert joints["part_1", "part_3"].area == pytest.approx(200)
+    faces = {face.name: face for face in found.faces}
+    assert faces["part_1_x_low"].area == pytest.approx(80)
+    assert faces["part_2_z_high"].shape == "flat"
+    free = sum(face.area for face in found.faces if face.body == "part_3")
+    assert free == pytest.approx(2 * (200 + 40 + 80) - 200)
+
+    read = read_gmsh(MPI.COMM_WORLD, mesh)
+    sides = {side for joint in found.joints for side in joint.surfaces}
+    assert set(read.volumes) == {body.name for body in found.bodies}
+    assert set(read.surfaces) == set(faces) | sides
+
+
+def test_bodies_apart(shared_tmp_path: Path) -> None:
+    step = write(shared_tmp_path / "apart.step", lambda: pin_in_plate(beside=0.05))
+    found = survey_of(step, shared_tmp_path / "apart.msh")
+    assert {near.bodies for near in found.near} == {("part_1", "part_4"), ("part_3", "part_4")}
+    assert [near.gap for near in found.near] == pytest.approx([0.05, 0.05])
+
+
+def test_command(shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    step = write(shared_tmp_path / "pin.step", pin_in_plate)
+    folder = shared_tmp_path / "case"
+    command = ["mesh", str(step), "-o", str(folder), "--size", "10", "--material", "S235"]
+    assert main(command) == 0
+    if MPI.COMM_WORLD.rank == 0:
+        assert "part_1_joint_1  part_2_joint_1" in capfd.readouterr().out
+        case = folder / "case.toml"
+        text = case.read_text().replace("NAME", "part_1_x_low", 1).replace("NAME", "part_3_z_high")
+        case.write_text(text.replace("[[contact]]", "[[tie]]"))
+    MPI.COMM_WORLD.barrier()
+    assert main(["check", str(folder / "case.toml")]) == 0
+    capfd.readouterr()
+    assert main(command) == 2
+    if MPI.COMM_WORLD.rank == 0:
+        assert "--force" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("missing.step", None, "cannot be read: No such file"),
+        ("empty.step", "", "is empty"),
+        ("other.step", "solid teapot", "is no STEP file"),
+        ("teapot.stl", "solid teapot", "no geometry file by its name"),
+        ("broken.step", "ISO-10303-21;\nDATA;\n#1=OOPS(;\nEND", "broken.step'"),
+        ("nothing.geo", "a = 1;", "has no volume and no surface"),
+        ("wrong.geo", "Box(1) = {0, 0", "cannot be read"),
+    ],
+)
+def test_no_geometry(shared_tmp_path: Path, name: str, content: str | None, says: str) -> None:
+    if content is not None and MPI.COMM_WORLD.rank == 0:
+        (shared_tmp_path / name).write_text(content)
+    MPI.COMM_WORLD.barrier()
+    mesh = shared_tmp_path / "out.msh"
+    with pytest.raises(InputError, match=says):
+        survey_of(shared_tmp_path / name, mesh)
+    assert not mesh.exists()
+
+
+def test_overlap(shared_tmp_path: Path) -> None:
+    step = write(shared_tmp_path / "overlap.step", lambda: pin_in_plate(shift=0.5))
+    mesh = shared_tmp_path / "overlap.msh"
+    with pytest.raises(
+        InputError, match=r"'part_1' and 'part_2' overlap by 20.*of the smaller one"
+    ):
+        survey_of(step, mesh)
+    found = survey_of(step, mesh, MeshingOptions(overlap=0.1, size=8.0))
+    assert found.bodies[1].volume == pytest.approx(100 * math.pi, rel=0.1)
+
+
+def test_unknown_body(shared_tmp_path: Path) -> None:
+    step = write(shared_tmp_path / "pin.step", pin_in_plate)
+    with pytest.raises(InputError, match="names 'part_9'"):
+        survey_of(step, shared_tmp_path / "out.msh", MeshingOptions(sizes={"part_9": 1.0}))
+
+
+def test_smaller_elements_in_one_body(shared_tmp_path: Path) -> None:
+    step = write(shared_tmp_path / "pin.step", pin_in_plate)
+    cells = []
+    for sizes in ({}, {"part_4": 1.5}):
+        options = MeshingOptions(size=6.0, sizes=sizes)
+        found = survey_of(step, shared_tmp_path / "out.msh", options)
+        cells.append([body.cells for body in found.bodies])
+    assert cells[1][3] > 5 * cells[0][3]
+    assert cells[1][1] < 2 * cells[0][1]
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [({"size": -1.0}, "size"), ({"curvature": 1e3}, "curvature"), ({"overlap": 2.0}, "overlap")],
+)
+def test_options(values: dict[str, float], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        MeshingOptions(**values)  # type: ignore[arg-type]
+
+
+def test_names() -> None:
+    wanted = ["Bolt M12", "bolt-m12", "12", "ÄÖ", "bolt_m12_1", "Nut"]
+    names = unique_names(wanted)
+    assert len(set(names)) == len(wanted)
+    assert names[5] == "nut"
+
+
+@pytest.mark.skipif(not FOREIGN.exists(), reason="OpenCASCADE's data are not installed")
+@pytest.mark.parametrize(
+    ("name", "says"), [("occ/face1.brep", "no solid"), ("iges/hammer.iges", "no solid")]
+)
+def test_files_of_others_without_solids(shared_tmp_path: Path, name: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        survey_of(FOREIGN / name, shared_tmp_path / "out.msh")
+
+
+@pytest.mark.skipif(not FOREIGN.exists(), reason="OpenCASCADE's data are not installed")
+def test_a_screw_of_others(shared_tmp_path: Path) -> None:
+    found = survey_of(FOREIGN / "step" / "screw.step", shared_tmp_path / "out.msh")
+    assert len(found.bodies) == 1
+    assert found.bodies[0].volume == pytest.approx(3734, rel=0.02)

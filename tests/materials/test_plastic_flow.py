@@ -1,0 +1,83 @@
+"""The laws of plastic flow, and hardening, at a point: what is true of any law, cycles by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import Elastic, Flow, Hardening, InputError, VonMises
+from perfplast_fenicsx.materials import Material
+from tests.materials.properties import Array, Point, check_all, deviator, strains
+from tests.models import STEEL
+
+ISOTROPIC = Hardening(STEEL.young, STEEL.poisson, STEEL.yield_stress, isotropic=STEEL.young / 20)
+KINEMATIC = Hardening(STEEL.young, STEEL.poisson, STEEL.yield_stress, kinematic=STEEL.young / 20)
+BOTH = Hardening(STEEL.young, STEEL.poisson, STEEL.yield_stress, 2000.0, 5000.0)
+YIELDS_AT = STEEL.yield_radius / (2 * STEEL.shear)
+
+
+def history(size: int) -> dict[str, Array]:
+    """Some plastic strain, of a size at which a body with hardening is yielding."""
+    p = deviator(strains([3 * YIELDS_AT], size, seed=11)[0])
+    return {"plastic_strain": p, "accumulated_plastic_strain": np.array(5 * YIELDS_AT)}
+
+
+@pytest.mark.parametrize("gdim", [2, 3])
+@pytest.mark.parametrize("material", [ISOTROPIC, KINEMATIC, BOTH])
+def test_hardening_in_a_single_step(material: Hardening, gdim: int) -> None:
+    check_all(material, YIELDS_AT, gdim)
+
+
+@pytest.mark.parametrize("gdim", [2, 3])
+@pytest.mark.parametrize("body", [STEEL, ISOTROPIC, KINEMATIC, BOTH])
+def test_what_is_true_of_every_law(body: VonMises | Hardening, gdim: int) -> None:
+    size = {2: 4, 3: 6}[gdim]
+    old = history(size)
+    grown, moved = 0.0, np.zeros(size)
+    if isinstance(body, Hardening):
+        grown = math.sqrt(2 / 3) * body.isotropic * float(old["accumulated_plastic_strain"])
+        moved = 2 / 3 * body.kinematic * old["plastic_strain"]
+    centre = old["plastic_strain"] + moved / (2 * STEEL.shear)
+    yields_at = YIELDS_AT + grown / (2 * STEEL.shear)
+    check_all(Flow(body), yields_at, gdim, old, centre)
+
+
+@pytest.mark.parametrize("body", [STEEL, ISOTROPIC, KINEMATIC])
+def test_the_first_step_is_that_of_hencky(body: VonMises | Hardening) -> None:
+    virgin = {"plastic_strain": np.zeros(6), "accumulated_plastic_strain": np.array(0.0)}
+    flowing, hencky = Point(Flow(body), old=virgin), Point(body)
+    for e in strains([0.5 * YIELDS_AT, 7 * YIELDS_AT]):
+        for name in ("stress", "potential", "plastic"):
+            assert np.allclose(flowing(name, e), hencky(name, e), rtol=1e-12, atol=0)
+        p, stress = flowing("plastic_strain", e), flowing("stress", e)
+        assert np.allclose(p, e - flowing("compliance", stress), rtol=0, atol=1e-12 * abs(e).max())
+        size = math.sqrt(2 / 3) * np.linalg.norm(p)
+        assert flowing.number("accumulated_plastic_strain", e) == pytest.approx(size)
+
+
+def test_a_step_inside_leaves_no_trace() -> None:
+    old = history(6)
+    point = Point(Flow(STEEL), old=old)
+    e = old["plastic_strain"] + 0.9 * deviator(strains([YIELDS_AT])[0])
+    for name, value in old.items():
+        assert np.array_equal(point(name, e), np.ravel(value))
+
+
+@pytest.mark.parametrize(
+    ("isotropic", "kinematic", "named"),
+    [
+        (0.0, 0.0, "isotropic and kinematic hardening are both zero"),
+        (-1.0, 2.0, "isotropic = -1.0"),
+        (1.0, math.inf, "kinematic = inf"),
+    ],
+)
+def test_impossible_hardening_is_named(isotropic: float, kinematic: float, named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        Hardening(2e5, 0.3, 400.0, isotropic, kinematic)
+
+
+def test_what_cannot_flow_is_refused() -> None:
+    with pytest.raises(InputError, match=r"Elastic\(.*has no plastic flow to be remembered"):
+        Flow(Elastic(2e5, 0.3))  # type: ignore[arg-type]
+    assert isinstance(Flow(STEEL), Material)
+    assert Flow(STEEL).expansion == STEEL.expansion

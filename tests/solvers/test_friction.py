@@ -1,0 +1,160 @@
+"""Tresca's friction in Newton's methods, with ALG2, which holds and releases nothing, as oracle."""
+
+import math
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import (
+    AugmentedLagrangian,
+    Contact,
+    Newton,
+    Plane,
+    Problem,
+    Support,
+    Tie,
+    Traction,
+    VonMises,
+    limit_load,
+)
+from tests.checks import assert_refused, assert_solved
+from tests.contact.blocks_apart import blocks_apart
+from tests.models import STEEL
+
+HARD = VonMises(young=2e5, poisson=0.3, yield_stress=500.0)
+SOFT = VonMises(young=1e5, poisson=0.3, yield_stress=150.0)
+
+
+def pushed(
+    counts: tuple[int, int], gdim: int, degree: int, tresca: float, **contact: Any
+) -> Problem:
+    """A soft block on a hard one, pressed down and aside; ζ is the pressure."""
+    aside = [0.15, 0.05][: gdim - 1]
+    return Problem(
+        blocks_apart(MPI.COMM_WORLD, *([count] * gdim for count in counts)),
+        {"lower": HARD, "upper": SOFT},
+        [Support("bottom")],
+        [Traction("top", (*aside, -1.0))],
+        [Contact("lower_top", "upper_bottom", tresca=tresca, **contact)],
+        degree=degree,
+    )
+
+
+GAPPED = {"gap": "0.0003*(x - 0.4)*(x - 0.4) - 0.00002", "interference": True}
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize(
+    ("counts", "gdim", "degree", "contact"),
+    [
+        ((5, 4), 2, 1, {}),
+        ((4, 5), 2, 2, GAPPED),
+        ((2, 3), 3, 1, GAPPED),
+        ((2, 2), 3, 2, {}),
+    ],
+)
+def test_slip_is_certified(counts: Any, gdim: int, degree: int, contact: dict[str, Any]) -> None:
+    """Some places stick and others slip, bodies yield, and the dual problem agrees."""
+    problem = pushed(counts, gdim, degree, 40.0, **contact)
+    level = Newton(problem).solve(120.0)
+    assert_solved(level)
+    report = level.report
+    assert abs(report.duality_gap) < 1e-11
+    assert report.balance < 1e-10
+    assert report.friction_excess < 1e-10
+    assert 0 < report.slipping < problem.friction.count
+    assert report.friction_dissipation > 0
+    assert report.plastic_fraction > 0
+
+
+@pytest.mark.parametrize(("gdim", "degree"), [(2, 1), (3, 1)])
+def test_alg2_finds_the_same(gdim: int, degree: int) -> None:
+    problem = pushed((2, 3), gdim, degree, 15.0)
+    newton, uzawa = (solver(problem).solve(80.0) for solver in (Newton, AugmentedLagrangian))
+    assert_solved(newton)
+    assert uzawa.report.converged, uzawa.report.reason
+    assert 0 < newton.report.slipping
+    assert uzawa.state.alpha == pytest.approx(newton.state.alpha, rel=1e-6)
+    found, expected = (level.contact_forces for level in (uzawa, newton))
+    assert np.abs(found - expected).max(initial=0) < 1e-4
+
+
+@pytest.mark.mpi3
+def test_a_sliding_block_is_resisted_alike_in_any_direction(comm: MPI.Intracomm) -> None:
+    """It slides where the force aside is τ̄A; what turns is the direction of the load alone."""
+    reached = []
+    for degrees in (0.0, 37.0, 45.0):
+        angle = math.radians(degrees)
+        aside = (0.2 * math.cos(angle), 0.2 * math.sin(angle), -1.0)
+        problem = Problem(
+            blocks_apart(comm, (1, 1, 1), (2, 2, 2)),
+            {"lower": STEEL, "upper": STEEL},
+            [Support("bottom")],
+            [Traction("top", aside)],
+            [Contact("lower_top", "upper_bottom", tresca=10.0)],
+        )
+        last = limit_load(problem, method="path").levels[-1]
+        assert last.report.slipping == problem.friction.count
+        reached.append(last.report.zeta)
+    assert reached == pytest.approx([50.0] * 3, rel=1e-6)
+    assert np.ptp(reached) < 1e-9 * 50
+
+
+def test_far_below_the_bound_nothing_slips() -> None:
+    problem = pushed((2, 2), 3, 1, 1e6)
+    level = Newton(problem).solve(40.0)
+    assert_solved(level)
+    assert level.report.slipping == 0
+    assert level.report.friction_dissipation == 0
+
+
+def test_a_rough_obstacle_carries_its_share(comm: MPI.Intracomm) -> None:
+    """A block on a rough plane: the plane's force balances the loads, and slip begins at τ̄A."""
+    problem = Problem(
+        blocks_apart(comm, (3, 3), (3, 3)),
+        {"lower": STEEL, "upper": STEEL},
+        [],
+        [Traction("top", (0.1, -1.0))],
+        ties=[Tie("lower_top", "upper_bottom")],
+        obstacles=[Plane("bottom", (0.0, 0.0), (0.0, 1.0), tresca=5.0, name="floor")],
+    )
+    level = Newton(problem).solve(49.0)
+    assert_solved(level)
+    assert level.report.reactions["obstacle floor"] == pytest.approx([-4.9, 49.0])
+    assert limit_load(problem, method="path").lower == pytest.approx(50.0, rel=1e-6)
+    bounds = limit_load(problem, 1e-5)
+    assert bounds.lower <= 50 * (1 + 1e-9)
+    assert bounds.upper == pytest.approx(50.0, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Contact("a", "b", tresca=-1.0), ["tresca = -1.0", "zero or more"]),
+        (lambda: Contact("a", "b", coulomb=math.nan), ["coulomb = nan", "zero or more"]),
+        (lambda: Contact("a", "b", tresca=1.0, coulomb=0.1), ["two laws", "one of them"]),
+        (
+            lambda: Plane("bottom", (0.0, 0.0), (0.0, 1.0), tresca=1.0),
+            ["'bottom'", "no name", "name = "],
+        ),
+    ],
+)
+def test_what_is_no_friction_is_refused(make: Any, words: list[str]) -> None:
+    assert_refused(make, words)
+
+
+def test_friction_and_tie_on_one_surface_are_refused(comm: MPI.Intracomm) -> None:
+    def declare() -> Problem:
+        return Problem(
+            blocks_apart(comm, (2, 2), (2, 2)),
+            {"lower": STEEL, "upper": STEEL},
+            [Support("bottom")],
+            [Traction("top", (0.1, -1.0))],
+            [Contact("lower_top", "upper_bottom", tresca=1.0)],
+            ties=[Tie("lower_top", "upper_bottom")],
+        )
+
+    assert_refused(declare, ["friction", "tied", "leave out"])

@@ -1,0 +1,181 @@
+"""Stages: cycles by hand with both hardenings, heating, what is not carried, refusals."""
+
+from functools import cache
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import (
+    AugmentedLagrangian,
+    BorderedNewton,
+    Contact,
+    Flow,
+    Hardening,
+    InputError,
+    Level,
+    LoadingHistory,
+    Newton,
+    NewtonOptions,
+    Pressure,
+    Problem,
+    Stage,
+    Support,
+    TaggedMesh,
+    Temperature,
+    Tie,
+    VonMises,
+    load_path,
+    stacked_blocks,
+    stage_path,
+)
+from perfplast_fenicsx.arrays import Floats
+
+YOUNG, YIELD, HARD, EXPANSION = 2e5, 300.0, 1e4, 1.2e-5
+STEEL = VonMises(YOUNG, 0.3, YIELD, EXPANSION)
+ISOTROPIC = Hardening(YOUNG, 0.3, YIELD, isotropic=HARD)
+KINEMATIC = Hardening(YOUNG, 0.3, YIELD, kinematic=HARD)
+ROLLERS = (Support("x0", "x"), Support("y0", "y"), Support("bottom", "z"))
+SHARP = NewtonOptions(tolerance=1e-12)
+
+
+@cache
+def blocks() -> TaggedMesh:
+    return stacked_blocks(MPI.COMM_WORLD, 1)
+
+
+def bar(body: VonMises | Hardening, degree: int = 1, **more: object) -> Problem:
+    """Two blocks glued on each other, together 2 high, pushed at the top."""
+    arguments: dict[str, object] = {
+        "supports": ROLLERS,
+        "loads": [Pressure("top", 1.0, name="push")],
+        "ties": [Tie("lower_top", "upper_bottom")],
+        "degree": degree,
+    }
+    materials = {"lower": Flow(body), "upper": Flow(body)}
+    return Problem(blocks(), materials, **(arguments | more))  # type: ignore[arg-type]
+
+
+def solved(problem: Problem, stages: list[Stage]) -> list[Level]:
+    levels = list(stage_path(Newton(problem, SHARP), LoadingHistory(problem, stages)))
+    for level in levels:
+        assert level.report.converged, level.report.reason
+        assert abs(level.report.duality_gap) < 1e-10
+        assert level.report.equilibrium < 1e-9
+        assert level.report.balance < 1e-9
+    return levels
+
+
+def by_hand(body: Hardening, stresses: Floats) -> Floats:
+    """Strain of a bar at given stresses, one after the other."""
+    plastic = accumulated = 0.0
+    found = []
+    for stress in stresses:
+        back = body.kinematic * plastic
+        room = body.yield_stress + body.isotropic * accumulated
+        beyond = abs(stress - back) - room
+        if beyond > 0:
+            flow = beyond / (body.isotropic + body.kinematic)
+            plastic += flow * np.sign(stress - back)
+            accumulated += flow
+        found.append(stress / body.young + plastic)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("body", [ISOTROPIC, KINEMATIC, Hardening(YOUNG, 0.3, YIELD, 3e3, 7e3)])
+def test_cycles_by_hand(body: Hardening, degree: int) -> None:
+    """Pushed and pulled beyond twice the strain at first yield, and to zero."""
+    tops = [400.0, -450.0, 500.0, 0.0]
+    levels = solved(bar(body, degree), [Stage({"push": top}, 2) for top in tops])
+    stresses = np.column_stack([np.convolve([0.0, *tops], [0.5, 0.5], "valid"), tops]).ravel()
+    strains = by_hand(body, stresses)
+    assert abs(strains).max() > 2 * YIELD / YOUNG
+    for level, stress, strain in zip(levels, stresses, strains, strict=True):
+        assert level.report.factors["push"] == pytest.approx(stress, rel=1e-12, abs=1e-10)
+        assert level.report.works["push"] == pytest.approx(2 * strain, rel=1e-9)
+        found = level.stress.x.array.reshape(-1, 6)
+        assert np.allclose(found, stress * np.array([0, 0, -1, 0, 0, 0]), rtol=0, atol=1e-7)
+    flow = levels[-1].state.history["accumulated_plastic_strain"].x.array
+    plastic = strains - stresses / YOUNG
+    assert np.allclose(flow, abs(np.diff(plastic, prepend=0.0)).sum(), rtol=1e-9)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_restrained_bar_is_heated_and_cooled(degree: int) -> None:
+    """Stress −EaT until it yields; cooled to where it was, it is pulled as far beyond."""
+    at_yield = YIELD / (YOUNG * EXPANSION)
+    stages = [Stage({"lower": 1.5 * at_yield}, 3), Stage({"lower": 0.0}, 3)]
+    problem = bar(
+        STEEL,
+        degree,
+        supports=[*ROLLERS, Support("lower_top", "z")],
+        initial=[Temperature("lower", 1.0)],
+        loads=[],
+        ties=[],
+        contacts=[Contact("upper_bottom", "lower_top")],
+    )
+    stresses = np.array([-0.5, -1, -1, -0.5, 0, 0.5]) * YIELD
+    cells = problem.tagged_mesh.cells("lower")
+    points = problem.S.dofmap.list[cells].ravel()
+    for level, stress in zip(solved(problem, stages), stresses, strict=True):
+        found = level.stress.x.array.reshape(-1, 6)[points]
+        assert np.allclose(found, stress * np.array([0, 0, 1, 0, 0, 0]), rtol=0, atol=1e-9 * YIELD)
+
+
+@pytest.mark.mpi3
+def test_more_than_is_carried_ends_the_stages() -> None:
+    weight = Pressure("top", 0.9 * YIELD, "weight", constant=True)
+    problem = bar(STEEL, loads=[weight, Pressure("top", 1.0)])
+    stages = [Stage({"top": -100.0}, 1, "relief"), Stage({"top": 50.0}, 3, "too much")]
+    levels = list(stage_path(Newton(problem, SHARP), LoadingHistory(problem, stages)))
+    assert [level.report.stage for level in levels] == ["", "relief", *["too much"] * 3]
+    assert [level.report.converged for level in levels] == [True] * 4 + [False]
+    assert levels[-1].report.reason.startswith("in 'too much', at top = 50: no equilibrium exists")
+    assert levels[-2].report.works["top"] == pytest.approx(2 * 0.9 * YIELD / YOUNG)
+
+
+def test_names_that_do_not_fit() -> None:
+    problem = bar(STEEL, loads=[Pressure("top", 1.0, "push"), Pressure("x0", 1.0, "bed", True)])
+    for stages, message in (
+        ([Stage({"pusch": 1.0})], "stage 1 has a factor for 'pusch'.*did you mean 'push'"),
+        ([Stage({"push": 1.0}), Stage({"bed": 0.0})], "stage 2 has .* 'bed', which is constant"),
+        ([Stage({})], "the load 'push' is in no stage"),
+    ):
+        with pytest.raises(InputError, match=message):
+            LoadingHistory(problem, stages)
+    with pytest.raises(InputError, match="steps = 0"):
+        Stage({"push": 1.0}, 0)
+    with pytest.raises(InputError, match="factor of 'push' is inf"):
+        Stage({"push": np.inf})
+
+
+def test_algorithms_that_cannot_remember() -> None:
+    problem = bar(STEEL)
+    with pytest.raises(InputError, match="FlowLaw is no projection"):
+        AugmentedLagrangian(problem)
+    history = LoadingHistory(problem, [Stage({"push": 1.0})])
+    with pytest.raises(InputError, match="stages prescribe loads, but the method 'bordered-newton"):
+        next(stage_path(BorderedNewton(problem), history))
+
+
+@pytest.mark.parametrize("body", [ISOTROPIC, KINEMATIC])
+def test_strained_to_twice_first_yield_and_back(body: Hardening) -> None:
+    """By a support that moves: ±2ε_y, and no strain in the end."""
+    at_yield = YIELD / YOUNG
+    supports = [*ROLLERS, Support("top", "z", -2.0, constant=False)]
+    problem = bar(body, supports=supports, loads=[])
+    strains = at_yield * np.array([1.0, 2.0, 0.5, -2.0, 2.0, 0.0])
+    levels = list(load_path(Newton(problem, SHARP), strains))
+    plastic = accumulated = 0.0
+    for level, strain in zip(levels, strains, strict=True):
+        assert level.report.converged, level.report.reason
+        assert abs(level.report.duality_gap) < 1e-10
+        trial = YOUNG * (strain - plastic) - body.kinematic * plastic
+        beyond = max(0.0, abs(trial) - YIELD - body.isotropic * accumulated)
+        flow = beyond / (YOUNG + body.isotropic + body.kinematic)
+        plastic, accumulated = plastic + flow * np.sign(trial), accumulated + flow
+        expected = YOUNG * (strain - plastic) * np.array([0, 0, -1, 0, 0, 0])
+        found = level.stress.x.array.reshape(-1, 6)
+        assert np.allclose(found, expected, rtol=0, atol=1e-9 * YIELD)
