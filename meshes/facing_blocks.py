@@ -1,7 +1,8 @@
 """Two rectangles that face each other on y = 0 with matching nodes, finer about a point of it.
 
-Volume ``lower`` is (left, right)×(−below, 0), ``upper`` (left, right)×(0, above). Curves ``left`` and
-``right`` (both bodies), ``bottom``, ``top``, and the contact curves ``lower_seam`` and ``upper_seam``.
+Volume ``lower`` is (left, right)×(−below, 0), ``upper`` (left, right)×(0, above). Curves ``left``
+and ``right`` (both bodies), ``bottom``, ``top``, and the contact curves ``lower_seam`` and
+``upper_seam``.
 """
 
 from pathlib import Path

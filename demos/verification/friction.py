@@ -1,19 +1,20 @@
 # %% [markdown]
-# # Friction: a block that slides, rough platens, a block on a slope, and stick within slip
+# # Friction: a sliding block, rough platens, a slope, and stick within slip
 #
-# Tresca's friction is a shear stress τ̄ that slip has to overcome, Coulomb's is μ times the pressure.
+# Tresca's friction is a shear stress τ̄ that slip has to overcome, Coulomb's is μ times the
+# pressure.
 #
-# - A block is pushed aside on another one, meshed apart, until it slides: at the force τ̄A in any
-#   direction, since nothing of its friction is a polygon.
-# - A block is pressed between platens with τ̄ = m k, k = σ_y/√3. If it is as wide as high, its stress
-#   is uniform at collapse whatever m is, as slip lines at 45° leave it on its sides: 2k. If it is
-#   twice as wide, the limit load grows with m from 2k to 2.4277 k of platens that are glued.
-# - A block of the weight G on a slope with tan α = 0.1, pushed up it by a horizontal force F, slides
-#   at F/G = (tan α + μ)/(1 − μ tan α) (NAFEMS, benchmark CGS-4, with μ = 0.3).
-# - Two long cylinders of one material that are pressed on each other by P and pushed aside by Q < μP
-#   stick within |x| ≤ c = b √(1 − Q/(μP)) and slip outside (C. Cattaneo, 1938; K. L. Johnson, Contact
-#   Mechanics, chapter 7). Half planes stand for the cylinders, with the gap x²/(2R) between them. c
-#   follows from the second moments of shear stress and pressure, ∫q x²/∫q − ∫p x²/∫p = c²/4.
+# - A block is pushed aside on another one until it slides: at the force τ̄A in any direction, since
+#   nothing of its friction is a polygon.
+# - A block is pressed between platens with τ̄ = m k, k = σ_y/√3. If it is as wide as high, its
+#   stress is uniform at collapse whatever m is, as slip lines at 45° leave it on its sides: 2k. If
+#   it is twice as wide, the limit load grows with m from 2k to the 2.4277 k of glued platens.
+# - A block of the weight G on a slope with tan α = 0.1 is pushed up it by a horizontal force F, and
+#   slides at F/G = (tan α + μ)/(1 − μ tan α) (NAFEMS, benchmark CGS-4, with μ = 0.3).
+# - Two long cylinders of one material, pressed on each other by P and aside by Q < μP, stick within
+#   |x| ≤ c = b √(1 − Q/(μP)) and slip outside (C. Cattaneo, 1938; K. L. Johnson, Contact Mechanics,
+#   chapter 7). Half planes stand for the cylinders, with the gap x²/(2R) between them. c follows
+#   from the second moments of shear stress and pressure, ∫q x²/∫q − ∫p x²/∫p = c²/4.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/friction.py
 
@@ -100,7 +101,7 @@ def platens(folder: ResultFolder, coarse: bool) -> list[Row]:
     """Limit loads for some m and both shapes. Collective."""
     rows: list[Row] = []
     for shape, height in (("as wide as high", 1.0), ("twice as wide", 0.5)):
-        fine, size = (0.02, 0.15) if coarse else (0.005, 0.06)
+        fine, size = (0.01, 0.1) if coarse else (0.005, 0.05)
         tagged_mesh = mesh(
             folder,
             write_facing_blocks,
@@ -182,7 +183,7 @@ def cattaneo(folder: ResultFolder, coarse: bool) -> list[Row]:
     modulus = contact_modulus(body, body)
     push = math.pi * modulus * width**2 / (4 * radius)
     aside = share * mu * push
-    parts = 8 if coarse else 16
+    parts = 12 if coarse else 24
     tagged_mesh = mesh(folder, write_facing_blocks, fine=width / parts)
     # on top, a couple keeps the contact free of moment
     down = f"{-push / 2!r} + {1.5 * aside!r}*x"

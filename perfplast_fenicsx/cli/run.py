@@ -79,7 +79,10 @@ def run(
             folder.create()
             checkpoints.write(saved)
         with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
-            remarks = [*problem.constraints.remarks, *_on_friction(problem)]
+            on_friction = _on_friction(problem)
+            for remark in on_friction:
+                terminal.say(f"{remark}.")
+            remarks = [*problem.constraints.remarks, *on_friction]
             journal.header(case, [describe(case.title, method, problem), *remarks])
             context = RunContext(
                 case=case,
@@ -110,7 +113,7 @@ def _on_friction(problem: Problem) -> list[str]:
     """What is to be said of Coulomb's friction, and its bounds if known. Collective."""
     if not problem.friction.follows_pressure:
         return []
-    told = ["Coulomb's friction: each level is one step, and its solution need not be the only one"]
+    told = ["Coulomb's friction: each level is one step, whose solution need not be the only one"]
     if method_for(problem) is LimitMethod.INTERIOR_POINT:
         told.append(drucker_bounds(problem).in_words())
     return told

@@ -7,10 +7,9 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic_program import NONE, SingularStiffness
 from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrains
+from perfplast_fenicsx.limit_analysis.sprung_matrix import SprungMatrix
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
-from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
-from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
 
 AT_ONCE = 3_000_000
 """Entries of the cells' matrices that are computed at once."""
@@ -28,13 +27,8 @@ UNPIVOTED = {**DIRECT, "mat_mumps_cntl_1": 0.0}
 """K is nowhere negative: pivots that MUMPS would look for take memory, and time."""
 
 
-class CondensedStiffness:
-    """See :class:`conic_program.Stiffness`; y and b are vectors of :class:`MultiplierStrains`.
-
-    Attributes:
-        factorisations: So far.
-        solves: Systems solved so far.
-    """
+class CondensedStiffness(SprungMatrix):
+    """See :class:`conic_program.Stiffness`; y and b are vectors of :class:`MultiplierStrains`."""
 
     def __init__(self, strains: MultiplierStrains, held: Ints, jumps: Ints) -> None:
         """Find the pattern. Collective.
@@ -44,26 +38,24 @@ class CondensedStiffness:
             held: Owned facet unknowns that supports hold.
             jumps: Those that are jumps of contact.
         """
-        self._strains, self._held, self._out, self._jumps = strains, held, held, jumps
-        self.factorisations = self.solves = 0
+        self._strains, self._held, self._out = strains, held, held
         facets, layout = strains.facets, strains.layout
         size = layout.outer + layout.inner
         self._chunk = max(1, AT_ONCE // size**2)
-        self._matrix = PETSc.Mat().create(facets.vector.comm)
-        self._matrix.setType(PETSc.Mat.Type.AIJ)
+        matrix = PETSc.Mat().create(facets.vector.comm)
+        matrix.setType(PETSc.Mat.Type.AIJ)
+        super().__init__(facets.vector.comm, matrix, jumps, UNPIVOTED)
         self._preallocate()
         inner = layout.inner
         self._inverse = np.empty((strains.num_cells, inner, inner))
         self._across = np.empty((strains.num_cells, inner, layout.outer))
-        self._ksp = PETSc.KSP().create(facets.vector.comm)
-        self._ksp.setOptionsPrefix(own_prefix(LIMIT, UNPIVOTED))
-        self._ksp.setFromOptions()
         self._right, self._found = self._matrix.createVecs()
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
-        for thing in (self._ksp, self._matrix, self._right, self._found):
-            thing.destroy()
+        super().destroy()
+        for vector in (self._right, self._found):
+            vector.destroy()
 
     def _preallocate(self) -> None:
         """Make room for the entries of cells, and for those that jumps couple. Collective."""
@@ -138,36 +130,6 @@ class CondensedStiffness:
             K[:, at[:, None], at[None, :]] += parts[:, p]
         return K
 
-    def jump_diagonal(self) -> Floats:
-        """Diagonal entries of the jumps of this rank's pairs. Collective."""
-        diagonal = self._matrix.getDiagonal()
-        values: Floats = diagonal.array_r[self._jumps].copy()
-        diagonal.destroy()
-        return values
-
-    def add_at_jumps(self, springs: Floats) -> None:
-        """Add c to the diagonal, shape (num_pairs,) on each rank. Collective."""
-        diagonal = self._matrix.getDiagonal()
-        diagonal.array[self._jumps] += springs
-        self._matrix.setDiagonal(diagonal)
-        diagonal.destroy()
-
-    @phase("linear set-up")
-    def factorise(self) -> None:
-        """Factorise the matrix as it is. Collective.
-
-        Raises:
-            SingularStiffness: If that fails.
-            InputError: If it takes more memory than there is, before the first one.
-        """
-        self._ksp.setOperators(self._matrix)
-        if not self.factorisations:
-            check_memory(self._ksp)
-        self._ksp.setUp()
-        self.factorisations += 1
-        if self._ksp.getPC().getFailedReason():
-            raise SingularStiffness("the stiffness could not be factorised")
-
     @phase("linear solve")
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Solve K x = b with the last factors. Collective."""
@@ -176,13 +138,12 @@ class CondensedStiffness:
         onto = -(half[:, None, :] @ self._across)[:, 0]
         self._right.array[:] = b.array_r[:count] + strains.facets.add_up(onto)
         self._right.array[self._out] = 0.0
-        self._ksp.solve(self._right, self._found)
+        super().solve(self._right, self._found)
         outer = strains.facets.gather(self._found.array_r)
         half -= (self._across @ outer[:, :, None])[:, :, 0]
         array = x.array
         array[:count] = self._found.array_r
         array[count:] = (half[:, None, :] @ self._inverse).ravel()
-        self.solves += 1
 
 
 def _roots(bulk: Floats, a: Floats, normal: Floats) -> Floats:

@@ -1,7 +1,5 @@
 """The stiffness with moduli given at each point, factorised in the contact basis."""
 
-from petsc4py import PETSc
-
 import numpy as np
 import numpy.typing as npt
 import ufl
@@ -9,25 +7,23 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.limit_analysis.conic_program import NONE, SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic_program import NONE
 from perfplast_fenicsx.limit_analysis.point_strains import deviator_in_plane, trace_dim
+from perfplast_fenicsx.limit_analysis.sprung_matrix import SprungMatrix
 from perfplast_fenicsx.materials.mandel import trace
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.stiffness import create_stiffness
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
-from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
-from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
 
 
-class ConicStiffness:
+class ConicStiffness(SprungMatrix):
     """K of displacements in the contact basis; see :class:`conic_program.Stiffness`."""
 
     def __init__(self, problem: Problem) -> None:
         """Compile the form, and find the pattern. Collective."""
         self._problem = problem
-        self.factorisations = self.solves = 0
         Q, S, strain = problem.Q, problem.S, problem.kinematics.strain
         dim = trace_dim(problem)
         self._bulk, self._a, self._normal = fem.Function(Q), fem.Function(Q), fem.Function(S)
@@ -42,14 +38,12 @@ class ConicStiffness:
         self._form = fem.form(density * problem.dx)
         self._stiffness = create_stiffness(problem)
         self._operator = ContactOperator(problem, self._stiffness)
-        self._ksp = PETSc.KSP().create(problem.comm)
-        self._ksp.setOptionsPrefix(own_prefix(LIMIT, DIRECT))
-        self._ksp.setFromOptions()
+        super().__init__(problem.comm, self._operator.matrix, problem.basis.index, DIRECT)
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
-        for thing in (self._ksp, self._operator.matrix, self._stiffness):
-            thing.destroy()
+        super().destroy()
+        self._stiffness.destroy()
 
     @phase("assembly")
     def assemble(
@@ -77,40 +71,3 @@ class ConicStiffness:
             springs: See :meth:`ContactOperator.add_springs`.
         """
         self._operator.add_springs(springs)
-
-    def jump_diagonal(self) -> Floats:
-        """Diagonal entries of the jumps of this rank's pairs. Collective."""
-        diagonal = self._operator.matrix.getDiagonal()
-        values: Floats = diagonal.array_r[self._problem.basis.index].copy()
-        diagonal.destroy()
-        return values
-
-    def add_at_jumps(self, springs: Floats) -> None:
-        """Add c to the diagonal, shape (num_pairs,) on each rank. Collective."""
-        if self._problem.num_pairs:
-            diagonal = self._operator.matrix.getDiagonal()
-            diagonal.array[self._problem.basis.index] += springs
-            self._operator.matrix.setDiagonal(diagonal)
-            diagonal.destroy()
-
-    @phase("linear set-up")
-    def factorise(self) -> None:
-        """Factorise the matrix as it is. Collective.
-
-        Raises:
-            SingularStiffness: If that fails.
-            InputError: If it takes more memory than there is, before the first one.
-        """
-        self._ksp.setOperators(self._operator.matrix)
-        if not self.factorisations:
-            check_memory(self._ksp)
-        self._ksp.setUp()
-        self.factorisations += 1
-        if self._ksp.getPC().getFailedReason():
-            raise SingularStiffness("the stiffness could not be factorised")
-
-    @phase("linear solve")
-    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Solve K x = b with the last factors. Collective."""
-        self._ksp.solve(b, x)
-        self.solves += 1

@@ -33,17 +33,22 @@ def solve_coulomb(problem: Problem, solve: Solve, start: State | None, pushes: F
         problem: Whose friction is brought up to date.
         solve: Solves it with the bounds that it has.
         start: State to begin with; None for none.
-        pushes: Contact forces there, shape (num_pairs,); where there are none, nothing slips in
-            the first round.
+        pushes: Contact forces there, shape (num_pairs,). Where there are none, or they bound
+            friction too low for what the loads have grown to, nothing slips in the first round.
     """
+    first = _bounds(problem, pushes)
+    if start is not None and problem.comm.allreduce(float(first.sum())) > 0:
+        level = _rounds(problem, solve, start, first)
+        if level.report.converged or level.report.rounds > 1:
+            return level
+    return _rounds(problem, solve, start, np.full_like(first, np.inf))
+
+
+def _rounds(problem: Problem, solve: Solve, start: State | None, bounds: Floats) -> Level:
+    """Rounds from first bounds until these settle. Collective."""
     friction, comm = problem.friction, problem.comm
     follows = friction.coulomb > 0
-    total = comm.allreduce(float(_bounds(problem, pushes).sum()))
-    if start is None or not total > 0:
-        start = None
-        friction.bound[follows] = np.inf
-    else:
-        friction.bound[follows] = _bounds(problem, pushes)
+    friction.bound[follows] = bounds
     rounds: list[Level] = []
     reason = f"the bounds of friction have not settled in {MOST_ROUNDS} rounds"
     for _ in range(MOST_ROUNDS):

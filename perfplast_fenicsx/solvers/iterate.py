@@ -98,7 +98,7 @@ class Iterate:
         friction, comm = self.problem.friction, self.problem.comm
         jumps, largest = self.jumps(), float(self.y.norm(PETSc.NormType.NORM_INFINITY))
         sizes = norms(jumps)
-        slips = sizes > ROUNDING * largest
+        slips = (sizes > ROUNDING * largest) & np.isfinite(friction.bound)
         if comm.allreduce(int((~slips & (sizes > 0)).sum())):
             self.y.array[friction.unknowns(~slips)] = 0
             self.problem.basis.T.mult(self.y, self.fields.u.x.petsc_vec)

@@ -71,7 +71,7 @@ def test_every_number_of_ranks_finds_the_same(shared_tmp_path: Path) -> None:
     """Each rank alone, and all together: meshes and bounds of every round, with contact."""
     file = shared_tmp_path / "ground.msh"
     if COMM.rank == 0:
-        write_strip_footing(file, punch=True, width=3.0, depth=2.0, finer=1.0, size=1.0)
+        write_strip_footing(file, punch=True, width=3.0, depth=2.0, grading=1.0, size=1.0)
     COMM.barrier()
 
     def rounds(comm: MPI.Intracomm) -> list[Round]:

@@ -53,6 +53,7 @@ STEP_KEYS = (
     *("plastic_fraction", "plastic_cells", "active_contacts", "contact_pairs"),
     *("max_penetration", "duality_gap", "max_displacement", "seconds", "reactions", "balance"),
     *("driving_force", "stage", "factors", "works"),
+    *("slipping", "friction_dissipation", "friction_excess", "rounds"),
 )
 """Keys of a step of ``summary.json``, on which other tools rely; ``path.csv`` has all there is."""
 

@@ -1,0 +1,136 @@
+"""Limit loads with Tresca's friction, and Drucker's bounds of those with Coulomb's."""
+
+import math
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import (
+    BodyForce,
+    Contact,
+    Elastic,
+    Newton,
+    OutputFields,
+    Pressure,
+    Problem,
+    Support,
+    Traction,
+    WorkNewton,
+    limit_bounds,
+    limit_load,
+)
+from perfplast_fenicsx.limit_analysis import drucker_bounds
+from tests.checks import assert_refused, assert_solved
+from tests.contact.blocks_apart import blocks_apart
+from tests.models import STEEL
+
+K = STEEL.yield_stress / math.sqrt(3)
+PLATEN = Elastic(young=206900e3, poisson=0.29)
+
+
+def aside(gdim: int, shear: float, **friction: float) -> Problem:
+    """A block pushed down and aside on another one that was meshed apart."""
+    force = [shear * 0.8, shear * 0.6][: gdim - 1] if gdim == 3 else [shear]
+    return Problem(
+        blocks_apart(MPI.COMM_WORLD, [2] * gdim, [3] * gdim),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom")],
+        [Traction("top", (*force, -1.0))],
+        [Contact("lower_top", "upper_bottom", **friction)],  # type: ignore[arg-type]
+        degree=2,
+    )
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("gdim", [2, 3])
+def test_cones_of_friction_let_a_block_slide(gdim: int) -> None:
+    """Static and kinematic load meet where the force aside is τ̄A."""
+    found = limit_load(aside(gdim, 0.25, tresca=10.0), 1e-5)
+    assert found.lower <= 40 * (1 + 1e-8)
+    assert found.upper is not None
+    assert found.upper >= 40 * (1 - 1e-8)
+    assert found.upper - found.lower < 1e-5 * 40
+
+
+def test_path_and_interior_point_agree_where_bodies_flow_and_slip() -> None:
+    """A block under a rough platen: both brackets overlap, above 2k and below that of a tie."""
+    problem = Problem(
+        blocks_apart(MPI.COMM_WORLD, (3, 2), (2, 1)),
+        {"lower": STEEL, "upper": PLATEN},
+        [Support("x0", "x"), Support("upper_x0", "x"), Support("bottom", "y")],
+        [Pressure("top", 1.0)],
+        [Contact("lower_top", "upper_bottom", tresca=0.3 * K)],
+        degree=2,
+    )
+    direct, path = (limit_load(problem, 5e-3, method=name) for name in ("interior-point", "path"))
+    assert direct.upper is not None
+    assert path.upper is not None
+    assert path.lower <= direct.upper
+    assert direct.lower <= path.upper * (1 + 1e-9)
+    assert path.upper - path.lower < 1e-2 * path.upper
+    assert 2 * K < direct.lower
+    proven = limit_bounds(problem, 5e-3)
+    assert not proven.upper.strict
+    assert "friction is taken at the nodes alone" in proven.upper.why_not
+
+
+def test_coulombs_friction_has_druckers_bounds_and_no_limit_load() -> None:
+    problem = aside(2, 0.3, coulomb=0.2)
+    bounds = drucker_bounds(problem)
+    rough = limit_load(aside(2, 0.3, tresca=1e4))
+    assert bounds.lower == pytest.approx(0.0, abs=1e-6)
+    assert bounds.upper is not None
+    assert rough.lower < bounds.upper < 1.2 * rough.lower  # a tie holds surfaces together, too
+    assert "Drucker" in bounds.in_words()
+    assert_refused(lambda: limit_load(problem), ["no limit theorem", "tresca"])
+
+
+@pytest.mark.mpi3
+def test_a_block_slides_up_a_slope(comm: MPI.Intracomm) -> None:
+    """NAFEMS CGS-4: F/G = (tan α + μ)/(1 − μ tan α), whatever the elastic bodies are."""
+    angle = math.atan(0.1)
+    c, s = math.cos(angle), math.sin(angle)
+    problem = Problem(
+        blocks_apart(comm, (3, 3), (4, 4)),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom")],
+        [BodyForce("upper", (-s, -c), constant=True), BodyForce("upper", (c, -s))],
+        [Contact("lower_top", "upper_bottom", coulomb=0.3)],
+    )
+    solver = WorkNewton(problem)
+    rest = solver.at_rest()
+    level = rest
+    for further in (1e-5, 1e-3):
+        level = solver.solve(rest.state.alpha + further, level.state)
+        assert_solved(level)
+    assert level.report.zeta == pytest.approx(0.4 / 0.97, rel=1e-9)
+    assert level.report.slipping == problem.friction.count
+    below, above = (Newton(problem).solve(zeta) for zeta in (0.41, 0.42))
+    assert_solved(below)
+    assert below.report.rounds > 1
+    assert not above.report.converged
+    assert "round" in above.report.reason
+
+
+def test_slip_and_friction_are_fields(comm: MPI.Intracomm) -> None:
+    """Friction is τ̄ where all slips, opposite on both surfaces, and adds up to no force."""
+    problem: Any = Problem(
+        blocks_apart(comm, (2, 2), (3, 3)),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom"), Support("upper_x0", "x")],
+        [Traction("top", (0.5, -1.0))],
+        [Contact("lower_top", "upper_bottom", tresca=2.0)],
+    )
+    level = Newton(problem).solve(100.0)
+    assert_solved(level)
+    fields = OutputFields(problem).update(level)
+    slip, friction = (fields[name].x.array.reshape(-1, 2) for name in ("slip", "friction_stress"))
+    assert comm.allreduce(float(np.abs(slip[:, 0]).max(initial=0)), MPI.MAX) > 1e-6
+    assert np.abs(slip[:, 1]).max(initial=0) < 1e-12
+    largest = comm.allreduce(float(np.abs(friction[:, 0]).max(initial=0)), MPI.MAX)
+    assert 1.9 < largest < 4.0
+    both = friction[:, 0] if comm.size == 1 else None
+    assert both is None or (both.min() < -1.5 and both.max() > 1.5)
