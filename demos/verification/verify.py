@@ -20,6 +20,7 @@ CASES = (
     "thick_sphere",
     "thick_tube",
     "axisymmetry",
+    "autofrettage",
     "strip_footing",
     "rigid_footing",
     "torsion",
