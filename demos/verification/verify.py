@@ -34,6 +34,7 @@ CASES = (
     "meshed_apart",
     "towers",
     "body_bounds",
+    "bounds_in_space",
     "bound_costs",
 )
 

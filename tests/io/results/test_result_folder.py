@@ -48,8 +48,8 @@ SUMMARY_KEYS = [
 def report(zeta: float, **changes: object) -> LevelReport:
     """A report with made-up numbers, all different."""
     values: dict[str, object] = {"converged": True, "reason": "criterion met, at last"}
+    values |= {"stage": "pumping", "factors": {"water": 0.375}, "works": {"water": 3.5}}
     values["reactions"] = {"loads": [0.5, 0.0, -2.5], "support floor": [-0.5, 0.0, 2.5]}
-    values |= {"stage": "", "factors": {}, "works": {}}
     for number, field in enumerate(dataclasses.fields(LevelReport), start=1):
         if field.name not in values:
             values[field.name] = number if field.type is int else number / 8
