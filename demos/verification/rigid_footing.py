@@ -4,9 +4,9 @@
 # The footing is a surface of the ground that moves as a rigid body: a rough plate. A central load V
 # carries Prandtl's pressure (2 + π) k on its width of 2, as in the case of the strip footing; the
 # values here are above it. A horizontal load H or a moment M beside V take much of it, so that the
-# central one bounds V. Their sign makes no difference, as the mesh is its own mirror image: the loads
-# of both signs are a row each, and the second is compared with the first. Each is known to the
-# tolerance of the search; where both take as many steps they agree to rounding.
+# central one bounds V. Their sign makes no difference, as the mesh is its own mirror image: the
+# loads of both signs are a row each, and the second is compared with the first. Each is known to
+# the tolerance of the search; where both take as many steps they agree to rounding.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/rigid_footing.py
 
