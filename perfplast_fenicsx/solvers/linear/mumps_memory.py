@@ -66,6 +66,10 @@ def _analyse(ksp: PETSc.KSP, matrix: PETSc.Mat) -> tuple[float, float]:
     return operations, least
 
 
+class TooLarge(InputError):
+    """What does not fit into memory."""
+
+
 def check_memory(ksp: PETSc.KSP) -> None:
     """Refuse a factorisation that takes more memory than there is, before it starts. Collective.
 
@@ -73,7 +77,7 @@ def check_memory(ksp: PETSc.KSP) -> None:
         ksp: With its options and operators, not set up yet; it is left so.
 
     Raises:
-        InputError: With what is needed and what there is.
+        TooLarge: With what is needed and what there is.
     """
     pc, (matrix, _) = ksp.getPC(), ksp.getOperators()
     if pc.getType() not in ("cholesky", "lu") or pc.getFactorSolverType() != "mumps":
@@ -81,7 +85,7 @@ def check_memory(ksp: PETSc.KSP) -> None:
     _, least = _analyse(ksp, matrix)
     enough, needed, has = has_memory(ksp.comm.tompi4py(), least)
     if not enough:
-        raise InputError(
+        raise TooLarge(
             f"a factorisation for {matrix.getSize()[0]} unknowns needs at least"
             f" {needed / 2**30:.3g} GiB of memory, and there are {has / 2**30:.3g}; use a coarser"
             " mesh, or more machines."

@@ -169,7 +169,9 @@ def test_summary_and_path(comm: MPI.Intracomm, shared_tmp_path: Path, problem: P
 
     with results.timed("solve"):
         pass
-    given = [report(1.0), report(2.0, duality_gap=math.nan, converged=False, max_penetration=-0.0)]
+    stage = {"stage": "load", "factors": {"push": 0.25}, "works": {"push": -3.5}}
+    wrong = {"duality_gap": math.nan, "converged": False, "max_penetration": -0.0}
+    given = [report(1.0, **stage), report(2.0, **wrong, **stage)]
     for number, level in enumerate(given, start=1):
         results.add(level)
         text = folder.file("summary.json").read_text(encoding="utf-8")
@@ -182,14 +184,13 @@ def test_summary_and_path(comm: MPI.Intracomm, shared_tmp_path: Path, problem: P
         assert len(rows) == number
         assert rows[-1]["step"] == str(number)
         numbers = dataclasses.asdict(level)
-        forces = numbers.pop("reactions")
-        for named in ("factor", "work"):
-            (value,) = numbers.pop(f"{named}s").values()
-            assert rows[-1][f"{named}_water"] == str(value)
+        forces, factors, works = (numbers.pop(key) for key in ("reactions", "factors", "works"))
         for key, value in numbers.items():
             assert rows[-1][key] == str(value)
         assert [rows[-1][f"loads_{axis}"] for axis in "xyz"] == [*map(str, forces["loads"])]
         assert rows[-1]["support_floor_z"] == "2.5"
+        assert (rows[-1]["factor_push"], rows[-1]["work_push"]) == ("0.25", "-3.5")
+        assert (factors, works) == ({"push": 0.25}, {"push": -3.5})
         comm.barrier()
     assert [list(step) for step in summary["steps"]] == [list(STEP_KEYS)] * 2
     assert summary["steps"][0]["alpha"] == given[0].alpha
