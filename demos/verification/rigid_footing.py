@@ -4,8 +4,9 @@
 # The footing is a surface of the ground that moves as a rigid body: a rough plate. A central load V
 # carries Prandtl's pressure (2 + π) k on its width of 2, as in the case of the strip footing; the
 # values here are above it. A horizontal load H or a moment M beside V take much of it, so that the
-# central one bounds V. Their sign makes no difference, which the mesh, its own mirror image, shows
-# to rounding: the loads of both signs are a row each, and the second is compared with the first.
+# central one bounds V. Their sign makes no difference, as the mesh is its own mirror image: the
+# loads of both signs are a row each, and the second is compared with the first. Each is known to
+# the tolerance of the search; where both take as many steps they agree to rounding.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/rigid_footing.py
 
@@ -27,7 +28,7 @@ TITLE = "Rough rigid footing, plane strain"
 SOIL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
 EXACT = (2 + math.pi) * SOIL.yield_stress / math.sqrt(3)
 SUPPORTS = [Support("bottom"), Support("sides", "x")]
-ALLOWED, SYMMETRIC = 0.015, 1e-8
+ALLOWED, TOLERANCE = 0.015, 1e-4
 LOADS = {
     "central": (0.0, 0.0),
     "inclined": (0.3, 0.0),
@@ -59,7 +60,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
                     degree=2,
                     rigid=[RigidSurface("footing")],
                 )
-                limit = limit_load(problem, 1e-4)
+                limit = limit_load(problem, TOLERANCE)
                 seconds = time.perf_counter() - began
                 mean = (limit.estimate or math.nan) / 2
                 allowed = None if central and size > 0.2 else ALLOWED
@@ -72,7 +73,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
                         dofs=problem.num_dofs,
                         computed=mean,
                         exact=EXACT if found is None else found,
-                        allowed=allowed if found is None else SYMMETRIC,
+                        allowed=allowed if found is None else TOLERANCE,
                         solves=limit.linear_solves,
                         seconds=seconds,
                         bound=found is None and not central,

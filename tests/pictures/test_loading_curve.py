@@ -13,8 +13,9 @@ PNG = b"\x89PNG\r\n\x1a\n"
 @pytest.mark.parametrize("driven", [False, True])
 def test_path_png(tmp_path: Path, zetas: list[float], driven: bool) -> None:
     loading_curve = pytest.importorskip("perfplast_fenicsx.pictures.loading_curve")
-    reports = [report(zeta, plastic_cells=0) for zeta in zetas]
-    reports.append(report(4.0, converged=False))
+    of_no_stage: dict[str, object] = {"factors": {}, "works": {}}
+    reports = [report(zeta, plastic_cells=0, **of_no_stage) for zeta in zetas]
+    reports.append(report(4.0, converged=False, **of_no_stage))
     loading_curve.save_curve(reports, "A title", tmp_path / "path.png", None, driven=driven)
     assert (tmp_path / "path.png").read_bytes().startswith(PNG)
 
