@@ -83,7 +83,8 @@ class Problem:
         has_gaps: Whether any pair is open at first.
         interferes: Whether any gap is negative.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
-        sliding, friction: The rows of jumps along surfaces that rub, and what resists these.
+        sliding: The rows of jumps along surfaces that rub.
+        friction: What resists these.
         first_active: Pairs that an active set begins with, so that no body is free to move.
         basis: Basis in which contact is a bound. What u_D and moving obstacles close of a gap, at
             that ζ, is taken from it.
