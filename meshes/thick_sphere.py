@@ -4,16 +4,25 @@ The shell is about the origin. Volume ``shell``; surfaces ``inner``, ``outer``, 
 ``z0`` (the symmetry planes). With an interface: volumes ``inner_shell`` and ``outer_shell`` and the
 contact surfaces ``inner_shell_seam`` and ``outer_shell_seam``, whose nodes match unless the shells
 are meshed apart.
+
+Vertices lie on the spheres, so that flat facets cut them: the body of the mesh reaches into the
+hole and not as far out. A sphere that is *circumscribed* is touched by the facets instead. The
+stress of a body with a larger hole, filled up by its pressure, is one of the shell, and so is the
+mechanism of a larger body.
 """
 
 import math
 from itertools import pairwise
 from pathlib import Path
 
+import gmsh
+import numpy as np
+
 from meshes.apart import write_apart
 from meshes.command_line import mesh_parser, write_from
 from meshes.naming import name
 from meshes.sizes import generate
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 INNER, OUTER = 1.0, 2.0
@@ -26,6 +35,7 @@ def write_thick_sphere(
     size: float = 0.2,
     order: int = 1,
     finer: float | None = None,
+    circumscribed: str | None = None,
 ) -> None:
     """Mesh an octant of a shell and write a .msh file. On one process.
 
@@ -34,9 +44,18 @@ def write_thick_sphere(
         interface: Radius at which the shell is cut in two; None for one shell.
         size: Edge length at the inner radius, which is 1; it grows in proportion to the radius.
         order: Degree of the geometry, 1 or 2.
+        circumscribed: ``inner`` or ``outer``: the surface whose vertices are moved outwards until
+            no facet of it cuts its sphere.
         finer: Mesh two shells apart, the outer one with so many times as many edges at the seam.
+
+    Raises:
+        InputError: If curved facets are to be circumscribed.
     """
-    with gmsh_session() as gmsh:
+    if circumscribed is not None and order != 1:
+        raise InputError(
+            f"order = {order} and circumscribed facets, which are flat; give order = 1."
+        )
+    with gmsh_session():
         geo = gmsh.model.geo
         radii = [INNER, OUTER] if interface is None else [INNER, interface, OUTER]
         bodies = ["shell"] if interface is None else ["inner_shell", "outer_shell"]
@@ -78,15 +97,34 @@ def write_thick_sphere(
 
         if finer is None:
             mesh()
+            if circumscribed is not None:
+                _circumscribe(spheres[0] if circumscribed == "inner" else spheres[-1])
             write_split(path)
         else:
             write_apart(path, mesh)
+
+
+def _circumscribe(sphere: int) -> None:
+    """Move the vertices of a sphere outwards until all its facets touch it, or lie outside."""
+    mesh = gmsh.model.mesh
+    tags, places, _ = mesh.getNodes(2, sphere, includeBoundary=True)
+    points = dict(zip(tags, places.reshape(-1, 3), strict=True))
+    _, _, (nodes,) = mesh.getElements(2, sphere)
+    a, b, c = np.array([points[node] for node in nodes]).reshape(-1, 3, 3).swapaxes(0, 1)
+    normals = np.cross(b - a, c - a)
+    distance = np.abs(np.einsum("fi,fi->f", a, normals)) / np.linalg.norm(normals, axis=1)
+    factor = np.linalg.norm(a, axis=1).max() / distance.min()
+    for node, point in points.items():
+        mesh.setNode(node, factor * point, [])
 
 
 def main() -> None:
     """Write the mesh that the command line asks for."""
     parser = mesh_parser(write_thick_sphere, "Mesh an octant of a thick spherical shell.")
     parser.add_argument("--interface", type=float, help="radius at which to cut the shell in two")
+    parser.add_argument(
+        "--circumscribed", choices=("inner", "outer"), help="surface that does not cut its sphere"
+    )
     parser.add_argument("--finer", type=float, help="mesh them apart, the outer one so much finer")
     write_from(parser, write_thick_sphere)
 

@@ -87,7 +87,7 @@ PUNCH = replace(
     loads=[Pressure("top", 1.0)],
     contacts=SEAM,
     asked=(0.008, 3000),
-    coarse=(0.06, 600),
+    coarse=(0.17, 200),
 )
 PLATENS = Case(
     name="rough platens",

@@ -173,8 +173,9 @@ def press(
     began = time.perf_counter()
     level = Newton(problem).solve(1.0)
     seconds = time.perf_counter() - began
-    pressure = OutputFields(problem).update(level)["contact_pressure"]
-    found = measure(problem, pressure, "upper_arc")
+    fields = OutputFields(problem)
+    found = measure(problem, fields.update(level)["contact_pressure"], "upper_arc")
+    force = abs(float(fields.resultants[0, 1]))
     case = "cylinder on cylinder" if bodies == 2 else "cylinder on a plane"
     rows = [
         Row(
@@ -192,7 +193,7 @@ def press(
         for quantity, computed, exact, allowed in (
             ("half-width", 2 * math.sqrt(found.spread), HALF_WIDTH, ALLOWED),
             ("peak pressure", found.peak, peak, ALLOWED),
-            ("contact force", found.force, load / 2, 1e-8),
+            ("contact force", force, load / 2, 1e-8),
         )
     ]
     return rows, found, peak

@@ -199,7 +199,7 @@ CASES = (
         balls_apart,
         "upper_cap",
         (STEEL, ALUMINIUM),
-        {1: (10,), 2: (4,)},
+        {1: (10,), 2: (5,)},
         {},
     ),
     Case("rigid ball on a block", rigid_ball, "face", (STEEL,), {1: (12,), 2: (5, 7)}, {1: (8,)}),

@@ -20,6 +20,7 @@ CASES = (
     "thick_sphere",
     "thick_tube",
     "axisymmetry",
+    "autofrettage",
     "strip_footing",
     "rigid_footing",
     "torsion",
@@ -33,6 +34,7 @@ CASES = (
     "meshed_apart",
     "towers",
     "body_bounds",
+    "bounds_in_space",
     "bound_costs",
 )
 

@@ -23,6 +23,7 @@ from perfplast_fenicsx.limit_analysis.strict_work import Bound
 from perfplast_fenicsx.mesh.refinement import check_refinable, fan, refine
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
 
 PART = 0.4
 """Part of the gap, and of the dissipation, that the cells have which are refined."""
@@ -147,7 +148,7 @@ def adaptive_bounds(
     monitor: Callable[[Round], None] | None = None,
     steps: Callable[[InteriorStep], None] | None = None,
 ) -> AdaptiveBounds:
-    """Bound the limit load on finer and finer meshes. Collective.
+    """Bound the limit load on finer and finer meshes, as far as memory goes. Collective.
 
     Args:
         problem: The bodies and their loads, on the first mesh.
@@ -188,8 +189,13 @@ def adaptive_bounds(
         if isinstance(finer, str):
             reason = finer
             break
-        problem = problem.on(finer)
-        found = limit_bounds(problem, rtol, steps)
+        finer_problem = problem.on(finer)
+        try:
+            found = limit_bounds(finer_problem, rtol, steps)
+        except TooLarge as fault:
+            reason = f"the next mesh has {_count(finer)} cells: {fault}"
+            break
+        problem = finer_problem
         if _better(found.lower, low.lower, 1):
             low = found
         if _better(found.upper, high.upper, -1):

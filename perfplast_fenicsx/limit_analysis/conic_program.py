@@ -191,8 +191,9 @@ class ConicProgram:
         """
         viscosity = self.at_points(self.viscosities, 1 / PROXIMAL)
         none: Floats = np.zeros((len(viscosity), self.strains.size))
-        self.assemble(np.ones_like(viscosity), viscosity, none)
-        self.springs = self.stiffness.jump_diagonal()
+        if self.num_pairs:
+            self.assemble(np.ones_like(viscosity), viscosity, none)
+            self.springs = self.stiffness.jump_diagonal()
         self.assemble(np.full_like(viscosity, 1 / PROXIMAL), viscosity, none)
         self.stiffness.add_at_jumps(self.springs)
         self.stiffness.factorise()

@@ -78,8 +78,13 @@ class InteriorIteration:
     """
 
     def __init__(self, program: ConicProgram) -> None:
-        """Start in the middle of the yield sets, at rest. Collective."""
+        """Start in the middle of the yield sets, at rest. Collective.
+
+        The first step's K is that by which the program's units were chosen, and its factors are
+        used: nothing else may have been factorised since.
+        """
         self.program = program
+        self._begun = False
         self._comm, self._jumps = program.comm, program.jumps
         self._vectors = tuple(program.create_vector() for _ in range(6))
         self.velocity, self._balance, self._of_load, self._of_rest, self._right, self._change = (
@@ -160,7 +165,8 @@ class InteriorIteration:
         """
         now = self.now
         self._newton = None  # its factors go with what is factorised next
-        self._newton = newton = _Newton(self)
+        self._newton = newton = _Newton(self, factorised=not self._begun)
+        self._begun = True
         point, pairs = newton.scaling.point, now.forces * now.rooms
         mu = self.gap() / self.program.degree
         affine = newton.towards(-point, -pairs)
@@ -188,19 +194,21 @@ class _Newton:
         scaling: Of the cones.
     """
 
-    def __init__(self, iteration: InteriorIteration) -> None:
-        """Assemble and factorise K, and find what is the same for all directions. Collective."""
+    def __init__(self, iteration: InteriorIteration, factorised: bool) -> None:
+        """Assemble and factorise K, and find what is the same for all directions. Collective.
+
+        Args:
+            iteration: Where it is.
+            factorised: Whether the last factors are those of K.
+        """
         self._it, program, now = iteration, iteration.program, iteration.now
         self._program, self._now = program, now
         self._contact = now.forces / now.rooms
         self.scaling = Scaling(now.S, now.Z)
         self._a, self._normal = self.scaling.moduli()
         self._free = program.weights / PROXIMAL
-        soft = np.full_like(self._free, 1 / PROXIMAL)
-        a, normal = program.at_points(self._a, 1 / PROXIMAL), program.at_points(self._normal, 0.0)
-        program.assemble(soft, a, normal)
-        program.stiffness.add_at_jumps(self._contact)
-        program.stiffness.factorise()
+        if not factorised:
+            self._factorise()
         program.stiffness.solve(program.load, iteration._of_load)
         self._work_of_load = program.work(iteration._of_load)
         self._missing_work = 1 - program.work(iteration.velocity)
@@ -210,6 +218,14 @@ class _Newton:
         self._off = now.Z[:, 1:] + self._rates * self._deviator[plastic]
         self._off_jumps = iteration.velocity.array_r[iteration._jumps] + now.rooms
         iteration.balance()
+
+    def _factorise(self) -> None:
+        program = self._program
+        soft = np.full_like(self._free, 1 / PROXIMAL)
+        a, normal = program.at_points(self._a, 1 / PROXIMAL), program.at_points(self._normal, 0.0)
+        program.assemble(soft, a, normal)
+        program.stiffness.add_at_jumps(self._contact)
+        program.stiffness.factorise()
 
     def _moduli(self, x: Floats) -> Floats:
         """H⁻¹ x at the plastic points."""

@@ -10,12 +10,17 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.static_program import StaticProgram
 
 ROUNDING = 1e-9
-"""What a certificate may leave, relative to the largest stress."""
+"""What a certificate may leave, relative to the largest yield radius."""
 
 
 @dataclass(frozen=True)
 class StaticCertificate:
-    """How far a stress is from being admissible; all but the last relative to the largest stress.
+    """How far a stress is from being admissible.
+
+    All but the last are relative to the largest yield radius γ, as in
+    :func:`perfplast_fenicsx.proof.lower.measure_stress`: what is left has to be balanced by stress
+    that plastic bodies have to bear beside this one. Mean stresses and those of elastic bodies are
+    no measure of that, since nothing bounds them: beside a large one much could be left.
 
     Attributes:
         equilibrium: Largest div σ + λb, times the cell's size; in space also jumps of tractions
@@ -62,19 +67,19 @@ def certify_stress(
     on_facets = residual[:count] / np.repeat(static.areas, tdim**2)
     inside = strains.inner(residual) / (static.volumes ** ((tdim - 1) / tdim))[:, None]
     others = ~(static.jumps | static.slips)
-    sizes = np.linalg.norm(deviator, axis=1)
+    sizes, radii = np.linalg.norm(deviator, axis=1), strains.radii
     largest: Floats = np.array(
         [
             np.abs(inside).max(initial=0),
             np.abs(on_facets[others]).max(initial=0),
             np.abs(on_facets[static.slips]).max(initial=0),
             on_facets[static.jumps].max(initial=0),
-            max(np.abs(pressure).max(initial=0), sizes.max(initial=0)),
-            (sizes / strains.radii - 1).max(initial=-1),
+            radii[np.isfinite(radii)].max(initial=0),
+            (sizes / radii - 1).max(initial=-1),
         ]
     )
     comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    *parts, scale, over = largest
-    in_cells, between, shear, tension = (float(part / (scale or 1.0)) for part in parts)
+    *parts, radius, over = largest
+    in_cells, between, shear, tension = (float(part / radius) for part in parts)
     certificate = StaticCertificate(in_cells, between, shear, tension, float(over))
     return certificate, -on_facets[static.jumps]

@@ -1,6 +1,6 @@
 """The displacement u_D of supports as arrays, and where contact could not see it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from mpi4py import MPI
 
@@ -88,7 +88,7 @@ def _told(displacement: Floats) -> str:
 def check_moved_surfaces(
     V: fem.FunctionSpace,
     tagged_mesh: TaggedMesh,
-    moves: Mapping[str, Floats],
+    moves: Sequence[tuple[str, Floats]],
     constraints: Constraints,
     fixed: npt.NDArray[np.bool_],
     prescribed: Floats,
@@ -100,8 +100,8 @@ def check_moved_surfaces(
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
-        moves: How far what is opposite moves by itself for ζ = 1 (length), by the name of each
-            surface in contact: 0, or as an obstacle does, shape (gdim,).
+        moves: The name of each surface in contact, and how far what is opposite moves by itself for
+            ζ = 1 (length): 0, or as an obstacle does, shape (gdim,).
         constraints: The rows of these surfaces.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
         prescribed: u_D, constant and times ζ, shape (2, num_nodes, gdim).
@@ -114,7 +114,7 @@ def check_moved_surfaces(
     paired.array[nodes_of(constraints.B, V.dofmap.index_map_bs)] = 1
     paired.scatter_forward()
     constant, growing = prescribed
-    for name, move in moves.items():
+    for name, move in moves:
         faces = face_nodes(V, tagged_mesh, name)
         given = (constant[faces.node], growing[faces.node] - move)
         along = np.max([np.abs(np.sum(faces.normal * u, axis=1)) for u in given], axis=0)

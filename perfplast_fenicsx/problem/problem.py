@@ -292,8 +292,8 @@ class Problem:
         if motion.moves_supports or motion.driven:
             check_nothing_rubs(self.friction)
             gdim = self.tagged_mesh.mesh.geometry.dim
-            moves = {name: np.zeros(gdim) for a in contacts for name in (a.primary, a.secondary)}
-            moves |= {obstacle.on: motion.obstacles[i] for i, obstacle in enumerate(obstacles)}
+            moves = [(name, np.zeros(gdim)) for a in contacts for name in (a.primary, a.secondary)]
+            moves += [(obstacle.on, motion.obstacles[i]) for i, obstacle in enumerate(obstacles)]
             known = (self.constraints, self.fixed, displacement)
             check_moved_surfaces(V, self.tagged_mesh, moves, *known)
             self.basis = replace(self.basis, gap=motion.gap_at(0.0))

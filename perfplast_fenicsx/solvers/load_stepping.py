@@ -244,7 +244,7 @@ def _along(
 ) -> State | None:
     """Where the level of a prescribed value starts: on the line through the two before it."""
     problem, prescribes = solver.problem, solver.prescribes
-    if before is None and (problem.has_gaps or not problem.is_proportional()):
+    if before is None and (problem.has_gaps or not problem.is_elastic_at_first()):
         return last
     longest = LONGEST_LINE if before else LONGEST_RAY
     return extrapolate(problem, before, last, value, prescribes, longest)

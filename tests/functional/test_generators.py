@@ -11,6 +11,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 import pytest
+from dolfinx.mesh import entities_to_geometry
 
 from meshes.beam_on_prop import write_beam_on_prop
 from meshes.contact_patch import write_contact_patch
@@ -22,8 +23,13 @@ from meshes.hertz_sphere import CAP, write_hertz_sphere
 from meshes.plate_with_hole import write_plate_with_hole
 from meshes.platens import PLATEN, write_platens
 from meshes.ring import write_ring
+from meshes.rough_cube import HALF, write_rough_cube
+from meshes.rough_cube import PLATEN as LAYER
 from meshes.shaft import write_shaft
 from meshes.square_bar import write_square_bar
+from meshes.square_punch import DEPTH as DEEP
+from meshes.square_punch import PUNCH, write_square_punch
+from meshes.square_punch import WIDTH as GROUND
 from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
 from meshes.thick_sphere import write_thick_sphere
 from meshes.thick_tube import write_thick_tube
@@ -138,6 +144,34 @@ CASES = [
         },
         [("inner_shell_seam", "outer_shell_seam")],
         rel=2e-3,
+        gdim=3,
+    ),
+    Case(
+        write_rough_cube,
+        {"size": 0.25},
+        {"cube": HALF**3, "platen": HALF**2 * LAYER},
+        {
+            "x0": (HALF * (HALF + LAYER), 0, 0),
+            "y0": (0, HALF * (HALF + LAYER), 0),
+            "z0": (0, 0, -(HALF**2)),
+            "top": (0, 0, HALF**2),
+        },
+        gdim=3,
+    ),
+    Case(
+        write_square_punch,
+        {"size": 1.0},
+        {"ground": GROUND**2 * DEEP, "punch": PUNCH},
+        {
+            "x0": (-GROUND * DEEP - PUNCH, 0, 0),
+            "y0": (0, -GROUND * DEEP - PUNCH, 0),
+            "bottom": (0, 0, -(GROUND**2)),
+            "sides": (GROUND * DEEP, GROUND * DEEP, 0),
+            "top": (0, 0, 1),
+            "ground_seam": (0, 0, 1),
+            "punch_seam": (0, 0, -1),
+        },
+        [("ground_seam", "punch_seam")],
         gdim=3,
     ),
     Case(
@@ -460,6 +494,28 @@ def test_curved_facets(
             np.testing.assert_allclose(distances, radius, rtol=1e-12)
         errors.append(abs(volume(tagged_mesh, min(tagged_mesh.volumes)) - exact))
     assert errors[1] < errors[0] / 50
+
+
+@pytest.mark.parametrize(("surface", "radius"), [("inner", 1.0), ("outer", 2.0)])
+def test_circumscribed_facets(
+    comm: MPI.Intracomm, shared_tmp_path: Path, surface: str, radius: float
+) -> None:
+    """They touch the sphere, and have their vertices outside; those of the other lie on it."""
+    case = Case(write_thick_sphere, {"size": 0.4, "circumscribed": surface}, {}, {}, gdim=3)
+    tagged_mesh = case.read(comm, shared_tmp_path)
+    for name, size in (("inner", 1.0), ("outer", 2.0)):
+        distances = np.linalg.norm(points(tagged_mesh, name), axis=1)
+        if name == surface:
+            assert distances.min() > size
+        np.testing.assert_allclose(distances, distances[0], rtol=1e-12)
+    facets = tagged_mesh.facets(surface)
+    mesh = tagged_mesh.mesh
+    corners = mesh.geometry.x[entities_to_geometry(mesh, 2, facets)]
+    a, b, c = corners.swapaxes(0, 1)
+    normals = np.cross(b - a, c - a)
+    from_centre = np.abs(np.einsum("fi,fi->f", normals, a)) / np.linalg.norm(normals, axis=1)
+    least = comm.allreduce(float(from_centre.min(initial=np.inf)), MPI.MIN)
+    assert least == pytest.approx(radius, rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -23,9 +23,10 @@ from perfplast_fenicsx import (
     TaggedMesh,
     VonMises,
     adaptive_bounds,
+    machine_memory,
     read_gmsh,
 )
-from perfplast_fenicsx.limit_analysis import Round, strict_lower_bound
+from perfplast_fenicsx.limit_analysis import AdaptiveBounds, Round, strict_lower_bound
 from perfplast_fenicsx.limit_analysis.adaptation import refined
 from tests.limit_analysis.test_interior_point import COMM, RIGID, SOIL, K, footing, made
 from tests.models import two_blocks_problem
@@ -151,13 +152,20 @@ def test_few_directions_at_the_end_of_a_load_limit_the_bound() -> None:
     assert better.value > 1.1 * few
 
 
-def test_contact_in_space() -> None:
-    """Cells of both bodies, and matching surfaces: else the next mesh has no problem."""
-    linear, cells = two_blocks_problem(1), 160
+def adapted_blocks(comm: MPI.Intracomm, cells: int) -> AdaptiveBounds:
+    """Two blocks in contact, of quadratic elements."""
+    linear = two_blocks_problem(1, comm=comm)
     problem = Problem(
         linear.tagged_mesh, **{**vars(linear.given), "degree": 2, "contacts": [CONTACT]}
     )
-    found = adaptive_bounds(problem, Adaptation(until=0.1, cells=cells), rtol=1e-3)
+    return adaptive_bounds(problem, Adaptation(until=0.1, cells=cells), rtol=1e-3)
+
+
+@pytest.mark.mpi3
+def test_contact_in_space() -> None:
+    """Cells of both bodies, and matching surfaces: else the next mesh has no problem."""
+    cells = 160
+    found = adapted_blocks(COMM, cells)
     assert len(found.rounds) > 1
     assert found.lower.strict
     assert found.upper.strict
@@ -166,6 +174,29 @@ def test_contact_in_space() -> None:
     assert found.rounds[-1].gap < found.rounds[0].gap
     assert count(found.problem.tagged_mesh) <= cells
     assert f"more than {cells} cells" in found.reason
+    if COMM.size > 1:
+        alone = adapted_blocks(MPI.COMM_SELF, cells)
+        assert [round_.cells for round_ in alone.rounds] == [
+            round_.cells for round_ in found.rounds
+        ]
+        for one, other in zip(alone.rounds, found.rounds, strict=True):
+            assert one.lower == pytest.approx(other.lower, rel=1e-8)
+            assert one.upper == pytest.approx(other.upper, rel=1e-8)
+
+
+def test_a_mesh_that_does_not_fit_into_memory_is_the_last(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fill(_: Round) -> None:
+        monkeypatch.setattr(machine_memory, "physical_memory", lambda: 2**10)
+
+    problem = footing(shared_tmp_path)
+    found = adaptive_bounds(problem, Adaptation(until=0.01), rtol=1e-2, monitor=fill)
+    assert "unknowns needs at least" in found.reason
+    assert len(found.rounds) == 1
+    assert found.problem is problem
+    assert found.lower.strict
+    assert found.upper.strict
 
 
 def test_what_cannot_be_adapted(shared_tmp_path: Path) -> None:

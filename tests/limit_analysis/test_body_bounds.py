@@ -8,7 +8,7 @@ from mpi4py import MPI
 import pytest
 
 from meshes.thick_tube import write_thick_tube
-from perfplast_fenicsx import InputError, Pressure, Problem, Support, VonMises
+from perfplast_fenicsx import InputError, Pressure, Problem, Support, VonMises, machine_memory
 from perfplast_fenicsx.limit_analysis import (
     BodyBounds,
     InteriorStep,
@@ -17,6 +17,7 @@ from perfplast_fenicsx.limit_analysis import (
     limit_load,
 )
 from perfplast_fenicsx.problem import LoadCase
+from tests.checks import assert_refused
 from tests.limit_analysis.test_interior_point import BLOCK, COMM, K, blocks, footing, made
 from tests.models import two_blocks_problem
 
@@ -69,10 +70,15 @@ def test_contact_is_not_entered_between_nodes(shared_tmp_path: Path) -> None:
     assert pushed == pytest.approx(bounds.mesh.lower, rel=1e-6)  # half of a footing of width 2
 
 
+def quadratic_blocks() -> Problem:
+    """Two cantilevers in contact, of few cells."""
+    problem = two_blocks_problem(1)
+    return Problem(problem.tagged_mesh, **vars(problem.given) | {"degree": 2})
+
+
 @pytest.mark.mpi3
 def test_tetrahedra_are_split() -> None:
-    problem = two_blocks_problem(1)
-    problem = Problem(problem.tagged_mesh, **vars(problem.given) | {"degree": 2})
+    problem = quadratic_blocks()
     bounds = limit_bounds(problem, 1e-3)
     assert bounds.lower.strict
     assert bounds.lower.value is not None
@@ -122,6 +128,24 @@ def test_a_search_that_stalls_gives_the_bound_it_has(
     assert bounds.mesh.estimate is None
     assert 5.1416 < upper(bounds) / K < 5.3
     assert problem.loads.alpha(bounds.mechanism.x.petsc_vec) == pytest.approx(1)
+
+
+@pytest.mark.mpi3
+def test_a_search_in_space_that_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = quadratic_blocks()
+    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.interior_steps.MOST_STEPS", 8)
+    bounds = limit_bounds(problem, 1e-6)
+    assert bounds.in_words().count("have not met in 8 steps") == 2
+    assert bounds.strict
+    assert bounds.lower.value is not None
+    assert 40 < bounds.lower.value < upper(bounds) < 200
+    assert all(left < 1e-9 for left in bounds.certificates.values())
+
+
+def test_what_does_not_fit_into_memory_in_space(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = quadratic_blocks()
+    monkeypatch.setattr(machine_memory, "physical_memory", lambda: 2**10)
+    assert_refused(lambda: limit_bounds(problem), ["unknowns needs", "coarser mesh"])
 
 
 def test_loads_that_were_replaced_stay_where_they_are() -> None:

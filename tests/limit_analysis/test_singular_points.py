@@ -25,7 +25,7 @@ def declared(
     supports: Sequence[Support], loads: Sequence[Pressure], contacts: Sequence[Contact] = ()
 ) -> Given:
     """What holds and pushes; the laws do not matter."""
-    return Given({}, supports, loads, contacts, [], 2, [], [])
+    return Given({}, supports, loads, contacts, [], 2, [], [], [])
 
 
 def places(tagged_mesh: TaggedMesh, given: Given, valence: int = MANY) -> set[tuple[float, float]]:

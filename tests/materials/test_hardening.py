@@ -1,4 +1,4 @@
-"""A law that the package does not have, in this one file: von Mises with linear hardening.
+"""A law in this one file: von Mises with hardening, written in another way than the package's.
 
 It goes through everything that the package's laws go through. In Hencky's form, with
 Δ = max(0, 2μ‖dev e‖ − γ)/(2μ + h), n = dev e/‖dev e‖ and h = ⅔H for a hardening modulus H,

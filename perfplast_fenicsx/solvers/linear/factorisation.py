@@ -1,4 +1,8 @@
-"""Systems solved by a factorisation: MUMPS Cholesky, unless users ask for another one."""
+"""Systems solved by a factorisation: MUMPS Cholesky, unless users ask for another one.
+
+Where a few other unknowns are held than before, the matrix has changed by one of low rank, and CG
+with the old factors takes a few iterations.
+"""
 
 from collections.abc import Mapping
 
@@ -8,6 +12,7 @@ from petsc4py import PETSc
 from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
+from perfplast_fenicsx.solvers.linear.mumps_memory import ENTRIES, OPERATIONS, Price, price
 from perfplast_fenicsx.solvers.linear.outcome import Outcome, run
 from perfplast_fenicsx.solvers.linear.petsc_options import LINEAR, own_prefix, solver_name
 
@@ -17,6 +22,16 @@ DIRECT = {
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 100,  # more room to work in (%): pivoting in parallel may need it
 }
+
+KEPT = {"ksp_type": "cg", "ksp_norm_type": "unpreconditioned"}
+"""How systems are solved with the factors of another matrix."""
+
+BALANCE = 40.0
+"""An entry of the factors costs CG as much time as so many operations cost a factorisation, which
+works in cache."""
+
+LEAST_WORTH = 5
+"""Factorisations that cost less than so many iterations are always made anew."""
 
 USELESS = 0.1
 """A solution that leaves more of the right-hand side is none."""
@@ -44,6 +59,28 @@ class Factorisation:
         self._ksp.setFromOptions()
         self.name = solver_name(self._ksp.getType(), self._ksp.getPC().getType())
         self._matrix: PETSc.Mat | None = None
+        self._cg = PETSc.KSP().create(comm)
+        self._cg.setOptionsPrefix(own_prefix(LINEAR, KEPT, heed=False))
+        self._cg.setFromOptions()
+        self._cg.setPC(self._ksp.getPC())
+        self._kept = False
+
+    @property
+    def worth(self) -> int:
+        """Iterations with old factors that cost as much as new ones do, by MUMPS's counts; or 0."""
+        pc = self._ksp.getPC()
+        if pc.getFactorSolverType() != "mumps":
+            return 0
+        factors = pc.getFactorMatrix()
+        entries = factors.getMumpsInfog(ENTRIES)
+        entries = entries if entries >= 0 else -1e6 * entries  # in millions where there are many
+        iterations = int(factors.getMumpsRinfog(OPERATIONS) / (BALANCE * max(entries, 1)))
+        return iterations if iterations >= LEAST_WORTH else 0
+
+    def price(self) -> Price:
+        """What a factorisation would cost; leaves nothing set up. Collective."""
+        assert self._matrix is not None
+        return price(self._ksp, self._matrix)
 
     def prepare(self, operator: ContactOperator) -> bool:
         """Nothing is to be made of K alone; it always suits."""
@@ -54,17 +91,23 @@ class Factorisation:
         """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
         self._matrix = operator.matrix
         self._ksp.setOperators(self._matrix)
+        self._cg.setOperators(self._matrix)
 
     def renew(self, flow: PETSc.Vec | None) -> None:
         """Factorise at the next solve."""
         self._ksp.getPC().setReusePreconditioner(False)
+        self._kept = False
 
     def keep(self) -> None:
-        """Solve with the factors there are."""
+        """Solve by CG with the factors there are, as long as new ones would take at most."""
         self._ksp.getPC().setReusePreconditioner(True)
+        self._kept = True
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
-        """Solve for x, as well as factors allow whatever ``rtol`` asks. Collective."""
+        """Solve for x; with new factors as well as they allow, whatever ``rtol``. Collective."""
+        if self._kept:
+            self._cg.setTolerances(rtol=rtol, max_it=max(self.worth, 1))
+            return run(self._cg, b, x)
         outcome = run(self._ksp, b, x)
         if outcome.solved and self._left(b, x) > USELESS:
             return Outcome(outcome.iterations, "the solution leaves most of the right-hand side")
@@ -82,4 +125,5 @@ class Factorisation:
 
     def destroy(self) -> None:
         """Give back memory at once. Collective."""
+        self._cg.destroy()
         self._ksp.destroy()

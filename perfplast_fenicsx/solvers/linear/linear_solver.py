@@ -6,7 +6,7 @@ set-up has aged and what takes over where it fails is decided here.
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 from petsc4py import PETSc
@@ -19,20 +19,23 @@ from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT, Factorisation
 from perfplast_fenicsx.solvers.linear.krylov import Krylov
 from perfplast_fenicsx.solvers.linear.multigrid import MULTIGRID, Multigrid
+from perfplast_fenicsx.solvers.linear.mumps_memory import Price
 from perfplast_fenicsx.solvers.linear.outcome import Outcome
 from perfplast_fenicsx.solvers.linear.petsc_options import LINEAR, solver_name
+from perfplast_fenicsx.solvers.linear.set_up import SetUp, iterations_a_digit
 
 DIRECT_LIMIT = {2: 300_000, 3: 40_000}
 """Up to so many unknowns, by dimension, a sparse Cholesky factorisation is the quicker one."""
 
-FALLBACK_LIMIT = 400_000
-"""Up to so many unknowns a factorisation takes over where multigrid has become too slow."""
+FEW_ITERATIONS = 30
+"""A solve by multigrid in no more Krylov iterations is not compared with a factorisation."""
 
-SLOW = 300
-"""Krylov iterations of one solve that count as too slow."""
+SAME = 1e-9
+"""Two stiffness matrices whose norms differ by less, relative, are one."""
 
-SET_UP_WORTH = 12
-"""A multigrid set-up costs about as much as so many Krylov iterations."""
+CHANGES = 4
+"""Factors are kept where no more than one in so many of the iterations that they are worth is the
+number of unknowns that are held no more, or for the first time: each costs one or two."""
 
 WORTH_A_MOTION = 6.0
 """Krylov iterations a decimal digit from which on coarse spaces get the last solution as a motion;
@@ -53,6 +56,10 @@ class Method(Protocol):
     """
 
     name: str
+
+    @property
+    def worth(self) -> int:
+        """Krylov iterations that a set-up costs as much as."""
 
     def prepare(self, operator: ContactOperator) -> bool:
         """Make what outlives set-ups of an operator that is new; whether this way suits it."""
@@ -75,34 +82,6 @@ class Method(Protocol):
 
     def destroy(self) -> None:
         """Give back memory at once. Collective."""
-
-
-@dataclass
-class SetUp:
-    """What is known of the present set-up.
-
-    Attributes:
-        usual: Krylov iterations a decimal digit that a full solve took when the last set-up before
-            it was new; 0 if none has.
-        due: Nothing has been solved with it yet.
-        kept: It is that of an earlier matrix.
-        rate: Krylov iterations a decimal digit that its first full solve took, or ``usual`` where
-            the set-up was no longer new; 0 before that.
-        excess: Krylov iterations beyond that rate which it has cost since.
-    """
-
-    usual: float = 0.0
-    due: bool = True
-    kept: bool = False
-    rate: float = 0.0
-    excess: float = 0.0
-
-    def note(self, iterations: int, rtol: float) -> None:
-        """Count a full solve."""
-        if not self.kept:
-            self.usual = iterations_a_digit(iterations, rtol)
-        self.rate = self.rate or self.usual or iterations_a_digit(iterations, rtol)
-        self.excess += iterations + self.rate * float(np.log10(rtol))
 
 
 class LinearSolver:
@@ -129,7 +108,9 @@ class LinearSolver:
         self._held: Ints = np.zeros(0, dtype=np.int32)
         self._ready = False
         self._setup = SetUp()
-        self._rate = 0.0
+        self._rate = self._norm = 0.0
+        self._factorised: Ints = self._held
+        self._other = True
         self._flow: PETSc.Vec | None = None
 
     @property
@@ -149,6 +130,9 @@ class LinearSolver:
     def set_operator(self, operator: ContactOperator) -> None:
         """Take a new operator, or the same one with new values; nothing is held. Collective."""
         self._operator, self._ready = operator, False
+        norm = operator.stiffness.norm(PETSc.NormType.FROBENIUS) if self.direct else 0.0
+        self._other = not abs(norm - self._norm) <= SAME * norm
+        self._norm = norm
         if not self._method.prepare(operator):
             self._replace(Factorisation(self._problem.comm, heed=False))
 
@@ -187,7 +171,7 @@ class LinearSolver:
         """
         self.solves += 1
         outcome = self._attempt(b, x, rtol, correction)
-        if outcome.solved and outcome.iterations > SLOW:
+        if outcome.solved and outcome.iterations > FEW_ITERATIONS and self._costs_more(outcome):
             self._improve()  # for the solves to come
         while not outcome.solved and self._improve():
             outcome = self._attempt(b, x, rtol, correction)
@@ -208,20 +192,48 @@ class LinearSolver:
         outcome = self._method.solve(b, x, rtol)
         self.iterations += outcome.iterations
         self._setup.due = False
-        if not correction:
+        if self.direct:
+            self._setup.excess += outcome.iterations - 1
+        elif not correction:
             self._setup.note(outcome.iterations, rtol)
             self._rate = iterations_a_digit(outcome.iterations, rtol)
             if outcome.solved:
                 self._flow = x.copy(self._flow)
         return outcome
 
+    def _costs_more(self, outcome: Outcome) -> bool:
+        """Whether a factorisation would have cost less than this solve. Collective."""
+        return not self.direct and outcome.iterations > self._price.iterations
+
+    @cached_property
+    def _price(self) -> Price:
+        """Of a factorisation, by MUMPS's analysis of the present matrix. Collective."""
+        factorisation = Factorisation(self._problem.comm, heed=False)
+        factorisation.set_matrix(self._current, self._held)
+        price = factorisation.price()
+        factorisation.destroy()
+        return price
+
     def _aged(self) -> bool:
-        """Whether another matrix calls for another set-up."""
-        return self.direct or self._setup.due or self._setup.excess > SET_UP_WORTH
+        """Whether another matrix calls for another set-up.
+
+        Factors serve as long as nothing but the held unknowns changes.
+        """
+        if self._setup.due or (self.direct and self._other):
+            return True
+        if self.direct and CHANGES * self._changes() > self._method.worth:
+            return True
+        return self._setup.excess >= self._method.worth
+
+    def _changes(self) -> int:
+        """How many unknowns are held that were not in the last set-up, or the other way round."""
+        changed = np.setxor1d(self._held, self._factorised)
+        return int(self._problem.comm.allreduce(len(changed)))
 
     def _renew(self) -> None:
         """Set up anew; where bodies flow, for the last solution as well."""
         self._method.renew(self._flow if self._rate > WORTH_A_MOTION else None)
+        self._factorised, self._other = self._held, False
         self._setup = SetUp(self._setup.usual)
         self.setups += 1
 
@@ -230,9 +242,12 @@ class LinearSolver:
         if self._setup.kept:
             self._renew()
             return True
-        if self.direct or self._problem.num_dofs > FALLBACK_LIMIT:
+        if self.direct or not self._price.fits:
             return False
-        log.info("%s has become slow; a factorisation takes over", self.name)
+        log.info(
+            "%s has become slow; a factorisation, worth %d iterations, takes over",
+            *(self.name, self._price.iterations),
+        )
         self._replace(Factorisation(self._problem.comm, heed=False))
         self._method.set_matrix(self._current, self._held)
         self._renew()
@@ -242,11 +257,6 @@ class LinearSolver:
         """Solve in another way from now on."""
         self._method.destroy()
         self._method = method
-
-
-def iterations_a_digit(iterations: int, rtol: float) -> float:
-    """Krylov iterations that a decimal digit took."""
-    return iterations / -float(np.log10(rtol))
 
 
 def chosen_solver(problem: Problem) -> str:

@@ -1,38 +1,91 @@
-"""Does a factorisation fit into memory? MUMPS tells after its analysis, which is quick."""
+"""Does a factorisation fit into memory, and what does it cost? MUMPS's analysis, which is quick."""
 
+import math
+from dataclasses import dataclass
+
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.machine_memory import has_memory
+from perfplast_fenicsx.machine_memory import has_memory, spare_memory
 
 ROOM, NEEDED, MOST = 14, 15, 23
 """MUMPS's numbers of: more room to work in (%), what a rank needs, and what it may take (MB)."""
 
+OPERATIONS, ENTRIES = 3, 29
+"""MUMPS's numbers of: operations of the factorisation there is, and entries of its factors."""
 
-def check_memory(ksp: PETSc.KSP) -> None:
-    """Refuse a factorisation that takes more memory than there is, before it starts. Collective.
+ESTIMATED = 1
+"""MUMPS's number of the operations that a factorisation would take, by its analysis."""
 
-    MUMPS is allowed next to nothing, so that it stops after the analysis.
+
+@dataclass(frozen=True)
+class Price:
+    """What a factorisation costs.
+
+    Attributes:
+        iterations: CG iterations with multigrid that take as long. The more operations there are
+            for an entry of the matrix, the quicker they are: their number's square root is right
+            to a factor of 2, for linear and quadratic elements, slender and stout bodies, from 19
+            to 270 thousand unknowns (benchmarks/NOTEBOOK.md).
+        fits: Whether the ranks have the memory.
+    """
+
+    iterations: float
+    fits: bool
+
+
+def price(ksp: PETSc.KSP, matrix: PETSc.Mat) -> Price:
+    """The price of a factorisation by MUMPS. Collective.
 
     Args:
         ksp: With its options and operators, not set up yet; it is left so.
-
-    Raises:
-        InputError: With what is needed and what there is.
+        matrix: What would be factorised.
     """
-    pc, (matrix, _) = ksp.getPC(), ksp.getOperators()
-    if pc.getType() not in ("cholesky", "lu") or pc.getFactorSolverType() != "mumps":
-        return
+    comm = ksp.comm.tompi4py()
+    operations, needed = _analyse(ksp, matrix)
+    fits = comm.allreduce(needed / 1e6 <= spare_memory(comm), MPI.LAND)
+    entries = matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
+    return Price(math.sqrt(operations / max(entries, 1)), fits)
+
+
+def _analyse(ksp: PETSc.KSP, matrix: PETSc.Mat) -> tuple[float, float]:
+    """Operations of all ranks, and memory that this rank needs at least (bytes). Collective.
+
+    MUMPS is allowed next to nothing, so that it stops after the analysis.
+    """
+    pc = ksp.getPC()
     pc.setFactorSetUpSolverType()
     factors = pc.getFactorMatrix()
     factors.setMumpsIcntl(MOST, 1)
     ksp.setUp()
     least = factors.getMumpsInfo(NEEDED) * 1e6 / (1 + factors.getMumpsIcntl(ROOM) / 100)
+    operations = factors.getMumpsRinfog(ESTIMATED)
     ksp.reset()
     ksp.setOperators(matrix)
+    return operations, least
+
+
+class TooLarge(InputError):
+    """What does not fit into memory."""
+
+
+def check_memory(ksp: PETSc.KSP) -> None:
+    """Refuse a factorisation that takes more memory than there is, before it starts. Collective.
+
+    Args:
+        ksp: With its options and operators, not set up yet; it is left so.
+
+    Raises:
+        TooLarge: With what is needed and what there is.
+    """
+    pc, (matrix, _) = ksp.getPC(), ksp.getOperators()
+    if pc.getType() not in ("cholesky", "lu") or pc.getFactorSolverType() != "mumps":
+        return
+    _, least = _analyse(ksp, matrix)
     enough, needed, has = has_memory(ksp.comm.tompi4py(), least)
     if not enough:
-        raise InputError(
+        raise TooLarge(
             f"a factorisation for {matrix.getSize()[0]} unknowns needs at least"
             f" {needed / 2**30:.3g} GiB of memory, and there are {has / 2**30:.3g}; use a coarser"
             " mesh, or more machines."

@@ -17,8 +17,9 @@ from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile, OutputOption
 from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.von_mises import VonMises
-from perfplast_fenicsx.problem.loads import BodyForce, PorePressure, Pressure, Traction
+from perfplast_fenicsx.problem.loads import BodyForce, Force, PorePressure, Pressure, Traction
 from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.augmented_lagrangian import AugmentedLagrangian
 from perfplast_fenicsx.solvers.newton import Newton
@@ -309,6 +310,21 @@ def test_motions_that_follow_the_load_factor(read: Read, comm: MPI.Intracomm) ->
     assert read(still).supports[0] == Support("left", value=0.1)
 
 
+RIGID = '[[rigid_surface]]\non = "top"\n'
+
+
+def test_a_rigid_surface(read: Read, comm: MPI.Intracomm) -> None:
+    force = "force = [0, 0, -1]\nmoment = [0.1, 0, 0]\npoint = [2, 0.5, 2]"
+    case = read(replaced("[solve]", f"{RIGID}[solve]").replace("traction = [0.0, 0, -1.0]", force))
+    assert case.rigid == [RigidSurface("top", [])]
+    assert case.loads == [Force("top", [0, 0, -1], [0.1, 0, 0], [2, 0.5, 2])]
+    assert case.problem(comm).loads.grows()
+    turned = f"{RIGID}rotation = [0, 0, 1]\ncomponents = 'xy'\n[[contact]]"
+    text = replaced(*DRIVEN).replace("[[contact]]", turned, 1)
+    (surface,) = read(text).rigid
+    assert surface == RigidSurface("top", [], (), [0, 0, 1], "xy", constant=False)
+
+
 FORMAT_FAULTS = [
     # the file
     ("[solve]", "[solve", ["bad.toml is not valid TOML", "line"]),
@@ -396,6 +412,10 @@ FORMAT_FAULTS = [
     (DRIVEN[0], DRIVEN[1] + WORK_NEWTON, ["'work-newton'", "control = 'displacement'"]),
     ('components = "xyz"', "constant = false", ["[[support]]", "constant = false", "'left'"]),
     ("[solve]", OBSTACLE.replace("point", "move = [0, 0, 1.0]\npoint"), ["'lower_top'", "move"]),
+    ("[solve]", f"{RIGID}constant = false\n[solve]", ["[[rigid_surface]]", "constant = false"]),
+    ("[solve]", f'{RIGID}rotation = "a"\n[solve]', ["[[rigid_surface]]", "rotation = 'a'"]),
+    ("traction =", "point = [0, 0, 0]\ntraction =", ["the traction on 'top'", "force"]),
+    ("traction =", "moment = 1\ntraction =", ["traction and force", "exactly one"]),
     # elements and obstacles
     ("[solve]", "[element]\ndegree = 3\n[solve]", ["[element]", "degree = 3", "1 or 2"]),
     ("[solve]", '[element]\ndegree = "2"\n[solve]', ["[element]", "degree = '2'"]),
@@ -421,6 +441,9 @@ def test_format_fault(
 
 
 MESH_FAULTS = [
+    ("[solve]", f"{RIGID}[solve]".replace("top", "left"), ["'left'", "shares nodes", "support"]),
+    ("[solve]", f"{RIGID}[solve]".replace("top", "tp"), ["'tp'", "top"]),
+    ("traction =", "force =", ["'top'", "no rigid surface"]),
     ('"two_blocks"', '"two_bloks"', ["[mesh]", "two_bloks", "two_blocks"]),
     ("n = 2", "n = 0", ["[mesh]", "n = 0"]),
     ("n = 2", "m = 2", ["[mesh]", "'m'"]),

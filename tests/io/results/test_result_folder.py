@@ -48,6 +48,7 @@ SUMMARY_KEYS = [
 def report(zeta: float, **changes: object) -> LevelReport:
     """A report with made-up numbers, all different."""
     values: dict[str, object] = {"converged": True, "reason": "criterion met, at last"}
+    values |= {"stage": "pumping", "factors": {"water": 0.375}, "works": {"water": 3.5}}
     values["reactions"] = {"loads": [0.5, 0.0, -2.5], "support floor": [-0.5, 0.0, 2.5]}
     for number, field in enumerate(dataclasses.fields(LevelReport), start=1):
         if field.name not in values:
@@ -168,7 +169,9 @@ def test_summary_and_path(comm: MPI.Intracomm, shared_tmp_path: Path, problem: P
 
     with results.timed("solve"):
         pass
-    given = [report(1.0), report(2.0, duality_gap=math.nan, converged=False, max_penetration=-0.0)]
+    stage = {"stage": "load", "factors": {"push": 0.25}, "works": {"push": -3.5}}
+    wrong = {"duality_gap": math.nan, "converged": False, "max_penetration": -0.0}
+    given = [report(1.0, **stage), report(2.0, **wrong, **stage)]
     for number, level in enumerate(given, start=1):
         results.add(level)
         text = folder.file("summary.json").read_text(encoding="utf-8")
@@ -181,11 +184,13 @@ def test_summary_and_path(comm: MPI.Intracomm, shared_tmp_path: Path, problem: P
         assert len(rows) == number
         assert rows[-1]["step"] == str(number)
         numbers = dataclasses.asdict(level)
-        forces = numbers.pop("reactions")
+        forces, factors, works = (numbers.pop(key) for key in ("reactions", "factors", "works"))
         for key, value in numbers.items():
             assert rows[-1][key] == str(value)
         assert [rows[-1][f"loads_{axis}"] for axis in "xyz"] == [*map(str, forces["loads"])]
         assert rows[-1]["support_floor_z"] == "2.5"
+        assert (rows[-1]["factor_push"], rows[-1]["work_push"]) == ("0.25", "-3.5")
+        assert (factors, works) == ({"push": 0.25}, {"push": -3.5})
         comm.barrier()
     assert [list(step) for step in summary["steps"]] == [list(STEP_KEYS)] * 2
     assert summary["steps"][0]["alpha"] == given[0].alpha

@@ -7,17 +7,18 @@ from petsc4py import PETSc
 import pytest
 
 from perfplast_fenicsx import Newton, Problem
-from perfplast_fenicsx.solvers.linear import linear_solver
+from perfplast_fenicsx.solvers.linear import linear_solver, mumps_memory
 from perfplast_fenicsx.solvers.linear.factorisation import Factorisation
 from perfplast_fenicsx.solvers.linear.linear_solver import (
     LinearFailure,
     LinearSolver,
-    SetUp,
     chosen_solver,
 )
 from perfplast_fenicsx.solvers.linear.multigrid import Multigrid
+from perfplast_fenicsx.solvers.linear.mumps_memory import Price
 from perfplast_fenicsx.solvers.linear.outcome import Outcome
 from perfplast_fenicsx.solvers.linear.petsc_options import default
+from perfplast_fenicsx.solvers.linear.set_up import SetUp
 from tests.models import stack_problem, two_blocks_problem
 from tests.solvers.linear.systems import elastic_operator, loads
 
@@ -128,7 +129,7 @@ def test_what_fails_is_renewed_and_then_factorised(
 def test_too_large_a_problem_is_not_factorised(
     solver: LinearSolver, problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(linear_solver, "FALLBACK_LIMIT", 10)
+    monkeypatch.setitem(vars(solver), "_price", Price(1.0, fits=False))
     asked = failing(monkeypatch, 9)
     message = r"\(CG \+ smoothed aggregation: diverged its\)"
     with pytest.raises(LinearFailure, match=message):
@@ -141,7 +142,8 @@ def test_too_large_a_problem_is_not_factorised(
 def test_what_is_slow_is_improved_for_the_next_solve(
     solver: LinearSolver, problem: Problem, kept: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(linear_solver, "SLOW", 1)
+    monkeypatch.setattr(linear_solver, "FEW_ITERATIONS", 1)
+    monkeypatch.setitem(vars(solver), "_price", Price(1.0, fits=True))
     asked = failing(monkeypatch, 0)
     if kept:
         solver.hold(problem.basis.index[1:])
@@ -191,9 +193,45 @@ def test_a_set_up_is_kept_until_it_has_cost_more_than_another(
     assert not solver.hold(index[1:])
     assert solver.setups == 1
     solver.solve(loads(problem), problem.create_vector(), 1e-8)
-    monkeypatch.setattr(linear_solver, "SET_UP_WORTH", -100)
+    monkeypatch.setattr(Multigrid, "worth", -100)
     assert solver.hold(index)
     assert solver.setups == 2
+
+
+@pytest.mark.mpi3
+def test_factors_are_kept_while_few_unknowns_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = two_blocks_problem(4)
+    index, b, x = problem.basis.index, loads(problem), problem.create_vector()
+    operator, solver = elastic_operator(problem), LinearSolver(problem)
+    monkeypatch.setattr(Factorisation, "worth", 60)
+    for new, fewer, setups in ((True, 0, 1), (False, 3, 1), (True, 3, 1), (False, len(index), 2)):
+        if new:  # with the same values
+            solver.set_operator(operator)
+        solver.hold(index[fewer:])
+        solver.solve(b, x, 1e-8)
+        assert residual(solver, b, x) < 1.01e-8
+        assert solver.setups == setups
+    operator.stiffness.scale(1.001)
+    solver.set_operator(operator)
+    solver.hold(index)
+    assert solver.setups == 3
+    monkeypatch.setattr(Factorisation, "worth", 4)  # no room for CG to get there
+    solver.solve(b, x, 1e-8)
+    solver.hold(index[1:])
+    before = solver.iterations
+    solver.solve(b, x, 1e-8)
+    assert residual(solver, b, x) < 1.01e-8
+    assert solver.setups == 4 or solver.iterations - before <= 4
+
+
+@pytest.mark.mpi3
+def test_a_factorisation_has_a_price(solver: LinearSolver, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the analysis of the matrix, whose square root of operations per entry is some tens."""
+    assert solver._price.fits
+    assert 1 < solver._price.iterations < 100
+    monkeypatch.setattr(mumps_memory, "spare_memory", lambda comm: 0.0)
+    del vars(solver)["_price"]
+    assert not solver._price.fits
 
 
 def test_the_cost_of_a_set_up_is_counted_against_its_first_full_solve() -> None:

@@ -1,0 +1,153 @@
+# %% [markdown]
+# # Bounds of the body, in space
+#
+# Three bodies of the yield stress 1 in shear are bracketed, with cells that are split from their
+# centres and counted before:
+#
+# - An octant of a **thick sphere** of radii 1 and 2 under pressure, exactly 2√3 ln 2 (R. Hill,
+#   The Mathematical Theory of Plasticity, Oxford 1950, chapter V). Facets are flat, so that each
+#   bound has a mesh of its own, as the tube in the plane has: below, the facets touch the inner
+#   sphere from outside and have their vertices on the outer one, and the pressure itself is the
+#   stress in what is left inside. Above it is the other way round: what flows is larger than the
+#   shell.
+# - A **cube between rough platens**, an octant of it; the platen is elastic, and glued to it.
+# - A smooth **square punch** on a block of ground whose bottom and outer sides are held, a quarter
+#   of it: an elastic body in frictionless contact.
+#
+# No limit load is known of the last two. Of them only the first mesh is given; both bounds say
+# which of its cells are to be divided.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/bounds_in_space.py
+
+# %%
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+from mpi4py import MPI
+
+from demos.verification.body_bounds import rows_of
+from demos.verification.bounded_bodies import GROUND, Case
+from demos.verification.slip import subfolder
+from demos.verification.study import Row, run
+from meshes.rough_cube import write_rough_cube
+from meshes.square_punch import write_square_punch
+from meshes.thick_sphere import INNER, OUTER, write_thick_sphere
+from perfplast_fenicsx import (
+    Adaptation,
+    Contact,
+    Elastic,
+    Pressure,
+    Problem,
+    Support,
+    adaptive_bounds,
+    limit_bounds,
+)
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
+from perfplast_fenicsx.limit_analysis import AdaptiveBounds
+from perfplast_fenicsx.pictures import draw
+from perfplast_fenicsx.problem import Prescribed
+
+TITLE = "Bounds of the body, in space"
+RTOL = 1e-3
+"""Of each bound on its mesh: far less than the gaps."""
+STRONG = Elastic(1e6, 0.3)
+SYMMETRY = [Support("x0", "x"), Support("y0", "y")]
+TOP = [Pressure("top", 1.0)]
+
+SPHERE = Case(
+    name="thick sphere",
+    write=write_thick_sphere,
+    arguments={"size": 0.165},
+    materials={"shell": GROUND},
+    supports=[*SYMMETRY, Support("z0", "z")],
+    loads=[Pressure("inner", 1.0)],
+    asked=(0.06, 1500),
+    exact=2 * math.sqrt(3) * math.log(OUTER / INNER),
+    coarse=(0.23, 200),
+)
+CUBE = Case(
+    name="cube, rough platens",
+    write=write_rough_cube,
+    arguments={"size": 0.25},
+    materials={"cube": GROUND, "platen": STRONG},
+    supports=[*SYMMETRY, Support("z0", "z")],
+    loads=TOP,
+    asked=(0.013, 2000),
+    coarse=(0.03, 400),
+)
+PUNCH = Case(
+    name="square punch",
+    write=write_square_punch,
+    arguments={"size": 0.8},
+    materials={"ground": GROUND, "punch": STRONG},
+    supports=[*SYMMETRY, Support("bottom"), Support("sides")],
+    loads=TOP,
+    contacts=[Contact("punch_seam", "ground_seam")],
+    asked=(0.065, 8000),
+)
+FEWER = (0.12, 2900)
+"""Of the punch: a gap, and cells for it."""
+COARSE_SPHERE = 0.4
+"""Edge length, for a quick look."""
+
+
+# %%
+def adapted(case: Case, problem: Problem) -> tuple[AdaptiveBounds, list[Row]]:
+    """Bounds of a case on finer and finer meshes. Collective."""
+    began = time.perf_counter()
+    found = adaptive_bounds(problem, Adaptation(*case.asked), RTOL)
+    seconds = time.perf_counter() - began
+    return found, rows_of(case, found.low, found.high, found.rounds[-1].cells, seconds)
+
+
+def sphere(folder: ResultFolder, case: Case, **changes: object) -> list[Row]:
+    """Bounds of the sphere from a polyhedron on either side of it. Collective."""
+    began = time.perf_counter()
+    low, high = (
+        limit_bounds(case.problem(folder, circumscribed=surface, **changes), RTOL)
+        for surface in ("inner", "outer")
+    )
+    cells = high.problem.tagged_mesh.mesh.topology.index_map(3).size_global // 4
+    return rows_of(case, low, high, cells, time.perf_counter() - began)
+
+
+def show(folder: ResultFolder, case: Case, problem: Problem, found: AdaptiveBounds) -> None:
+    """Draw the mechanism on the last mesh. Collective."""
+    inside = subfolder(folder, case.name.split()[0])
+    scene = Scene(case.name, case.loads, case.contacts)
+    writer = ResultWriter(inside, problem, scene, "interior-point", prescribed=Prescribed.WORK)
+    writer.write_limit(found.last.mesh, found.body, found)
+    draw(inside)
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Bounds of the three bodies; of the punch with more and more cells. Collective."""
+    if coarse:
+        assert SPHERE.coarse is not None
+        assert CUBE.coarse is not None
+        rows = sphere(folder, replace(SPHERE, asked=SPHERE.coarse), size=COARSE_SPHERE)
+        cube = replace(CUBE, asked=CUBE.coarse)
+        found, new = adapted(cube, cube.problem(folder))
+        show(folder, cube, found.problem, found)
+        return rows + new
+    rows = sphere(folder, SPHERE)
+    rows += adapted(CUBE, CUBE.problem(folder))[1]
+    problem = PUNCH.problem(folder)
+    for asked in FEWER, PUNCH.asked:
+        found, new = adapted(replace(PUNCH, asked=asked), problem)
+        rows += new
+        problem = found.problem
+    show(folder, PUNCH, problem, found)
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""An octant of a unit cube between rough platens, with the platen on it, in layers of tetrahedra.
+
+The cube's octant is (−HALF, 0)²×(0, HALF), in which the diagonals of gmsh's layers suit the slip
+lines: bounds are closer by a third than in (0, HALF)³. Volumes ``cube`` and ``platen``, one body of
+shared nodes whose common face has no name; surfaces ``x0``, ``y0``, ``z0`` (the symmetry planes, x0
+and y0 of both) and ``top``, which is the platen's.
+"""
+
+from pathlib import Path
+
+from meshes.command_line import mesh_parser, write_from
+from meshes.naming import name, name_planes
+from meshes.shapes import add_box
+from perfplast_fenicsx.mesh import gmsh_session
+
+HALF, PLATEN = 0.5, 0.1
+"""Edge of the octant; thickness of the platen, which is one layer."""
+
+
+def write_rough_cube(path: str | Path, size: float = 0.125, order: int = 1) -> None:
+    """Mesh the octant and the platen and write a .msh file. On one process.
+
+    Args:
+        path: The file to write.
+        size: Edge length, of which the octant's edge is about a multiple.
+        order: Degree of the geometry, 1 or 2.
+    """
+    with gmsh_session() as gmsh:
+        cube = add_box([-HALF, -HALF, 0.0], [HALF, HALF, HALF])
+        above = add_box([-HALF, -HALF, HALF], [HALF, HALF, PLATEN])
+        _, ((cube,), (above,)) = gmsh.model.occ.fragment([cube], [above])
+        gmsh.model.occ.synchronize()
+
+        name(3, {"cube": [cube[1]], "platen": [above[1]]})
+        sides = {"x0": (0, 0.0), "y0": (1, 0.0), "z0": (2, 0.0)}
+        name_planes(2, sides | {"top": (2, HALF + PLATEN)})
+        layers = max(1, round(HALF / size))
+        for _, curve in gmsh.model.getEntities(1):
+            length = gmsh.model.occ.getMass(1, curve)
+            gmsh.model.mesh.setTransfiniteCurve(
+                curve, (layers if length > (HALF + PLATEN) / 2 else 1) + 1
+            )
+        for _, surface in gmsh.model.getEntities(2):
+            gmsh.model.mesh.setTransfiniteSurface(surface)
+        for _, volume in gmsh.model.getEntities(3):
+            gmsh.model.mesh.setTransfiniteVolume(volume)
+        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.setOrder(order)
+        # Not write_split, which would take the platen off the cube.
+        gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
+        gmsh.write(str(path))
+
+
+def main() -> None:
+    """Write the mesh that the command line asks for."""
+    parser = mesh_parser(write_rough_cube, "Mesh an octant of a cube and a platen on it.")
+    write_from(parser, write_rough_cube)
+
+
+if __name__ == "__main__":
+    main()
