@@ -18,7 +18,7 @@ from perfplast_fenicsx.limit_analysis.discrete_limit import (
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level
 
-MOST_UNKNOWNS = {2: 1_000_000, 3: 200_000}
+MOST_UNKNOWNS = {2: 1_000_000, 3: 300_000}
 """Up to so many unknowns, by dimension, 20 factorisations are quicker than a loading."""
 
 
