@@ -1,4 +1,4 @@
-"""Elastic–perfectly plastic bodies in frictionless contact, and their limit loads.
+"""Elastic–plastic bodies in contact, and the loads at which they collapse.
 
 Names are imported when they are first used, so that what needs no mesh starts no MPI.
 """

@@ -97,7 +97,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     """The parser of all commands."""
     parser = _Parser(
         prog="perfplast",
-        description="Elastic-perfectly plastic bodies in frictionless contact.",
+        description="Elastic-plastic bodies in contact, and the loads at which they collapse.",
         epilog="Exit status: 0 all load levels solved, 1 a fault of the program, 2 bad input,"
         " 3 a load level without a solution (the levels before it are valid), 130 or 143"
         " interrupted (--restart goes on).",
