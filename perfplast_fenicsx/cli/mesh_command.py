@@ -103,7 +103,8 @@ def describe(survey: Survey) -> str:
         rows.append(
             (body.name, f"{body.cells}", f"{body.volume:.5g}", _place(body.low), _place(body.high))
         )
-    text = [f"{len(survey.bodies)} bodies, {survey.nodes} nodes", *_aligned(rows)]
+    what = "body" if len(survey.bodies) == 1 else "bodies"
+    text = [f"{len(survey.bodies)} {what}, {survey.nodes} nodes", *_aligned(rows)]
     if survey.joints:
         rows = [("touching", "", "area" if survey.dim == 3 else "length", "shape")]
         for joint in survey.joints:
