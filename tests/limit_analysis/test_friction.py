@@ -2,12 +2,14 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
+from dolfinx import fem
 
 from perfplast_fenicsx import (
     BodyForce,
@@ -23,7 +25,7 @@ from perfplast_fenicsx import (
     limit_bounds,
     limit_load,
 )
-from perfplast_fenicsx.limit_analysis import DruckerBounds, drucker_bounds
+from perfplast_fenicsx.limit_analysis import DruckerBounds, drucker_bounds, strict_upper_bound
 from tests.checks import assert_refused, assert_solved
 from tests.contact.blocks_apart import blocks_apart
 from tests.models import STEEL
@@ -86,7 +88,9 @@ def test_coulombs_friction_has_druckers_bounds_and_no_limit_load() -> None:
     assert bounds.upper is not None
     assert rough.lower < bounds.upper < 1.2 * rough.lower  # a tie holds surfaces together, too
     assert f"at most {bounds.upper:.6g}, as if nothing slipped (Drucker)" in bounds.in_words()
-    assert_refused(lambda: limit_load(problem), ["no limit theorem", "tresca"])
+    mechanism = fem.Function(problem.V)
+    for search in (limit_load, limit_bounds, lambda same: strict_upper_bound(same, mechanism)):
+        assert_refused(partial(search, problem), ["no limit theorem", "tresca"])
 
 
 @pytest.mark.parametrize(
