@@ -73,8 +73,10 @@ def mortar_rows(
     able = able & touched & (d > ROUNDING * around)
     fit = able & (d >= LEAST_COVERED * summed(found.full))
     heirs = _heirs(comm, hosts, found, corners, place, fit)
-    fit = fit | (able & ~_among(count, heirs["place"]))
-    heirs = _heirs(comm, hosts, found, corners, place, fit)
+    provided = _among(count, heirs["place"])
+    fit = fit | (able & ~provided)  # these take over from others only where nobody else can
+    more = _heirs(comm, hosts, found, corners, place, fit)
+    heirs = np.sort(np.concatenate([heirs, more[~provided[more["place"]]]]), order="place")
     lost = touched & ~fit & ~_among(count, heirs["place"])
 
     terms = send_rows(comm, *_terms(hosts, guests, found))

@@ -52,7 +52,8 @@ def tangential_rows(
 ) -> tuple[Constraints, Friction]:
     """The rows of friction, and what belongs to them but the places of their unknowns. Collective.
 
-    Where faces meet at an edge, nodes have no direction in both of them, and no friction.
+    Where faces meet at an edge, nodes have no direction in both of them, and no friction; nor have
+    nodes that supports or ties hold along the surface.
 
     Args:
         V: Displacement space.
@@ -72,13 +73,12 @@ def tangential_rows(
     comm, gdim, rubbing = V.mesh.comm, V.mesh.geometry.dim, (*contacts, *obstacles)
     _check_ties(contacts, obstacles, ties)
     place = _places(comm, constraints, rubbing)
-    free = ~taken[constraints.host[place]]
-    directions, there = _directions(constraints.normal[place], free)
-    row, node, weight = _weights(constraints, gdim)
-    chosen = np.full(len(constraints.host), -1)
-    chosen[place] = np.arange(len(place))
-    row, node, weight = _of(chosen, row, node, weight)
-    _check_guests(V, constraints, rubbing, taken, place, (row, node, weight))
+    parts = _weights(constraints, gdim)
+    _check_guests(V, constraints, rubbing, taken, place, _of(constraints, place, *parts))
+    directions, there = _directions(constraints.normal[place], ~taken[constraints.host[place]])
+    some = there.any(axis=1)
+    place, directions, there = place[some], directions[some], there[some]
+    row, node, weight = _of(constraints, place, *parts)
 
     which, slot = np.nonzero(there)
     number = np.full(there.shape, -1, dtype=np.int32)
@@ -171,8 +171,12 @@ def _weights(constraints: Constraints, gdim: int) -> tuple[Longs, Longs, Floats]
     return row, node[kept], value[kept] / constraints.normal[row, largest]
 
 
-def _of(chosen: Longs, row: Longs, node: Longs, weight: Floats) -> tuple[Longs, Longs, Floats]:
+def _of(
+    constraints: Constraints, place: Longs, row: Longs, node: Longs, weight: Floats
+) -> tuple[Longs, Longs, Floats]:
     """Terms of chosen rows, with their new numbers."""
+    chosen = np.full(len(constraints.host), -1)
+    chosen[place] = np.arange(len(place))
     kept = chosen[row] >= 0
     return chosen[row[kept]], node[kept], weight[kept]
 

@@ -7,6 +7,7 @@ friction, plasticity, and limit loads, J. Appl. Mech. 21 (1954), 71).
 """
 
 import copy
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +22,8 @@ class DruckerBounds:
 
     Attributes:
         lower: Limit load without friction, at least; 0 where nothing but friction holds the bodies.
-        upper: Limit load where nothing slips or parts, at most; None where there is none.
+        upper: Limit load where nothing slips or parts, at most; infinite where nothing seems to
+            bound that, None where it was not found.
     """
 
     lower: float
@@ -29,11 +31,14 @@ class DruckerBounds:
 
     def in_words(self) -> str:
         """What they say, in a sentence."""
-        most = "without end" if self.upper is None else f"at most {self.upper:.6g}"
-        return (
-            f"with Coulomb's friction the mesh carries at least {self.lower:.6g}, as without"
-            f" friction, and {most}, as if nothing slipped (Drucker); no other limit theorem holds"
-        )
+        least = f"with Coulomb's friction the mesh carries at least {self.lower:.6g}, as without"
+        if self.upper is None:
+            most = "; the upper bound, as if nothing slipped, was not found"
+        elif math.isinf(self.upper):
+            most = ", and without end if nothing slipped"
+        else:
+            most = f", and at most {self.upper:.6g}, as if nothing slipped"
+        return f"{least} friction{most} (Drucker); no other limit theorem holds"
 
 
 def drucker_bounds(problem: Problem, rtol: float = 1e-4) -> DruckerBounds:
@@ -49,12 +54,17 @@ def drucker_bounds(problem: Problem, rtol: float = 1e-4) -> DruckerBounds:
     smooth, tied = (
         interior_point(make(problem), rtol) for make in (without_friction, without_slip)
     )
-    return DruckerBounds(_carried(smooth), tied.upper)
+    return DruckerBounds(_carried(smooth), _borne(tied))
 
 
 def _carried(found: DiscreteLimit) -> float:
     unheld = found.verdict is Verdict.NO_RESISTANCE or found.lower is None
     return 0.0 if unheld else max(found.lower or 0.0, 0.0)
+
+
+def _borne(found: DiscreteLimit) -> float | None:
+    known = {Verdict.UNBOUNDED: math.inf, Verdict.NO_RESISTANCE: 0.0}
+    return known.get(found.verdict, found.upper)
 
 
 def without_friction(problem: Problem) -> Problem:

@@ -22,6 +22,7 @@ from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
 from perfplast_fenicsx.limit_analysis.facet_conditions import TWICE, facet_conditions
+from perfplast_fenicsx.limit_analysis.interior_steps import check_friction_has_limits
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
@@ -99,8 +100,9 @@ def strict_upper_bound(
         work, and of the mesh alone where the reasons say so.
 
     Raises:
-        InputError: If loads are constant.
+        InputError: If loads are constant or friction is Coulomb's.
     """
+    check_friction_has_limits(problem)
     if not problem.loads.is_proportional():
         raise InputError(
             "loads are constant, and a strict bound is one of loads that all grow; leave out what"

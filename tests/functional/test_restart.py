@@ -28,6 +28,8 @@ from tests.models import PUNCH_LIMIT, case_text, punch_case, write_case
 STRONG = VonMises(2e5, 0.3, PUNCH_LIMIT)
 CASE = punch_case(STRONG, STRONG, "0.0004 * x**2", more="[output]\npictures = false\n")
 
+RUBS = 'secondary = "base_top"\n'
+
 LOADINGS = {
     "newton": "values = [200.0, 350.0, 380.0]",
     "augmented-lagrangian": "values = [200.0, 350.0, 450.0]",
@@ -135,6 +137,31 @@ def test_a_run_goes_on(
     comm.barrier()
     assert main(["run", str(case), "--restart", str(parts)]) == SOLVED  # nothing is left to do
     same_path(parts, whole)
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("method", ["newton", "work-newton"])
+def test_a_run_with_coulombs_friction_goes_on(
+    method: str,
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    ended_after: Callable[[int], None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The bounds of its first round follow from the state, and take as many rounds and steps."""
+    text = solved_by(method, LOADINGS[method]).replace(RUBS, f"{RUBS}coulomb = 0.2\n")
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
+    whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
+    assert main(["run", str(case), "-o", str(whole)]) == SOLVED
+    ended_after(2)
+    assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM
+    comm.barrier()
+    monkeypatch.undo()
+    assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
+    same_path(parts, whole)
+    rows, others = path_of(parts), path_of(whole)
+    assert [row["rounds"] for row in rows] == [row["rounds"] for row in others]
+    assert all(int(row["rounds"]) > 1 and int(row["slipping"]) > 0 for row in rows)
 
 
 @pytest.mark.parametrize("more", ["", CONSTANT])

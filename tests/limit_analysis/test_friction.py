@@ -1,12 +1,15 @@
 """Limit loads with Tresca's friction, and Drucker's bounds of those with Coulomb's."""
 
 import math
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
+from dolfinx import fem
 
 from perfplast_fenicsx import (
     BodyForce,
@@ -22,7 +25,7 @@ from perfplast_fenicsx import (
     limit_bounds,
     limit_load,
 )
-from perfplast_fenicsx.limit_analysis import drucker_bounds
+from perfplast_fenicsx.limit_analysis import DruckerBounds, drucker_bounds, strict_upper_bound
 from tests.checks import assert_refused, assert_solved
 from tests.contact.blocks_apart import blocks_apart
 from tests.models import STEEL
@@ -84,8 +87,25 @@ def test_coulombs_friction_has_druckers_bounds_and_no_limit_load() -> None:
     assert bounds.lower == pytest.approx(0.0, abs=1e-6)
     assert bounds.upper is not None
     assert rough.lower < bounds.upper < 1.2 * rough.lower  # a tie holds surfaces together, too
-    assert "Drucker" in bounds.in_words()
-    assert_refused(lambda: limit_load(problem), ["no limit theorem", "tresca"])
+    assert f"at most {bounds.upper:.6g}, as if nothing slipped (Drucker)" in bounds.in_words()
+    mechanism = fem.Function(problem.V)
+    for search in (limit_load, limit_bounds, lambda same: strict_upper_bound(same, mechanism)):
+        assert_refused(partial(search, problem), ["no limit theorem", "tresca"])
+
+
+@pytest.mark.parametrize(
+    ("bound", "words"),
+    [(math.inf, "and without end if nothing slipped"), (None, "not found"), (0.0, "at most 0")],
+)
+def test_what_was_not_found_is_not_said_to_be_without_end(bound: float | None, words: str) -> None:
+    assert words in DruckerBounds(1.0, bound).in_words()
+
+
+def test_elastic_bodies_that_cannot_slip_carry_without_end() -> None:
+    problem = aside(2, 0.3, coulomb=0.2)
+    elastic = Elastic(STEEL.young, STEEL.poisson)
+    given = replace(problem.given, materials={"lower": elastic, "upper": elastic})
+    assert drucker_bounds(Problem(problem.tagged_mesh, **vars(given))).upper == math.inf
 
 
 @pytest.mark.mpi3

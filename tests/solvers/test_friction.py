@@ -13,16 +13,18 @@ from perfplast_fenicsx import (
     Contact,
     Newton,
     Plane,
+    Pressure,
     Problem,
     Support,
     Tie,
     Traction,
     VonMises,
     limit_load,
+    punch,
 )
 from tests.checks import assert_refused, assert_solved
 from tests.contact.blocks_apart import blocks_apart
-from tests.models import STEEL
+from tests.models import PUNCH_SUPPORTS, STEEL
 
 HARD = VonMises(young=2e5, poisson=0.3, yield_stress=500.0)
 SOFT = VonMises(young=1e5, poisson=0.3, yield_stress=150.0)
@@ -80,6 +82,20 @@ def test_alg2_finds_the_same(gdim: int, degree: int) -> None:
     assert uzawa.state.alpha == pytest.approx(newton.state.alpha, rel=1e-6)
     found, expected = (level.contact_forces for level in (uzawa, newton))
     assert np.abs(found - expected).max(initial=0) < 1e-4
+
+
+def test_alg2_where_supports_hold_nodes_along_the_surface() -> None:
+    """On the planes of symmetry of a punch, and in both directions where these meet."""
+    materials = {"base": HARD, "punch": HARD}
+    contact = Contact("punch_bottom", "base_top", tresca=20.0)
+    loads = [Pressure("top", 1.0)]
+    problem = Problem(punch(MPI.COMM_WORLD, 2), materials, PUNCH_SUPPORTS, loads, [contact])
+    assert 0 < problem.friction.count < problem.num_pairs
+    newton, uzawa = (solver(problem).solve(200.0) for solver in (Newton, AugmentedLagrangian))
+    assert_solved(newton)
+    assert uzawa.report.converged, uzawa.report.reason
+    assert uzawa.state.alpha == pytest.approx(newton.state.alpha, rel=1e-6)
+    assert uzawa.report.slipping == newton.report.slipping == problem.friction.count
 
 
 @pytest.mark.mpi3
