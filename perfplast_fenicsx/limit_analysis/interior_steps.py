@@ -10,6 +10,8 @@ import numpy as np
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
+from perfplast_fenicsx.materials.hardening import Hardening
+from perfplast_fenicsx.materials.plastic_flow import Flow
 from perfplast_fenicsx.problem.problem import Problem
 
 MOST_STEPS = 60
@@ -131,13 +133,29 @@ def check_friction_has_limits(problem: Problem) -> None:
         )
 
 
+def check_bodies_have_limits(problem: Problem) -> None:
+    """Refuse bodies that carry any load.
+
+    Raises:
+        InputError: If one of them hardens.
+    """
+    for name, material in problem.given.materials.items():
+        body = material.body if isinstance(material, Flow) else material
+        if isinstance(body, Hardening):
+            raise InputError(
+                f"the material of '{name}' hardens, so that bodies carry any load, and there is no"
+                " limit load to be sought; load by given values, or give VonMises in its place."
+            )
+
+
 def check_proportional(problem: Problem, rtol: float) -> None:
     """Refuse what no limit load is known of. Collective.
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move, loads are constant, or bodies
-            are strained at first.
+            harden or are strained at first.
     """
+    check_bodies_have_limits(problem)
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
     if not problem.is_proportional():

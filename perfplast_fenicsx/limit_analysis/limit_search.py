@@ -10,7 +10,10 @@ from collections.abc import Callable
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError, nearest
-from perfplast_fenicsx.limit_analysis.interior_steps import check_friction_has_limits
+from perfplast_fenicsx.limit_analysis.interior_steps import (
+    check_bodies_have_limits,
+    check_friction_has_limits,
+)
 from perfplast_fenicsx.limit_analysis.limit_judge import Judge, Search, collapse_mechanism
 from perfplast_fenicsx.limit_analysis.limit_methods import (
     TOLERANCE,
@@ -56,13 +59,14 @@ def limit_load(
         reached: Where that run had come to.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, all loads are constant, the interior point
-            method is asked for beside constant loads and the like, or it finds that no stress can
-            carry the loads.
+        InputError: If ``rtol`` is not between 0 and 1, all loads are constant, bodies harden, the
+            interior point method is asked for beside constant loads and the like, or it finds that
+            no stress can carry the loads.
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
     check_friction_has_limits(problem)
+    check_bodies_have_limits(problem)
     follows = any(given is not None for given in (solver, on_level, search, reached))
     if _chosen(method, problem, follows) is LimitMethod.INTERIOR_POINT:
         return by_interior_point(problem, rtol, monitor)

@@ -7,7 +7,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import ufl
-from dolfinx import default_scalar_type, fem
+from dolfinx import default_scalar_type, fem, la
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
@@ -40,7 +40,6 @@ class QuadratureFields:
         conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩; that of the step behind a history.
         stress_norm2: ‖σ‖² in the energy norm, ∫ σ:C⁻¹σ.
         u_norm2: ‖u‖² in the energy norm, ∫ ε(u):Cε(u).
-        jagged_norm2: What rounding errors of it are relative to (:mod:`energy_norms`).
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -66,7 +65,8 @@ class QuadratureFields:
         self.conjugate = integral(lambda on: on.law.conjugate(s, on.old))
         self.stress_norm2 = stress_norm2(problem, lambda on: s)
         self.u_norm2 = strain_norm2(problem, e)
-        self.jagged_norm2 = jagged_norm2(problem, self.u)
+        self._jagged_norm2 = jagged_norm2(problem, self.u)
+        self._left = (0.0, 0.0)
         self._plastic_volume = integral(lambda on: on.law.plastic(e, on.old))
         one = fem.Constant(mesh, default_scalar_type(1))
         self._volume = Integral(comm, one * problem.dx)()
@@ -165,10 +165,22 @@ class QuadratureFields:
         assemble_force(self.force, self._force_form, [])
         return self.force
 
+    def leave(self) -> None:
+        """Let rounding errors be relative to u as it is now, too: steps are what it changes by.
+
+        Where bodies are unloaded to nothing, all that is left are such errors. Collective.
+        """
+        self._left = (0.0, 0.0)
+        self._left = (self.jagged_norm2(), self.gross_force())
+
+    def jagged_norm2(self) -> float:
+        """What rounding errors of ``u_norm2`` are relative to (:mod:`energy_norms`). Collective."""
+        return max(self._jagged_norm2(), self._left[0])
+
     def gross_force(self) -> float:
         """Norm (force) that rounding errors of all nodal forces are relative to. Collective."""
-        size = self.u.x.petsc_vec.norm()
-        return self.jagged_norm2() / size if size > 0 else 0.0
+        size = float(la.norm(self.u.x))  # PETSc would tell that of an earlier u
+        return max(self._jagged_norm2() / size if size > 0 else 0.0, self._left[1])
 
     def _updated(self, name: str) -> LawExpression:
         """What a variable of the history becomes."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.errors import InputError, check_magnitude, nearest
 from perfplast_fenicsx.problem.initial_strain import Initial, Temperature
 from perfplast_fenicsx.problem.loads import Load
 
@@ -38,6 +38,7 @@ class Stage:
                 raise InputError(
                     f"the factor of '{name}' is {factor}, which is not finite; give a number."
                 )
+            check_magnitude(f"the factor of '{name}'", factor)
 
 
 def called(given: Load | Temperature) -> str:

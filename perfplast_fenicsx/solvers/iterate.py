@@ -43,6 +43,7 @@ class Iterate:
         direction: δu (nodal) and the integrals along it.
         y: u in jump unknowns.
         lifted: Whether the start had not yet what supports, interference and initial strain ask.
+        first_force: Largest force that was out of balance where the level began.
         slip: How friction is linearised in the next step.
     """
 
@@ -58,6 +59,7 @@ class Iterate:
         self._gradient_y = problem.create_vector()
         self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
         self.lifted = False
+        self.first_force = 0.0
         self.slip: Slip = stuck(problem.friction.index.shape)
         self._operator = ContactOperator(problem, self._stiffness.matrix)
 
@@ -73,6 +75,7 @@ class Iterate:
         problem, basis, u = self.problem, self.problem.basis, self.fields.u
         problem.remember(start.history if start else {})
         u.x.array[:] = 0.0 if start is None else start.u.x.array
+        self.fields.leave()
         before = self._remembered(start)
         self.lifted = start is None and problem.initial_strain is not None
         if problem.motion.moves_supports:

@@ -9,6 +9,8 @@ then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu).
 
 from collections.abc import Sequence
 
+from petsc4py import PETSc
+
 from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
@@ -101,9 +103,12 @@ def newton_direction(
     operator, gradient, room = iterate.operator(rho), iterate.gradient(zeta), iterate.room()
     rtol = forcing(history[-1].increment if history else 1.0, options.tolerance)
     exact = exact_active_set(options, history)
+    if not history:
+        iterate.first_force = float(gradient.norm(PETSc.NormType.NORM_INFINITY))
     if solver.friction is None:
         solver.program.set_operator(operator)
-        return solver.program.solve(gradient, room, active, rtol, exact, work)
+        first = iterate.first_force
+        return solver.program.solve(gradient, room, active, rtol, exact, work, first=first)
     solver.friction.set_operator(operator)
     jumps, slip = iterate.jumps(), iterate.slip
     found = solver.friction.solve(gradient, room, active, jumps, slip, rtol, exact, work)

@@ -12,12 +12,15 @@ from meshes.thick_sphere import write_thick_sphere
 from perfplast_fenicsx import (
     Contact,
     Elastic,
+    Flow,
+    Hardening,
     InputError,
     NewtonOptions,
     Pressure,
     Problem,
     Support,
     VonMises,
+    limit_bounds,
     stacked_blocks,
 )
 from perfplast_fenicsx.limit_analysis import LimitMethod, limit_methods
@@ -173,6 +176,26 @@ def test_what_belongs_to_a_path_gives_one() -> None:
 def test_an_unknown_method_is_refused() -> None:
     with pytest.raises(InputError, match="did you mean 'path'"):
         limit_load(punch_problem(2), method="pathe")
+
+
+@pytest.mark.parametrize("remembers", [False, True])
+def test_bodies_that_harden_have_no_limit(remembers: bool) -> None:
+    body = Hardening(2e5, 0.3, 300.0, kinematic=1e4)
+    problem = Problem(
+        stacked_blocks(MPI.COMM_WORLD, 1),
+        {"lower": VonMises(2e5, 0.3, 300.0), "upper": Flow(body) if remembers else body},
+        [Support("bottom"), Support("top", "xy")],
+        [Pressure("top", 1.0)],
+        [Contact("lower_top", "upper_bottom")],
+        degree=2,
+    )
+    for sought in (
+        limit_load,
+        limit_bounds,
+        lambda problem: limit_load(problem, method="interior-point"),
+    ):
+        with pytest.raises(InputError, match=r"^the material of 'upper' hardens, so that"):
+            sought(problem)
 
 
 def test_large_problems_are_loaded(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from perfplast_fenicsx import (
     AugmentedLagrangian,
     BorderedNewton,
     Contact,
+    Elastic,
     Flow,
     Hardening,
     InputError,
@@ -53,7 +54,7 @@ def bar(body: VonMises | Hardening, degree: int = 1, **more: object) -> Problem:
         "ties": [Tie("lower_top", "upper_bottom")],
         "degree": degree,
     }
-    materials = {"lower": Flow(body), "upper": Flow(body)}
+    materials = dict.fromkeys(("lower", "upper"), more.pop("bodies", Flow(body)))
     return Problem(blocks(), materials, **(arguments | more))  # type: ignore[arg-type]
 
 
@@ -125,6 +126,29 @@ def test_a_restrained_bar_is_heated_and_cooled(degree: int) -> None:
 
 
 @pytest.mark.mpi3
+@pytest.mark.parametrize("body", [Elastic(YOUNG, 0.3), Flow(STEEL)])
+def test_nothing_is_left_of_an_elastic_load(body: Elastic | Flow) -> None:
+    """All that is left is rounding, which is no measure of itself."""
+    problem = bar(STEEL, bodies=body)
+    stages = [Stage({"push": 0.7 * YIELD}), Stage({"push": 0.0}, 3), Stage({"push": 1.0})]
+    stresses = 0.7 * YIELD * np.array([1, 2 / 3, 1 / 3, 0, 1 / (0.7 * YIELD)])
+    for level, stress in zip(solved(problem, stages), stresses, strict=True):
+        found = level.stress.x.array.reshape(-1, 6)
+        assert np.allclose(found, stress * np.array([0, 0, -1, 0, 0, 0]), rtol=0, atol=1e-10)
+
+
+@pytest.mark.mpi3
+def test_contact_is_relieved_and_pushed_again() -> None:
+    """No pair pushes where nothing is loaded, but they are where the next level begins."""
+    contacts = [Contact("lower_top", "upper_bottom")]
+    problem = bar(ISOTROPIC, ties=[], contacts=contacts)
+    levels = solved(problem, [Stage({"push": top}) for top in (350.0, 0.0, 420.0)])
+    strains = by_hand(ISOTROPIC, np.array([350.0, 0.0, 420.0]))
+    for level, strain in zip(levels, strains, strict=True):
+        assert level.report.works["push"] == pytest.approx(2 * strain, rel=1e-9)
+
+
+@pytest.mark.mpi3
 def test_more_than_is_carried_ends_the_stages() -> None:
     weight = Pressure("top", 0.9 * YIELD, "weight", constant=True)
     problem = bar(STEEL, loads=[weight, Pressure("top", 1.0)])
@@ -149,6 +173,14 @@ def test_names_that_do_not_fit() -> None:
         Stage({"push": 1.0}, 0)
     with pytest.raises(InputError, match="factor of 'push' is inf"):
         Stage({"push": np.inf})
+
+
+def test_stages_move_nothing() -> None:
+    pressed = [*ROLLERS, Support("top", "z", -1e-4, constant=False)]
+    heat = {"loads": [], "initial": [Temperature("lower", 1.0)]}
+    problem = bar(STEEL, supports=pressed, **heat)
+    with pytest.raises(InputError, match="supports or obstacles move with the load factor, which"):
+        LoadingHistory(problem, [Stage({"lower": 1.0})])
 
 
 def test_algorithms_that_cannot_remember() -> None:

@@ -210,7 +210,8 @@ def _case(path: Path, table: Table) -> Case:
     for place, obstacle in _numbered(top.obstacle, f"{name}, [[obstacle]]"):
         _, shape, rest = choose(obstacle, "shape", OBSTACLES, place)
         obstacles.append(convert(rest, shape, place))
-    loading, place = read_loading(top, name), f"{name}, [loading]"
+    loading = read_loading(top, name)
+    place = f"{name}, {'[[stage]]' if isinstance(loading, StageControl) else '[loading]'}"
     method, options = read_method(top.solve, loading, f"{name}, [solve]")
     driven, held = isinstance(loading, DisplacementControl), []
     for where, support in supports:

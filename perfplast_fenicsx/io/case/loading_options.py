@@ -133,7 +133,7 @@ class DisplacementControl:
             what = "neither values nor until" if self.values is None else "both values and until"
             raise InputError(f"there is {what}; give either values = [...] or until = 1.0.")
         if self.values is not None:
-            _check_values(self.values, "load factors")
+            _check_values(self.values, "load factors", "or all decrease")
         elif self.until == 0 or not math.isfinite(self.until or 0.0):
             raise InputError(
                 f"until = {self.until} is no load factor to go to; give a finite number but 0."
@@ -161,7 +161,9 @@ def _check_tolerance(tolerance: float | None) -> None:
         raise InputError(f"limit_tolerance = {tolerance} is not between 0 and 1; try 1e-4.")
 
 
-def _check_values(values: list[float], what: str) -> None:
+def _check_values(
+    values: list[float], what: str, falling: str = "or, beside constant loads, all decrease"
+) -> None:
     if not values:
         raise InputError(f"values is empty; give at least one of the {what}.")
     for value in values:
@@ -171,8 +173,8 @@ def _check_values(values: list[float], what: str) -> None:
     for before, value in pairwise(values):
         if value == before or (value < before) != falls:
             raise InputError(
-                f"values has {value} after {before}, but {what} must increase (or, beside constant"
-                " loads, all decrease); sort them and give each once."
+                f"values has {value} after {before}, but {what} must increase ({falling});"
+                " sort them and give each once."
             )
 
 

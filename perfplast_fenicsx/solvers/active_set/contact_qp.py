@@ -90,6 +90,7 @@ class ContactProgram:
         exact: bool = True,
         work: float | None = None,
         given: Held = NOTHING_HELD,
+        first: float = 0.0,
     ) -> ContactStep:
         """Solve the contact QP. Collective.
 
@@ -101,12 +102,13 @@ class ContactProgram:
             exact: Go on until the active set is right; otherwise solve once.
             work: ℓᵀδ if it is prescribed, where ℓ are the loads.
             given: Unknowns that are held at values.
+            first: Largest force where the level began.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.
         """
         r.copy(self._r)
-        model = QuadraticModel(self._r, room, work, rtol, given)
+        model = QuadraticModel(self._r, room, work, rtol, given, first)
         solution = self._equality.minimise(model, active, self._delta)
         if not self._contact:
             return self._step(solution, active, True)

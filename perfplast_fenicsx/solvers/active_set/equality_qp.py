@@ -51,6 +51,7 @@ class QuadraticModel:
         work: ℓᵀδ (energy) if it is prescribed, where ℓ are the loads.
         rtol: Relative tolerance of the linear solves.
         given: Other unknowns that are held, whatever pairs are.
+        first: Largest force where the level began, beside which rounding decides nothing either.
     """
 
     r: PETSc.Vec
@@ -58,6 +59,7 @@ class QuadraticModel:
     work: float | None
     rtol: float
     given: Held = NOTHING_HELD
+    first: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -129,7 +131,8 @@ class EqualityProgram:
         delta.set(0)
         self._set_rhs(model, held, delta, 0.0)
         largest = self._rhs.norm(PETSc.NormType.NORM_INFINITY)
-        noise = max(model.rtol * largest, ROUNDING * model.r.norm(PETSc.NormType.NORM_INFINITY))
+        force = max(model.first, model.r.norm(PETSc.NormType.NORM_INFINITY))
+        noise = max(model.rtol * largest, ROUNDING * force)
         accuracy = model.rtol * self._rhs.norm()
         return self._solve(Solution(model, delta, held, 0.0, accuracy, noise, 0), held, False)
 

@@ -408,7 +408,7 @@ FORMAT_FAULTS = [
     (DRIVEN[0], DRIVEN[1].replace("value = -1e-3", ""), ["[loading]", "moves nothing"]),
     (DRIVEN[0], DRIVEN[1].replace("until = 1.0", ""), ["neither values nor until"]),
     (DRIVEN[0], DRIVEN[1].replace("until = 1.0", "until = 0.0"), ["until = 0.0"]),
-    (DRIVEN[0], DRIVEN[1].replace("until = 1.0", "values = [1, 1]"), ["1.0 after 1.0"]),
+    (DRIVEN[0], DRIVEN[1].replace("until = 1.0", "values = [1, 1]"), ["(or all decrease)"]),
     (DRIVEN[0], DRIVEN[1] + WORK_NEWTON, ["'work-newton'", "control = 'displacement'"]),
     ('components = "xyz"', "constant = false", ["[[support]]", "constant = false", "'left'"]),
     ("[solve]", OBSTACLE.replace("point", "move = [0, 0, 1.0]\npoint"), ["'lower_top'", "move"]),

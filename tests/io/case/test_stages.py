@@ -52,6 +52,15 @@ name = "off"
 factors = { push = 0 }
 """
 
+OBSTACLE = """
+[[obstacle]]
+shape = "plane"
+on = "top"
+point = [0.0, 0.0, 2.0]
+normal = [0.0, 0.0, -1.0]
+move = [0.0, 0.0, -1.0]
+"""
+
 Read = Callable[[str], Case]
 
 
@@ -89,6 +98,7 @@ def test_elastic_bodies_have_nothing_to_remember(read: Read) -> None:
         ("push = 200.0", "pusch = 2.0", ["stage 1", "factor for 'pusch'", "did you mean 'push'"]),
         ("factors = { push = 200.0 }", "", ["number 1", "'factors' is missing"]),
         ("push = 200.0", "push = nan", ["number 1", "'push' is nan"]),
+        ("push = 200.0", "push = 1e200", ["number 1", "factor of 'push' = 1e+200 is too large"]),
         ("push = 200.0", 'push = "much"', ["number 1", "table of numbers"]),
         ("steps = 4", "steps = 0", ["number 1", "steps = 0"]),
         ('[[load]]\nname = "push"', '[[load]]\nname = "press"', ["factor for 'push'"]),
@@ -99,6 +109,7 @@ def test_elastic_bodies_have_nothing_to_remember(read: Read) -> None:
             ["stages prescr"],
         ),
         (STAGES, "", ["'loading' is missing"]),
+        (STAGES, STAGES + OBSTACLE, ["[[stage]]: the obstacle at 'top' has a move"]),
         (STAGES, '[loading]\ncontrol = "work"\nuntil = "limit"', ["of 'upper' hardens"]),
         (STAGES, '[loading]\ncontrol = "bounds"', ["of 'upper' hardens"]),
         ("kinematic = 2000.0", "", ["[material.upper]", "both zero"]),
