@@ -101,6 +101,32 @@ def test_curved_elements(shared_tmp_path: Path) -> None:
     assert found.nodes == nodes_in(mesh)
 
 
+TOUCHING_FACES = """SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 1, 1};
+Rectangle(2) = {1, 0, 0, 1, 1};
+Rectangle(3) = {0, 1, 0, 1, 1};
+Coherence;
+Physical Surface("a") = {1};
+Physical Surface("a_x_low") = {2};
+Physical Surface("A") = {3};
+Physical Curve("a_2_y_low") = {1};
+"""
+
+
+def test_groups_with_names(shared_tmp_path: Path) -> None:
+    source, mesh = shared_tmp_path / "faces.geo", shared_tmp_path / "faces.msh"
+    if MPI.COMM_WORLD.rank == 0:
+        source.write_text(TOUCHING_FACES)
+    MPI.COMM_WORLD.barrier()
+    found = survey_of(source, mesh, MeshingOptions(size=0.5))
+    assert [body.name for body in found.bodies] == ["a_1", "a_x_low", "a_2"]
+    assert [joint.bodies for joint in found.joints] == [("a_1", "a_x_low"), ("a_1", "a_2")]
+    assert found.nodes == nodes_in(mesh)  # where all three meet each has its own
+    read = read_gmsh(MPI.COMM_WORLD, mesh)
+    assert set(read.volumes) == {"a_1", "a_2", "a_x_low"}
+    assert {face.name for face in found.faces} < set(read.surfaces)
+
+
 def test_bodies_apart(shared_tmp_path: Path) -> None:
     step = write(shared_tmp_path / "apart.step", lambda: pin_in_plate(beside=0.05))
     found = survey_of(step, shared_tmp_path / "apart.msh", MeshingOptions(size=10.0))
