@@ -1,6 +1,7 @@
 """Geometry files become meshes with names, or one sentence."""
 
 import math
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from perfplast_fenicsx import read_gmsh
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey, mesh_geometry
+from perfplast_fenicsx.geometry.first_case import first_case
 from perfplast_fenicsx.geometry.parts import check_file, unique_names
+from perfplast_fenicsx.geometry.survey import Body
 from perfplast_fenicsx.mesh import gmsh_session
 
 FOREIGN = Path("/usr/share/opencascade/data")
@@ -220,6 +223,14 @@ def test_smaller_elements_in_one_body(shared_tmp_path: Path) -> None:
 def test_options(values: dict[str, float], says: str) -> None:
     with pytest.raises(InputError, match=says):
         MeshingOptions(**values)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("title", ["Ü \"1\" \\ '2'", "two\nlines = 1\t", "\x7f\x00"])
+def test_any_title(title: str) -> None:
+    body = Body("a", title, 1.0, (0.0,) * 3, (1.0,) * 3, 1, 1.0)
+    case = tomllib.loads(first_case(Survey(3, 1, 4, [body]), title, "mesh.msh"))
+    assert case["title"] == title
+    assert case["material"].keys() == {"a"}
 
 
 def test_names() -> None:
