@@ -111,8 +111,8 @@ def convergence_table(level: Level) -> str:
 # ## At what load do the blocks collapse?
 #
 # Not those of the mesh, but the bodies: a stress in equilibrium everywhere bounds the limit load
-# from below, a velocity that keeps the volume everywhere from above. Where their difference lies, the
-# mesh is made finer, from one half as fine on, until they are 6 % apart.
+# from below, a velocity that keeps the volume everywhere from above. Where their difference lies,
+# the mesh is made finer, from one half as fine on, until they are 6 % apart.
 
 
 # %%

@@ -1,5 +1,7 @@
 """``perfplast mesh``: a geometry file becomes a folder with a mesh and a first case file."""
 
+import logging
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,9 +15,12 @@ from perfplast_fenicsx.geometry.first_case import first_case
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
 from perfplast_fenicsx.materials.common import MATERIALS, find
+from perfplast_fenicsx.pictures.drawing_process import draw_parts
 
-CASE, MESH = "case.toml", "mesh.msh"
+CASE, MESH, PICTURE = "case.toml", "mesh.msh", "bodies.png"
 """Files of the folder."""
+
+log = logging.getLogger(__name__)
 
 
 def mesh(
@@ -53,9 +58,10 @@ def mesh(
     if comm.rank == 0:
         terminal.say(describe(survey))
         case = Path(output) / CASE
+        written = [name for name in (MESH, PICTURE, CASE) if (Path(output) / name).exists()]
         terminal.say(
-            f"\nWritten: {Path(output) / MESH} and {case}. Fill in what is marked with <- there;"
-            f" then: perfplast run {case} -o {Path(output) / 'results'}"
+            f"\nWritten to {output}: {', '.join(written)}. Fill in what is marked with <- in"
+            f" {CASE}; then: perfplast run {case} -o {Path(output) / 'results'}"
         )
 
 
@@ -135,7 +141,7 @@ def _mesh(
         made = not output.exists()
         output.mkdir(parents=True, exist_ok=True)
         try:
-            survey = mesh_geometry(source, output / MESH, options)
+            survey = _survey(source, output, options)
         except InputError:
             if made:
                 output.rmdir()
@@ -144,6 +150,18 @@ def _mesh(
         replace(output / CASE, case.encode())
     except OSError as error:
         raise InputError(f"'{output}' cannot be written: {error.strerror or error}.") from error
+    return survey
+
+
+def _survey(source: Path, output: Path, options: MeshingOptions) -> Survey:
+    """Mesh, and draw what there is; without a graphics system there is a mesh all the same."""
+    with tempfile.TemporaryDirectory() as folder:
+        skin = Path(folder) / "skin.npz"
+        survey = mesh_geometry(source, output / MESH, options, skin)
+        try:
+            draw_parts(skin, output / PICTURE)
+        except InputError as error:
+            log.warning("%s", error)
     return survey
 
 

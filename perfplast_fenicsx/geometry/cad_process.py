@@ -25,7 +25,10 @@ ROOT = Path(__file__).parents[2]
 
 
 def mesh_geometry(
-    source: str | Path, target: str | Path, options: MeshingOptions | None = None
+    source: str | Path,
+    target: str | Path,
+    options: MeshingOptions | None = None,
+    skin: str | Path | None = None,
 ) -> Survey:
     """Mesh a geometry file: one mesh in which bodies touch with matching nodes and share none.
 
@@ -35,6 +38,7 @@ def mesh_geometry(
         source: A STEP, BREP or IGES file, or gmsh's .geo.
         target: The .msh file to write.
         options: Sizes and degree of the elements.
+        skin: An .npz file to write for pictures (:func:`skin.skin_of`); none where it is missing.
 
     Raises:
         InputError: If the file cannot be read or meshed; nothing is written then.
@@ -72,6 +76,8 @@ def mesh_geometry(
                 raise RuntimeError(f"a fault of the meshing program:\n{done.stderr}")
             raise InputError(_cause(str(source), done.returncode, done.stderr))
         Path(target).write_bytes(mesh.read_bytes())
+        if skin is not None:
+            Path(skin).write_bytes(mesh.with_suffix(".npz").read_bytes())
         return msgspec.json.decode(survey.read_bytes(), type=Survey)
 
 

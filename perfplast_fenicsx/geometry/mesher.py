@@ -13,6 +13,7 @@ from perfplast_fenicsx.geometry.free_faces import name_of, put_together, shape_o
 from perfplast_fenicsx.geometry.joints import box, cut_along_each_other, near_misses, shared
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.parts import Part, read_parts
+from perfplast_fenicsx.geometry.skin import skin_of
 from perfplast_fenicsx.geometry.survey import Body, Face, Joint, Survey
 from perfplast_fenicsx.mesh.split_bodies import write_split
 
@@ -30,11 +31,11 @@ POOR = 0.02
 
 
 def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
-    """Read a geometry file into gmsh's current model, mesh it, and write a .msh file.
+    """Read a geometry file into gmsh's current model, mesh it, and write a .msh and an .npz file.
 
     Args:
         source: STEP, BREP, IGES or gmsh's .geo.
-        target: The .msh file to write.
+        target: The .msh file to write; the .npz file beside it has the skins of the bodies.
         options: Sizes and degree of the elements.
 
     Raises:
@@ -53,6 +54,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         gmsh.model.addPhysicalGroup(dim, part.tags, name=part.name)
     joints = _joints(dim, parts, sides)
     faces = _faces(dim, parts, sides)
+    np.savez(target.with_suffix(".npz"), **skin_of(dim, bodies, faces))
     write_split(target)
     nodes = sum(_nodes_of(dim, part) for part in parts)
     remarks = [

@@ -1,22 +1,29 @@
-"""The drawing program: ``python3 -m perfplast_fenicsx.pictures plot DIR``, or ``animate``.
+"""The drawing program: ``python3 -m perfplast_fenicsx.pictures COMMAND ...``.
 
 :mod:`drawing_process` starts it, so that a graphics system that fails takes nothing with it.
 Nothing of MPI is imported here.
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.pictures.drawing_process import REFUSED
+from perfplast_fenicsx.pictures.parts_figure import draw_parts
 from perfplast_fenicsx.pictures.result_figures import animate, plot
+
+COMMANDS: dict[str, Callable[..., Iterator[str]]] = {
+    "plot": plot,
+    "animate": animate,
+    "parts": draw_parts,
+}
 
 
 def main(argv: Sequence[str]) -> int:
     """Draw, and say what has been drawn, a line each."""
-    command, folder, *output = argv
+    command, source, *output = argv
     try:
-        for line in {"plot": plot, "animate": animate}[command](folder, *output):
+        for line in COMMANDS[command](source, *output):
             print(line, flush=True)
     except InputError as error:
         print(error, file=sys.stderr)

@@ -22,7 +22,7 @@ from perfplast_fenicsx.errors import InputError
 if TYPE_CHECKING:
     from perfplast_fenicsx.io.results.result_folder import ResultFolder
 
-PATIENCE = {"plot": 900.0, "animate": 2400.0}
+PATIENCE = {"plot": 900.0, "animate": 2400.0, "parts": 600.0}
 """Longest time for what a command draws (s)."""
 
 REFUSED = 2
@@ -89,6 +89,19 @@ def animate(
         InputError: If the folder has no fields, the file cannot be written, or nothing be drawn.
     """
     _run("animate", folder, output, say)
+
+
+def draw_parts(skin: str | Path, picture: str | Path) -> None:
+    """Draw the bodies of a geometry with the numbers of their free faces. Not collective.
+
+    Args:
+        skin: An .npz file of :func:`perfplast_fenicsx.geometry.skin.skin_of`.
+        picture: A PNG file.
+
+    Raises:
+        InputError: If it cannot be drawn or written.
+    """
+    _run("parts", skin, picture, lambda line: None)
 
 
 def _run(

@@ -1,0 +1,125 @@
+"""A picture of the bodies of a geometry, each in its colour, with the numbers of their free faces.
+
+Only the drawing process imports this (:mod:`drawing_process`).
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+import pyvista as pv
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
+
+VIEWS = {"from the front": (1.0, -1.6, 0.9), "from behind": (-1.0, 1.6, -0.9)}
+"""Directions from which bodies in space are seen."""
+
+PIXELS, DPI = (1000, 800), 100
+"""Of each view."""
+
+ZOOM = 1.3
+"""Bodies fill the picture so much more than by VTK's own choice."""
+
+SHARP = 30.0
+"""Edges between facets that differ by more degrees are drawn."""
+
+COLUMNS = 6
+"""Of the names of bodies."""
+
+MOST_NAMES = 24
+"""So many bodies are named beside the picture at most."""
+
+LIFTED = 0.004
+"""Numbers stand so far before their faces, relative to the size of all."""
+
+
+def draw_parts(source: str | Path, output: str | Path) -> Iterator[str]:
+    """Draw the skin in an .npz file (:func:`perfplast_fenicsx.geometry.skin.skin_of`).
+
+    Args:
+        source: The file.
+        output: A PNG file.
+
+    Yields:
+        Its path.
+
+    Raises:
+        InputError: If it cannot be written.
+    """
+    with np.load(source) as file:
+        skin = {name: file[name] for name in file.files}
+    flat = np.ptp(skin["points"][:, 2]) == 0
+    views = {"": (0.0, 0.0, 1.0)} if flat else VIEWS
+    figure = Figure(figsize=(len(views) * 7.0, 6.4), dpi=DPI)
+    FigureCanvasAgg(figure)
+    for column, (words, view) in enumerate(views.items(), start=1):
+        axes = figure.add_subplot(1, len(views), column)
+        axes.imshow(_view(skin, np.array(view), flat))
+        axes.set_title(words)
+        axes.set_axis_off()
+    names = [str(name) for name in skin["names"]]
+    handles = [Patch(color=_hue(k), label=name) for k, name in enumerate(names) if k < MOST_NAMES]
+    if len(names) > MOST_NAMES:
+        handles.append(Patch(color="none", label=f"and {len(names) - MOST_NAMES} more"))
+    figure.legend(
+        handles=handles, loc="lower center", ncols=min(COLUMNS, len(handles)), frameon=False
+    )
+    figure.suptitle("Bodies, and the numbers of their free faces")
+    rows = -(-len(handles) // COLUMNS)
+    figure.subplots_adjust(0.01, 0.03 + 0.037 * rows, 0.99, 0.9, wspace=0.02)
+    try:
+        figure.savefig(output)
+    except OSError as error:
+        raise InputError(f"'{output}' cannot be written: {error.strerror}.") from error
+    yield str(output)
+
+
+def _view(
+    skin: dict[str, npt.NDArray[np.generic]], view: Floats, flat: bool
+) -> npt.NDArray[np.uint8]:
+    """An image of the bodies from one direction."""
+    points, triangles = np.asarray(skin["points"], dtype=np.float64), skin["triangles"]
+    plotter = pv.Plotter(off_screen=True, window_size=list(PIXELS))
+    plotter.set_background("white")
+    for body in range(len(skin["names"])):
+        own = np.asarray(triangles[skin["body"] == body], dtype=np.int64)
+        if not len(own):  # others cover all of it
+            continue
+        faces = np.column_stack([np.full(len(own), 3), own]).ravel()
+        mesh = pv.PolyData(points, faces=faces).clean()
+        plotter.add_mesh(mesh, color=_hue(body), lighting=not flat, ambient=0.5, diffuse=0.5)
+        edges = mesh.extract_feature_edges(SHARP)
+        if edges.n_points:
+            plotter.add_mesh(edges, color="#303030", line_width=1.5, lighting=False)
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    places = np.asarray(skin["places"], dtype=np.float64)
+    plotter.add_point_labels(
+        places + LIFTED * size * view / np.linalg.norm(view),
+        [str(number) for number in skin["numbers"]],
+        font_size=15,
+        text_color="black",
+        shape_color="white",
+        shape_opacity=0.75,
+        show_points=False,
+        always_visible=flat,
+    )
+    plotter.view_vector(view, viewup=(0, 1, 0) if flat else (0, 0, 1))
+    plotter.enable_parallel_projection()
+    plotter.reset_camera()
+    plotter.camera.zoom(ZOOM)
+    if not flat:
+        plotter.add_axes()
+    image = np.asarray(plotter.screenshot(return_img=True), dtype=np.uint8)
+    plotter.close()
+    return image
+
+
+def _hue(body: int) -> str:
+    return to_hex(mpl.colormaps["tab20"](body % 20))
