@@ -23,6 +23,9 @@ ELEMENTS = 15_000
 ROUNDING = 1e-9
 """Coordinates below this share of a body's size are zero."""
 
+GAUSS = "Gauss4"
+"""Rule that volumes of curved elements are exact with."""
+
 POOR = 0.02
 """Elements of less quality are told of."""
 
@@ -53,8 +56,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     faces = _faces(dim, parts, sides)
     np.savez(target.with_suffix(".npz"), **skin_of(dim, bodies, faces))
     write_split(target)
-    nodes = gmsh.model.mesh.getNodes(returnParametricCoord=False)[0].size
-    nodes += sum(_nodes_of(dim - 1, [face]) for face, own in sides.items() if len(own) > 1)
+    nodes = sum(_nodes_of(dim, part) for part in parts)
     remarks = [
         f"the worst element of '{body.name}' has quality {body.worst:.1e}: it is nearly flat; a"
         " smaller size, or a geometry without tiny faces, gives a better one"
@@ -136,7 +138,7 @@ def _body(dim: int, part: Part) -> Body:
     return Body(
         name=part.name,
         label=part.label,
-        volume=float(gmsh.model.mesh.getElementQualities(tags, "volume").sum()),
+        volume=sum(_measure(dim, tag) for tag in part.tags),
         low=tuple(points.min(axis=0).tolist()),
         high=tuple(points.max(axis=0).tolist()),
         cells=tags.size,
@@ -156,7 +158,7 @@ def _joints(dim: int, parts: Sequence[Part], sides: dict[int, tuple[int, ...]]) 
         gmsh.model.addPhysicalGroup(dim - 1, faces, name=name)
         one, other = (parts[body].name for body in bodies)
         shapes = tuple(sorted({shape_of(dim - 1, face) for face in faces}))
-        area = sum(_area(dim - 1, face) for face in faces)
+        area = sum(_measure(dim - 1, face) for face in faces)
         joints.append(Joint((one, other), (f"{one}_{name}", f"{other}_{name}"), area, shapes))
     return joints
 
@@ -175,7 +177,7 @@ def _faces(dim: int, parts: Sequence[Part], sides: dict[int, tuple[int, ...]]) -
         used.add(name)
         gmsh.model.addPhysicalGroup(dim - 1, tags, name=name)
         nodes = np.concatenate([_coordinates(dim - 1, tag) for tag in tags])
-        shape, area = shape_of(dim - 1, tags[0]), sum(_area(dim - 1, tag) for tag in tags)
+        shape, area = shape_of(dim - 1, tags[0]), sum(_measure(dim - 1, tag) for tag in tags)
         middle = nodes.mean(axis=0)
         middle[abs(middle) < ROUNDING * size] = 0.0
         faces.append(Face(number, name, parts[body].name, shape, area, tuple(map(float, middle))))
@@ -193,9 +195,14 @@ def _qualities(dim: int, part: Part) -> Floats:
     return np.asarray(gmsh.model.mesh.getElementQualities(_elements(dim, part), "minSICN"))
 
 
-def _area(dim: int, tag: int) -> float:
-    tags = gmsh.model.mesh.getElements(dim, tag)[1]
-    return float(gmsh.model.mesh.getElementQualities(np.concatenate(tags), "volume").sum())
+def _measure(dim: int, tag: int) -> float:
+    """Volume, area or length of the elements, curved ones too."""
+    total = 0.0
+    for kind in gmsh.model.mesh.getElementTypes(dim, tag):
+        points, weights = gmsh.model.mesh.getIntegrationPoints(kind, GAUSS)
+        determinants = gmsh.model.mesh.getJacobians(kind, points, tag)[1]
+        total += float((determinants.reshape(-1, weights.size) @ weights).sum())
+    return total
 
 
 def _coordinates(dim: int, tag: int) -> Floats:
@@ -203,5 +210,6 @@ def _coordinates(dim: int, tag: int) -> Floats:
     return np.asarray(found[1]).reshape(-1, 3)
 
 
-def _nodes_of(dim: int, tags: Sequence[int]) -> int:
-    return sum(len(_coordinates(dim, tag)) for tag in tags)
+def _nodes_of(dim: int, part: Part) -> int:
+    nodes = [n for tag in part.tags for n in gmsh.model.mesh.getElements(dim, tag)[2]]
+    return np.unique(np.concatenate(nodes)).size

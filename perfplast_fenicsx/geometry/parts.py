@@ -144,6 +144,7 @@ def _read_script(path: Path) -> tuple[int, list[Part]]:
     if dim < 2:
         raise InputError(f"'{path}' has no volume and no surface; make the bodies in it.")
     groups = gmsh.model.getPhysicalGroups(dim)
+    given = [gmsh.model.getPhysicalName(*group) for group in gmsh.model.getPhysicalGroups()]
     labels, entities = [], []
     for _, group in groups:
         labels.append(gmsh.model.getPhysicalName(dim, group) or f"group {group}")
@@ -154,5 +155,7 @@ def _read_script(path: Path) -> tuple[int, list[Part]]:
             labels.append("part")
             entities.append((tag,))
     gmsh.model.removePhysicalGroups()
+    for name in given:  # which gmsh keeps, and gives to no other group then
+        gmsh.model.removePhysicalName(name)
     names = unique_names(labels)
     return dim, [Part(*both) for both in zip(names, labels, entities, strict=True)]

@@ -1,6 +1,7 @@
 """Geometry files become meshes with names, or one sentence."""
 
 import math
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from perfplast_fenicsx import read_gmsh
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey, mesh_geometry
-from perfplast_fenicsx.geometry.parts import unique_names
+from perfplast_fenicsx.geometry.first_case import first_case
+from perfplast_fenicsx.geometry.parts import check_file, unique_names
+from perfplast_fenicsx.geometry.survey import Body
 from perfplast_fenicsx.mesh import gmsh_session
 
 FOREIGN = Path("/usr/share/opencascade/data")
@@ -56,6 +59,16 @@ def survey_of(source: Path, mesh: Path, options: MeshingOptions | None = None) -
     return found
 
 
+def nodes_in(mesh: Path) -> int:
+    """How many nodes a .msh file has. Collective."""
+    count = 0
+    if MPI.COMM_WORLD.rank == 0:
+        with gmsh_session():
+            gmsh.open(str(mesh))
+            count = gmsh.model.mesh.getNodes(returnParametricCoord=False)[0].size
+    return int(MPI.COMM_WORLD.bcast(count))
+
+
 @pytest.mark.mpi3
 def test_bodies_joints_and_faces(shared_tmp_path: Path) -> None:
     step = write(shared_tmp_path / "pin.step", pin_in_plate)
@@ -82,9 +95,44 @@ def test_bodies_joints_and_faces(shared_tmp_path: Path) -> None:
     assert set(read.surfaces) == set(faces) | sides
 
 
+def test_curved_elements(shared_tmp_path: Path) -> None:
+    step = write(shared_tmp_path / "ball.step", lambda: gmsh.model.occ.addSphere(0, 0, 0, 1))
+    mesh = shared_tmp_path / "ball.msh"
+    found = survey_of(step, mesh, MeshingOptions(size=1.0, order=2))
+    assert found.bodies[0].volume == pytest.approx(4 * math.pi / 3, rel=2e-3)
+    assert found.faces[0].area == pytest.approx(4 * math.pi, rel=2e-3)
+    assert found.nodes == nodes_in(mesh)
+
+
+TOUCHING_FACES = """SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 1, 1};
+Rectangle(2) = {1, 0, 0, 1, 1};
+Rectangle(3) = {0, 1, 0, 1, 1};
+Coherence;
+Physical Surface("a") = {1};
+Physical Surface("a_x_low") = {2};
+Physical Surface("A") = {3};
+Physical Curve("a_2_y_low") = {1};
+"""
+
+
+def test_groups_with_names(shared_tmp_path: Path) -> None:
+    source, mesh = shared_tmp_path / "faces.geo", shared_tmp_path / "faces.msh"
+    if MPI.COMM_WORLD.rank == 0:
+        source.write_text(TOUCHING_FACES)
+    MPI.COMM_WORLD.barrier()
+    found = survey_of(source, mesh, MeshingOptions(size=0.5))
+    assert [body.name for body in found.bodies] == ["a_1", "a_x_low", "a_2"]
+    assert [joint.bodies for joint in found.joints] == [("a_1", "a_x_low"), ("a_1", "a_2")]
+    assert found.nodes == nodes_in(mesh)  # where all three meet each has its own
+    read = read_gmsh(MPI.COMM_WORLD, mesh)
+    assert set(read.volumes) == {"a_1", "a_2", "a_x_low"}
+    assert {face.name for face in found.faces} < set(read.surfaces)
+
+
 def test_bodies_apart(shared_tmp_path: Path) -> None:
     step = write(shared_tmp_path / "apart.step", lambda: pin_in_plate(beside=0.05))
-    found = survey_of(step, shared_tmp_path / "apart.msh")
+    found = survey_of(step, shared_tmp_path / "apart.msh", MeshingOptions(size=10.0))
     assert {near.bodies for near in found.near} == {("part_1", "part_4"), ("part_3", "part_4")}
     assert [near.gap for near in found.near] == pytest.approx([0.05, 0.05])
 
@@ -111,9 +159,6 @@ def test_command(shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> No
     ("name", "content", "says"),
     [
         ("missing.step", None, "cannot be read: No such file"),
-        ("empty.step", "", "is empty"),
-        ("other.step", "solid teapot", "is no STEP file"),
-        ("teapot.stl", "solid teapot", "no geometry file by its name"),
         ("broken.step", "ISO-10303-21;\nDATA;\n#1=OOPS(;\nEND", "broken.step'"),
         ("nothing.geo", "a = 1;", "has no volume and no surface"),
         ("wrong.geo", "Box(1) = {0, 0", "cannot be read"),
@@ -127,6 +172,20 @@ def test_no_geometry(shared_tmp_path: Path, name: str, content: str | None, says
     with pytest.raises(InputError, match=says):
         survey_of(shared_tmp_path / name, mesh)
     assert not mesh.exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("empty.step", "", "is empty"),
+        ("other.step", "solid teapot", "is no STEP file"),
+        ("teapot.stl", "solid teapot", "no geometry file by its name"),
+    ],
+)
+def test_no_geometry_at_first_sight(tmp_path: Path, name: str, content: str, says: str) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(InputError, match=says):
+        check_file(tmp_path / name)
 
 
 def test_overlap(shared_tmp_path: Path) -> None:
@@ -150,7 +209,7 @@ def test_smaller_elements_in_one_body(shared_tmp_path: Path) -> None:
     step = write(shared_tmp_path / "pin.step", pin_in_plate)
     cells = []
     for sizes in ({}, {"part_4": 1.5}):
-        options = MeshingOptions(size=6.0, sizes=sizes)
+        options = MeshingOptions(size=10.0, sizes=sizes)
         found = survey_of(step, shared_tmp_path / "out.msh", options)
         cells.append([body.cells for body in found.bodies])
     assert cells[1][3] > 5 * cells[0][3]
@@ -164,6 +223,14 @@ def test_smaller_elements_in_one_body(shared_tmp_path: Path) -> None:
 def test_options(values: dict[str, float], says: str) -> None:
     with pytest.raises(InputError, match=says):
         MeshingOptions(**values)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("title", ["Ü \"1\" \\ '2'", "two\nlines = 1\t", "\x7f\x00"])
+def test_any_title(title: str) -> None:
+    body = Body("a", title, 1.0, (0.0,) * 3, (1.0,) * 3, 1, 1.0)
+    case = tomllib.loads(first_case(Survey(3, 1, 4, [body]), title, "mesh.msh"))
+    assert case["title"] == title
+    assert case["material"].keys() == {"a"}
 
 
 def test_names() -> None:
