@@ -58,8 +58,7 @@ class Iterate:
         self._gradient_u = problem.create_vector()
         self._gradient_y = problem.create_vector()
         self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
-        self.lifted = False
-        self.first_force = 0.0
+        self.lifted, self.first_force = False, 0.0
         self.slip: Slip = stuck(problem.friction.index.shape)
         self._operator = ContactOperator(problem, self._stiffness.matrix)
 
@@ -80,8 +79,7 @@ class Iterate:
         self.lifted = start is None and problem.initial_strain is not None
         if problem.motion.moves_supports:
             held, known = problem.fixed.ravel(), problem.prescribed[problem.fixed]
-            moved = bool((u.x.array[held] != known).any())
-            self.lifted |= problem.comm.allreduce(moved, MPI.LOR)
+            self.lifted |= problem.comm.allreduce(bool((u.x.array[held] != known).any()), MPI.LOR)
             u.x.array[held] = known
         basis.M.mult(u.x.petsc_vec, self.y)
         jumps = self.y.array_r[basis.index]
@@ -124,8 +122,7 @@ class Iterate:
     def room(self) -> Floats:
         """Room g − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""
         basis = self.problem.basis
-        room = basis.gap - self.y.array_r[basis.index]
-        return np.maximum(room, 0)
+        return np.maximum(basis.gap - self.y.array_r[basis.index], 0)
 
     def work(self) -> float:
         """α = L₁(u)."""
