@@ -100,13 +100,14 @@ def strict_upper_bound(
         work, and of the mesh alone where the reasons say so.
 
     Raises:
-        InputError: If loads are constant or friction is Coulomb's.
+        InputError: If supports or obstacles move, loads are constant, bodies are strained at first,
+            or friction is Coulomb's.
     """
     check_friction_has_limits(problem)
-    if not problem.loads.is_proportional():
+    if not problem.is_proportional():
         raise InputError(
-            "loads are constant, and a strict bound is one of loads that all grow; leave out what"
-            " does not grow with the load factor."
+            "supports move, loads are constant or bodies are strained at first, and a strict bound"
+            " is one of loads that all grow; leave out what does not grow with the load factor."
         )
     if problem.tagged_mesh.axisymmetric:
         return Bound(None, "upper", Scope.MESH, (TURNED,))

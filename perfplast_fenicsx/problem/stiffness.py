@@ -89,7 +89,7 @@ def create_stiffness(problem: Problem) -> PETSc.Mat:
     K_nodes = C.transposeMatMult(C)
     row, column, value = entries_of(T)
     of_nodes = (row // bs, column // bs, np.ones(len(value)))
-    T_nodes = matrix_of_entries(T.comm, nodes, nodes, [of_nodes])
+    T_nodes = _closed(matrix_of_entries(T.comm, nodes, nodes, [of_nodes]))
     both = K_nodes.PtAP(T_nodes)
     both.axpy(1.0, K_nodes)
     pointer, columns, _ = both.getValuesCSR()
@@ -105,3 +105,20 @@ def create_stiffness(problem: Problem) -> PETSc.Mat:
     K.setLGMap(to_global)
     to_global.destroy()
     return K
+
+
+def _closed(T: PETSc.Mat) -> PETSc.Mat:
+    """Nodes that follow others by any number of steps, of nodes that follow others by one.
+
+    Single unknowns need one step, but a node's other component may follow further nodes: where a
+    rigid surface is in contact, say. Collective; the given matrix is destroyed.
+    """
+    closed = T.copy()
+    while True:
+        before = closed.getInfo()["nz_used"]
+        further = T.matMult(closed)
+        closed.axpy(1.0, further)
+        further.destroy()
+        if closed.getInfo()["nz_used"] <= before:
+            T.destroy()
+            return closed

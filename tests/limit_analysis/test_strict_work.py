@@ -13,6 +13,7 @@ from dolfinx import fem
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import (
     Contact,
+    InputError,
     Pressure,
     Problem,
     Support,
@@ -32,7 +33,7 @@ from perfplast_fenicsx.limit_analysis.strict_work import composite_vertex_rule
 from perfplast_fenicsx.materials import deviator
 from perfplast_fenicsx.problem import Integral
 from tests.limit_analysis.test_interior_point import BLOCK, COMM, SOIL, K, footing, made
-from tests.models import STEEL, l_plate_problem
+from tests.models import STEEL, l_plate_problem, touching_blocks
 
 
 def blocks_in_space() -> Problem:
@@ -170,6 +171,13 @@ def test_no_mechanism_no_bound() -> None:
     assert bound.value is None
     assert not bound.strict
     assert "not admissible" in repr(bound)
+
+
+def test_no_bound_beside_motions() -> None:
+    supports = [Support("bottom", "z", value=-0.01)]
+    problem = touching_blocks(supports=[Support("x0", "x"), Support("y0", "y"), *supports])
+    with pytest.raises(InputError, match="supports move"):
+        strict_upper_bound(problem, fem.Function(problem.V))
 
 
 def test_what_supports_hold_does_not_move(shared_tmp_path: Path) -> None:

@@ -85,6 +85,20 @@ def check(level: Level) -> None:
 
 
 @pytest.mark.mpi3
+@pytest.mark.parametrize("rigid", ["lower_top", "upper_bottom"])
+def test_nodes_follow_nodes_that_follow(rigid: str) -> None:
+    """A rigid surface in contact with nodes that match: the matrix has room for all of it."""
+    problem = Problem(
+        blocks_apart(MPI.COMM_WORLD, (1, 2), (1, 2)),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom"), Support("top", "x")],
+        [Pressure("top", 30.0)],
+        [Contact("lower_top", "upper_bottom", formulation="nodes")],
+        rigid=[RigidSurface(rigid)],
+    )
+    check(Newton(problem, TIGHT).solve(1.0))
+
+
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_loaded_or_moved(gdim: int, degree: int) -> None:
