@@ -114,13 +114,14 @@ def check_moved_surfaces(
     paired.array[nodes_of(constraints.B, V.dofmap.index_map_bs)] = 1
     paired.scatter_forward()
     constant, growing = prescribed
+    farthest = _farthest(V, prescribed)
     for name, move in moves:
         faces = face_nodes(V, tagged_mesh, name)
         given = (constant[faces.node], growing[faces.node] - move)
         along = np.max([np.abs(np.sum(faces.normal * u, axis=1)) for u in given], axis=0)
         freedom = (np.abs(faces.normal) * ~fixed[faces.node]).max(axis=1, initial=0)
         unseen = (freedom < LEAST_COSINE) & (paired.array[faces.node] == 0)
-        largest = max(np.abs(prescribed).max(initial=0), np.abs(move).max())
+        largest = max(farthest, np.abs(move).max())
         if (unseen & (along > ROUNDING * largest)).any():
             message = (
                 f"supports hold nodes of the contact surface '{name}' along its normal, so that"
@@ -144,8 +145,14 @@ def check_moved_ties(V: fem.FunctionSpace, ties: Constraints, prescribed: Floats
     u = fem.Function(V)
     u.x.array[:] = prescribed.ravel()
     apart = float(np.abs(ties.jumps(u.x.petsc_vec)).max(initial=0))
-    if V.mesh.comm.allreduce(apart > ROUNDING * np.abs(prescribed).max(initial=0), MPI.LOR):
+    if V.mesh.comm.allreduce(apart, MPI.MAX) > ROUNDING * _farthest(V, prescribed):
         raise InputError(
             "a support moves nodes of a tied surface, which the other surface would have to"
             " follow; leave these nodes out of the support or of the tie, or give it the value 0."
         )
+
+
+def _farthest(V: fem.FunctionSpace, prescribed: Floats) -> float:
+    """The largest component of u_D on any rank. Collective."""
+    own = float(np.abs(prescribed).max(initial=0))
+    return float(V.mesh.comm.allreduce(own, MPI.MAX))
