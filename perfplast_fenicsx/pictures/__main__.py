@@ -9,13 +9,12 @@ from collections.abc import Callable, Iterator, Sequence
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.pictures.drawing_process import REFUSED
-from perfplast_fenicsx.pictures.parts_figure import draw_parts
-from perfplast_fenicsx.pictures.result_figures import animate, plot
+from perfplast_fenicsx.pictures.result_figures import animate, parts, plot
 
 COMMANDS: dict[str, Callable[..., Iterator[str]]] = {
     "plot": plot,
     "animate": animate,
-    "parts": draw_parts,
+    "parts": parts,
 }
 
 

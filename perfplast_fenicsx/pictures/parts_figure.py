@@ -3,7 +3,6 @@
 Only the drawing process imports this (:mod:`drawing_process`).
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib as mpl
@@ -16,7 +15,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.errors import InputError
 
 VIEWS = {"from the front": (1.0, -1.6, 0.9), "from behind": (-1.0, 1.6, -0.9)}
 """Directions from which bodies in space are seen."""
@@ -40,18 +38,12 @@ LIFTED = 0.004
 """Numbers stand so far before their faces, relative to the size of all."""
 
 
-def draw_parts(source: str | Path, output: str | Path) -> Iterator[str]:
+def save_parts(source: str | Path, output: Path) -> None:
     """Draw the skin in an .npz file (:func:`perfplast_fenicsx.geometry.skin.skin_of`).
 
     Args:
         source: The file.
         output: A PNG file.
-
-    Yields:
-        Its path.
-
-    Raises:
-        InputError: If it cannot be written.
     """
     with np.load(source) as file:
         skin = {name: file[name] for name in file.files}
@@ -74,11 +66,7 @@ def draw_parts(source: str | Path, output: str | Path) -> Iterator[str]:
     figure.suptitle("Bodies, and the numbers of their free faces")
     rows = -(-len(handles) // COLUMNS)
     figure.subplots_adjust(0.01, 0.03 + 0.037 * rows, 0.99, 0.9, wspace=0.02)
-    try:
-        figure.savefig(output)
-    except OSError as error:
-        raise InputError(f"'{output}' cannot be written: {error.strerror}.") from error
-    yield str(output)
+    figure.savefig(output)
 
 
 def _view(

@@ -106,6 +106,26 @@ def animate(folder: str | Path, output: str | Path | None = None) -> Iterator[st
     yield str(path)
 
 
+def parts(skin: str | Path, output: str | Path) -> Iterator[str]:
+    """Draw the bodies of a geometry with the numbers of their free faces.
+
+    Args:
+        skin: An .npz file of :func:`perfplast_fenicsx.geometry.skin.skin_of`.
+        output: A PNG file.
+
+    Yields:
+        Its path once it is drawn.
+
+    Raises:
+        InputError: If it cannot be drawn or written.
+    """
+    with _drawing(Path(output)) as path:
+        from perfplast_fenicsx.pictures.parts_figure import save_parts
+
+        save_parts(skin, path)
+    yield str(path)
+
+
 def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, float, str] | None:
     """The mechanism: that of the limit load, else the increment between the last two levels.
 
