@@ -90,9 +90,7 @@ class ViscousFlow:
         self._force = problem.create_vector()
         self._b, self._y = problem.create_vector(), problem.create_vector()
         self._live, self._rest = problem.create_vector(), problem.create_vector()
-        self._ksp = PETSc.KSP().create(problem.comm)
-        self._ksp.setOptionsPrefix(own_prefix(BOUND, _preset(problem)))
-        self._ksp.setFromOptions()
+        self._ksp = _solver(problem)
         self._work = 1.0  # L₁ of the flow under L₁
         self._closed: Ints = np.zeros(0, dtype=np.int32)
 
@@ -161,10 +159,21 @@ class ViscousFlow:
         return float(self._problem.loads.dead.dot(self.velocity.x.petsc_vec))
 
     def _solve(self, force: PETSc.Vec, y: PETSc.Vec) -> None:
-        """The flow in the contact basis under nodal forces."""
+        """The flow in the contact basis under nodal forces.
+
+        Raises:
+            NoFlow: If MUMPS has no factors to solve with, though it has not said before that they
+                failed, as was seen on three ranks where bodies slide freely.
+        """
         self._problem.basis.T.multTranspose(force, self._b)
         self._b.array[self._closed] = 0
-        self._ksp.solve(self._b, y)
+        try:
+            self._ksp.solve(self._b, y)
+        except PETSc.Error as error:  # on all ranks; PETSc leaves its right-hand side locked
+            for part in (self._ksp, self._b):
+                part.destroy()
+            self._ksp, self._b = _solver(self._problem), self._problem.create_vector()
+            raise NoFlow("the flow cannot be solved for: it is not unique") from error
         self.solves += 1
 
     def _combine(self) -> None:
@@ -202,6 +211,14 @@ class ViscousFlow:
         self.factorisations += 1
         if self._ksp.getPC().getFailedReason():
             raise NoFlow("the flow cannot be factorised: it is not unique, or memory is short")
+
+
+def _solver(problem: Problem) -> PETSc.KSP:
+    """What factorises the flow. Collective."""
+    ksp = PETSc.KSP().create(problem.comm)
+    ksp.setOptionsPrefix(own_prefix(BOUND, _preset(problem)))
+    ksp.setFromOptions()
+    return ksp
 
 
 def _preset(problem: Problem) -> dict[str, object]:
