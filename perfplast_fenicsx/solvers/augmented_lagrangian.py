@@ -30,10 +30,7 @@ from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import State
-from perfplast_fenicsx.solvers.active_set.friction_splitting import (
-    FrictionSplitting,
-    stiffness_of,
-)
+from perfplast_fenicsx.solvers.active_set.friction_splitting import FrictionSplitting
 from perfplast_fenicsx.solvers.anderson import Anderson, elastic_weights
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.progress import Step
@@ -117,7 +114,7 @@ class AugmentedLagrangian(LevelSolver):
         operator = self.iterate.operator(rho=1.0)
         self._splitting: FrictionSplitting | None = None
         if problem.friction.count:
-            stiffness = stiffness_of(problem.friction, operator)
+            stiffness = problem.friction.gather(operator.diagonal()).max(axis=1)
             self._splitting = FrictionSplitting(problem, operator, stiffness)
         self.program.set_operator(operator)
         self._first_work = 0.0

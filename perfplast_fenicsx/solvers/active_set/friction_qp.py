@@ -18,10 +18,7 @@ from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram, ContactStep
 from perfplast_fenicsx.solvers.active_set.equality_qp import Held
-from perfplast_fenicsx.solvers.active_set.friction_splitting import (
-    FrictionSplitting,
-    stiffness_of,
-)
+from perfplast_fenicsx.solvers.active_set.friction_splitting import FrictionSplitting
 from perfplast_fenicsx.solvers.active_set.slip import (
     Slip,
     distance,
@@ -78,7 +75,7 @@ class FrictionProgram:
         """Take a new operator A in the jump basis, or the same with new values. Collective."""
         self._operator = A
         if self._stiffness is None:
-            self._stiffness = stiffness_of(self._problem.friction, A)
+            self._stiffness = self._problem.friction.gather(A.diagonal()).max(axis=1)
 
     def solve(
         self,

@@ -15,19 +15,10 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.friction import Friction, norms
+from perfplast_fenicsx.contact.friction import norms, shrunk
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.slip import Slip, judge, stuck
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
-
-
-def stiffness_of(friction: Friction, operator: ContactOperator) -> Floats:
-    """How stiff bodies are at the places, shape (num_places,). Collective."""
-    operator.hold(np.zeros(0, dtype=np.int32))
-    diagonal = operator.matrix.getDiagonal()
-    entries: Floats = friction.gather(diagonal.array_r).max(axis=1)
-    diagonal.destroy()
-    return entries
 
 
 class FrictionSplitting:
@@ -73,9 +64,7 @@ class FrictionSplitting:
         """
         stiffness, before = r * self._k[:, None], self._q
         trial = self._mu + stiffness * jumps
-        sizes, bound = norms(trial), self._problem.friction.bound
-        share = np.divide(bound, sizes, out=np.ones_like(sizes), where=sizes > bound)
-        self._mu = share[:, None] * trial
+        self._mu = shrunk(trial, self._problem.friction.bound)
         self._q = (trial - self._mu) / stiffness
         squares = [self._k @ norms(v) ** 2 for v in (jumps - self._q, self._q - before)]
         return np.asarray(self._problem.comm.allreduce(np.array(squares)), dtype=np.float64)
