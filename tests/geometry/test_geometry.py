@@ -2,7 +2,6 @@
 
 import math
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 
 from mpi4py import MPI
@@ -13,50 +12,15 @@ import pytest
 from perfplast_fenicsx import read_gmsh
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.geometry import MeshingOptions, Survey, mesh_geometry
+from perfplast_fenicsx.geometry import MeshingOptions, Survey
 from perfplast_fenicsx.geometry.first_case import first_case
 from perfplast_fenicsx.geometry.parts import check_file, unique_names
 from perfplast_fenicsx.geometry.survey import Body
 from perfplast_fenicsx.mesh import gmsh_session
+from tests.geometry.files import pin_in_plate, survey_of, write
 
 FOREIGN = Path("/usr/share/opencascade/data")
 """What Debian's OpenCASCADE brings along."""
-
-
-def pin_in_plate(shift: float = 0.0, beside: float = 0.0) -> None:
-    """A plate with a hole, the pin in it, a block on top, and one that stands beside."""
-    occ = gmsh.model.occ
-    plate, hole = occ.addBox(-10, -10, 0, 30, 20, 4), occ.addCylinder(0, 0, 0, 0, 0, 4, 5)
-    occ.cut([(3, plate)], [(3, hole)])
-    occ.addCylinder(shift, 0, 0, 0, 0, 4, 5)
-    occ.addBox(10, -10, 4, 10, 20, 4)
-    occ.addBox(20 + beside, -10, 0, 5, 20, 4)
-
-
-def write(path: Path, make: Callable[[], None]) -> Path:
-    """Write a geometry by rank 0."""
-    if MPI.COMM_WORLD.rank == 0:
-        with gmsh_session():
-            make()
-            gmsh.model.occ.synchronize()
-            gmsh.write(str(path))
-    MPI.COMM_WORLD.barrier()
-    return path
-
-
-def survey_of(source: Path, mesh: Path, options: MeshingOptions | None = None) -> Survey:
-    """Mesh by rank 0; the same survey or refusal on all ranks."""
-    found: Survey | InputError | None = None
-    if MPI.COMM_WORLD.rank == 0:
-        try:
-            found = mesh_geometry(source, mesh, options)
-        except InputError as error:
-            found = error
-    found = MPI.COMM_WORLD.bcast(found)
-    if isinstance(found, InputError):
-        raise found
-    assert found is not None
-    return found
 
 
 def nodes_in(mesh: Path) -> int:
@@ -98,7 +62,7 @@ def test_bodies_joints_and_faces(shared_tmp_path: Path) -> None:
 def test_curved_elements(shared_tmp_path: Path) -> None:
     step = write(shared_tmp_path / "ball.step", lambda: gmsh.model.occ.addSphere(0, 0, 0, 1))
     mesh = shared_tmp_path / "ball.msh"
-    found = survey_of(step, mesh, MeshingOptions(size=1.0, order=2))
+    found = survey_of(step, mesh, MeshingOptions(size=0.6, order=2))
     assert found.bodies[0].volume == pytest.approx(4 * math.pi / 3, rel=2e-3)
     assert found.faces[0].area == pytest.approx(4 * math.pi, rel=2e-3)
     assert found.nodes == nodes_in(mesh)
@@ -228,7 +192,7 @@ def test_options(values: dict[str, float], says: str) -> None:
 @pytest.mark.parametrize("title", ["Ü \"1\" \\ '2'", "two\nlines = 1\t", "\x7f\x00"])
 def test_any_title(title: str) -> None:
     body = Body("a", title, 1.0, (0.0,) * 3, (1.0,) * 3, 1, 1.0)
-    case = tomllib.loads(first_case(Survey(3, 1, 4, [body]), title, "mesh.msh"))
+    case = tomllib.loads(first_case(Survey(3, 1, 4, [body]), title, "a.step"))
     assert case["title"] == title
     assert case["material"].keys() == {"a"}
 
