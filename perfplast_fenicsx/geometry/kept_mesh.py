@@ -62,7 +62,7 @@ def make_mesh(
         source: The geometry file.
         mesh: The .msh file; it is replaced as a whole.
         options: How it is to be meshed.
-        skin: As for :func:`mesh_geometry`.
+        skin: An .npz file to write for pictures, if any.
 
     Returns:
         What is in it.

@@ -13,9 +13,9 @@ from perfplast_fenicsx import read_gmsh
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey
-from perfplast_fenicsx.geometry.first_case import first_case
+from perfplast_fenicsx.geometry.first_case import Glued, first_case
 from perfplast_fenicsx.geometry.parts import check_file, unique_names
-from perfplast_fenicsx.geometry.survey import Body
+from perfplast_fenicsx.geometry.survey import Body, Joint
 from perfplast_fenicsx.mesh import gmsh_session
 from tests.geometry.files import pin_in_plate, survey_of, write
 
@@ -94,6 +94,13 @@ def test_groups_with_names(shared_tmp_path: Path) -> None:
     assert {face.name for face in found.faces} < set(read.surfaces)
 
 
+TWO_NAMES = """SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 1, 1};
+Physical Surface("a") = {1};
+Physical Surface("b") = {1};
+"""
+
+
 def test_bodies_apart(shared_tmp_path: Path) -> None:
     step = write(shared_tmp_path / "apart.step", lambda: pin_in_plate(beside=0.05))
     found = survey_of(step, shared_tmp_path / "apart.msh", MeshingOptions(size=10.0))
@@ -126,6 +133,7 @@ def test_command(shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> No
         ("broken.step", "ISO-10303-21;\nDATA;\n#1=OOPS(;\nEND", "broken.step'"),
         ("nothing.geo", "a = 1;", "has no volume and no surface"),
         ("wrong.geo", "Box(1) = {0, 0", "cannot be read"),
+        ("twice.geo", TWO_NAMES, "surface 1 of .* is in the physical groups 'a' and 'b'"),
     ],
 )
 def test_no_geometry(shared_tmp_path: Path, name: str, content: str | None, says: str) -> None:
@@ -136,6 +144,35 @@ def test_no_geometry(shared_tmp_path: Path, name: str, content: str | None, says
     with pytest.raises(InputError, match=says):
         survey_of(shared_tmp_path / name, mesh)
     assert not mesh.exists()
+
+
+def test_bodies_that_touch_along_an_edge(shared_tmp_path: Path) -> None:
+    def two() -> None:
+        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+        gmsh.model.occ.addBox(1, 1, 0, 1, 1, 1)
+
+    step, mesh = write(shared_tmp_path / "edge.step", two), shared_tmp_path / "edge.msh"
+    found = survey_of(step, mesh, MeshingOptions(size=1.0))
+    assert "'part_1' and 'part_2' touch along an edge" in found.remarks[0]
+    assert not found.joints
+    assert not found.near
+
+
+def test_patience(shared_tmp_path: Path) -> None:
+    step, mesh = write(shared_tmp_path / "pin.step", pin_in_plate), shared_tmp_path / "pin.msh"
+    with pytest.raises(InputError, match="was not meshed in 0.01 s"):
+        survey_of(step, mesh, MeshingOptions(patience=0.01))
+    assert not mesh.exists()
+
+
+def test_bolts_with_nuts() -> None:
+    bodies = [Body(name, name, 1.0, (0.0,) * 3, (1.0,) * 3, 1, 1.0) for name in ("bolt_1", "nut")]
+    joint = Joint(("bolt_1", "nut"), ("bolt_1_joint_1", "nut_joint_1"), 1.0, ("cylindrical",))
+    for glued, kind in ((Glued.NOTHING, "contact"), (Glued.BOLTS, "tie"), (Glued.ALL, "tie")):
+        text = first_case(Survey(3, 1, 4, bodies, [joint]), "a", "a.step", glued=glued)
+        assert kind in tomllib.loads(text)
+    with pytest.raises(InputError, match="no bolt touches a nut"):
+        first_case(Survey(3, 1, 4, bodies), "a", "a.step", glued=Glued.BOLTS)
 
 
 @pytest.mark.parametrize(
