@@ -41,7 +41,7 @@ class Document:
         element: The finite elements.
         solve: The algorithm and its options.
         output: What is written.
-        units: What legends call the units.
+        units: What the numbers are in.
     """
 
     mesh: Table
