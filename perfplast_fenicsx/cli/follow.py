@@ -93,7 +93,7 @@ class Follower:
                 f"{step['plastic_fraction']:.1%}",
                 f"{step['active_contacts']}/{step['contact_pairs']}",
                 *(f"{step['duality_gap']:.1e}", f"{step['seconds']:.2f}"),
-                remaining(summary.get("planned"), seconds),
+                remaining(summary["planned"], seconds),
             )
             pairs = zip(cells, COLUMNS, strict=True)
             self.terminal.say("  ".join(f"{cell:>{width}}" for cell, (_, width) in pairs).rstrip())
@@ -107,7 +107,7 @@ class Follower:
 
     def _waiting(self, summary: dict[str, Any]) -> str:
         """What the run does now, by its results and the last line of its log."""
-        left = remaining(summary.get("planned"), [one["seconds"] for one in summary["steps"]])
+        left = remaining(summary["planned"], [one["seconds"] for one in summary["steps"]])
         last = self._log()[-1].partition("INFO")[2].strip()
         return f"level {self._shown + 1}{f' ({left})' if left else ''}: {last}"
 
@@ -118,7 +118,8 @@ class Follower:
     def _end(self, summary: dict[str, Any]) -> str:
         """How the run has ended, in words."""
         *before, last = ["", *self._log()]
-        levels = f"{len(summary['steps'])} levels on file"
+        count = len(summary["steps"])
+        levels = f"{count} level{'' if count == 1 else 's'} on file"
         if ENDED not in last:
             return f"The run was killed, with {levels}; --restart {self.folder} goes on."
         limit, failed = summary["limit"], [a for a in summary["steps"] if not a["converged"]]
