@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from perfplast_fenicsx.cli.remaining import remaining
-from perfplast_fenicsx.cli.run_log import ENDED
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.results.run_lock import is_held
+from perfplast_fenicsx.io.results.run_lock import ENDED, is_held
 
 PERIOD = 0.5
 """Time between two looks (s)."""

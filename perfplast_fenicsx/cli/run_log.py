@@ -19,7 +19,7 @@ from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.io.results.run_lock import hold
+from perfplast_fenicsx.io.results.run_lock import ENDED, hold
 from perfplast_fenicsx.limit_analysis.adaptation import Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
@@ -28,9 +28,6 @@ from perfplast_fenicsx.problem.report import Iteration, LevelReport
 
 LEVELS = ("debug", "info", "warning", "error")
 """Choices of ``--log-level``."""
-
-ENDED = "ended after"
-"""How the last line of a run begins that was not killed."""
 
 PACKAGE = logging.getLogger("perfplast_fenicsx")
 

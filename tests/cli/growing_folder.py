@@ -11,8 +11,7 @@ import sys
 import time
 from pathlib import Path
 
-from perfplast_fenicsx.cli.run_log import ENDED
-from perfplast_fenicsx.io.results.run_lock import hold
+from perfplast_fenicsx.io.results.run_lock import ENDED, hold
 
 PATIENCE = 60.0
 """Longest time for the reader (s)."""

@@ -17,7 +17,7 @@ from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.run_lock import hold, is_held
 from tests.cli import growing_folder
-from tests.models import punch_case, write_case, STEEL
+from tests.models import STEEL, punch_case, write_case
 
 ROOT = Path(__file__).parents[2]
 

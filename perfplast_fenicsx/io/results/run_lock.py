@@ -8,6 +8,9 @@ import fcntl
 from pathlib import Path
 from typing import IO
 
+ENDED = "ended after"
+"""How the last line of the log begins where the run was not killed."""
+
 
 def hold(file: IO[str]) -> bool:
     """Lock a file until it is closed, together with others that do; False if it cannot be done."""
