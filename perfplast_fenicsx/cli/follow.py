@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from perfplast_fenicsx.cli.remaining import remaining
+from perfplast_fenicsx.cli.remaining import next_level, remaining
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.run_lock import ENDED, is_held
@@ -106,9 +106,8 @@ class Follower:
 
     def _waiting(self, summary: dict[str, Any]) -> str:
         """What the run does now, by its results and the last line of its log."""
-        left = remaining(summary["planned"], [one["seconds"] for one in summary["steps"]])
-        last = self._log()[-1].partition("INFO")[2].strip()
-        return f"level {self._shown + 1}{f' ({left})' if left else ''}: {last}"
+        level = next_level(summary["planned"], [one["seconds"] for one in summary["steps"]])
+        return f"{level}: {self._log()[-1].partition('INFO')[2].strip()}"
 
     def _log(self) -> list[str]:
         text = (self.folder / "run.log").read_text(encoding="utf-8", errors="replace")

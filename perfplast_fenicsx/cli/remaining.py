@@ -20,9 +20,27 @@ def remaining(planned: int | None, seconds: Sequence[float]) -> str:
     left = 0 if planned is None else planned - len(seconds)
     if left < 1:
         return ""
-    words = f"{left} level{'s' if left > 1 else ''} left"
+    time = _time_left(left, seconds)
+    return f"{left} level{'s' if left > 1 else ''} left" + (f", about {time}" if time else "")
+
+
+def next_level(planned: int | None, seconds: Sequence[float]) -> str:
+    """The level that is being solved, such as ``level 3/5, 1:40 left``.
+
+    Args:
+        planned: Levels of the whole run; None where it chooses them as it goes.
+        seconds: What each level so far has taken.
+    """
+    number = len(seconds) + 1
+    if planned is None or planned < number:
+        return f"level {number}"
+    time = _time_left(planned - len(seconds), seconds)
+    return f"level {number}/{planned}" + (f", {time} left" if time else "")
+
+
+def _time_left(levels: int, seconds: Sequence[float]) -> str:
     recent = seconds[-RECENT:]
-    return f"{words}, about {clock(left * sum(recent) / len(recent))}" if recent else words
+    return clock(levels * sum(recent) / len(recent)) if recent else ""
 
 
 def clock(seconds: float) -> str:

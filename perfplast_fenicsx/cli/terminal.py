@@ -11,7 +11,7 @@ from typing import TextIO
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.cli.remaining import clock, remaining
+from perfplast_fenicsx.cli.remaining import clock, next_level
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.adaptation import Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
@@ -104,9 +104,8 @@ class Terminal:
 
     @property
     def next_level(self) -> str:
-        """The level that is being solved, and what is left of the run."""
-        left = remaining(self._planned, self._seconds)
-        return f"level {len(self._seconds) + 1}" + (f" ({left})" if left else "")
+        """The level that is being solved, of how many, and the time that is left."""
+        return next_level(self._planned, self._seconds)
 
     def iteration(self, record: Iteration) -> None:
         """Show a Newton step on the live line; a monitor of the algorithms."""
@@ -114,9 +113,9 @@ class Terminal:
         if now - self._last >= LIVE_PERIOD:
             self._last = now
             self.status(
-                f"{self.next_level}: zeta {record.zeta:.6g}, alpha {record.alpha:.6g},"
-                f" Newton {record.number}, CG {record.linear_iterations},"
-                f" {record.plastic_fraction:.1%} plastic, increment {record.increment:.1e}"
+                f"{self.next_level}: zeta {record.zeta:.6g}, alpha {record.alpha:.4g},"
+                f" Newton {record.number}, {record.plastic_fraction:.1%} plastic,"
+                f" increment {record.increment:.1e}, CG {record.linear_iterations}"
             )
 
     def interior(self, step: InteriorStep) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.follow import Follower
-from perfplast_fenicsx.cli.remaining import remaining
+from perfplast_fenicsx.cli.remaining import next_level, remaining
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError
@@ -120,3 +120,9 @@ def test_a_lock_is_held_as_long_as_its_file_is_open(tmp_path: Path) -> None:
 )
 def test_what_remains(planned: int | None, seconds: list[float], words: str) -> None:
     assert remaining(planned, seconds) == words
+
+
+def test_the_next_level() -> None:
+    assert next_level(None, [1.0]) == next_level(1, [1.0]) == "level 2"
+    assert next_level(3, []) == "level 1/3"
+    assert next_level(3, [2.0]) == "level 2/3, 0:04 left"
