@@ -114,7 +114,8 @@ def _on_friction(problem: Problem) -> list[str]:
     """What is to be said of Coulomb's friction, and its bounds if known. Collective."""
     if not problem.friction.follows_pressure:
         return []
-    told = ["Coulomb's friction: each level is one step, whose solution need not be the only one"]
+    step = "a step from the one before" if problem.in_stages else "one step"
+    told = [f"Coulomb's friction: each level is {step}, whose solution need not be the only one"]
     if method_for(problem) is LimitMethod.INTERIOR_POINT:
         told.append(drucker_bounds(problem).in_words())
     return told
