@@ -23,6 +23,9 @@ class Summary:
         limit: Limit load, where one was asked for.
         timings: Wall time by activity (s).
         peak_memory_mb: Sum over the ranks of their largest resident sizes (MiB).
+        units: The unit of each quantity (:meth:`units.Units.table`); nothing of a Python program
+            without a scene.
+        planned: Levels of the whole run; None where it chooses them as it goes.
     """
 
     title: str
@@ -39,6 +42,8 @@ class Summary:
     limit: dict[str, Any] | None = None
     timings: dict[str, float] = field(default_factory=dict)
     peak_memory_mb: float = 0.0
+    units: dict[str, str] = field(default_factory=dict)
+    planned: int | None = None
 
 
 def to_json(value: Any) -> str:

@@ -45,6 +45,8 @@ SUMMARY_KEYS = [
         "timings",
     ),
     "peak_memory_mb",
+    "units",
+    "planned",
 ]
 
 
