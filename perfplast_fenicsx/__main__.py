@@ -13,14 +13,14 @@ from pathlib import Path
 from mpi4py import MPI
 
 from perfplast_fenicsx.cli.follow import Follower
-from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, read_sizes
+from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, meshing_options
 from perfplast_fenicsx.cli.parser import read_arguments
 from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED, run
 from perfplast_fenicsx.cli.run_log import logged_to_console
 from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.first_case import Glued
 from perfplast_fenicsx.io.case.case import read_case
 from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.pictures.drawing_process import animate, plot
@@ -163,10 +163,9 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
             Terminal(comm).say(common_materials(chosen.units))
             return SOLVED
         if chosen.command == "mesh":
-            sizes = read_sizes(chosen.size_of)
-            shape = (chosen.size, sizes, chosen.curvature, chosen.order, chosen.overlap)
-            where = (chosen.geometry, chosen.output, MeshingOptions(*shape))
-            mesh(comm, *where, chosen.material, chosen.tied, chosen.force)
+            glued = Glued.ALL if chosen.tied else Glued.BOLTS if chosen.bolted else Glued.NOTHING
+            where = (chosen.geometry, chosen.output, meshing_options(chosen))
+            mesh(comm, *where, chosen.material, glued, chosen.force)
             return SOLVED
         if chosen.command == "plot" and chosen.follow:
             return follow(comm, chosen.results, chosen.output, chosen.wait)

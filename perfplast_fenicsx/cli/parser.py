@@ -26,6 +26,9 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
         InputError: If they say nothing that can be done.
         SystemExit: After help or version.
     """
+    for argument in arguments:
+        if not argument.isprintable() and any("\udc80" <= c <= "\udcff" for c in argument):
+            raise InputError(f"the argument '{argument}' is not UTF-8; give it another name.")
     ours, petsc = list(arguments), []
     if "--" in ours:
         split = ours.index("--")
@@ -138,7 +141,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "mesh",
         help="turn a STEP, BREP or .geo file into a mesh and a first case file",
         description="Read the bodies of a geometry file, find out where they touch, and write"
-        " DIR/mesh.msh and DIR/case.toml, in which materials, supports and loads are to be filled"
+        " DIR/case.msh and DIR/case.toml, in which materials, supports and loads are to be filled"
         " in. Lengths are in mm for STEP files.",
     )
     mesh.add_argument("geometry", metavar="FILE", help=".step, .stp, .brep, .iges, .igs or .geo")
@@ -158,6 +161,16 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "--order", type=int, choices=(1, 2), default=1, help="2 for curved elements (default: 1)"
     )
     mesh.add_argument(
+        "--symmetry",
+        metavar="AXIS=X",
+        action="append",
+        default=[],
+        help="plane of symmetry, such as x=0; the half beyond is kept (may be repeated)",
+    )
+    mesh.add_argument(
+        "--apart", action="store_true", help="mesh each body by itself; contact is then mortar"
+    )
+    mesh.add_argument(
         "--overlap",
         metavar="SHARE",
         type=float,
@@ -167,7 +180,16 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     mesh.add_argument(
         "--material", metavar="NAME", help="of all bodies, from the table of perfplast materials"
     )
-    mesh.add_argument("--tied", action="store_true", help="glue bodies that touch")
+    mesh.add_argument(
+        "--patience",
+        metavar="S",
+        type=float,
+        default=600.0,
+        help="longest time for it, in seconds (default: 600)",
+    )
+    glued = mesh.add_mutually_exclusive_group()
+    glued.add_argument("--tied", action="store_true", help="glue bodies that touch")
+    glued.add_argument("--bolted", action="store_true", help="glue bolts and their nuts alone")
     mesh.add_argument("--force", action="store_true", help="replace mesh and case file in DIR")
 
     check = commands.add_parser(

@@ -17,6 +17,8 @@ from docs.repository import LINK
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.tie import Tie
+from perfplast_fenicsx.geometry.face_choice import NamedFace
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import tables as schemas
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.results import field_series
@@ -35,6 +37,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 TABLES = {
     "[mesh]": [schemas.MeshFile],
+    "[geometry]": [MeshingOptions, NamedFace],
     "[material.NAME]": [*MATERIALS.values()],
     "[[support]]": [schemas.SupportTable],
     "[[load]]": [schemas.LoadTable],

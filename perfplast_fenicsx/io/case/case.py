@@ -1,9 +1,9 @@
 """Case files: what is solved and how, as TOML.
 
-A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
-``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``,
-``[[initial_stress]]``, ``[model]``, ``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``,
-``[output]`` and ``[units]``; see
+A case file holds the tables ``[mesh]`` or ``[geometry]``, ``[material.NAME]``, ``[[support]]``,
+``[[load]]``, ``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``,
+``[[temperature]]``, ``[[initial_stress]]``, ``[model]``, ``[element]``, ``[solve]``, ``[loading]``
+or ``[[stage]]``, ``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
@@ -17,6 +17,7 @@ from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.loading_checks import check_loading
 from perfplast_fenicsx.io.case.loading_options import (
     BoundsControl,
@@ -68,7 +69,7 @@ class Case:
     path: Path
     table: Table = field(repr=False)
     title: str
-    mesh: MeshFile | MeshBuilder
+    mesh: MeshFile | MeshBuilder | GeometryFile
     adapt: Adaptation | None
     materials: dict[str, Material]
     supports: list[Support]
@@ -122,8 +123,11 @@ class Case:
             InputError: If there is no such builder or file, its arguments or content are wrong, or
                 it cannot be adapted where that is wanted.
         """
-        with at(f"{self.path.name}, [mesh]"):
-            if isinstance(self.mesh, MeshBuilder):
+        made = isinstance(self.mesh, GeometryFile)
+        with at(f"{self.path.name}, [{'geometry' if made else 'mesh'}]"):
+            if isinstance(self.mesh, GeometryFile):
+                mesh = self.mesh.mesh(comm, self.path)
+            elif isinstance(self.mesh, MeshBuilder):
                 mesh = build(comm, self.mesh.builder, **self.mesh.arguments)
             else:
                 mesh = read_gmsh(comm, self.path.parent / self.mesh.file)
@@ -240,7 +244,7 @@ def _case(path: Path, table: Table) -> Case:
             check_stages(loading.stages, loads, initial)
     with at(place):
         check_loading(loading, loads, [*held, *rigid], obstacles, strained)
-    mesh = read_mesh(top.mesh, f"{name}, [mesh]")
+    mesh = read_mesh(top.mesh, top.geometry, name)
     model = convert(top.model, ModelOptions, f"{name}, [model]")
     if model.kind == "axisymmetric" and isinstance(loading, BoundsControl):
         raise InputError(
