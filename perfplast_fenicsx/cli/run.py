@@ -24,6 +24,7 @@ from perfplast_fenicsx.limit_analysis.drucker import drucker_bounds
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod, method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.pictures.drawing_process import draw
+from perfplast_fenicsx.problem.left_out import left_out
 from perfplast_fenicsx.problem.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.report.report_file import report_on
@@ -86,7 +87,7 @@ def run(
             on_friction = _on_friction(problem)
             for remark in on_friction:
                 terminal.say(f"{remark}.")
-            remarks = [*problem.constraints.remarks, *on_friction]
+            remarks = [*problem.constraints.remarks, *left_out(problem), *on_friction]
             journal.header(case, [describe(case.title, method, problem), *remarks])
             context = RunContext(
                 case=case,

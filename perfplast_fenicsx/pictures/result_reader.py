@@ -42,6 +42,7 @@ from perfplast_fenicsx.problem.report import LevelReport
 T = TypeVar("T")
 
 DISPLACEMENT, PRESSURE = f"{POINT_DATA}/displacement", f"{POINT_DATA}/contact_pressure"
+SLIP, FRICTION = f"{POINT_DATA}/slip", f"{POINT_DATA}/friction_stress"
 YIELD_RATIO, LEVEL = f"{CELL_DATA}/yield_ratio", f"{FIELD_DATA}/level"
 ACCUMULATED = f"{CELL_DATA}/accumulated_plastic_strain"
 VELOCITY, DISSIPATION = f"{POINT_DATA}/mechanism", f"{CELL_DATA}/dissipation"
@@ -173,11 +174,12 @@ class ResultReader:
         if bool(level.report.factors) and self.read(level.file, _remembers):
             (flow,) = self._arrays(level.file, ACCUMULATED)
             at_cells["accumulated_plastic_strain"] = flow[skin.cells]
-        return dataclasses.replace(
-            skin.surface,
-            at_points={"displacement": u[skin.nodes], "contact_pressure": pressure[skin.nodes]},
-            at_cells=at_cells,
-        )
+        at_points = {"displacement": u, "contact_pressure": pressure}
+        if any(one.rubs for one in (*self.scene.contacts, *self.scene.obstacles)):
+            slip, stress = self._arrays(level.file, SLIP, FRICTION)
+            at_points |= {"slip": slip, "friction_stress": stress}
+        on_skin = {name: values[skin.nodes] for name, values in at_points.items()}
+        return dataclasses.replace(skin.surface, at_points=on_skin, at_cells=at_cells)
 
     def mechanism(self, surface: Surface | None) -> tuple[Surface, float] | None:
         """The collapse mechanism, where the limit load has been found.

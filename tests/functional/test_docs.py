@@ -30,6 +30,9 @@ from perfplast_fenicsx.solvers.methods import METHODS
 from perfplast_fenicsx.units import Units
 from tests.test_walls import BELOW
 
+COARSE = {"prop --size 30": "prop --size 60"}
+"""Of the tutorial's mesh."""
+
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 TABLES = {
@@ -154,7 +157,7 @@ def test_pages_do_what_they_show(
     parts = list(commands.parts(page.read_text(encoding="utf-8")))
     assert sum(isinstance(part, commands.Command) for part in parts) == count
     # without pictures: they take most of the time, and have tests of their own
-    faults = commands.check(page, tmp_path / "clone", pictures=False)
+    faults = commands.check(page, tmp_path / "clone", pictures=False, coarse=COARSE)
     assert not faults, "\n".join([*faults, f"docs/commands.py docs/{name} --write refreshes it"])
 
 
