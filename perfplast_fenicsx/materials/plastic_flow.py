@@ -112,6 +112,7 @@ class FlowLaw(Step):
     bulk: Expr
     shear: Expr
     yield_radius: Expr
+    projects: ClassVar[bool] = True
 
     @property
     def perfect(self) -> VonMisesLaw:
@@ -130,6 +131,10 @@ class FlowLaw(Step):
     def back_stress(self, old: Old) -> Expr | None:
         """None."""
         return None
+
+    def unstressed(self, old: Old) -> Expr | None:
+        """P."""
+        return old[STRAIN]
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
         """Σ^{o,ρ}[d]."""
@@ -159,6 +164,7 @@ class HardeningFlowLaw(FlowLaw):
 
     isotropic: Expr
     kinematic: Expr
+    projects: ClassVar[bool] = False
 
     def hencky(self, old: Old) -> VonMisesLaw | HardeningLaw:
         """With the radius γ + √⅔ H_i p̄."""
