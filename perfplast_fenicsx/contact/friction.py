@@ -113,3 +113,15 @@ def norms(vectors: Floats) -> Floats:
     """Length of each row."""
     lengths: Floats = np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
     return lengths
+
+
+def shrunk(vectors: Floats, bound: Floats) -> Floats:
+    """The nearest vectors that are not longer than their bounds.
+
+    Args:
+        vectors: Shape (n, k).
+        bound: Shape (n,).
+    """
+    sizes = norms(vectors)
+    share = np.divide(bound, sizes, out=np.ones_like(sizes), where=sizes > bound)
+    return share[:, None] * vectors

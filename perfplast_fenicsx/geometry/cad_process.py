@@ -1,6 +1,5 @@
 """The meshing program's process: a geometry that breaks gmsh takes nothing with it."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -9,19 +8,13 @@ from pathlib import Path
 
 import msgspec
 
-from perfplast_fenicsx.child_process import environment_apart
+from perfplast_fenicsx.child_process import REFUSED, environment_with_package
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
 
 PATIENCE = 3600.0
 """Longest time for a mesh (s)."""
-
-REFUSED = 2
-"""Exit status of the program where its last words are a sentence that says what is wrong."""
-
-ROOT = Path(__file__).parents[2]
-"""Where the package is."""
 
 
 def mesh_geometry(
@@ -43,9 +36,6 @@ def mesh_geometry(
     Raises:
         InputError: If the file cannot be read or meshed; nothing is written then.
     """
-    environment = environment_apart()
-    places = [environment.get("PYTHONPATH"), str(ROOT)]
-    environment["PYTHONPATH"] = os.pathsep.join(filter(None, places))
     with tempfile.TemporaryDirectory() as folder:
         mesh, survey = Path(folder) / "mesh.msh", Path(folder) / "survey.json"
         program = [sys.executable, "-P", "-m", "perfplast_fenicsx.geometry"]
@@ -58,7 +48,7 @@ def mesh_geometry(
         try:
             done = subprocess.run(
                 [*program, *map(str, arguments)],
-                env=environment,
+                env=environment_with_package(),
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
                 encoding="utf-8",

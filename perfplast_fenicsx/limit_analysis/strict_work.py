@@ -19,10 +19,12 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
 from perfplast_fenicsx.limit_analysis.facet_conditions import TWICE, facet_conditions
-from perfplast_fenicsx.limit_analysis.interior_steps import check_friction_has_limits
+from perfplast_fenicsx.limit_analysis.limit_checks import (
+    check_friction_has_limits,
+    check_proportional,
+)
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
@@ -104,11 +106,7 @@ def strict_upper_bound(
             or friction is Coulomb's.
     """
     check_friction_has_limits(problem)
-    if not problem.is_proportional():
-        raise InputError(
-            "supports move, loads are constant or bodies are strained at first, and a strict bound"
-            " is one of loads that all grow; leave out what does not grow with the load factor."
-        )
+    check_proportional(problem)
     if problem.tagged_mesh.axisymmetric:
         return Bound(None, "upper", Scope.MESH, (TURNED,))
     strains = PointStrains(problem)

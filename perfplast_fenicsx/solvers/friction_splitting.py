@@ -14,7 +14,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.friction import norms
+from perfplast_fenicsx.contact.friction import norms, shrunk
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
@@ -25,10 +25,7 @@ class FrictionSplitting:
     def __init__(self, problem: Problem, operator: ContactOperator) -> None:
         """Add the springs k to an elastic operator, as stiff as that is. Collective."""
         self._problem, friction = problem, problem.friction
-        operator.hold(np.zeros(0, dtype=np.int32))
-        diagonal = operator.matrix.getDiagonal()
-        self._k: Floats = friction.gather(diagonal.array_r).max(axis=1)
-        diagonal.destroy()
+        self._k: Floats = friction.gather(operator.diagonal()).max(axis=1)
         each = self._k[:, None, None] * np.eye(friction.index.shape[1])
         operator.add_springs((friction.index, each))
         self._q, self._mu = np.zeros(friction.index.shape), np.zeros(friction.index.shape)
@@ -53,9 +50,7 @@ class FrictionSplitting:
         """
         stiffness, before = r * self._k[:, None], self._q
         trial = self._mu + stiffness * jumps
-        sizes, bound = norms(trial), self._problem.friction.bound
-        share = np.divide(bound, sizes, out=np.ones_like(sizes), where=sizes > bound)
-        self._mu = share[:, None] * trial
+        self._mu = shrunk(trial, self._problem.friction.bound)
         self._q = (trial - self._mu) / stiffness
         squares = [self._k @ norms(v) ** 2 for v in (jumps - self._q, self._q - before)]
         return np.asarray(self._problem.comm.allreduce(np.array(squares)), dtype=np.float64)

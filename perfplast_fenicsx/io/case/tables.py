@@ -157,9 +157,8 @@ class SupportTable:
         on: Physical surface.
         components: Any of the letters x, y, z; the default holds all that the mesh has.
         value: Their displacement (length), such as a settlement; the default is none.
-        constant: Whether it is the same at any load factor. With control = "displacement" the load
-            factor multiplies it unless this is true, and so does the factor of a stage that names
-            it; otherwise it is always true.
+        constant: Whether it is the same at any load factor; always true but with control =
+            "displacement" or in stages that name it, whose factor multiplies it unless this is true.
         name: What results and stages call it; that of its surface without it.
     """
 
@@ -214,9 +213,8 @@ class RigidSurfaceTable:
         """
         constant = _stays(self.constant, driven, f"the rigid surface '{self.on}'")
         turn: Turn = () if self.rotation is None else self.rotation
-        shift = self.displacement or ()
-        about = (self.on, self.point, shift, turn, self.components, constant, self.name)
-        return RigidSurface(*about)
+        motion = (self.displacement or (), turn, self.components, constant)
+        return RigidSurface(self.on, self.point, *motion, self.name)
 
 
 def _stays(constant: bool | None, driven: bool, what: str) -> bool:

@@ -59,11 +59,7 @@ class FrictionProgram:
         """Take a new operator A in the jump basis, or the same with new values. Collective."""
         self._operator = A
         if self._stiffness is None:
-            A.hold(np.zeros(0, dtype=np.int32))
-            diagonal = A.matrix.getDiagonal()
-            entries = self._problem.friction.gather(diagonal.array_r)
-            diagonal.destroy()
-            self._stiffness = entries.max(axis=1)
+            self._stiffness = self._problem.friction.gather(A.diagonal()).max(axis=1)
 
     def solve(
         self,
