@@ -157,8 +157,8 @@ class SupportTable:
         on: Physical surface.
         components: Any of the letters x, y, z; the default holds all that the mesh has.
         value: Their displacement (length), such as a settlement; the default is none.
-        constant: Whether it is the same at any load factor; always true but with control =
-            "displacement" or in stages that name it, whose factor multiplies it unless this is true.
+        constant: Whether it is the same at any load factor, as always but under control =
+            "displacement" and in stages that name it: these multiply it unless this is true.
         name: What results and stages call it; that of its surface without it.
     """
 
