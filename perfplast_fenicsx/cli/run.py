@@ -70,8 +70,7 @@ def run(
         terminal.status("setting up the problem")
         problem = case.problem(comm)
         checkpoints = Checkpoints(folder, problem, case.table, __version__)
-        with at(case.path.name):
-            stages = LoadingHistory(problem, case.stages) if case.stages else None
+        stages = case.history(problem)
         saved = checkpoints.read(stages) if restart else Saved()
         method = case.method if saved.reports else case.method_on(problem)
         solver = None if method == LimitMethod.INTERIOR_POINT else case.solver(problem)

@@ -47,6 +47,7 @@ from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 from perfplast_fenicsx.problem.initial_strain import Initial, InitialStress, Temperature
+from perfplast_fenicsx.problem.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
@@ -151,6 +152,17 @@ class Case:
                 self.ties,
                 self.rigid,
             )
+
+    def history(self, problem: Problem) -> LoadingHistory | None:
+        """What leads a problem through the stages; None where there is a [loading]. Collective.
+
+        Raises:
+            InputError: If the stages do not fit the problem.
+        """
+        if not self.stages:
+            return None
+        with at(self.path.name):
+            return LoadingHistory(problem, self.stages)
 
     def solver(self, problem: Problem) -> Any:
         """The algorithm of ``[solve]`` for a problem. Collective."""
