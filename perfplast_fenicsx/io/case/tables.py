@@ -159,14 +159,16 @@ class SupportTable:
         on: Physical surface.
         components: Any of the letters x, y, z; the default holds all that the mesh has.
         value: Their displacement (length), such as a settlement; the default is none.
-        constant: Whether it is the same at any load factor. With control = "displacement" the load
-            factor multiplies it unless this is true; otherwise it is always true.
+        constant: Whether it is the same at any load factor, as always but under control =
+            "displacement" and in stages that name it: these multiply it unless this is true.
+        name: What results and stages call it; that of its surface without it.
     """
 
     on: str
     components: str = AXES
     value: float = 0.0
     constant: bool | None = None
+    name: str = ""
 
     def support(self, driven: bool) -> Support:
         """The support, where motions follow the load factor, or do not.
@@ -175,7 +177,7 @@ class SupportTable:
             InputError: If it is to follow where none does.
         """
         constant = _stays(self.constant, driven, f"the support on '{self.on}'")
-        return Support(self.on, self.components, self.value, constant)
+        return Support(self.on, self.components, self.value, constant, self.name)
 
 
 @dataclass(frozen=True)
@@ -194,6 +196,7 @@ class RigidSurfaceTable:
         components: Those of the letters x, y, z that a known motion holds; the default holds all. A
             bar that is twisted so by its end may warp there.
         constant: As for supports.
+        name: As for supports.
     """
 
     on: str
@@ -202,6 +205,7 @@ class RigidSurfaceTable:
     rotation: float | list[float] | None = None
     components: str = AXES
     constant: bool | None = None
+    name: str = ""
 
     def surface(self, driven: bool) -> RigidSurface:
         """The surface, where motions follow the load factor, or do not.
@@ -211,16 +215,16 @@ class RigidSurfaceTable:
         """
         constant = _stays(self.constant, driven, f"the rigid surface '{self.on}'")
         turn: Turn = () if self.rotation is None else self.rotation
-        shift = self.displacement or ()
-        return RigidSurface(self.on, self.point, shift, turn, self.components, constant)
+        motion = (self.displacement or (), turn, self.components, constant)
+        return RigidSurface(self.on, self.point, *motion, self.name)
 
 
 def _stays(constant: bool | None, driven: bool, what: str) -> bool:
     """Whether what is moved keeps its place at any load factor."""
     if not driven and constant is False:
         raise InputError(
-            f"{what} has constant = false, but moves with the load factor under control ="
-            " 'displacement' alone; choose it, or leave constant out."
+            f"{what} has constant = false, but nothing moves it: control = 'displacement' does,"
+            " or stages that name it; choose one of them, or leave constant out."
         )
     return not driven if constant is None else constant
 
