@@ -47,13 +47,14 @@ from perfplast_fenicsx import (
     Problem,
     Support,
     Traction,
+    Units,
     VonMises,
     adaptive_bounds,
     load_path,
     two_blocks,
 )
 from perfplast_fenicsx.cli import Terminal
-from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene, Units
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
 from perfplast_fenicsx.pictures import draw
 
 TITLE = "Two blocks in frictionless contact"
@@ -163,7 +164,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     newton = Newton(problem, NewtonOptions(stopping="displacement", tolerance=1e-8))
 
     folder.create()
-    scene = Scene(TITLE, LOADS, CONTACTS, units=Units("mm", "MPa"))
+    scene = Scene(TITLE, LOADS, CONTACTS, units=Units(system="mm-N-MPa"))
     writer = ResultWriter(folder, problem, scene, newton.method, prescribed=newton.prescribes)
     terminal = Terminal(comm)
     terminal.header(TITLE, newton.method, problem)

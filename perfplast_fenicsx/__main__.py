@@ -8,18 +8,21 @@ import io
 import sys
 import traceback
 from collections.abc import Sequence
+from pathlib import Path
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, read_sizes
+from perfplast_fenicsx.cli.follow import Follower
+from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, meshing_options
 from perfplast_fenicsx.cli.parser import read_arguments
 from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED, run
 from perfplast_fenicsx.cli.run_log import logged_to_console
 from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.first_case import Glued
 from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.pictures.drawing_process import animate, plot
 
 
@@ -77,6 +80,44 @@ def info(comm: MPI.Intracomm) -> int:
     return SOLVED
 
 
+def about(comm: MPI.Intracomm, path: str) -> int:
+    """Say what the numbers of a case mean. Collective.
+
+    Raises:
+        InputError: If the case cannot be used.
+    """
+    case = read_case(path, comm)
+    tagged_mesh = case.tagged_mesh(comm)
+    terminal = Terminal(comm)
+    terminal.say(f"{case.title}: {', '.join(case.materials)}")
+    for text in meaning(case, tagged_mesh.kinematics.whole):
+        terminal.say(text)
+    return SOLVED
+
+
+def follow(comm: MPI.Intracomm, results: str, output: str | None, wait: float) -> int:
+    """Show and draw what a run writes until it ends, by rank 0. Collective.
+
+    Args:
+        comm: The ranks; the others wait.
+        results: Folder of the run.
+        output: Where the pictures go; by default to the results.
+        wait: Longest time for first results (s).
+
+    Raises:
+        InputError: If none come in that time.
+    """
+    terminal, fault = Terminal(comm), None
+    if comm.rank == 0:
+        try:
+            Follower(Path(results), terminal, lambda: plot(results, output), wait).follow()
+        except InputError as error:
+            fault = str(error)
+        terminal.clear()
+    raise_together(comm, fault)
+    return SOLVED
+
+
 def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) -> int:
     """Draw pictures or an animation of results, in a process that rank 0 starts. Collective.
 
@@ -118,16 +159,17 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
         if chosen.command == "check":
             return check(comm, chosen.case)
         if chosen.command == "info":
-            return info(comm)
+            return about(comm, chosen.case) if chosen.case else info(comm)
         if chosen.command == "materials":
-            Terminal(comm).say(common_materials())
+            Terminal(comm).say(common_materials(chosen.units))
             return SOLVED
         if chosen.command == "mesh":
-            sizes = read_sizes(chosen.size_of)
-            shape = (chosen.size, sizes, chosen.curvature, chosen.order, chosen.overlap)
-            where = (chosen.geometry, chosen.output, MeshingOptions(*shape))
-            mesh(comm, *where, chosen.material, chosen.tied, chosen.force)
+            glued = Glued.ALL if chosen.tied else Glued.BOLTS if chosen.bolted else Glued.NOTHING
+            where = (chosen.geometry, chosen.output, meshing_options(chosen))
+            mesh(comm, *where, chosen.material, glued, chosen.force)
             return SOLVED
+        if chosen.command == "plot" and chosen.follow:
+            return follow(comm, chosen.results, chosen.output, chosen.wait)
         return draw(comm, chosen.command, chosen.results, chosen.output)
 
 

@@ -18,7 +18,9 @@ BELOW: dict[str, set[str]] = {
     "solvers.active_set": {"contact", "problem", "solvers.linear"},
     "solvers": {"contact", "materials", "problem", "solvers.linear", "solvers.active_set"},
     "limit_analysis": {"contact", "materials", "mesh", "problem", "solvers", "solvers.linear"},
-    "io.case": {"mesh", "materials", "contact", "problem", "solvers", "limit_analysis"},
+    "io.case": {
+        *("geometry", "mesh", "materials", "contact", "problem", "solvers", "limit_analysis")
+    },
     "proof": set(),
     "io.results": {
         "contact",

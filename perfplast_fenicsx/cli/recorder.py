@@ -81,6 +81,16 @@ class Recorder:
         run.interrupts.check()
         self._solving = time.perf_counter()
 
+    def plan(self, levels: int) -> None:
+        """Say how many levels the whole run has. Collective.
+
+        Raises:
+            InputError: On every rank, if the system refuses.
+        """
+        self._run.terminal.plan(levels)
+        self.results.summary.planned = levels
+        self.results.write()
+
     def iteration(self, record: Iteration) -> None:
         """Show and log an iteration; a monitor of the algorithms. Collective.
 
@@ -169,5 +179,4 @@ class Recorder:
 
     def _announce(self) -> None:
         direct = self._run.method == LimitMethod.INTERIOR_POINT
-        number = len(self.results.reports) + 1
-        self._run.terminal.status("first step" if direct else f"level {number}")
+        self._run.terminal.status("first step" if direct else self._run.terminal.next_level)

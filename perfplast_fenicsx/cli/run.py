@@ -12,6 +12,7 @@ from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.io.case.loading_options import BoundsControl, DisplacementControl
 from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
@@ -112,7 +113,8 @@ def _on_friction(problem: Problem) -> list[str]:
     """What is to be said of Coulomb's friction, and its bounds if known. Collective."""
     if not problem.friction.follows_pressure:
         return []
-    told = ["Coulomb's friction: each level is one step, whose solution need not be the only one"]
+    step = "a step from the one before" if problem.in_stages else "one step"
+    told = [f"Coulomb's friction: each level is {step}, whose solution need not be the only one"]
     if method_for(problem) is LimitMethod.INTERIOR_POINT:
         told.append(drucker_bounds(problem).in_words())
     return told
@@ -126,6 +128,7 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
             limit = _limit(context, solver, recorder, case.loading.limit_tolerance)
     elif stages is not None:
         start = saved.level.state if saved.level else None
+        recorder.plan(sum(a.steps for a in stages.stages) + stages.rests_first())
         for level in stage_path(solver, stages, recorder.iteration, start):
             recorder.level(level)
     else:
@@ -133,8 +136,10 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
         if isinstance(case.loading, DisplacementControl) and case.loading.until is not None:
             values = stroke(solver, case.loading.until)
         start = saved.level.state if saved.level else None
+        rests = rests_first(solver, values)
+        recorder.plan(len(values) + rests)
         if start is not None:
-            values = values[len(saved.reports) - rests_first(solver, values) :]
+            values = values[len(saved.reports) - rests :]
         for level in load_path(solver, values, recorder.iteration, start, saved.before):
             recorder.level(level)
     results = recorder.results
@@ -145,7 +150,9 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
         with results.timed("pictures"):
             draw(context.folder)
     if recorder.last is not None:
-        context.terminal.reactions(recorder.last.report, context.problem)
+        context.terminal.reactions(recorder.last.report, context.problem, case.units)
+    for text in meaning(case, context.problem.kinematics.whole):
+        context.terminal.say(text)
     results.summary.timings["total"] = recorder.elapsed()
     results.write()
     context.terminal.results(context.folder)

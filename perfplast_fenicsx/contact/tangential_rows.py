@@ -29,19 +29,6 @@ NORMAL = 0.5
 """Eigenvalues of directions in the surface are 1, of others 0."""
 
 
-def check_nothing_rubs(friction: Friction) -> None:
-    """Refuse friction beside supports or obstacles that move.
-
-    Raises:
-        InputError: If there is any.
-    """
-    if friction.count:
-        raise InputError(
-            "friction does not go together with supports or obstacles that move; leave their motion"
-            " or the friction out."
-        )
-
-
 def tangential_rows(
     V: fem.FunctionSpace,
     constraints: Constraints,
@@ -111,6 +98,7 @@ def tangential_rows(
         area=area,
         coulomb=coulomb,
         bound=tresca * area,
+        origin=np.zeros(number.shape),
         count=comm.allreduce(len(place)),
         follows_pressure=comm.allreduce(bool(coulomb.any()), MPI.LOR),
     )

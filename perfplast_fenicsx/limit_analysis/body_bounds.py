@@ -9,13 +9,14 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
 from perfplast_fenicsx.limit_analysis.gap_shares import gap_shares
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, from_interior_point
 from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.static_bound import StaticBound, strict_lower_bound
-from perfplast_fenicsx.limit_analysis.strict_work import TURNED, Bound, Scope, strict_upper_bound
+from perfplast_fenicsx.limit_analysis.strict_work import strict_upper_bound
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.certificate import contact_forces

@@ -16,6 +16,7 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
 from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
 from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions, facet_conditions
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
@@ -29,7 +30,6 @@ from perfplast_fenicsx.limit_analysis.rebalancing import BALANCED, rebalance
 from perfplast_fenicsx.limit_analysis.static_certificate import StaticCertificate, certify_stress
 from perfplast_fenicsx.limit_analysis.static_program import StaticProgram, static_program
 from perfplast_fenicsx.limit_analysis.stress_cells import mandel_vectors
-from perfplast_fenicsx.limit_analysis.strict_work import TURNED, Bound, Scope
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 

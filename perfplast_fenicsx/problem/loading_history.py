@@ -18,7 +18,6 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.declared_loads import work_vector
 from perfplast_fenicsx.problem.initial_strain import Initial, Temperature, initial_strain
 from perfplast_fenicsx.problem.load_case import LoadCase
@@ -43,16 +42,12 @@ class LoadingHistory:
         """Make the vector and the initial strain of each name. Collective.
 
         Raises:
-            InputError: If the stages do not fit loads and motions, or contact rubs.
+            InputError: If the stages do not fit loads and motions.
         """
         given = problem.given
         check_stages(stages, given.loads, given.initial, [*given.holding, *given.obstacles])
-        if problem.friction.count:
-            raise InputError(
-                "contact has friction, which stages would have to remember as bodies do plastic"
-                " flow; leave the friction out, or give [loading] in place of stages."
-            )
         self.problem, self.stages = problem, tuple(stages)
+        problem.in_stages = True
         names = dict.fromkeys(name for stage in stages for name in stage.factors)
         self._vectors: dict[str, PETSc.Vec] = {}
         self._strains: dict[str, Floats] = {}

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Ints
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.errors import raise_together
 from perfplast_fenicsx.problem.given_motion import GivenMotion, given_motion
 from perfplast_fenicsx.problem.prescribed_displacement import known_displacements
@@ -29,13 +29,14 @@ def named_motions(problem: Problem) -> dict[str, GivenMotion]:
     _check_parted(problem, supports, values[1] != 0, holder)
     followers = [called(one) if follows(one) else None for one in supports]
     names = [*followers, *(called(one) for one in given.obstacles if follows(one))]
+    rows = (problem.constraints, problem.sliding, problem.friction, len(given.contacts))
     parts = {}
     for name in dict.fromkeys(name for name in names if name is not None):
         mine = np.array([*(follower == name for follower in followers), False])  # -1: nobody's
         moved = np.where(mine[holder], values[1], 0.0)
         obstacles = [a if called(a) == name else replace(a, move=()) for a in given.obstacles]
         both = np.stack([np.zeros_like(moved), moved])
-        parts[name] = given_motion(V, both, problem.constraints, len(given.contacts), obstacles)
+        parts[name] = given_motion(V, both, *rows, obstacles)
     return parts
 
 
@@ -53,15 +54,24 @@ def in_stage(
         first: By name.
         rate: By name.
     """
-    displacement = np.stack([constant.displacement[0], np.zeros_like(constant.displacement[0])])
-    gap = np.stack([constant.gap[0], np.zeros_like(constant.gap[0])])
-    obstacles = np.zeros_like(constant.obstacles)
-    for name, part in parts.items():
-        both = np.array([first[name], rate[name]])
-        displacement += np.multiply.outer(both, part.displacement[1])
-        gap += np.multiply.outer(both, part.gap[1])
-        obstacles += rate[name] * part.obstacles
-    return replace(constant, displacement=displacement, gap=gap, obstacles=obstacles, parts=parts)
+
+    def lines(at_rest: Floats, unit: Mapping[str, Floats]) -> Floats:
+        found = np.stack([at_rest, np.zeros_like(at_rest)])
+        for name, moved in unit.items():
+            found += np.multiply.outer([first[name], rate[name]], moved)
+        return found
+
+    moves = {name: part.obstacles for name, part in parts.items()}
+    return replace(
+        constant,
+        displacement=lines(
+            constant.displacement[0], {name: part.displacement[1] for name, part in parts.items()}
+        ),
+        gap=lines(constant.gap[0], {name: part.gap[1] for name, part in parts.items()}),
+        slide=lines(constant.slide[0], {name: part.slide[1] for name, part in parts.items()}),
+        obstacles=lines(np.zeros_like(constant.obstacles), moves)[1],
+        parts=parts,
+    )
 
 
 def _check_parted(

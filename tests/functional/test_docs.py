@@ -17,29 +17,33 @@ from docs.repository import LINK
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.tie import Tie
+from perfplast_fenicsx.geometry.face_choice import NamedFace
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.io.case import support_tables
 from perfplast_fenicsx.io.case import tables as schemas
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
-from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
 from perfplast_fenicsx.problem.stage import Stage
 from perfplast_fenicsx.solvers.methods import METHODS
+from perfplast_fenicsx.units import Units
 from tests.test_walls import BELOW
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 TABLES = {
     "[mesh]": [schemas.MeshFile],
+    "[geometry]": [MeshingOptions, NamedFace],
     "[material.NAME]": [*MATERIALS.values()],
-    "[[support]]": [schemas.SupportTable],
+    "[[support]]": [support_tables.SupportTable],
     "[[load]]": [schemas.LoadTable],
     "[[temperature]]": [Temperature],
     "[[initial_stress]]": [InitialStress],
     "[[contact]]": [Contact],
     "[[obstacle]]": [*OBSTACLES.values()],
-    "[[rigid_surface]]": [schemas.RigidSurfaceTable],
+    "[[rigid_surface]]": [support_tables.RigidSurfaceTable],
     "[[tie]]": [Tie],
     "[model]": [schemas.ModelOptions],
     "[element]": [schemas.ElementOptions],

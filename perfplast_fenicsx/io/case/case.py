@@ -1,9 +1,9 @@
 """Case files: what is solved and how, as TOML.
 
-A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
-``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``,
-``[[initial_stress]]``, ``[model]``, ``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``,
-``[output]`` and ``[units]``; see
+A case file holds the tables ``[mesh]`` or ``[geometry]``, ``[material.NAME]``, ``[[support]]``,
+``[[load]]``, ``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``,
+``[[temperature]]``, ``[[initial_stress]]``, ``[model]``, ``[element]``, ``[solve]``, ``[loading]``
+or ``[[stage]]``, ``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
@@ -17,6 +17,7 @@ from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.loading_checks import check_loading
 from perfplast_fenicsx.io.case.loading_options import (
     BoundsControl,
@@ -27,8 +28,9 @@ from perfplast_fenicsx.io.case.loading_options import (
 from perfplast_fenicsx.io.case.loading_table import moved_by, read_loading, remembering
 from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
 from perfplast_fenicsx.io.case.method_table import read_method
-from perfplast_fenicsx.io.case.scene import Scene, Units
+from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
+from perfplast_fenicsx.io.case.support_tables import RigidSurfaceTable, SupportTable
 from perfplast_fenicsx.io.case.tables import (
     Document,
     ElementOptions,
@@ -37,10 +39,9 @@ from perfplast_fenicsx.io.case.tables import (
     MeshFile,
     ModelOptions,
     OutputOptions,
-    RigidSurfaceTable,
-    SupportTable,
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
+from perfplast_fenicsx.io.case.units_table import read_units
 from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod, method_for
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
@@ -55,6 +56,7 @@ from perfplast_fenicsx.problem.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.stage import Stage, check_stages
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.methods import METHODS
+from perfplast_fenicsx.units import Units
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class Case:
     path: Path
     table: Table = field(repr=False)
     title: str
-    mesh: MeshFile | MeshBuilder
+    mesh: MeshFile | MeshBuilder | GeometryFile
     adapt: Adaptation | None
     materials: dict[str, Material]
     supports: list[Support]
@@ -121,8 +123,11 @@ class Case:
             InputError: If there is no such builder or file, its arguments or content are wrong, or
                 it cannot be adapted where that is wanted.
         """
-        with at(f"{self.path.name}, [mesh]"):
-            if isinstance(self.mesh, MeshBuilder):
+        made = isinstance(self.mesh, GeometryFile)
+        with at(f"{self.path.name}, [{'geometry' if made else 'mesh'}]"):
+            if isinstance(self.mesh, GeometryFile):
+                mesh = self.mesh.mesh(comm, self.path)
+            elif isinstance(self.mesh, MeshBuilder):
                 mesh = build(comm, self.mesh.builder, **self.mesh.arguments)
             else:
                 mesh = read_gmsh(comm, self.path.parent / self.mesh.file)
@@ -213,6 +218,7 @@ def _case(path: Path, table: Table) -> Case:
         place = f"{name}, [material.{body}]"
         _, law, rest = choose(properties, "law", MATERIALS, place)
         materials[body] = convert(rest, law, place)
+    units = read_units(top.units, materials, name)
     loads = []
     for place, load in _numbered(top.load, f"{name}, [[load]]"):
         loads.append(convert(load, LoadTable, place).load(place))
@@ -251,7 +257,7 @@ def _case(path: Path, table: Table) -> Case:
             check_stages(loading.stages, loads, initial, [*held, *rigid, *obstacles])
     with at(place):
         check_loading(loading, loads, [*held, *rigid], obstacles, strained)
-    mesh = read_mesh(top.mesh, f"{name}, [mesh]")
+    mesh = read_mesh(top.mesh, top.geometry, name)
     model = convert(top.model, ModelOptions, f"{name}, [model]")
     if model.kind == "axisymmetric" and isinstance(loading, BoundsControl):
         raise InputError(
@@ -277,7 +283,7 @@ def _case(path: Path, table: Table) -> Case:
         options=options,
         loading=loading,
         output=convert(top.output, OutputOptions, f"{name}, [output]"),
-        units=convert(top.units, Units, f"{name}, [units]"),
+        units=units,
         initial=initial,
     )
 

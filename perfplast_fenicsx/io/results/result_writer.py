@@ -65,6 +65,7 @@ class ResultWriter:
         self.results = Results(
             folder, problem, scene.title, __version__, method, prescribed, saved.reports
         )
+        self.results.summary.units = scene.units.table(problem.kinematics.whole)
         self._output = OutputFields(problem) if fields else None
         self._fields = FieldSeries(folder, problem, prescribed, saved.reports) if fields else None
 
