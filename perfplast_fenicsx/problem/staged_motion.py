@@ -29,13 +29,13 @@ def named_motions(problem: Problem) -> dict[str, GivenMotion]:
     _check_parted(problem, supports, values[1] != 0, holder)
     followers = [called(one) if follows(one) else None for one in supports]
     names = [*followers, *(called(one) for one in given.obstacles if follows(one))]
+    rows = (problem.constraints, problem.sliding, problem.friction, len(given.contacts))
     parts = {}
     for name in dict.fromkeys(name for name in names if name is not None):
         mine = np.array([*(follower == name for follower in followers), False])  # -1: nobody's
         moved = np.where(mine[holder], values[1], 0.0)
         obstacles = [a if called(a) == name else replace(a, move=()) for a in given.obstacles]
         both = np.stack([np.zeros_like(moved), moved])
-        rows = (problem.constraints, problem.sliding, problem.friction, len(given.contacts))
         parts[name] = given_motion(V, both, *rows, obstacles)
     return parts
 

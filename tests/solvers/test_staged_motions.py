@@ -145,6 +145,16 @@ def test_loads_motions_and_heat_have_factors_of_their_own() -> None:
 
 
 @pytest.mark.mpi3
+def test_a_punch_drags_and_drags_back() -> None:
+    """Tresca's friction resists slip either way, and counts it from where the stage began."""
+    rough = replace(PUNCH, move=(1.0, 0.0, -1.0), tresca=1.0)
+    problem = bar(STEEL, loads=[], supports=[Support("bottom")], obstacles=[rough])
+    levels = solved(problem, [Stage({"punch": stroke}) for stroke in (1e-3, 0.9e-3, 1e-3)])
+    sideways = [level.report.reactions["obstacle punch"][0] for level in levels]
+    assert sideways == pytest.approx([1.0, -1.0, 1.0], rel=0.03)  # some slip is along y
+
+
+@pytest.mark.mpi3
 def test_a_rigid_end_is_turned_and_turned_back() -> None:
     """Elastic: the moment follows the angle, and nothing is left."""
     turned = RigidSurface("top", rotation=(0.0, 0.0, 1.0), constant=False, name="wrench")

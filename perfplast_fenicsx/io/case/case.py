@@ -30,6 +30,7 @@ from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
 from perfplast_fenicsx.io.case.method_table import read_method
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
+from perfplast_fenicsx.io.case.support_tables import RigidSurfaceTable, SupportTable
 from perfplast_fenicsx.io.case.tables import (
     Document,
     ElementOptions,
@@ -38,8 +39,6 @@ from perfplast_fenicsx.io.case.tables import (
     MeshFile,
     ModelOptions,
     OutputOptions,
-    RigidSurfaceTable,
-    SupportTable,
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.io.case.units_table import read_units
