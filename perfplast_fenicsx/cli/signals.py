@@ -65,5 +65,5 @@ class Interrupts:
 
 
 def leave_pipes_to_python() -> None:
-    """Have a pipe that nobody reads any more raise BrokenPipeError, and not end in PETSc's abort."""
+    """Have a pipe that nobody reads raise BrokenPipeError: PETSc would end the process."""
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)
