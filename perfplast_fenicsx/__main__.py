@@ -25,6 +25,7 @@ from perfplast_fenicsx.geometry.first_case import Glued
 from perfplast_fenicsx.io.case.case import read_case
 from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.pictures.drawing_process import animate, plot
+from perfplast_fenicsx.report.report_file import write_report
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -120,13 +121,13 @@ def follow(comm: MPI.Intracomm, results: str, output: str | None, wait: float) -
 
 
 def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) -> int:
-    """Draw pictures or an animation of results, in a process that rank 0 starts. Collective.
+    """Draw pictures or an animation of results, or write a report on rank 0. Collective.
 
     Args:
         comm: The ranks; the others wait.
-        command: "plot" or "animate".
+        command: "plot", "animate" or "report".
         results: Folder of the results.
-        output: Where the pictures go, or the animation; by default to the results.
+        output: Where the pictures go, the animation or the report; by default to the results.
 
     Raises:
         InputError: If there are no results, or nothing can be drawn.
@@ -135,7 +136,10 @@ def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) ->
     if comm.rank == 0:
         terminal.status("drawing")
         try:
-            {"plot": plot, "animate": animate}[command](results, output, terminal.say)
+            if command == "report":
+                terminal.say(str(write_report(results, output)))
+            else:
+                {"plot": plot, "animate": animate}[command](results, output, terminal.say)
         except InputError as error:
             fault = str(error)
         terminal.clear()
@@ -153,7 +157,7 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
             where = (chosen.case, chosen.restart or chosen.output, chosen.force)
             restart = chosen.restart is not None
             try:
-                return run(comm, *where, terminal, chosen.log_level, restart)
+                return run(comm, *where, terminal, chosen.log_level, restart, chosen.report)
             finally:
                 terminal.clear()
     with logged_to_console(comm):

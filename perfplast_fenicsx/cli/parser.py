@@ -126,6 +126,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "--restart", metavar="DIR", help="go on from the last level that is solved in this folder"
     )
     run.add_argument("--force", action="store_true", help="replace results in DIR")
+    run.add_argument("--report", action="store_true", help="write DIR/report.html at the end")
     run.add_argument(
         "--log-level",
         choices=LEVELS,
@@ -227,6 +228,17 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     animate.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
     animate.add_argument(
         "-o", "--output", metavar="FILE", help=".gif or .webp (default: DIR/loading.gif)"
+    )
+
+    report = commands.add_parser(
+        "report",
+        help="write one page of HTML that any browser opens",
+        description="Write DIR/report.html: the outcome in a sentence, the bodies in 3D, levels,"
+        " forces, the case, and how to run it again. It needs no network, and can be mailed.",
+    )
+    report.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
+    report.add_argument(
+        "-o", "--output", metavar="FILE", help="the page (default: DIR/report.html)"
     )
 
     materials = commands.add_parser(

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupts
+from perfplast_fenicsx.cli.system_info import petsc_options, versions
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
@@ -76,7 +77,10 @@ class Recorder:
             saved=saved,
         )
         self.results = self._writer.results
-        self.results.summary.timings |= saved.timings | {"setup": setup}
+        summary = self.results.summary
+        summary.timings |= saved.timings | {"setup": setup}
+        summary.case = {"file": str(case.path), "text": case.text}
+        summary.surroundings = {"versions": versions(), "petsc_options": petsc_options()}
         self._announce()
         run.interrupts.check()
         self._solving = time.perf_counter()

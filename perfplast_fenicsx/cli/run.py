@@ -24,8 +24,10 @@ from perfplast_fenicsx.limit_analysis.drucker import drucker_bounds
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod, method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.pictures.drawing_process import draw
+from perfplast_fenicsx.problem.left_out import left_out
 from perfplast_fenicsx.problem.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.report.report_file import report_on
 from perfplast_fenicsx.solvers.load_stepping import load_path, rests_first
 from perfplast_fenicsx.solvers.stage_stepping import stage_path
 from perfplast_fenicsx.solvers.stroke import stroke
@@ -44,6 +46,7 @@ def run(
     terminal: Terminal,
     log_level: str = "info",
     restart: bool = False,
+    report: bool = False,
 ) -> int:
     """Solve a case and write its results. Collective.
 
@@ -55,6 +58,7 @@ def run(
         terminal: What is shown.
         log_level: What is in ``run.log`` beside what always is (:class:`run_log.RunLog`).
         restart: Go on from the last level that is solved in the folder.
+        report: Write ``report.html`` at the end.
 
     Returns:
         :data:`SOLVED`, :data:`NO_SOLUTION` where a level has none, or the status of an interrupt.
@@ -83,7 +87,7 @@ def run(
             on_friction = _on_friction(problem)
             for remark in on_friction:
                 terminal.say(f"{remark}.")
-            remarks = [*problem.constraints.remarks, *on_friction]
+            remarks = [*problem.constraints.remarks, *left_out(problem), *on_friction]
             journal.header(case, [describe(case.title, method, problem), *remarks])
             context = RunContext(
                 case=case,
@@ -98,7 +102,10 @@ def run(
                 began=began,
             )
             try:
-                return _solve(context, solver, stages)
+                status = _solve(context, solver, stages)
+                if report and (page := report_on(folder)) is not None:
+                    terminal.say(f"Report: {page}")
+                return status
             except Interrupted as interrupted:
                 told = (
                     "what is solved is on file; go on" if solver else "nothing is lost; begin anew"

@@ -13,9 +13,8 @@ from contextlib import contextmanager, suppress
 from types import TracebackType
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
-from perfplast_fenicsx.cli.system_info import surroundings, versions
+from perfplast_fenicsx.cli.system_info import petsc_options, surroundings, versions
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
@@ -123,8 +122,7 @@ class RunLog:
             log.info("%s: %s", name, text)
         for field in filter(lambda field: field.repr, dataclasses.fields(case)):
             log.info("case.%s: %s", field.name, getattr(case, field.name))
-        options = PETSc.Options().getAll()
-        log.info("PETSc options: %s", " ".join(f"-{key} {options[key]}" for key in options))
+        log.info("PETSc options: %s", petsc_options())
         for description in descriptions:
             log.info("%s", description)
 

@@ -83,7 +83,9 @@ def _upper(dim: int, tag: int, along: int, value: float, size: float) -> list[in
     if dim == 3:
         room = occ.addBox(*corner, *edges)
     else:
-        room = occ.addRectangle(corner[0], corner[1], low[2], edges[0], edges[1])
+        points = gmsh.model.getBoundary([(dim, tag)], combined=False, recursive=True)
+        plane = gmsh.model.getValue(0, points[0][1], [])[2]  # boxes are a little too large
+        room = occ.addRectangle(corner[0], corner[1], plane, edges[0], edges[1])
     found, _ = occ.intersect([(dim, tag)], [(dim, room)])
     return [new for of, new in found if of == dim]
 

@@ -47,7 +47,8 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
     path = [None, *(level.report for level in levels)]
     shown = panels(surfaces, scene.units, middle=False)
     scale = deformation_scale(surfaces)
-    renderer = Renderer(surfaces, scene, scale, PIXELS)
+    zetas = [report.zeta if report else 0.0 for report in path]
+    renderer = Renderer(surfaces, scene, scale, PIXELS, zetas)
     frames = []
     for number, report in enumerate(path):
 

@@ -77,8 +77,7 @@ class Problem:
         motion: What supports and obstacles do at any ζ.
         prescribed: u_D, the displacement of these components (length), 0 elsewhere, as it is at the
             ζ of :meth:`move_to`, at first 0.
-        moved_to: That ζ.
-        in_stages: Whether levels are steps of a history.
+        moved_to: That ζ; levels are steps of a history where ``in_stages``.
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
         ties: The equations B u = 0 of ties and rigid surfaces, with rows like those of contact.

@@ -78,7 +78,7 @@ def test_the_wheel_holds_every_module(wheel: Path) -> None:
     files = {
         path.relative_to(ROOT).as_posix()
         for path in (ROOT / "perfplast_fenicsx").rglob("*")
-        if path.suffix in (".py", ".pyi", ".typed")
+        if path.suffix in (".py", ".pyi", ".typed", ".html", ".css", ".js")
     }
     assert files <= held
     assert {f"perfplast_fenicsx/{room.replace('.', '/')}/__init__.py" for room in BELOW} <= held

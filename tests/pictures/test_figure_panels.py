@@ -88,6 +88,21 @@ def test_colours_of_stress(count: int) -> None:
     )
 
 
+def test_slip_and_friction_are_shown_on_contact_surfaces() -> None:
+    surface = triangles(["a", "b"], [0.5, 0.5])
+    surface.at_points["slip"] = surface.points * [0.0, 0.0, 3.0]
+    surface.at_points["friction_stress"] = surface.points * [0.0, 0.0, -40.0]
+    shown = figure_panels.panels([surface], Units("mm", "MPa"))
+    slip, friction = shown[-2:]
+    assert [panel.title.split(",")[0] for panel in shown[-2:]] == ["Slip", "Friction"]
+    for panel, largest, unit in ((slip, 3.0, "(mm)"), (friction, 40.0, "(MPa)")):
+        _, norm, label = panel.bars[0]
+        assert (norm.vmin, norm.vmax) == pytest.approx((0.0, largest))
+        assert unit in label
+        assert panel.facets.tolist() == [False, True]
+    assert len(figure_panels.panels([surface], Units(), middle=False)) == len(shown) - 3
+
+
 @pytest.mark.parametrize(
     ("largest", "scale"),
     [(0.1, 1.0), (0.099, 1.0), (0.05, 2.0), (3e-5, 2000.0), (40.0, 0.002), (0, 1)],

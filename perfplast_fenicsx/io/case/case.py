@@ -63,10 +63,11 @@ from perfplast_fenicsx.units import Units
 class Case:
     """A case file, read and checked as far as it can be without its mesh.
 
-    ``table`` is what it says, as TOML.
+    ``text`` is what it says, ``table`` the same as TOML.
     """
 
     path: Path
+    text: str = field(repr=False)
     table: Table = field(repr=False)
     title: str
     mesh: MeshFile | MeshBuilder | GeometryFile
@@ -195,12 +196,12 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
         except InputError as error:
             fault = str(error)
     raise_together(comm, fault)
-    table = parse(comm.bcast(text), path.name)
-    return _case(path, table)
+    return _case(path, comm.bcast(text))
 
 
-def _case(path: Path, table: Table) -> Case:
+def _case(path: Path, text: str) -> Case:
     name = path.name
+    table = parse(text, name)
     top = convert(table, Document, name)
     materials: dict[str, Material] = {}
     for body, properties in top.material.items():
@@ -253,6 +254,7 @@ def _case(path: Path, table: Table) -> Case:
         )
     return Case(
         path=path,
+        text=text,
         table=table,
         title=top.title or path.stem,
         mesh=mesh,

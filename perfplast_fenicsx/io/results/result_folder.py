@@ -21,6 +21,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import raise_together
+from perfplast_fenicsx.io.results.given_table import given_table
 from perfplast_fenicsx.io.results.result_files import (
     BEFORE,
     EARLIER,
@@ -38,6 +39,7 @@ from perfplast_fenicsx.problem.report import LevelReport
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
     *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png", PROOF),
+    "report.html",
     *(NEWEST, BEFORE, *EARLIER),
 )
 """What a run looks for before it writes, and removes when it is told to."""
@@ -192,6 +194,7 @@ class Results:
                 "dofs": problem.num_dofs,
             },
             model={"kind": kinematics.name, "axes": kinematics.axes, "forces": kinematics.forces},
+            given=given_table(problem.given),
         )
         self.reports: list[LevelReport] = []
         for report in reports:

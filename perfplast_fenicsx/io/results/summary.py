@@ -15,6 +15,10 @@ class Summary:
         mesh: Numbers of cells, vertices and displacement unknowns (dofs).
         model: Which ``kind`` it is, the ``axes`` that components of ``reactions`` are of, and what
             ``forces`` and works are of: each unit of depth, or the full turn.
+        given: What was solved: materials, supports, loads and the rest
+            (:func:`given_table.given_table`).
+        case: The case ``file``, and the ``text`` of it; nothing of a Python program.
+        surroundings: ``versions`` by name, and the ``petsc_options`` of the command line.
         steps: A :data:`result_folder.STEP_KEYS` table for each level.
         limit: Limit load, where one was asked for.
         timings: Wall time by activity (s).
@@ -31,6 +35,9 @@ class Summary:
     ranks: int
     mesh: dict[str, int]
     model: dict[str, str]
+    given: dict[str, Any] = field(default_factory=dict)
+    case: dict[str, str] = field(default_factory=dict)
+    surroundings: dict[str, Any] = field(default_factory=dict)
     steps: list[dict[str, Any]] = field(default_factory=list)
     limit: dict[str, Any] | None = None
     timings: dict[str, float] = field(default_factory=dict)

@@ -28,10 +28,10 @@ from perfplast_fenicsx.solvers.active_set.slip import (
 )
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
-MOST_LINEARISATIONS = 15
+MOST_LINEARISATIONS = 20
 
 SPLITTINGS = (20, 80, 320)
-"""So many steps of splitting each time that linearisations have not ended."""
+"""So many steps of splitting each time that places still stick and slip in turn."""
 
 SETTLED = 1e-9
 """Distance from the law of friction, relative to the largest force, that is none."""
@@ -44,10 +44,12 @@ class FrictionStep:
     Attributes:
         step: That of the last linearisation; not settled where the next one differs.
         slip: The next linearisation.
+        turns: Whether places stick or slip in it that did not in the last one.
     """
 
     step: ContactStep
     slip: Slip
+    turns: bool
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ class FrictionProgram:
         asked = _Asked(r, room, jumps, rtol, work)
         found = self._linearise(asked, active, slip, exact)
         for steps in SPLITTINGS if exact else ():
-            if found.step.settled:
+            if found.step.settled or not found.turns:
                 break
             begun = found.step.iterations
             slip, active, iterations = self._split(asked, found.step, steps)
@@ -149,7 +151,9 @@ class FrictionProgram:
             if settled or not exact:
                 break
         settled = settled and step.settled
-        return FrictionStep(replace(step, settled=settled, iterations=iterations), slip)
+        return FrictionStep(
+            replace(step, settled=settled, iterations=iterations), slip, changes > 0
+        )
 
     def _split(self, asked: _Asked, last: ContactStep, steps: int) -> tuple[Slip, PairFlags, int]:
         """Take steps of splitting from the last solution. Collective.
