@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from petsc4py import PETSc
 
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
+from perfplast_fenicsx.compat import create_vector
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.load_case import LoadCase
@@ -70,7 +71,7 @@ def work_vector(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, loads: Sequence[L
         work = fem_petsc.assemble_vector(fem.form(form))
         work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     else:
-        work = la.create_petsc_vector(V.dofmap.index_map, V.dofmap.index_map_bs)
+        work = create_vector(V)
     for load in loads:
         if isinstance(load, Force):
             _add(V, tagged_mesh, load, work)
