@@ -32,11 +32,13 @@ BELOW: dict[str, set[str]] = {
         "io.case",
     },
     "pictures": {"contact", "problem", "io.case", "io.results"},
+    "report": {"pictures", "problem", "solvers", "io.case", "io.results"},
     "geometry": {"mesh", "materials"},
     "cli": {
         *(
             "geometry",
             "pictures",
+            "report",
             "io.case",
             "io.results",
             "limit_analysis",

@@ -18,6 +18,7 @@ from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
 from perfplast_fenicsx.materials.common import MATERIALS, find
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
+from perfplast_fenicsx.units import SYSTEMS, Name
 
 CASE, MESH, PICTURE = "case.toml", "case.msh", "bodies.png"
 """Files of the folder."""
@@ -101,13 +102,13 @@ def _pairs(option: str, given: Sequence[str], wanted: str) -> dict[str, float]:
     return found
 
 
-def common_materials() -> str:
-    """The table of common materials."""
+def common_materials(system: Name) -> str:
+    """The table of common materials in a system of units."""
     rows = [("material", "young", "poisson", "yield_stress", "", "source")]
-    for one in MATERIALS:
+    for one in (material.in_system(system) for material in MATERIALS):
         numbers = (f"{one.young:g}", f"{one.poisson:g}", f"{one.yield_stress:g}")
         rows.append((one.name, *numbers, one.what, one.source))
-    return "\n".join(["Stresses in MPa (N/mm²).", *_aligned(rows)])
+    return "\n".join([f"Stresses in {SYSTEMS[system].stress}.", *_aligned(rows)])
 
 
 def describe(survey: Survey) -> str:

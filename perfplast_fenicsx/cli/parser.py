@@ -11,6 +11,8 @@ from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.cli.run_log import LEVELS
 from perfplast_fenicsx.cli.shell_completion import complete
 from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.materials.common import TABLE
+from perfplast_fenicsx.units import SYSTEMS
 
 
 def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Namespace:
@@ -124,6 +126,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "--restart", metavar="DIR", help="go on from the last level that is solved in this folder"
     )
     run.add_argument("--force", action="store_true", help="replace results in DIR")
+    run.add_argument("--report", action="store_true", help="write DIR/report.html at the end")
     run.add_argument(
         "--log-level",
         choices=LEVELS,
@@ -203,6 +206,18 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     )
     plot.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
     plot.add_argument("-o", "--output", metavar="FOLDER", help="for the pictures (default: DIR)")
+    plot.add_argument(
+        "--follow",
+        action="store_true",
+        help="show and draw levels as they come, and what is left, until the run ends",
+    )
+    plot.add_argument(
+        "--wait",
+        metavar="SECONDS",
+        type=float,
+        default=60.0,
+        help="for the first results of a run to be followed (default: 60)",
+    )
 
     animate = commands.add_parser(
         "animate",
@@ -215,8 +230,35 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "-o", "--output", metavar="FILE", help=".gif or .webp (default: DIR/loading.gif)"
     )
 
-    commands.add_parser("materials", help="show numbers of common materials, with their sources")
-    commands.add_parser(
-        "info", help="show versions, PETSc's packages, BLAS, ranks and threads, for bug reports"
+    report = commands.add_parser(
+        "report",
+        help="write one page of HTML that any browser opens",
+        description="Write DIR/report.html: the outcome in a sentence, the bodies in 3D, levels,"
+        " forces, the case, and how to run it again. It needs no network, and can be mailed.",
     )
+    report.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
+    report.add_argument(
+        "-o", "--output", metavar="FILE", help="the page (default: DIR/report.html)"
+    )
+
+    materials = commands.add_parser(
+        "materials",
+        help="show numbers of common materials, with their sources",
+        description="Show numbers of common steels, aluminium, concrete and clay to start from,"
+        " with their sources. A design goes by its standard itself.",
+    )
+    materials.add_argument(
+        "--units",
+        choices=SYSTEMS,
+        default=TABLE,
+        help=f"as [units] system of a case file has it (default: {TABLE})",
+    )
+    info = commands.add_parser(
+        "info",
+        help="say what the numbers of a case mean; or show versions, for bug reports",
+        description="Say what the load factor of a case multiplies and what its numbers are in."
+        " Without a case, show versions, PETSc's packages, BLAS, ranks and threads, for bug"
+        " reports.",
+    )
+    info.add_argument("case", metavar="CASE.toml", nargs="?", help="what to tell of")
     return parser

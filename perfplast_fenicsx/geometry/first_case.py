@@ -7,7 +7,7 @@ from enum import Enum
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions, symmetry_name
 from perfplast_fenicsx.geometry.survey import Body, Face, Joint, Survey
-from perfplast_fenicsx.materials.common import Common
+from perfplast_fenicsx.materials.common import TABLE, Common
 
 HEAD = """\
 # What is marked with <- is to be filled in; `perfplast check` says what is still missing.
@@ -25,7 +25,7 @@ components = {axis}
 """
 
 HINT = """
-# Materials: `perfplast materials` has numbers of common ones, in N and mm.
+# Materials: `perfplast materials` has numbers of common ones.
 """
 
 MATERIAL = """
@@ -59,8 +59,7 @@ control = "work"
 until = "limit"                 # at what load the bodies collapse
 
 [units]
-length = {length}
-stress = {stress}
+system = {system}             # or "m-kN-kPa", "SI", ...: what the numbers are in
 
 """
 
@@ -120,8 +119,7 @@ def first_case(
     text += LOADS.format(
         components=_quoted("xyz"[: survey.dim]),
         traction=[*zero[1:], -1.0],
-        length=_quoted("mm"),
-        stress=_quoted("MPa"),
+        system=_quoted(TABLE),
     )
     text += "# Free faces, with their areas and places:\n"
     return text + "".join(_face(face) for face in survey.faces)

@@ -42,7 +42,7 @@ class Document:
         element: The finite elements.
         solve: The algorithm and its options.
         output: What is written.
-        units: What legends call the units.
+        units: What the numbers are in.
     """
 
     material: dict[str, Table]
