@@ -13,9 +13,6 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
 
-PATIENCE = 3600.0
-"""Longest time for a mesh (s)."""
-
 
 def mesh_geometry(
     source: str | Path,
@@ -36,13 +33,14 @@ def mesh_geometry(
     Raises:
         InputError: If the file cannot be read or meshed; nothing is written then.
     """
+    options = options or MeshingOptions()
     with tempfile.TemporaryDirectory() as folder:
         mesh, survey = Path(folder) / "mesh.msh", Path(folder) / "survey.json"
         program = [sys.executable, "-P", "-m", "perfplast_fenicsx.geometry"]
         arguments = [
             Path(source).absolute(),
             mesh,
-            msgspec.json.encode(options or MeshingOptions()).decode(),
+            msgspec.json.encode(options).decode(),
             survey,
         ]
         try:
@@ -53,13 +51,13 @@ def mesh_geometry(
                 capture_output=True,
                 encoding="utf-8",
                 errors="replace",
-                timeout=PATIENCE,
+                timeout=options.patience,
                 check=False,
             )
         except subprocess.TimeoutExpired as error:
             raise InputError(
-                f"'{source}' was not meshed in {PATIENCE:g} s; give a larger size, or simplify the"
-                " geometry in the CAD system."
+                f"'{source}' was not meshed in {options.patience:g} s; give a larger size or more"
+                " patience, or simplify the geometry in the CAD system."
             ) from error
         if done.returncode:
             if done.returncode > 0 and done.returncode != REFUSED:

@@ -16,6 +16,7 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
 from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
 from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions, facet_conditions
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
@@ -29,7 +30,6 @@ from perfplast_fenicsx.limit_analysis.rebalancing import BALANCED, rebalance
 from perfplast_fenicsx.limit_analysis.static_certificate import StaticCertificate, certify_stress
 from perfplast_fenicsx.limit_analysis.static_program import StaticProgram, static_program
 from perfplast_fenicsx.limit_analysis.stress_cells import mandel_vectors
-from perfplast_fenicsx.limit_analysis.strict_work import TURNED, Bound, Scope
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -143,6 +143,23 @@ def strict_lower_bound(
             found = _nothing(conditions, verdict, COARSE, none)
             return replace(found, steps=steps, factorisations=program.stiffness.factorisations)
         return _result(static, iteration, conditions, why_not, verdict, reason, steps)
+
+
+def check_stress_fits(problem: Problem) -> None:
+    """Refuse a mesh whose lower bound does not fit into memory, before all else. Collective.
+
+    Raises:
+        TooLarge: With what is needed and what there is.
+        InputError: As :func:`strict_lower_bound`.
+    """
+    conditions = facet_conditions(problem)
+    if conditions.prevents is not None:
+        return
+    static = static_program(problem, conditions)
+    try:
+        static.stiffness.check_memory()
+    finally:
+        static.program.destroy()
 
 
 def _result(

@@ -55,7 +55,7 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
         def curve(axes: Axes, report: LevelReport | None = report) -> None:
             if scene.driven:
                 now = (report.zeta, report.driving_force) if report else (0.0, 0.0)
-                draw_stroke(axes, reader.reports, now)
+                draw_stroke(axes, reader.reports, unit, now)
             else:
                 draw_curve(axes, reader.reports, reader.limit, unit, report)
 

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.units import Units
 
 HUES = ("#6c9bcd", "#b5945c", "#74b386", "#a587c4")
 """Colour of the highest elastic stress, for each body in turn."""

@@ -88,7 +88,10 @@ def given_motion(
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     moves = np.array([move_of(obstacle, gdim) for obstacle in obstacles]).reshape(-1, gdim)
-    of_surface = np.concatenate([np.zeros((num_contacts, gdim)), moves])[constraints.surface]
+    number = constraints.surface - num_contacts
+    moving = (number >= 0) & (number < len(moves))
+    of_surface = np.zeros((len(number), gdim))
+    of_surface[moving] = moves[number[moving]]
     opened = np.sum(constraints.normal * of_surface, axis=1)
     gap = np.stack([constraints.gap, opened])
     dragged = np.einsum("nij,nj->ni", friction.direction, of_surface[friction.pair])

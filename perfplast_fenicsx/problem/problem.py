@@ -15,7 +15,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import default_scalar_type, fem
+from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints, stacked
@@ -43,6 +43,7 @@ from perfplast_fenicsx.problem.load_case import LoadCase
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed_displacement import (
     check_moved_surfaces,
+    conditions_at_rest,
     known_displacements,
 )
 from perfplast_fenicsx.problem.rigid_surface import RigidSurface, name_of
@@ -54,7 +55,7 @@ log = logging.getLogger(__name__)
 
 
 class Problem:
-    """Elastic–perfectly plastic bodies with supports, loads and frictionless contact.
+    """Elastic–perfectly plastic bodies with supports, loads, contact and friction.
 
     Attributes:
         tagged_mesh: The mesh and its names.
@@ -243,15 +244,13 @@ class Problem:
         self, supports: Sequence[Support | RigidSurface]
     ) -> tuple[list[fem.DirichletBC], Floats]:
         """Conditions of increments, and u_D, constant and times ζ."""
-        V, gdim, zero = self.V, self.tagged_mesh.mesh.geometry.dim, default_scalar_type(0)
-        self.fixed, displacement, holder = known_displacements(V, self.tagged_mesh, supports)
+        known = known_displacements(self.V, self.tagged_mesh, supports)
+        self.fixed, displacement, holder = known
         names = [name_of(support) for support in supports]
         self.support_names = tuple(dict.fromkeys(names))
         numbers = [self.support_names.index(name) for name in names]
         self.held_by: Ints = np.array([*numbers, -1], dtype=np.int32)[holder]
-        nodes = [np.flatnonzero(self.fixed[:, i]).astype(np.int32) for i in range(gdim)]
-        bcs = [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
-        return bcs, displacement
+        return conditions_at_rest(self.V, self.fixed), displacement
 
     @cached_property
     def glued_basis(self) -> JumpBasis:

@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.units import Units
 
 figure_panels = pytest.importorskip("perfplast_fenicsx.pictures.figure_panels")
 
