@@ -15,11 +15,11 @@ import numpy.typing as npt
 from perfplast_fenicsx.contact.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.bound import Bound
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict
 from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.singular_points import singular_points
-from perfplast_fenicsx.limit_analysis.strict_work import Bound
 from perfplast_fenicsx.mesh.refinement import check_refinable, fan, refine
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.problem import Problem

@@ -9,10 +9,15 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
 from perfplast_fenicsx.limit_analysis.gap_shares import gap_shares
-from perfplast_fenicsx.limit_analysis.interior_steps import check_proportional
+from perfplast_fenicsx.limit_analysis.limit_checks import (
+    check_bodies_have_limits,
+    check_proportional,
+    check_tolerance,
+)
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, from_interior_point
 from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.static_bound import (
@@ -20,7 +25,7 @@ from perfplast_fenicsx.limit_analysis.static_bound import (
     check_stress_fits,
     strict_lower_bound,
 )
-from perfplast_fenicsx.limit_analysis.strict_work import TURNED, Bound, Scope, strict_upper_bound
+from perfplast_fenicsx.limit_analysis.strict_work import strict_upper_bound
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.certificate import contact_forces
@@ -137,8 +142,10 @@ def limit_bounds(
         )
     for load in problem.given.loads:
         uniform(load)
+    check_bodies_have_limits(problem)
+    check_tolerance(rtol)
+    check_proportional(problem)
     problem = with_divided_corners(problem)
-    check_proportional(problem, rtol)
     check_stress_fits(problem)
     given, split = problem, None
     tagged_mesh = problem.tagged_mesh

@@ -16,12 +16,12 @@ from dolfinx import fem
 from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, SingularStiffness
 from perfplast_fenicsx.limit_analysis.discrete_bounds import lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
-from perfplast_fenicsx.limit_analysis.interior_steps import (
-    InteriorStep,
-    Verdict,
+from perfplast_fenicsx.limit_analysis.interior_steps import InteriorStep, Verdict, iterate
+from perfplast_fenicsx.limit_analysis.limit_checks import (
+    check_bodies_have_limits,
     check_friction_has_limits,
     check_proportional,
-    iterate,
+    check_tolerance,
 )
 from perfplast_fenicsx.limit_analysis.limit_program import limit_program
 from perfplast_fenicsx.problem.problem import Problem
@@ -91,7 +91,9 @@ def interior_point(
         InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, or a
             body's yield set is none that the method knows (:meth:`Law.cone`).
     """
-    check_proportional(problem, rtol)
+    check_bodies_have_limits(problem)
+    check_tolerance(rtol)
+    check_proportional(problem)
     check_friction_has_limits(problem)
     with ExitStack() as made:
         program = limit_program(problem)

@@ -10,9 +10,9 @@ import pytest
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import InputError, Pressure, Problem, Support, VonMises, machine_memory
 from perfplast_fenicsx.limit_analysis import (
-    body_bounds,
     BodyBounds,
     InteriorStep,
+    body_bounds,
     bounds_of_mesh,
     limit_bounds,
     limit_load,
