@@ -22,6 +22,7 @@ class DualOperator:
     """Products with B, F and the lumped preconditioner B K Bᵀ, all collective.
 
     Attributes:
+        comm: The ranks.
         size: Rows of this rank, the border of the first rank among them.
         contact: Where the rows of contact are.
         coarse: Of the rows in force.
@@ -34,7 +35,7 @@ class DualOperator:
         Raises:
             LinearFailure: If a piece can move as a rigid one, whatever the rows are.
         """
-        self._comm, self._B = comm, gluing.B
+        self.comm, self._B = comm, gluing.B
         self._own_border = comm.rank == 0
         rows = self._B.getLocalSize()[0]
         self._rows = slice(0, rows)
@@ -67,7 +68,7 @@ class DualOperator:
         force[self.contact] = contact
         row = np.zeros_like(self._border) if border is None else border
         same = np.array_equal(force, self._force) and np.array_equal(row, self._border)
-        if self._comm.allreduce(same, MPI.LAND):
+        if self.comm.allreduce(same, MPI.LAND):
             return
         self._force, self._border = force, row
         self._renew()
@@ -81,7 +82,7 @@ class DualOperator:
         self._B.mult(self._u, self._image)
         jumps = np.zeros(self.size)
         jumps[self._rows] = np.where(self._force, self._image.array_r, 0.0)
-        work = self._comm.allreduce(float(self._border @ u))
+        work = self.comm.allreduce(float(self._border @ u))
         if self._own_border:
             jumps[-1] = work
         return jumps
@@ -90,7 +91,7 @@ class DualOperator:
         """Bᵀλ on torn unknowns."""
         self._image.array[:] = np.where(self._force, multipliers[self._rows], 0.0)
         self._B.multTranspose(self._image, self._u)
-        share = self._comm.bcast(float(multipliers[-1]) if self._own_border else 0.0)
+        share = self.comm.bcast(float(multipliers[-1]) if self._own_border else 0.0)
         forces: Floats = self._u.array_r + share * self._border
         return forces
 
@@ -113,8 +114,8 @@ class DualOperator:
         P = self.coarse.project
         x = P(np.cos(np.arange(self.size)))
         for _ in range(POWERS):
-            size = np.sqrt(self._comm.allreduce(float(x @ x)))
+            size = np.sqrt(self.comm.allreduce(float(x @ x)))
             if not size > 0:
                 break
             x = P(self.multiply(x / size))
-            self.norm = float(np.sqrt(self._comm.allreduce(float(x @ x))))
+            self.norm = float(np.sqrt(self.comm.allreduce(float(x @ x))))

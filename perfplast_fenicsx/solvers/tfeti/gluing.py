@@ -34,13 +34,15 @@ class Gluing:
 
     Attributes:
         B: From torn unknowns, shape (num_rows, num_torn_unknowns).
-        mean: From torn unknowns to displacements: the mean of the copies.
+        copies: From displacements to torn unknowns: ones; transposed, it adds what copies have.
+        count: How many copies the node of each owned unknown has.
         num_pairs: Rows of contact of this rank.
         length: Of the rows of contact, before they were scaled, shape (num_pairs,).
     """
 
     B: PETSc.Mat
-    mean: PETSc.Mat
+    copies: PETSc.Mat
+    count: Floats
     num_pairs: int
     length: Floats
 
@@ -62,6 +64,9 @@ def make_gluing(problem: Problem, pieces: Subdomains) -> Gluing:
     each, its = node[:, None] * gdim + axis, copy[:, None] * gdim + axis
     share = np.repeat(1 / count[node], gdim)
     mean = matrix_of_entries(comm, unknowns(V), columns, [(each.ravel(), its.ravel(), share)])
+    number = V.dofmap.index_map.local_to_global(pieces.node)[:, None] * gdim + axis
+    ones = (np.arange(torn_size), number.ravel(), np.ones(torn_size))
+    copies = matrix_of_entries(comm, columns, unknowns(V), [ones])
 
     fixed = problem.fixed[: V.dofmap.index_map.size_local]
     glue, num_glue = _glue(place, copy, ~fixed[node])
@@ -76,7 +81,8 @@ def make_gluing(problem: Problem, pieces: Subdomains) -> Gluing:
         (len(length), contact),
     ]
     B = _stacked(comm, columns, parts)
-    return Gluing(B, mean, len(length), length)
+    mean.destroy()
+    return Gluing(B, copies, np.repeat(count, gdim).astype(np.float64), len(length), length)
 
 
 def _stacked(comm: PETSc.Comm, columns: Sizes, parts: Sequence[tuple[int, Entries]]) -> PETSc.Mat:

@@ -129,6 +129,8 @@ def minimise(
             image = p.hessian(direction)
             p.products += 1
             curvature = dot(direction, image)
+            if not curvature > 0:
+                return False
             step = dot(direction, p.gradient) / curvature
             reach = _reach(program, direction)
             if step <= reach:

@@ -31,6 +31,9 @@ FIRST_BALANCE, SHRINK = 10.0, 0.1
 LOOSE = 0.1
 """η: largest projected gradient that ends an inner iteration, relative to the first one."""
 
+UNDER = 0.5
+"""An inner iteration goes on to this share of the tolerance at most."""
+
 
 @dataclass(frozen=True)
 class DualProgram:
@@ -59,94 +62,97 @@ class DualProgram:
         return float(np.sqrt(self.comm.allreduce(float(x @ x))))
 
 
-@dataclass(frozen=True)
-class DualSolution:
-    """The end of the iteration.
+class Smalbe:
+    """The iteration for one program, which may go on to smaller tolerances.
 
     Attributes:
-        x: Within the bounds, exactly.
         multiplier: μ, in the range of Q.
         projected: Norm of the projected gradient that is left.
         off: ‖Qx‖ that is left.
-        products: Products with A.
         rounds: Of the augmented Lagrangian.
-        solved: Whether both are as small as was asked.
     """
 
-    x: Floats
-    multiplier: Floats
-    projected: float
-    off: float
-    products: int
-    rounds: int
-    solved: bool
+    def __init__(self, program: DualProgram, start: Floats) -> None:
+        """Begin. Collective.
 
+        Args:
+            program: What is minimised.
+            start: To begin with; what is below bounds is put there.
+        """
+        self._program = program
+        self._rho = PENALTY * program.norm
+        self._balance = FIRST_BALANCE * program.norm
+        x = np.maximum(start, program.lower)
+        self.multiplier = np.zeros_like(x)
+        self._inner = BoundProgram(
+            hessian=self._hessian,
+            precondition=self._precondition,
+            comm=program.comm,
+            lower=program.lower,
+            norm=max(program.norm, self._rho),
+            x=x,
+            gradient=self._hessian(x) - program.b,
+            products=1,
+        )
+        self._first = program.length(self._inner.gradient)
+        self._last = -np.inf
+        self.rounds, self.projected, self.off = 0, np.inf, np.inf
 
-def solve_dual(
-    program: DualProgram, start: Floats, gradient_tolerance: float, tolerance: float, most: int
-) -> DualSolution:
-    """Minimise. Collective.
+    @property
+    def x(self) -> Floats:
+        """Within the bounds, exactly."""
+        return self._inner.x
 
-    Args:
-        program: What.
-        start: To begin with; what is below bounds is put there.
-        gradient_tolerance: Of the projected gradient.
-        tolerance: Of ‖Qx‖.
-        most: Products with A, behind which the iteration is given up.
-    """
-    P, rho = program.project, PENALTY * program.norm
-    balance = FIRST_BALANCE * program.norm
+    @property
+    def products(self) -> int:
+        """Products with A so far."""
+        return self._inner.products
 
-    def hessian(x: Floats) -> Floats:
-        inside = P(x)
-        return program.multiply(inside) + rho * (x - inside)
+    def run(self, jumps: float, forces: float, most: int) -> bool:
+        """Go on. Collective.
 
-    def precondition(g: Floats) -> Floats:
-        inside = P(g)
-        return P(program.precondition(inside)) + (g - inside) / rho
+        Args:
+            jumps: Tolerance of the projected gradient.
+            forces: Of ‖Qx‖.
+            most: Products with A in all, behind which the iteration is given up.
 
-    x = np.maximum(start, program.lower)
-    multiplier = np.zeros_like(x)
-    inner = BoundProgram(
-        hessian=hessian,
-        precondition=precondition,
-        comm=program.comm,
-        lower=program.lower,
-        norm=max(program.norm, rho),
-        x=x,
-        gradient=hessian(x) - program.b,
-        products=1,
-    )
-    first = inner.dot(inner.gradient, inner.gradient) ** 0.5
-    last = -np.inf
-    rounds = 0
-    while True:
-        rounds += 1
-        seen: dict[str, float] = {}
+        Returns:
+            Whether both are met.
+        """
+        program, inner = self._program, self._inner
 
         def enough(x: Floats, projected: float) -> bool:
-            off = program.length(x - P(x))
-            seen["projected"], seen["off"] = projected, off
-            if projected <= gradient_tolerance and off <= tolerance:
+            self.projected, self.off = projected, program.length(x - program.project(x))
+            if projected <= jumps and self.off <= forces:
                 return True
-            wanted = min(balance * off, LOOSE * first)
-            return projected <= max(wanted, 0.5 * gradient_tolerance)
+            wanted = min(self._balance * self.off, LOOSE * self._first)
+            return projected <= max(wanted, UNDER * jumps)
 
-        going = minimise(inner, enough, most)
-        done = seen["projected"] <= gradient_tolerance and seen["off"] <= tolerance
-        if done or not going:
-            return DualSolution(
-                inner.x, multiplier, seen["projected"], seen["off"], inner.products, rounds, done
-            )
-        off = inner.x - P(inner.x)
-        lagrangian = _lagrangian(inner, program.b, multiplier)
-        if lagrangian < last + rho / 2 * seen["off"] ** 2:
-            balance *= SHRINK
-        last = lagrangian
-        multiplier = multiplier + rho * off
-        inner.gradient = inner.gradient + rho * off
+        while True:
+            self.rounds += 1
+            going = minimise(inner, enough, most)
+            if self.projected <= jumps and self.off <= forces:
+                return True
+            if not going:
+                return False
+            off = inner.x - program.project(inner.x)
+            lagrangian = self._lagrangian()
+            if lagrangian < self._last + self._rho / 2 * self.off**2:
+                self._balance *= SHRINK
+            self._last = lagrangian
+            self.multiplier = self.multiplier + self._rho * off
+            inner.gradient = inner.gradient + self._rho * off
 
+    def _hessian(self, x: Floats) -> Floats:
+        inside = self._program.project(x)
+        return self._program.multiply(inside) + self._rho * (x - inside)
 
-def _lagrangian(inner: BoundProgram, b: Floats, multiplier: Floats) -> float:
-    """½ xᵀHx − (b − μ)ᵀx at x, where g = Hx − b + μ. Collective."""
-    return 0.5 * inner.dot(inner.gradient - b + multiplier, inner.x)
+    def _precondition(self, g: Floats) -> Floats:
+        P = self._program.project
+        inside = P(g)
+        return P(self._program.precondition(inside)) + (g - inside) / self._rho
+
+    def _lagrangian(self) -> float:
+        """½ xᵀHx − (b − μ)ᵀx at x, where g = Hx − b + μ. Collective."""
+        inner = self._inner
+        return 0.5 * inner.dot(inner.gradient - self._program.b + self.multiplier, inner.x)

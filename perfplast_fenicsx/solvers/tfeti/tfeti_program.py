@@ -1,16 +1,17 @@
 """The contact QP of one Newton step by Total FETI: its dual, on bodies cut into pieces.
 
-    minimise ½ δᵀKδ − fᵀδ  subject to  B_E δ = 0,  B_I δ ≤ room  and, where asked,  ℓᵀδ = work
+    minimise ½ δᵀKδ + rᵀδ  subject to  B_E δ = 0,  B_I δ ≤ room  and, where asked,  ℓᵀδ = work
 
-Supports are rows too, so that the stiffness of each piece has its rigid motions R as its kernel
-(Z. Dostál, D. Horák, R. Kučera, Commun. Numer. Meth. Engng 22 (2006), 1155). With F = B K⁺Bᵀ,
-d = B K⁺f − c, G = RᵀBᵀ and e = Rᵀf the dual is
+Supports are rows too, so that the stiffness of each piece has its rigid motions as its kernel
+(Z. Dostál, D. Horák, R. Kučera, Commun. Numer. Meth. Engng 22 (2006), 1155), and contact is λ_I ≥ 0
+on the multipliers: whatever pairs are closed, the same factors serve.
 
-    minimise ½ λᵀFλ − dᵀλ  where  Gλ = e,  λ_I ≥ 0
-
-and contact is a bound on multipliers: no set of closed pairs is factorised. λ_I are the contact
-forces behind the step, so that the next one starts from them.
+First the dual is solved on the face of the step before: with what was closed glued, and what was
+open left out, as an equality-constrained program, whose balance of pieces the projector keeps.
+Where that leaves bounds or gaps violated, SMALBE-M and MPRGP find the face.
 """
+
+from dataclasses import dataclass
 
 from petsc4py import PETSc
 
@@ -19,29 +20,57 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactStep
-from perfplast_fenicsx.solvers.active_set.equality_qp import NOTHING_HELD, Held
+from perfplast_fenicsx.solvers.active_set.equality_qp import NOTHING_HELD, ROUNDING, Held
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
 from perfplast_fenicsx.solvers.tfeti.dual_operator import DualOperator
 from perfplast_fenicsx.solvers.tfeti.gluing import make_gluing
-from perfplast_fenicsx.solvers.tfeti.smalbe import DualProgram, DualSolution, solve_dual
 from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains
+from perfplast_fenicsx.solvers.tfeti.torn_bodies import TornBodies
+from perfplast_fenicsx.solvers.tfeti.torn_program import TornProgram
 from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
 
 MOST_PRODUCTS = 3000
 """A dual that has not been solved with so many products with F never will be."""
 
-ROUNDING = 1e-13
-"""What is left of forces and jumps, relative to their terms, that is rounding."""
+MOST_FACES = 8
+"""So many faces are tried; the last one is told as it is."""
 
-SHARPER = 0.1
-"""Dual residuals in shares of the tolerance of a step: jumps count for more in forces."""
+FIRST, SHARPER = 1e-3, 1e-2
+"""Relative tolerance by which a face is found at first, and its factor for each further one."""
+
+BETTER, BEST = 0.3, 1e-3
+"""Jumps are solved for anew to this share of what nodal forces ask for, and in one go by no more
+than the second factor."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A contact QP.
+
+    Attributes:
+        r: Gradient at δ = 0, in the jump basis.
+        f: The forces −r on torn unknowns.
+        room: Of each pair, shape (num_pairs,).
+        work: ℓᵀδ in units of the border; None if it is not prescribed.
+        accuracy: Norm of nodal forces that may be left out of balance.
+        noise: Contact forces that decide nothing.
+        rtol: Relative tolerance.
+    """
+
+    r: PETSc.Vec
+    f: Floats
+    room: Floats
+    work: float | None
+    accuracy: float
+    noise: float
+    rtol: float
 
 
 class TfetiProgram:
     """Solver of the contact QPs of a problem; see :class:`contact_solver.ContactSolver`.
 
     Attributes:
-        solution: Of the last dual.
+        multipliers: λ of the last solution, those of contact in forces; shape (num_rows,).
     """
 
     def __init__(self, problem: Problem, pieces: Subdomains, linear: LinearSolver) -> None:
@@ -53,13 +82,16 @@ class TfetiProgram:
             linear: Counts what is solved.
         """
         self._problem, self._linear, self._comm = problem, linear, problem.comm
-        self._gluing = make_gluing(problem, pieces)
-        self._dual = DualOperator(self._comm, pieces, self._gluing)
-        self._delta, self._nodal = problem.create_vector(), problem.create_vector()
-        self._torn = self._gluing.B.createVecRight()
-        self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
-        self._multipliers = np.zeros(self._dual.size)
-        self.solution: DualSolution | None = None
+        gluing = make_gluing(problem, pieces)
+        self._length = gluing.length
+        self._dual = DualOperator(self._comm, pieces, gluing)
+        self._bodies = TornBodies(problem, gluing)
+        self._index = problem.basis.index
+        self._delta, self._r, self._rest, self._loads = (
+            problem.create_vector() for _ in range(4)
+        )
+        problem.basis.T.multTranspose(problem.loads.live, self._loads)
+        self.multipliers = np.zeros(self._dual.size)
 
     def set_operator(self, A: TornStiffness) -> None:
         """Take a new stiffness, or the same with new values. Collective.
@@ -87,31 +119,33 @@ class TfetiProgram:
         Args:
             r: Gradient at δ = 0, in the jump basis.
             room: How far each pair hosted here may still close, shape (num_pairs,).
-            active: Of no use here.
+            active: Closed pairs to begin with.
             rtol: Relative tolerance.
-            exact: The same; which pairs are closed is always right.
+            exact: Of no use here: which pairs are closed is always right.
             work: ℓᵀδ if it is prescribed, where ℓ are the loads.
             given: Nothing, as there is no friction here.
-            first: Of no use here.
+            first: Largest force where the level began.
 
         Raises:
             LinearFailure: If the dual cannot be solved.
         """
-        every = np.ones(len(room), dtype=np.bool_)
-        border, length = (None, 1.0) if work is None else self._work_row()
-        self._dual.put_in_force(every, border)
-        lower = np.full(self._dual.size, -np.inf)
-        lower[self._dual.contact] = 0.0
-        c = self._limits(room, 0.0 if work is None else work / length)
-        multipliers = self._minimise(r, c, lower, rtol)
-        jumps, forces = room, multipliers[self._dual.contact]
-        delta = self._delta.array_r[self._problem.basis.index]
-        closed: PairFlags = forces > 0
-        self._delta.array[self._problem.basis.index] = np.where(
-            closed, jumps, np.minimum(delta, jumps)
-        )
-        share = self._comm.bcast(float(multipliers[-1]) if self._comm.rank == 0 else 0.0)
-        return ContactStep(self._delta, closed, True, 1, -share / length, np.zeros(0))
+        asked = self._ask(r, room, active, rtol, work, first)
+        self._forget()
+        closed, settled, faces = active, False, 0
+        search: TornProgram | None = None
+        tolerance = FIRST
+        while not settled and faces < MOST_FACES:
+            faces += 1
+            wrong = self._on_face(asked, closed)
+            if wrong is not None and not self._comm.allreduce(int(wrong.sum())):
+                settled = True
+                break
+            search = search or self._search(asked)
+            self._in_force(np.ones_like(active), asked)
+            self._run(search, tolerance)
+            tolerance *= SHARPER
+            closed = search.multipliers()[self._dual.contact] > 0
+        return self._step(asked, closed, settled, faces)
 
     def response(
         self, load: PETSc.Vec, held: PairFlags, rtol: float, given: Held = NOTHING_HELD
@@ -130,83 +164,133 @@ class TfetiProgram:
         Raises:
             LinearFailure: If the dual cannot be solved.
         """
-        self._dual.put_in_force(held, None)
-        self._multipliers[:] = 0
-        self._problem.basis.T.multTranspose(load, self._delta)
-        self._delta.scale(-1)
-        lower = np.full(self._dual.size, -np.inf)
-        self._minimise(self._delta, self._limits(np.zeros(len(held)), 0.0), lower, rtol)
-        self._multipliers[:] = 0
-        self._delta.array[self._problem.basis.index[held]] = 0
+        self._problem.basis.T.multTranspose(load, self._r)
+        self._r.scale(-1)
+        asked = self._ask(self._r, np.zeros(len(held)), held, rtol, None, 0.0)
+        self._forget(np.zeros_like(held))
+        if self._on_face(asked, held) is None:
+            raise LinearFailure("a body is not held by the pairs that are closed")
+        self._delta.array[self._index[held]] = 0
         return self._delta
 
-    def _limits(self, room: Floats, work: float) -> Floats:
-        """c of all rows."""
+    def _ask(
+        self,
+        r: PETSc.Vec,
+        room: Floats,
+        active: PairFlags,
+        rtol: float,
+        work: float | None,
+        first: float,
+    ) -> Asked:
+        """Size up a QP. Collective."""
+        if work is not None:
+            row = self._bodies.shares(self._problem.loads.live)
+            self._unit = float(np.sqrt(self._comm.allreduce(float(row @ row))))
+            self._border = row / self._unit
+            work = work / self._unit
+        self._delta.set(0)
+        self._delta.array[self._index[active]] = room[active]
+        self._bodies.gradient(self._dual.stiffness, self._delta, r, self._rest)
+        self._rest.array[self._index[active]] = 0
+        largest = self._rest.norm(PETSc.NormType.NORM_INFINITY)
+        force = max(first, r.norm(PETSc.NormType.NORM_INFINITY))
+        accuracy = max(rtol * self._rest.norm(), ROUNDING * force)
+        noise = max(rtol * largest, ROUNDING * force)
+        return Asked(r, self._bodies.forces(r), room, work, accuracy, noise, rtol)
+
+    def _forget(self, contact: Floats | None = None) -> None:
+        """Keep contact forces alone, or take others: what glues is about the last step."""
+        kept = self.multipliers[self._dual.contact] if contact is None else contact
+        self.multipliers = np.zeros(self._dual.size)
+        self.multipliers[self._dual.contact] = kept
+
+    def _in_force(self, pairs: PairFlags, asked: Asked) -> None:
+        self._dual.put_in_force(pairs, None if asked.work is None else self._border)
+
+    def _program(
+        self, asked: Asked, pairs: PairFlags, lower: Floats, start: Floats
+    ) -> TornProgram:
+        """The dual with the rows of these pairs in force. Collective."""
         c = np.zeros(self._dual.size)
-        c[self._dual.contact] = room / self._gluing.length
+        c[self._dual.contact] = np.where(pairs, asked.room / self._length, 0.0)
         if self._comm.rank == 0:
-            c[-1] = work
-        return c
+            c[-1] = asked.work or 0.0
+        return TornProgram(self._dual, asked.f, c, lower, start)
 
-    def _work_row(self) -> tuple[Floats, float]:
-        """ℓ on torn unknowns, and by what it was divided. Collective."""
-        self._problem.loads.live.copy(self._nodal)
-        row = self._spread()
-        length = float(np.sqrt(self._comm.allreduce(float(row @ row))))
-        return row / length, length
+    def _search(self, asked: Asked) -> TornProgram:
+        """The dual with all rows and their bounds. Collective."""
+        every = np.ones(len(asked.room), dtype=np.bool_)
+        self._in_force(every, asked)
+        lower = np.full(self._dual.size, -np.inf)
+        lower[self._dual.contact] = 0.0
+        return self._program(asked, every, lower, np.maximum(self.multipliers, lower))
 
-    def _spread(self) -> Floats:
-        """Nodal forces, in equal shares on the copies of free nodes. Collective."""
-        self._nodal.array[self._fixed] = 0
-        self._gluing.mean.multTranspose(self._nodal, self._torn)
-        forces: Floats = self._torn.array_r.copy()
-        return forces
+    def _run(self, program: TornProgram, rtol: float) -> None:
+        """Solve a dual. Collective.
 
-    def _minimise(self, r: PETSc.Vec, c: Floats, lower: Floats, rtol: float) -> Floats:
-        """Solve for δ; returns λ. Collective."""
-        dual, coarse, K = self._dual, self._dual.coarse, self._dual.stiffness
-        P, basis = coarse.project, self._problem.basis
-        basis.M.multTranspose(r, self._nodal)
-        self._nodal.scale(-1)
-        f = self._spread()
-        before = self._multipliers
-        if self._comm.rank == 0:
-            before[-1] = 0
-        d = dual.rows(K.solve(f)) - c
-        missing = coarse.lift(coarse.solve(coarse.resultants(f) - coarse.balance(before)))
-        shift = before + missing
-        moved = dual.multiply(shift)
-        program = DualProgram(
-            comm=self._comm,
-            multiply=lambda x: P(dual.multiply(x)),
-            project=P,
-            precondition=dual.lumped,
-            norm=dual.norm,
-            b=P(d - moved),
-            lower=lower - shift,
-        )
-        size, length = program.length(program.b), program.length
-        jumps = max(SHARPER * rtol * size, ROUNDING * (length(d) + length(moved)))
-        forces = SHARPER * rtol * max(length(missing), size / max(dual.norm, 1e-300))
-        forces = max(forces, ROUNDING * length(shift))
-        found = solve_dual(program, np.zeros(dual.size), jumps, forces, MOST_PRODUCTS)
-        self.solution = found
-        self._linear.solves += 1
-        self._linear.iterations += found.products
-        if not found.solved:
+        Raises:
+            LinearFailure: If that is not possible.
+        """
+        before = program.smalbe.products
+        solved = program.run(rtol, MOST_PRODUCTS)
+        self._linear.iterations += program.smalbe.products - before
+        if not solved:
             raise LinearFailure(
-                f"the contact program could not be solved (T-FETI: {found.products} products with"
-                f" the dual operator leave {found.off:.2g} of the balance of subdomains), as where"
-                " loads pull bodies off each other or everything flows plastically"
+                f"the contact program could not be solved (T-FETI: {program.smalbe.products}"
+                " products with the dual operator leave"
+                f" {program.smalbe.off:.2g} of the balance of subdomains), as where loads pull"
+                " bodies off each other or everything flows plastically"
             )
-        multipliers = np.maximum(shift + found.x, np.where(np.isfinite(lower), lower, -np.inf))
-        multipliers = np.where(found.x <= program.lower, lower, multipliers)
-        gradient = dual.multiply(multipliers) - d
-        amplitudes = coarse.solve(coarse.balance(gradient - found.multiplier))
-        u = K.solve(f - dual.forces(multipliers)) + coarse.motion(amplitudes)
-        self._torn.array[:] = u
-        self._gluing.mean.mult(self._torn, self._nodal)
-        self._nodal.array[self._fixed] = 0
-        basis.M.mult(self._nodal, self._delta)
-        self._multipliers = multipliers
-        return multipliers
+
+    def _on_face(self, asked: Asked, closed: PairFlags) -> PairFlags | None:
+        """Solve for δ with these pairs closed and the others without force. Collective.
+
+        Returns:
+            Pairs that are not as they ought to be; None if a body moves freely.
+        """
+        self._linear.solves += 1
+        try:
+            self._in_force(closed, asked)
+        except LinearFailure:
+            return None
+        start = self.multipliers.copy()
+        start[self._dual.contact] *= closed
+        free = np.full(self._dual.size, -np.inf)
+        program, rtol = self._program(asked, closed, free, start), asked.rtol
+        while True:
+            self._run(program, rtol)
+            self.multipliers = program.multipliers()
+            self._bodies.glue(program.displacement(self.multipliers), self._delta)
+            left = self._left(asked, closed)
+            if left <= asked.accuracy or program.at_rounding(rtol):
+                break
+            rtol *= max(BETTER * asked.accuracy / left, BEST)
+        forces = self.multipliers[self._dual.contact] / self._length
+        excess = self._delta.array_r[self._index] - asked.room
+        largest = self._delta.norm(PETSc.NormType.NORM_INFINITY)
+        least = max(ROUNDING, asked.rtol) * largest
+        wrong: PairFlags = np.where(closed, forces < -asked.noise, excess > least)
+        return wrong
+
+    def _left(self, asked: Asked, closed: PairFlags) -> float:
+        """Norm of the nodal forces that δ leaves out of balance. Collective."""
+        self._delta.array[self._index[closed]] = asked.room[closed]
+        self._bodies.gradient(self._dual.stiffness, self._delta, asked.r, self._rest)
+        if asked.work is not None:
+            self._rest.axpy(-self._share(), self._loads)
+        self._rest.array[self._index[closed]] = 0
+        return float(self._rest.norm())
+
+    def _share(self) -> float:
+        """The multiplier of the work equality, a change of ζ. Collective."""
+        last = float(self.multipliers[-1]) if self._comm.rank == 0 else 0.0
+        return -self._comm.bcast(last) / self._unit
+
+    def _step(self, asked: Asked, closed: PairFlags, settled: bool, faces: int) -> ContactStep:
+        """What the last face tells; what penetrates is opened. Collective."""
+        contact = self._dual.contact
+        self.multipliers[contact] = np.maximum(self.multipliers[contact], 0.0)
+        jumps = np.where(closed, asked.room, self._delta.array_r[self._index])
+        self._delta.array[self._index] = np.minimum(jumps, asked.room)
+        share = 0.0 if asked.work is None else self._share()
+        return ContactStep(self._delta, closed, settled, faces, share, np.zeros(0))
