@@ -8,7 +8,6 @@ Those in jump unknowns, of the jump basis, have names of y: y = M u, and ``delta
 δu = T δy; forces there are Tᵀ times the nodal ones.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 from mpi4py import MPI
@@ -26,7 +25,7 @@ from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.active_set.slip import Slip, slipping, stuck
-from perfplast_fenicsx.solvers.tangents import JumpTangent, Tangent
+from perfplast_fenicsx.solvers.tangents import JumpTangent, MakeTangent
 
 SLOPE_REDUCTION = 1e-3
 """The line search ends where |φ'(β)| is at most this share of |φ'(0)|."""
@@ -49,15 +48,8 @@ class Iterate:
         slip: How friction is linearised in the next step.
     """
 
-    def __init__(
-        self, problem: Problem, tangent: Callable[[QuadratureFields], Tangent] = JumpTangent
-    ) -> None:
-        """Compile the forms. Collective.
-
-        Args:
-            problem: What is solved.
-            tangent: Makes what becomes of the tangent.
-        """
+    def __init__(self, problem: Problem, tangent: MakeTangent = JumpTangent) -> None:
+        """Compile the forms; ``tangent`` makes what becomes of theirs. Collective."""
         self.problem = problem
         self.fields = QuadratureFields(problem)
         self.direction = Direction(self.fields)
@@ -171,7 +163,7 @@ class Iterate:
         return self._gradient_y
 
     def operator(self, rho: float) -> Any:
-        """Σ^{o,ρ}(ε(u)) as the tangent has it; valid until the next call."""
+        """Σ^{o,ρ}(ε(u)) of the tangent; valid until the next call."""
         return self._tangent.at(rho)
 
     def aim(self, delta_y: PETSc.Vec) -> None:

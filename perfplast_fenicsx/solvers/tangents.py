@@ -1,6 +1,7 @@
 """The tangent of an iterate as what its contact programs solve with."""
 
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any, Protocol, TypeAlias
 
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.stiffness import Stiffness
@@ -13,6 +14,10 @@ class Tangent(Protocol):
     def at(self, rho: float) -> Any:
         """An operator for this ρ and the present strains, until the next call. Collective."""
         ...
+
+
+MakeTangent: TypeAlias = Callable[[QuadratureFields], Tangent]
+"""Makes the tangent of fields; collective."""
 
 
 class JumpTangent:

@@ -37,12 +37,14 @@ class CoarseProblem:
         self._motions = pieces.motions.reshape(-1, modes)
         row = np.arange(torn * gdim).reshape(torn, gdim, 1)
         number = pieces.of_node[:, None, None] * modes + np.arange(modes)
-        place = [np.broadcast_to(part, pieces.motions.shape).ravel() for part in (row, number)]
+        unknown, motion = (
+            np.broadcast_to(part, pieces.motions.shape).ravel() for part in (row, number)
+        )
         own = (pieces.count * modes, self.size)
-        R = matrix_of_entries(comm, B.getSizes()[1], own, [(*place, pieces.motions.ravel())])
+        R = matrix_of_entries(comm, B.getSizes()[1], own, [(unknown, motion, pieces.motions.ravel())])
         moved = B.matMult(R)
-        each, motion, value = entries_of(moved)
-        self._every = csr_array((value, (motion, each)), (self.size, moved.getLocalSize()[0]))
+        each, column, value = entries_of(moved)
+        self._every = csr_array((value, (column, each)), (self.size, moved.getLocalSize()[0]))
         for matrix in (R, moved):
             matrix.destroy()
 
@@ -53,8 +55,8 @@ class CoarseProblem:
             LinearFailure: If they let a piece move as a rigid one.
         """
         G = self._every @ diags_array(force.astype(np.float64))
-        column = self.resultants(border)[:, None]
-        self._G = csr_array(hstack([G, csr_array(column)]) if own_border else G)
+        last = csr_array(self.resultants(border)[:, None])
+        self._G = csr_array(hstack([G, last]) if own_border else G)
         gram = self._comm.allreduce((self._G @ self._G.T).toarray())
         if not self.size:
             return

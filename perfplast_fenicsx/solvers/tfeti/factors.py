@@ -43,7 +43,7 @@ class Factors:
         return None
 
     def solve(self, b: Floats) -> Floats:
-        """x with A x = b; same shape."""
+        """X with A x = b; same shape."""
         if not b.size:
             return np.zeros(0)
         self._b.array[:] = b

@@ -90,9 +90,7 @@ class BoundProgram:
         return self.comm.allreduce(float(a @ b))
 
 
-def minimise(
-    program: BoundProgram, enough: Callable[[Floats, float], bool], most: int
-) -> bool:
+def minimise(program: BoundProgram, enough: Callable[[Floats, float], bool], most: int) -> bool:
     """Iterate, with ``x`` and ``gradient`` of the program changing. Collective.
 
     Args:

@@ -31,6 +31,9 @@ FIRST_BALANCE, SHRINK = 10.0, 0.1
 LOOSE = 0.1
 """η: largest projected gradient that ends an inner iteration, relative to the first one."""
 
+MOST_ROUNDS = 200
+"""Where so many rounds have not led to Qx = 0, nothing within the bounds is in the kernel of Q."""
+
 UNDER = 0.5
 """An inner iteration goes on to this share of the tolerance at most."""
 
@@ -117,7 +120,7 @@ class Smalbe:
             most: Products with A in all, behind which the iteration is given up.
 
         Returns:
-            Whether both are met.
+            Whether both are met; not where nothing is feasible.
         """
         program, inner = self._program, self._inner
 
@@ -133,7 +136,7 @@ class Smalbe:
             going = minimise(inner, enough, most)
             if self.projected <= jumps and self.off <= forces:
                 return True
-            if not going:
+            if not going or self.rounds >= MOST_ROUNDS:
                 return False
             off = inner.x - program.project(inner.x)
             lagrangian = self._lagrangian()

@@ -5,6 +5,7 @@ without strain. Its nodes are copies of the mesh's, and torn off those of other 
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import qr
@@ -91,9 +92,7 @@ def make_subdomains(problem: Problem, wanted: int, exactly: bool = False) -> Sub
     last = comm.scan(count)
     total = comm.allreduce(count)
     torn = torn.reshape(nodes.shape).astype(np.int32)
-    return Subdomains(
-        last - count, count, total, of_cell, torn, node, ends, motions, fixing
-    )
+    return Subdomains(last - count, count, total, of_cell, torn, node, ends, motions, fixing)
 
 
 def bisected(x: Floats, count: int) -> Ints:
@@ -140,7 +139,7 @@ def _rigid(problem: Problem, x: Floats, ends: Longs) -> tuple[Floats, Ints]:
     bodies = problem.bodies
     gdim, modes = bodies.gdim, bodies.num_modes
     motions, fixing = np.zeros((len(x), gdim, modes)), []
-    for begin, end in zip(ends[:-1], ends[1:], strict=True):
+    for begin, end in pairwise(ends):
         here = x[begin:end]
         centred = here - here.mean(axis=0)
         spread = bodies.kinematics.rigid_modes(centred / np.abs(centred).max())
@@ -149,5 +148,3 @@ def _rigid(problem: Problem, x: Floats, ends: Longs) -> tuple[Floats, Ints]:
         _, _, pivots = qr(basis.T, mode="economic", pivoting=True)
         fixing.append(begin * gdim + pivots[:modes])
     return motions, np.concatenate([np.zeros(0, dtype=np.int32), *fixing]).astype(np.int32)
-
-

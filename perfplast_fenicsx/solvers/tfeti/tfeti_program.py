@@ -87,11 +87,11 @@ class TfetiProgram:
         self._dual = DualOperator(self._comm, pieces, gluing)
         self._bodies = TornBodies(problem, gluing)
         self._index = problem.basis.index
-        self._delta, self._r, self._rest, self._loads = (
-            problem.create_vector() for _ in range(4)
-        )
+        self._delta, self._r, self._rest, self._loads = (problem.create_vector() for _ in range(4))
         problem.basis.T.multTranspose(problem.loads.live, self._loads)
-        self.multipliers = np.zeros(self._dual.size)
+        self.multipliers: Floats = np.zeros(self._dual.size)
+        self._border: Floats = np.zeros(0)
+        self._unit = 1.0
 
     def set_operator(self, A: TornStiffness) -> None:
         """Take a new stiffness, or the same with new values. Collective.
@@ -167,7 +167,7 @@ class TfetiProgram:
         self._problem.basis.T.multTranspose(load, self._r)
         self._r.scale(-1)
         asked = self._ask(self._r, np.zeros(len(held)), held, rtol, None, 0.0)
-        self._forget(np.zeros_like(held))
+        self._forget(np.zeros(len(held)))
         if self._on_face(asked, held) is None:
             raise LinearFailure("a body is not held by the pairs that are closed")
         self._delta.array[self._index[held]] = 0
@@ -207,9 +207,7 @@ class TfetiProgram:
     def _in_force(self, pairs: PairFlags, asked: Asked) -> None:
         self._dual.put_in_force(pairs, None if asked.work is None else self._border)
 
-    def _program(
-        self, asked: Asked, pairs: PairFlags, lower: Floats, start: Floats
-    ) -> TornProgram:
+    def _program(self, asked: Asked, pairs: PairFlags, lower: Floats, start: Floats) -> TornProgram:
         """The dual with the rows of these pairs in force. Collective."""
         c = np.zeros(self._dual.size)
         c[self._dual.contact] = np.where(pairs, asked.room / self._length, 0.0)

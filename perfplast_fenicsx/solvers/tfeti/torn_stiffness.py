@@ -3,8 +3,8 @@
 The pieces do not see each other, so that one sparse matrix of this rank alone has them all, and one
 factorisation is that of each. Its kernel are the rigid motions R. With as many springs as there are
 motions, M with invertible MᵀR, the inverse K⁺ = (K + k M Mᵀ)⁻¹ is a generalised inverse of K
-itself, K K⁺ K = K, whatever k > 0 is (T. Brzobohatý, Z. Dostál, T. Kozubek, P. Kovář, A. Markopoulos,
-Int. J. Numer. Meth. Engng 88 (2011), 493).
+itself, K K⁺ K = K, whatever k > 0 is (T. Brzobohatý, Z. Dostál, T. Kozubek, P. Kovář and
+A. Markopoulos, Int. J. Numer. Meth. Engng 88 (2011), 493).
 """
 
 from mpi4py import MPI
@@ -68,7 +68,7 @@ class TornStiffness:
         """Itself, with K brought to the strains, with this ρ. Collective."""
         self._tangent.update(rho)
         self.matrix.zeroEntries()
-        fem_petsc.assemble_matrix(self.matrix, self._tangent.form)  # type: ignore[arg-type]
+        fem_petsc.assemble_matrix(self.matrix, self._tangent.form)
         self.matrix.assemble()
         diagonal = self.matrix.getDiagonal()
         self._scale = float(diagonal.array_r.mean()) if self.size else 0.0
@@ -148,5 +148,3 @@ def _blocks(pieces: Subdomains, gdim: int) -> PETSc.Mat:
     )
     K.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
     return K
-
-
