@@ -41,7 +41,9 @@ class CoarseProblem:
             np.broadcast_to(part, pieces.motions.shape).ravel() for part in (row, number)
         )
         own = (pieces.count * modes, self.size)
-        R = matrix_of_entries(comm, B.getSizes()[1], own, [(unknown, motion, pieces.motions.ravel())])
+        R = matrix_of_entries(
+            comm, B.getSizes()[1], own, [(unknown, motion, pieces.motions.ravel())]
+        )
         moved = B.matMult(R)
         each, column, value = entries_of(moved)
         self._every = csr_array((value, (column, each)), (self.size, moved.getLocalSize()[0]))

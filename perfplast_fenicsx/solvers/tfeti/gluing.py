@@ -1,9 +1,9 @@
 """B: the rows that glue torn nodes together, hold supports and ties, and keep bodies apart.
 
 A node of the mesh has one copy in each piece that it lies in. Where nothing holds a component, its
-m copies get m − 1 orthonormal rows, the k-th of them (1, …, 1, −k, 0, …)/√(k(k + 1)); where a support
-does, each copy is held. Ties and contact see the mean of the copies, whose rows are orthogonal to
-the others. All rows have unit length.
+m copies get m − 1 orthonormal rows, the k-th of them (1, …, 1, −k, 0, …)/√(k(k + 1)); where a
+support does, each copy is held. Ties and contact see the mean of the copies, whose rows are
+orthogonal to the others. All rows have unit length.
 """
 
 from collections.abc import Sequence
@@ -36,6 +36,7 @@ class Gluing:
         B: From torn unknowns, shape (num_rows, num_torn_unknowns).
         copies: From displacements to torn unknowns: ones; transposed, it adds what copies have.
         count: How many copies the node of each owned unknown has.
+        num_glue: Rows of this rank that glue copies; they come first.
         num_pairs: Rows of contact of this rank.
         length: Of the rows of contact, before they were scaled, shape (num_pairs,).
     """
@@ -43,6 +44,7 @@ class Gluing:
     B: PETSc.Mat
     copies: PETSc.Mat
     count: Floats
+    num_glue: int
     num_pairs: int
     length: Floats
 
@@ -82,7 +84,8 @@ def make_gluing(problem: Problem, pieces: Subdomains) -> Gluing:
     ]
     B = _stacked(comm, columns, parts)
     mean.destroy()
-    return Gluing(B, copies, np.repeat(count, gdim).astype(np.float64), len(length), length)
+    counts = np.repeat(count, gdim).astype(np.float64)
+    return Gluing(B, copies, counts, num_glue, len(length), length)
 
 
 def _stacked(comm: PETSc.Comm, columns: Sizes, parts: Sequence[tuple[int, Entries]]) -> PETSc.Mat:

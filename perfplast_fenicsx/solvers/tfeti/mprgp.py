@@ -5,9 +5,10 @@ Algorithms, Springer 2009, chapter 5), for
 
     minimise ½ xᵀHx − bᵀx  where  x ≥ lower
 
-Where the gradient g is split into its free part φ (zero at bounds) and the chopped one β (what pulls
-from bounds), steps of CG on the free unknowns go on while ‖β‖² ≤ φ̃ᵀφ, where φ̃ is φ cut to what a
-step of length ᾱ may do. A step that hits a bound goes as far, and on by a projected step along −φ.
+Where the gradient g is split into its free part φ (zero at bounds) and the chopped one β (what
+pulls from bounds), steps of CG on the free unknowns go on while ‖β‖² ≤ φ̃ᵀφ, where φ̃ is φ cut to
+what a step of length ᾱ may do. A step that hits a bound goes as far, and on by a projected step
+along −φ.
 """
 
 from collections.abc import Callable

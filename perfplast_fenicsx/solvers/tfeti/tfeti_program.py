@@ -24,6 +24,7 @@ from perfplast_fenicsx.solvers.active_set.equality_qp import NOTHING_HELD, ROUND
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
 from perfplast_fenicsx.solvers.tfeti.dual_operator import DualOperator
 from perfplast_fenicsx.solvers.tfeti.gluing import make_gluing
+from perfplast_fenicsx.solvers.tfeti.preconditioners import DirichletPreconditioner
 from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains
 from perfplast_fenicsx.solvers.tfeti.torn_bodies import TornBodies
 from perfplast_fenicsx.solvers.tfeti.torn_program import TornProgram
@@ -86,6 +87,7 @@ class TfetiProgram:
         self._length = gluing.length
         self._dual = DualOperator(self._comm, pieces, gluing)
         self._bodies = TornBodies(problem, gluing)
+        self._faces = DirichletPreconditioner(self._dual, gluing, problem.bodies.gdim)
         self._index = problem.basis.index
         self._delta, self._r, self._rest, self._loads = (problem.create_vector() for _ in range(4))
         problem.basis.T.multTranspose(problem.loads.live, self._loads)
@@ -102,6 +104,7 @@ class TfetiProgram:
         A.factorise()
         self._linear.setups += 1
         self._dual.set_stiffness(A)
+        self._faces.set_stiffness(A)
 
     def solve(
         self,
@@ -186,7 +189,7 @@ class TfetiProgram:
         if work is not None:
             row = self._bodies.shares(self._problem.loads.live)
             self._unit = float(np.sqrt(self._comm.allreduce(float(row @ row))))
-            self._border = row / self._unit
+            self._border = np.asarray(row / self._unit, dtype=np.float64)
             work = work / self._unit
         self._delta.set(0)
         self._delta.array[self._index[active]] = room[active]
@@ -213,7 +216,7 @@ class TfetiProgram:
         c[self._dual.contact] = np.where(pairs, asked.room / self._length, 0.0)
         if self._comm.rank == 0:
             c[-1] = asked.work or 0.0
-        return TornProgram(self._dual, asked.f, c, lower, start)
+        return TornProgram(self._dual, self._faces.apply, asked.f, c, lower, start)
 
     def _search(self, asked: Asked) -> TornProgram:
         """The dual with all rows and their bounds. Collective."""

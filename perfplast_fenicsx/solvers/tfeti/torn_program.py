@@ -13,6 +13,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.solvers.tfeti.dual_operator import DualOperator
+from perfplast_fenicsx.solvers.tfeti.mprgp import Operator
 from perfplast_fenicsx.solvers.tfeti.smalbe import DualProgram, Smalbe
 
 ROUNDING = 1e-14
@@ -29,12 +30,19 @@ class TornProgram:
     """
 
     def __init__(
-        self, dual: DualOperator, f: Floats, c: Floats, lower: Floats, start: Floats
+        self,
+        dual: DualOperator,
+        precondition: Operator,
+        f: Floats,
+        c: Floats,
+        lower: Floats,
+        start: Floats,
     ) -> None:
         """Begin at multipliers.
 
         Args:
             dual: F, for the rows in force.
+            precondition: Approximates its inverse.
             f: Forces on torn unknowns.
             c: What the rows are to be, or to be no more than.
             lower: Bounds of λ.
@@ -51,7 +59,7 @@ class TornProgram:
             comm=comm,
             multiply=lambda x: P(dual.multiply(x)),
             project=P,
-            precondition=dual.lumped,
+            precondition=precondition,
             norm=dual.norm,
             b=P(self._d - moved),
             lower=lower - self._shift,
