@@ -47,14 +47,17 @@ from perfplast_fenicsx import (
     Problem,
     Support,
     Traction,
+    Units,
     VonMises,
     adaptive_bounds,
     load_path,
     two_blocks,
 )
 from perfplast_fenicsx.cli import Terminal
-from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene, Units
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
+from perfplast_fenicsx.limit_analysis import AdaptiveBounds
 from perfplast_fenicsx.pictures import draw
+from perfplast_fenicsx.report import report_on
 
 TITLE = "Two blocks in frictionless contact"
 
@@ -116,8 +119,8 @@ def convergence_table(level: Level) -> str:
 
 
 # %%
-def bracket(comm: MPI.Intracomm, n: int, terminal: Terminal) -> None:
-    """Say between which loads the bodies collapse; they carry those of the path. Collective."""
+def bracket(comm: MPI.Intracomm, n: int, terminal: Terminal) -> AdaptiveBounds:
+    """Between which loads the bodies collapse; they carry those of the path. Collective."""
     terminal.say()
     most = Adaptation(until=0.06, cells=3000 if n == 4 else 100)
     found = adaptive_bounds(blocks(comm, n // 2), most, 1e-3, terminal.mesh, terminal.interior)
@@ -132,6 +135,7 @@ def bracket(comm: MPI.Intracomm, n: int, terminal: Terminal) -> None:
     if n == 4:
         assert max(ZETAS) < lower
         assert upper < 1.06 * lower
+    return found
 
 
 # %% [markdown]
@@ -163,7 +167,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     newton = Newton(problem, NewtonOptions(stopping="displacement", tolerance=1e-8))
 
     folder.create()
-    scene = Scene(TITLE, LOADS, CONTACTS, units=Units("mm", "MPa"))
+    scene = Scene(TITLE, LOADS, CONTACTS, units=Units(system="mm-N-MPa"))
     writer = ResultWriter(folder, problem, scene, newton.method, prescribed=newton.prescribes)
     terminal = Terminal(comm)
     terminal.header(TITLE, newton.method, problem)
@@ -175,11 +179,11 @@ def main(argv: Sequence[str] | None = None) -> None:
     terminal.say(f"\nNewton steps at zeta = {level.report.zeta:g}:")
     terminal.say(convergence_table(level))
 
+    found = bracket(comm, n, terminal)
+    writer.write_limit(found.last.mesh, found.body, found, fields=False)  # on another mesh
     with writer.results.timed("pictures"):
         draw(folder)
     writer.results.write()
-
-    bracket(comm, n, terminal)
 
     # %% [markdown]
     # ## Is it right?
@@ -199,6 +203,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     terminal.say("\nAll checks passed.")
     terminal.results(folder)
     terminal.say("Look at fields.png and path.png there; open fields.vtkhdf.series with ParaView.")
+    terminal.say(f"The report, for any browser: {report_on(folder)}")
 
 
 # %%

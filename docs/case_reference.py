@@ -15,9 +15,11 @@ from docs.marks import replace_mark
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.tie import Tie
+from perfplast_fenicsx.geometry.face_choice import NamedFace
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import tables
+from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
-from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.io.case.schema import described, shown
 from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.materials.laws import MATERIALS
@@ -25,6 +27,7 @@ from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
 from perfplast_fenicsx.problem.stage import Stage
 from perfplast_fenicsx.solvers.methods import METHODS
+from perfplast_fenicsx.units import Units
 
 MARK = "<!-- the tables, from the program -->"
 
@@ -148,6 +151,13 @@ def _mesh() -> Iterator[str]:
     yield f"**`adapt`.** {summary(Adaptation)}\n\n{HEAD}{rows(Adaptation)}"
 
 
+def _geometry() -> Iterator[str]:
+    yield f"{summary(GeometryFile)}\n"
+    meaning = arguments(GeometryFile)
+    yield HEAD + row("file", "a string", "required", meaning["file"]) + rows(MeshingOptions)
+    yield f"**`[[geometry.face]]`.** {summary(NamedFace)}\n\n{HEAD}{rows(NamedFace)}"
+
+
 def _solve() -> Iterator[str]:
     yield HEAD + _choice(
         "method",
@@ -172,6 +182,7 @@ def _chosen(
 
 SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "mesh": ("[mesh]", _mesh),
+    "geometry": ("[geometry]", _geometry),
     "material": (
         "[material.NAME]",
         _chosen("law", MATERIALS, None, "The law of the body."),

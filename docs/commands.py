@@ -13,10 +13,11 @@ import argparse
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import MappingProxyType
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -24,6 +25,8 @@ BLOCK = re.compile(r"^(?P<fence>```+)(?P<info>[^\n`]*)\n(?P<text>.*?)^(?P=fence)
 CAPTION = re.compile(r":caption: (.+)\n+")
 NUMBER = re.compile(r"[-−+]?\d+(\.\d+)?([eE][-+−]?\d+)?")
 ELLIPSIS = "..."
+
+EXACT: Mapping[str, str] = MappingProxyType({})
 
 NO_PICTURES = "\n[output]\npictures = false\n"
 
@@ -96,11 +99,11 @@ def write_file(folder: Path, file: File, pictures: bool = True) -> None:
     path, text = folder / name, file.text
     if table:
         old = path.read_text(encoding="utf-8")
-        place = re.compile(rf"^{re.escape(table)}\n.*?(?=^\[|\Z)", re.M | re.S)
+        place = re.compile(rf"^{re.escape(table)} *(?:#[^\n]*)?\n.*?(?=^\[|\Z)", re.M | re.S)
         if not place.search(old):
             raise LookupError(f"{name} has no table {table}")
         text = place.sub(lambda _: text, old)
-    elif path.suffix == ".toml" and not pictures:
+    if path.suffix == ".toml" and not pictures and NO_PICTURES not in text:
         text += NO_PICTURES
     path.write_text(text, encoding="utf-8")
 
@@ -141,13 +144,16 @@ def same(shown: str, printed: str) -> bool:
     return bool(re.fullmatch(pattern, "".join(f"{line}\n" for line in plain(printed))))
 
 
-def check(page: Path, folder: Path, pictures: bool = True) -> list[str]:
+def check(
+    page: Path, folder: Path, pictures: bool = True, coarse: Mapping[str, str] = EXACT
+) -> list[str]:
     """Run a page in a folder that is made for it.
 
     Args:
         page: A page in Markdown.
         folder: It must not exist yet.
         pictures: Whether its case files shall draw pictures.
+        coarse: What to put in place of parts of it, for a test to take less time.
 
     Returns:
         A message for each command that prints something else than shown.
@@ -157,7 +163,10 @@ def check(page: Path, folder: Path, pictures: bool = True) -> list[str]:
     """
     clone(folder)
     faults = []
-    for part in parts(page.read_text(encoding="utf-8")):
+    text = page.read_text(encoding="utf-8")
+    for fine, instead in coarse.items():
+        text = text.replace(fine, instead)
+    for part in parts(text):
         if isinstance(part, File):
             write_file(folder, part, pictures)
             continue

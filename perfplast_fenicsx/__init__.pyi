@@ -57,3 +57,4 @@ from .solvers.newton_options import NewtonOptions as NewtonOptions
 from .solvers.stage_stepping import stage_path as stage_path
 from .solvers.work_newton import BorderedNewton as BorderedNewton
 from .solvers.work_newton import WorkNewton as WorkNewton
+from .units import Units as Units

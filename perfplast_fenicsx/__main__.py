@@ -8,19 +8,23 @@ import io
 import sys
 import traceback
 from collections.abc import Sequence
+from pathlib import Path
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, read_sizes
+from perfplast_fenicsx.cli.follow import Follower
+from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, meshing_options
 from perfplast_fenicsx.cli.parser import read_arguments
 from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED, run
 from perfplast_fenicsx.cli.run_log import logged_to_console
 from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.first_case import Glued
 from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.pictures.drawing_process import animate, plot
+from perfplast_fenicsx.report.report_file import write_report
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -76,14 +80,52 @@ def info(comm: MPI.Intracomm) -> int:
     return SOLVED
 
 
-def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) -> int:
-    """Draw pictures or an animation of results, in a process that rank 0 starts. Collective.
+def about(comm: MPI.Intracomm, path: str) -> int:
+    """Say what the numbers of a case mean. Collective.
+
+    Raises:
+        InputError: If the case cannot be used.
+    """
+    case = read_case(path, comm)
+    tagged_mesh = case.tagged_mesh(comm)
+    terminal = Terminal(comm)
+    terminal.say(f"{case.title}: {', '.join(case.materials)}")
+    for text in meaning(case, tagged_mesh.kinematics.whole):
+        terminal.say(text)
+    return SOLVED
+
+
+def follow(comm: MPI.Intracomm, results: str, output: str | None, wait: float) -> int:
+    """Show and draw what a run writes until it ends, by rank 0. Collective.
 
     Args:
         comm: The ranks; the others wait.
-        command: "plot" or "animate".
+        results: Folder of the run.
+        output: Where the pictures go; by default to the results.
+        wait: Longest time for first results (s).
+
+    Raises:
+        InputError: If none come in that time.
+    """
+    terminal, fault = Terminal(comm), None
+    if comm.rank == 0:
+        try:
+            Follower(Path(results), terminal, lambda: plot(results, output), wait).follow()
+        except InputError as error:
+            fault = str(error)
+        terminal.clear()
+    raise_together(comm, fault)
+    return SOLVED
+
+
+def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) -> int:
+    """Draw pictures or an animation of results, or write a report on rank 0. Collective.
+
+    Args:
+        comm: The ranks; the others wait.
+        command: "plot", "animate" or "report".
         results: Folder of the results.
-        output: Where the pictures go, or the animation; by default to the results.
+        output: Where the pictures go, the animation or the report; by default to the results.
 
     Raises:
         InputError: If there are no results, or nothing can be drawn.
@@ -92,7 +134,10 @@ def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) ->
     if comm.rank == 0:
         terminal.status("drawing")
         try:
-            {"plot": plot, "animate": animate}[command](results, output, terminal.say)
+            if command == "report":
+                terminal.say(str(write_report(results, output)))
+            else:
+                {"plot": plot, "animate": animate}[command](results, output, terminal.say)
         except InputError as error:
             fault = str(error)
         terminal.clear()
@@ -110,23 +155,24 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
             where = (chosen.case, chosen.restart or chosen.output, chosen.force)
             restart = chosen.restart is not None
             try:
-                return run(comm, *where, terminal, chosen.log_level, restart)
+                return run(comm, *where, terminal, chosen.log_level, restart, chosen.report)
             finally:
                 terminal.clear()
     with logged_to_console(comm):
         if chosen.command == "check":
             return check(comm, chosen.case)
         if chosen.command == "info":
-            return info(comm)
+            return about(comm, chosen.case) if chosen.case else info(comm)
         if chosen.command == "materials":
-            Terminal(comm).say(common_materials())
+            Terminal(comm).say(common_materials(chosen.units))
             return SOLVED
         if chosen.command == "mesh":
-            sizes = read_sizes(chosen.size_of)
-            shape = (chosen.size, sizes, chosen.curvature, chosen.order, chosen.overlap)
-            where = (chosen.geometry, chosen.output, MeshingOptions(*shape))
-            mesh(comm, *where, chosen.material, chosen.tied, chosen.force)
+            glued = Glued.ALL if chosen.tied else Glued.BOLTS if chosen.bolted else Glued.NOTHING
+            where = (chosen.geometry, chosen.output, meshing_options(chosen))
+            mesh(comm, *where, chosen.material, glued, chosen.force)
             return SOLVED
+        if chosen.command == "plot" and chosen.follow:
+            return follow(comm, chosen.results, chosen.output, chosen.wait)
         return draw(comm, chosen.command, chosen.results, chosen.output)
 
 

@@ -22,7 +22,9 @@ BELOW: dict[str, set[str]] = {
         *("solvers.linear", "solvers.active_set", "solvers.tfeti"),
     },
     "limit_analysis": {"contact", "materials", "mesh", "problem", "solvers", "solvers.linear"},
-    "io.case": {"mesh", "materials", "contact", "problem", "solvers", "limit_analysis"},
+    "io.case": {
+        *("geometry", "mesh", "materials", "contact", "problem", "solvers", "limit_analysis")
+    },
     "proof": set(),
     "io.results": {
         "contact",
@@ -34,11 +36,13 @@ BELOW: dict[str, set[str]] = {
         "io.case",
     },
     "pictures": {"contact", "problem", "io.case", "io.results"},
+    "report": {"pictures", "problem", "solvers", "io.case", "io.results"},
     "geometry": {"mesh", "materials"},
     "cli": {
         *(
             "geometry",
             "pictures",
+            "report",
             "io.case",
             "io.results",
             "limit_analysis",

@@ -12,7 +12,7 @@
 # itself as stress in what is left of it; and a mechanism of a polygon that the tube lies in is one
 # of the tube.
 #
-# The beam shows what a limit load of a mesh is worth: on one as fine as the tutorial's it is 5 %
+# The beam shows what a limit load of a mesh is worth: on one with edges of 12 it is 5 %
 # too large, and on the last one of those that follow the bounds it lies between them.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/body_bounds.py
@@ -44,8 +44,8 @@ from perfplast_fenicsx.problem import Prescribed
 TITLE = "Bounds of the body, plane strain"
 POLYGONS = ((8, (0.043, 96)), (29, TUBE.asked))
 """Sides of the tube's circles in a quarter, and what is asked for with so many."""
-TUTORIAL = 12.0
-"""Edge length of the tutorial's mesh."""
+COARSE = 12.0
+"""Edge length of a mesh that follows no bounds."""
 
 
 # %% [markdown]
@@ -130,7 +130,7 @@ def show(folder: ResultFolder, case: Case, found: AdaptiveBounds) -> None:
 
 
 # %% [markdown]
-# The beam's limit load on a mesh as fine as the tutorial's is shown beside the middle of its
+# The beam's limit load on a mesh that follows no bounds is shown beside the middle of its
 # bracket: hinges, and the edge of the block that carries it, are as wide as the cells there.
 
 
@@ -148,8 +148,8 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         if case.exact is None:
             rows.append(of_mesh(new[0], found.last.mesh, "P2, last mesh", inside=True))
         if case is BEAM:
-            tutorial = limit_load(case.problem(folder, size=TUTORIAL))
-            rows.append(of_mesh(new[0], tutorial, "P2, size 12", inside=False))
+            found_there = limit_load(case.problem(folder, size=COARSE))
+            rows.append(of_mesh(new[0], found_there, "P2, size 12", inside=False))
         if case.name == PLATENS.name:
             show(folder, case, found)
     for sides, asked in POLYGONS[:1] if coarse else POLYGONS:

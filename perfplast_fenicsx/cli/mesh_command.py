@@ -1,6 +1,8 @@
 """``perfplast mesh``: a geometry file becomes a folder with a mesh and a first case file."""
 
+import argparse
 import logging
+import os
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,14 +12,15 @@ from mpi4py import MPI
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.geometry.cad_process import mesh_geometry
-from perfplast_fenicsx.geometry.first_case import first_case
+from perfplast_fenicsx.geometry.first_case import Glued, first_case
+from perfplast_fenicsx.geometry.kept_mesh import make_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
 from perfplast_fenicsx.materials.common import MATERIALS, find
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
+from perfplast_fenicsx.units import SYSTEMS, Name
 
-CASE, MESH, PICTURE = "case.toml", "mesh.msh", "bodies.png"
+CASE, MESH, PICTURE = "case.toml", "case.msh", "bodies.png"
 """Files of the folder."""
 
 log = logging.getLogger(__name__)
@@ -29,7 +32,7 @@ def mesh(
     output: str,
     options: MeshingOptions,
     material: str | None = None,
-    tied: bool = False,
+    glued: Glued = Glued.NOTHING,
     force: bool = False,
 ) -> None:
     """Mesh a geometry file, say what is in it, and write mesh and first case. Collective.
@@ -40,7 +43,7 @@ def mesh(
         output: The folder.
         options: Sizes and degree of the elements.
         material: Of all bodies, by its name in the table of ``perfplast materials``.
-        tied: Glue what touches.
+        glued: What of that which touches.
         force: Replace a mesh and a case file.
 
     Raises:
@@ -50,7 +53,7 @@ def mesh(
     if comm.rank == 0:
         terminal.status(f"meshing {source}")
         try:
-            survey = _mesh(Path(source), Path(output), options, material, tied, force)
+            survey = _mesh(Path(source), Path(output), options, material, glued, force)
         except InputError as error:
             fault = str(error)
         terminal.clear()
@@ -65,33 +68,47 @@ def mesh(
         )
 
 
-def read_sizes(given: Sequence[str]) -> dict[str, float]:
-    """What ``--size-of BODY=H`` says.
+def meshing_options(chosen: argparse.Namespace) -> MeshingOptions:
+    """What the arguments of ``perfplast mesh`` say.
 
     Raises:
-        InputError: If one says something else.
+        InputError: If a value cannot be used.
     """
-    sizes = {}
+    return MeshingOptions(
+        size=chosen.size,
+        sizes=_pairs(
+            "--size-of", chosen.size_of, "a body with a size; write for instance bolt=2.5"
+        ),
+        curvature=chosen.curvature,
+        order=chosen.order,
+        meshed="apart" if chosen.apart else "together",
+        symmetry=_pairs("--symmetry", chosen.symmetry, "a plane; write for instance x=0"),
+        overlap=chosen.overlap,
+        patience=chosen.patience,
+    )
+
+
+def _pairs(option: str, given: Sequence[str], wanted: str) -> dict[str, float]:
+    """Names with numbers."""
+    found = {}
     for text in given:
-        body, equals, size = text.rpartition("=")
+        name, equals, number = text.rpartition("=")
         try:
-            sizes[body] = float(size)
+            found[name] = float(number)
         except ValueError:
             equals = ""
         if not equals:
-            raise InputError(
-                f"--size-of '{text}' is no body with a size; write for instance bolt=2.5."
-            )
-    return sizes
+            raise InputError(f"{option} '{text}' is not {wanted}.")
+    return found
 
 
-def common_materials() -> str:
-    """The table of common materials."""
+def common_materials(system: Name) -> str:
+    """The table of common materials in a system of units."""
     rows = [("material", "young", "poisson", "yield_stress", "", "source")]
-    for one in MATERIALS:
+    for one in (material.in_system(system) for material in MATERIALS):
         numbers = (f"{one.young:g}", f"{one.poisson:g}", f"{one.yield_stress:g}")
         rows.append((one.name, *numbers, one.what, one.source))
-    return "\n".join(["Stresses in MPa (N/mm²).", *_aligned(rows)])
+    return "\n".join([f"Stresses in {SYSTEMS[system].stress}.", *_aligned(rows)])
 
 
 def describe(survey: Survey) -> str:
@@ -129,7 +146,7 @@ def _mesh(
     output: Path,
     options: MeshingOptions,
     material: str | None,
-    tied: bool,
+    glued: Glued,
     force: bool,
 ) -> Survey:
     filled = find(material) if material else None
@@ -138,31 +155,30 @@ def _mesh(
         raise InputError(
             f"'{output}' has a {existing[0]} already; give --force to replace it, or another -o."
         )
-    try:
-        made = not output.exists()
-        output.mkdir(parents=True, exist_ok=True)
+    file = os.path.relpath(source.resolve(), output.resolve())
+    with tempfile.TemporaryDirectory() as scratch:
+        made = Path(scratch)
+        survey = _survey(source, made, options)
+        case = first_case(survey, source.stem, file, options, filled, glued)
+        (made / CASE).write_text(case, encoding="utf-8")
         try:
-            survey = _survey(source, output, options)
-        except InputError:
-            if made:
-                output.rmdir()
-            raise
-        case = first_case(survey, source.stem, MESH, filled, tied)
-        replace(output / CASE, case.encode())
-    except OSError as error:
-        raise InputError(f"'{output}' cannot be written: {error.strerror or error}.") from error
+            output.mkdir(parents=True, exist_ok=True)
+            for name in (MESH, PICTURE, CASE):
+                if (made / name).exists():
+                    replace(output / name, (made / name).read_bytes())
+        except OSError as error:
+            raise InputError(f"'{output}' cannot be written: {error.strerror or error}.") from error
     return survey
 
 
 def _survey(source: Path, output: Path, options: MeshingOptions) -> Survey:
     """Mesh, and draw what there is; without a graphics system there is a mesh all the same."""
-    with tempfile.TemporaryDirectory() as folder:
-        skin = Path(folder) / "skin.npz"
-        survey = mesh_geometry(source, output / MESH, options, skin)
-        try:
-            draw_parts(skin, output / PICTURE)
-        except InputError as error:
-            log.warning("%s", error)
+    skin = output / "skin.npz"
+    survey = make_mesh(source, output / MESH, options, skin)
+    try:
+        draw_parts(skin, output / PICTURE)
+    except InputError as error:
+        log.warning("%s", error)
     return survey
 
 

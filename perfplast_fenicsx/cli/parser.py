@@ -11,6 +11,8 @@ from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.cli.run_log import LEVELS
 from perfplast_fenicsx.cli.shell_completion import complete
 from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.materials.common import TABLE
+from perfplast_fenicsx.units import SYSTEMS
 
 
 def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Namespace:
@@ -24,6 +26,9 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
         InputError: If they say nothing that can be done.
         SystemExit: After help or version.
     """
+    for argument in arguments:
+        if not argument.isprintable() and any("\udc80" <= c <= "\udcff" for c in argument):
+            raise InputError(f"the argument '{argument}' is not UTF-8; give it another name.")
     ours, petsc = list(arguments), []
     if "--" in ours:
         split = ours.index("--")
@@ -121,6 +126,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "--restart", metavar="DIR", help="go on from the last level that is solved in this folder"
     )
     run.add_argument("--force", action="store_true", help="replace results in DIR")
+    run.add_argument("--report", action="store_true", help="write DIR/report.html at the end")
     run.add_argument(
         "--log-level",
         choices=LEVELS,
@@ -136,7 +142,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "mesh",
         help="turn a STEP, BREP or .geo file into a mesh and a first case file",
         description="Read the bodies of a geometry file, find out where they touch, and write"
-        " DIR/mesh.msh and DIR/case.toml, in which materials, supports and loads are to be filled"
+        " DIR/case.msh and DIR/case.toml, in which materials, supports and loads are to be filled"
         " in. Lengths are in mm for STEP files.",
     )
     mesh.add_argument("geometry", metavar="FILE", help=".step, .stp, .brep, .iges, .igs or .geo")
@@ -156,6 +162,16 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "--order", type=int, choices=(1, 2), default=1, help="2 for curved elements (default: 1)"
     )
     mesh.add_argument(
+        "--symmetry",
+        metavar="AXIS=X",
+        action="append",
+        default=[],
+        help="plane of symmetry, such as x=0; the half beyond is kept (may be repeated)",
+    )
+    mesh.add_argument(
+        "--apart", action="store_true", help="mesh each body by itself; contact is then mortar"
+    )
+    mesh.add_argument(
         "--overlap",
         metavar="SHARE",
         type=float,
@@ -165,7 +181,16 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     mesh.add_argument(
         "--material", metavar="NAME", help="of all bodies, from the table of perfplast materials"
     )
-    mesh.add_argument("--tied", action="store_true", help="glue bodies that touch")
+    mesh.add_argument(
+        "--patience",
+        metavar="S",
+        type=float,
+        default=600.0,
+        help="longest time for it, in seconds (default: 600)",
+    )
+    glued = mesh.add_mutually_exclusive_group()
+    glued.add_argument("--tied", action="store_true", help="glue bodies that touch")
+    glued.add_argument("--bolted", action="store_true", help="glue bolts and their nuts alone")
     mesh.add_argument("--force", action="store_true", help="replace mesh and case file in DIR")
 
     check = commands.add_parser(
@@ -181,6 +206,18 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     )
     plot.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
     plot.add_argument("-o", "--output", metavar="FOLDER", help="for the pictures (default: DIR)")
+    plot.add_argument(
+        "--follow",
+        action="store_true",
+        help="show and draw levels as they come, and what is left, until the run ends",
+    )
+    plot.add_argument(
+        "--wait",
+        metavar="SECONDS",
+        type=float,
+        default=60.0,
+        help="for the first results of a run to be followed (default: 60)",
+    )
 
     animate = commands.add_parser(
         "animate",
@@ -193,8 +230,35 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "-o", "--output", metavar="FILE", help=".gif or .webp (default: DIR/loading.gif)"
     )
 
-    commands.add_parser("materials", help="show numbers of common materials, with their sources")
-    commands.add_parser(
-        "info", help="show versions, PETSc's packages, BLAS, ranks and threads, for bug reports"
+    report = commands.add_parser(
+        "report",
+        help="write one page of HTML that any browser opens",
+        description="Write DIR/report.html: the outcome in a sentence, the bodies in 3D, levels,"
+        " forces, the case, and how to run it again. It needs no network, and can be mailed.",
     )
+    report.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
+    report.add_argument(
+        "-o", "--output", metavar="FILE", help="the page (default: DIR/report.html)"
+    )
+
+    materials = commands.add_parser(
+        "materials",
+        help="show numbers of common materials, with their sources",
+        description="Show numbers of common steels, aluminium, concrete and clay to start from,"
+        " with their sources. A design goes by its standard itself.",
+    )
+    materials.add_argument(
+        "--units",
+        choices=SYSTEMS,
+        default=TABLE,
+        help=f"as [units] system of a case file has it (default: {TABLE})",
+    )
+    info = commands.add_parser(
+        "info",
+        help="say what the numbers of a case mean; or show versions, for bug reports",
+        description="Say what the load factor of a case multiplies and what its numbers are in."
+        " Without a case, show versions, PETSc's packages, BLAS, ranks and threads, for bug"
+        " reports.",
+    )
+    info.add_argument("case", metavar="CASE.toml", nargs="?", help="what to tell of")
     return parser

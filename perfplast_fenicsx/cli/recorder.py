@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupts
+from perfplast_fenicsx.cli.system_info import petsc_options, versions
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
@@ -76,10 +77,23 @@ class Recorder:
             saved=saved,
         )
         self.results = self._writer.results
-        self.results.summary.timings |= saved.timings | {"setup": setup}
+        summary = self.results.summary
+        summary.timings |= saved.timings | {"setup": setup}
+        summary.case = {"file": str(case.path), "text": case.text}
+        summary.surroundings = {"versions": versions(), "petsc_options": petsc_options()}
         self._announce()
         run.interrupts.check()
         self._solving = time.perf_counter()
+
+    def plan(self, levels: int) -> None:
+        """Say how many levels the whole run has. Collective.
+
+        Raises:
+            InputError: On every rank, if the system refuses.
+        """
+        self._run.terminal.plan(levels)
+        self.results.summary.planned = levels
+        self.results.write()
 
     def iteration(self, record: Iteration) -> None:
         """Show and log an iteration; a monitor of the algorithms. Collective.
@@ -169,5 +183,4 @@ class Recorder:
 
     def _announce(self) -> None:
         direct = self._run.method == LimitMethod.INTERIOR_POINT
-        number = len(self.results.reports) + 1
-        self._run.terminal.status("first step" if direct else f"level {number}")
+        self._run.terminal.status("first step" if direct else self._run.terminal.next_level)

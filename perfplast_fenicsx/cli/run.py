@@ -12,6 +12,7 @@ from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.io.case.loading_options import BoundsControl, DisplacementControl
 from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
@@ -23,8 +24,10 @@ from perfplast_fenicsx.limit_analysis.drucker import drucker_bounds
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod, method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.pictures.drawing_process import draw
+from perfplast_fenicsx.problem.left_out import left_out
 from perfplast_fenicsx.problem.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.report.report_file import report_on
 from perfplast_fenicsx.solvers.load_stepping import load_path, rests_first
 from perfplast_fenicsx.solvers.stage_stepping import stage_path
 from perfplast_fenicsx.solvers.stroke import stroke
@@ -43,6 +46,7 @@ def run(
     terminal: Terminal,
     log_level: str = "info",
     restart: bool = False,
+    report: bool = False,
 ) -> int:
     """Solve a case and write its results. Collective.
 
@@ -54,6 +58,7 @@ def run(
         terminal: What is shown.
         log_level: What is in ``run.log`` beside what always is (:class:`run_log.RunLog`).
         restart: Go on from the last level that is solved in the folder.
+        report: Write ``report.html`` at the end.
 
     Returns:
         :data:`SOLVED`, :data:`NO_SOLUTION` where a level has none, or the status of an interrupt.
@@ -82,7 +87,7 @@ def run(
             on_friction = _on_friction(problem)
             for remark in on_friction:
                 terminal.say(f"{remark}.")
-            remarks = [*problem.constraints.remarks, *on_friction]
+            remarks = [*problem.constraints.remarks, *left_out(problem), *on_friction]
             journal.header(case, [describe(case.title, method, problem), *remarks])
             context = RunContext(
                 case=case,
@@ -97,7 +102,10 @@ def run(
                 began=began,
             )
             try:
-                return _solve(context, solver, stages)
+                status = _solve(context, solver, stages)
+                if report and (page := report_on(folder)) is not None:
+                    terminal.say(f"Report: {page}")
+                return status
             except Interrupted as interrupted:
                 told = (
                     "what is solved is on file; go on" if solver else "nothing is lost; begin anew"
@@ -113,7 +121,8 @@ def _on_friction(problem: Problem) -> list[str]:
     """What is to be said of Coulomb's friction, and its bounds if known. Collective."""
     if not problem.friction.follows_pressure:
         return []
-    told = ["Coulomb's friction: each level is one step, whose solution need not be the only one"]
+    step = "a step from the one before" if problem.in_stages else "one step"
+    told = [f"Coulomb's friction: each level is {step}, whose solution need not be the only one"]
     if method_for(problem) is LimitMethod.INTERIOR_POINT:
         told.append(drucker_bounds(problem).in_words())
     return told
@@ -127,6 +136,7 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
             limit = _limit(context, solver, recorder, case.loading.limit_tolerance)
     elif stages is not None:
         start = saved.level.state if saved.level else None
+        recorder.plan(len(stages.times()) + stages.rests_first())
         for level in stage_path(solver, stages, recorder.iteration, start):
             recorder.level(level)
     else:
@@ -134,8 +144,10 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
         if isinstance(case.loading, DisplacementControl) and case.loading.until is not None:
             values = stroke(solver, case.loading.until)
         start = saved.level.state if saved.level else None
+        rests = rests_first(solver, values)
+        recorder.plan(len(values) + rests)
         if start is not None:
-            values = values[len(saved.reports) - rests_first(solver, values) :]
+            values = values[len(saved.reports) - rests :]
         for level in load_path(solver, values, recorder.iteration, start, saved.before):
             recorder.level(level)
     results = recorder.results
@@ -146,7 +158,9 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
         with results.timed("pictures"):
             draw(context.folder)
     if recorder.last is not None:
-        context.terminal.reactions(recorder.last.report, context.problem)
+        context.terminal.reactions(recorder.last.report, context.problem, case.units)
+    for text in meaning(case, context.problem.kinematics.whole):
+        context.terminal.say(text)
     results.summary.timings["total"] = recorder.elapsed()
     results.write()
     context.terminal.results(context.folder)

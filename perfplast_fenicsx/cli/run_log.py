@@ -13,12 +13,12 @@ from contextlib import contextmanager, suppress
 from types import TracebackType
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
-from perfplast_fenicsx.cli.system_info import surroundings, versions
+from perfplast_fenicsx.cli.system_info import petsc_options, surroundings, versions
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.io.results.run_lock import ENDED, hold
 from perfplast_fenicsx.limit_analysis.adaptation import Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
@@ -84,6 +84,7 @@ class RunLog:
             path = folder.file("run.log")
             try:
                 handler = _LogFile(path, encoding="utf-8", delay=False)
+                hold(handler.stream)
             except OSError as error:
                 fault = f"'{path}' cannot be written ({error.strerror}); give another folder."
         raise_together(self._comm, fault)
@@ -106,7 +107,7 @@ class RunLog:
         elif error is not None:
             text = "".join(traceback.format_exception(error)).rstrip()
             log.error("ended by %s\n%s", type(error).__name__, text)
-        log.info("ended after %.1f s", time.perf_counter() - self._began)
+        log.info("%s %.1f s", ENDED, time.perf_counter() - self._began)
         self._handled.__exit__(None, None, None)
 
     def header(self, case: Case, descriptions: Sequence[str]) -> None:
@@ -121,8 +122,7 @@ class RunLog:
             log.info("%s: %s", name, text)
         for field in filter(lambda field: field.repr, dataclasses.fields(case)):
             log.info("case.%s: %s", field.name, getattr(case, field.name))
-        options = PETSc.Options().getAll()
-        log.info("PETSc options: %s", " ".join(f"-{key} {options[key]}" for key in options))
+        log.info("PETSc options: %s", petsc_options())
         for description in descriptions:
             log.info("%s", description)
 

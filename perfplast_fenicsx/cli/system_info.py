@@ -57,6 +57,12 @@ def petsc_packages() -> list[str]:
     return [name for name in PETSC_PACKAGES if PETSc.Sys.hasExternalPackage(name)]
 
 
+def petsc_options() -> str:
+    """The options in PETSc's database, as a command line has them."""
+    options = PETSc.Options().getAll()
+    return " ".join(f"-{key} {options[key]}" for key in options)
+
+
 def blas() -> str:
     """The BLAS libraries that this process has loaded, each with version and threads."""
     found = (

@@ -11,6 +11,7 @@ from typing import TextIO
 
 from mpi4py import MPI
 
+from perfplast_fenicsx.cli.remaining import clock, next_level
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.adaptation import Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
@@ -20,6 +21,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.linear.linear_solver import chosen_solver
+from perfplast_fenicsx.units import Units
 
 COLUMNS = (
     *(("step", 4), ("zeta", 11), ("alpha", 12), ("Newton", 6), ("active set", 10)),
@@ -58,7 +60,8 @@ class Terminal:
         self._shown = 0
         self._last = 0.0
         self._began = time.monotonic()
-        self._steps = 0
+        self._seconds: list[float] = []
+        self._planned: int | None = None
         self._stage = ""
         self._driven = False
 
@@ -95,15 +98,24 @@ class Terminal:
             )
             self.say("  ".join(f"{name:>{width}}" for name, width in heads))
 
+    def plan(self, levels: int) -> None:
+        """Know how many levels the whole run has."""
+        self._planned = levels
+
+    @property
+    def next_level(self) -> str:
+        """The level that is being solved, of how many, and the time that is left."""
+        return next_level(self._planned, self._seconds)
+
     def iteration(self, record: Iteration) -> None:
         """Show a Newton step on the live line; a monitor of the algorithms."""
         now = time.monotonic()
         if now - self._last >= LIVE_PERIOD:
             self._last = now
             self.status(
-                f"level {self._steps + 1}: zeta {record.zeta:.6g}, alpha {record.alpha:.6g},"
-                f" Newton {record.number}, CG {record.linear_iterations},"
-                f" {record.plastic_fraction:.1%} plastic, increment {record.increment:.1e}"
+                f"{self.next_level}: zeta {record.zeta:.6g}, alpha {record.alpha:.4g},"
+                f" Newton {record.number}, {record.plastic_fraction:.1%} plastic,"
+                f" increment {record.increment:.1e}, CG {record.linear_iterations}"
             )
 
     def interior(self, step: InteriorStep) -> None:
@@ -125,13 +137,13 @@ class Terminal:
 
     def level(self, report: LevelReport) -> None:
         """Write the line of a level, and one more where a stage begins."""
-        self._steps += 1
+        self._seconds.append(report.seconds)
         if report.stage != self._stage:
             self._stage = report.stage
             self.say(f"Stage '{report.stage}':")
         found = report.driving_force if self._driven else report.alpha
         cells = (
-            *(self._steps, f"{report.zeta:.6g}", f"{found:.6g}"),
+            *(len(self._seconds), f"{report.zeta:.6g}", f"{found:.6g}"),
             *(report.newton_iterations, report.active_set_iterations, report.linear_iterations),
             *(f"{report.plastic_fraction:.1%}", f"{report.active_contacts}/{report.contact_pairs}"),
             *(f"{report.duality_gap:.1e}", f"{report.seconds:.2f}"),
@@ -149,16 +161,18 @@ class Terminal:
             f" ({effort(limit)}): {limit.reason}."
         )
 
-    def reactions(self, report: LevelReport, problem: Problem) -> None:
+    def reactions(self, report: LevelReport, problem: Problem, units: Units) -> None:
         """Say what loads, supports, obstacles and contacts exert on the bodies, a line each.
 
         Args:
             report: Of the level.
             problem: Whose it is.
+            units: Of its numbers.
         """
         width = max(map(len, report.reactions), default=0)
         factors = "".join(f", {name} = {factor:.6g}" for name, factor in report.factors.items())
-        forces = f"Forces {problem.kinematics.forces}".rstrip()
+        unit = units.table(problem.kinematics.whole)["force"]
+        forces = f"Forces {problem.kinematics.forces}".rstrip() + (f" ({unit})" if unit else "")
         at = f"zeta = {report.zeta:.6g}{factors}"
         self.say(f"{forces} at {at}, in balance to {report.balance:.1e}:")
         for name, force in report.reactions.items():
@@ -202,13 +216,6 @@ def effort(limit: LimitLoad) -> str:
 def number(bound: float | None, missing: str = "none") -> str:
     """A bound, if there is one."""
     return missing if bound is None else f"{bound:.6g}"
-
-
-def clock(seconds: float) -> str:
-    """A time as minutes and seconds, or hours too."""
-    minutes, rest = divmod(int(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
 
 
 def shows(stream: TextIO) -> bool:

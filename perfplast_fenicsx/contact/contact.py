@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from perfplast_fenicsx.contact.friction_terms import check_friction
+from perfplast_fenicsx.contact.friction_terms import FrictionTerms
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(FrictionTerms):
     """Contact of two surfaces, without friction unless one of its two laws is given.
 
     They may touch or be apart, flat, curved or with edges, and their nodes need not match.
@@ -40,11 +40,3 @@ class Contact:
     hosts: Literal["primary", "secondary"] | None = None
     tresca: float | None = None
     coulomb: float | None = None
-
-    def __post_init__(self) -> None:
-        check_friction(self.tresca, self.coulomb)
-
-    @property
-    def rubs(self) -> bool:
-        """Whether there is friction."""
-        return bool(self.tresca or self.coulomb)

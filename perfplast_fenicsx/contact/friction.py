@@ -1,7 +1,9 @@
 """Friction on the rows of contact: jumps along the surface, and the force that slip overcomes.
 
 In the jump basis the tangential jumps s of a row with friction are unknowns, beside the normal one.
-Friction adds Σ c‖s‖ to the energy, with c a force; its forces μ are in the balls ‖μ‖ ≤ c.
+Friction adds Σ c‖s − s₀‖ to the energy, with c a force; its forces μ are in the balls ‖μ‖ ≤ c. With
+the jumps s₀ nothing has slipped: they are what supports and obstacles move by a given way, and what
+has slipped in stages before.
 """
 
 from dataclasses import dataclass, replace
@@ -31,6 +33,7 @@ class Friction:
         coulomb: Coefficient of friction where it is Coulomb's, 0 elsewhere, shape (num_places,).
         bound: Force c that slip has to overcome, shape (num_places,). Coulomb's follows from that
             of contact, and is brought up to date in place.
+        origin: s₀ (length), shape of ``index``; brought up to date in place.
         count: Places on all ranks together.
         follows_pressure: Whether any friction is Coulomb's.
     """
@@ -41,6 +44,7 @@ class Friction:
     area: Floats
     coulomb: Floats
     bound: Floats
+    origin: Floats
     count: int
     follows_pressure: bool
 
@@ -65,13 +69,18 @@ class Friction:
             area=self.area[:0],
             coulomb=self.coulomb[:0],
             bound=self.bound[:0],
+            origin=self.origin[:0],
             count=0,
             follows_pressure=False,
         )
 
     def jumps(self, y: PETSc.Vec) -> Floats:
-        """Tangential jumps (length) in a vector of the jump basis, shape of ``index``."""
+        """Entries of a vector of the jump basis at the tangential jumps, shape of ``index``."""
         return self.gather(y.array_r)
+
+    def slip(self, y: PETSc.Vec) -> Floats:
+        """Slip s − s₀ (length) of a displacement in the jump basis, shape of ``index``."""
+        return self.jumps(y) - self.origin
 
     def gather(self, array: Floats) -> Floats:
         """Entries of a local array at the jumps, 0 where there is none, shape of ``index``."""
@@ -89,19 +98,19 @@ class Friction:
         some = self.index[where]
         return some[some >= 0]
 
-    def energy(self, jumps: Floats) -> float:
-        """Σ c‖s‖ of this rank, which is also what slip dissipates."""
-        sizes = norms(jumps)
-        slips = sizes > 0
+    def energy(self, slip: Floats) -> float:
+        """Σ c‖slip‖ of this rank, which it dissipates; where c is infinite nothing slips."""
+        sizes = norms(slip)
+        slips = (sizes > 0) & np.isfinite(self.bound)
         return float(self.bound[slips] @ sizes[slips])
 
-    def slope(self, jumps: Floats, change: Floats, beta: float) -> float:
-        """Derivative of the energy of this rank along a change, at ``jumps`` + β ``change``.
+    def slope(self, slip: Floats, change: Floats, beta: float) -> float:
+        """Derivative of the energy of this rank along a change, at ``slip`` + β ``change``.
 
         At a kink it is that from the left, or from the right at β = 0.
         """
-        moves = norms(change) > 0
-        d, at = change[moves], jumps[moves] + beta * change[moves]
+        moves = (norms(change) > 0) & np.isfinite(self.bound)
+        d, at = change[moves], slip[moves] + beta * change[moves]
         sizes, lengths = norms(at), norms(d)
         kink = sizes <= KINK * lengths
         along = np.einsum("ni,ni->n", at, d) / np.where(kink, 1.0, sizes)
@@ -113,3 +122,15 @@ def norms(vectors: Floats) -> Floats:
     """Length of each row."""
     lengths: Floats = np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
     return lengths
+
+
+def shrunk(vectors: Floats, bound: Floats) -> Floats:
+    """The nearest vectors that are not longer than their bounds.
+
+    Args:
+        vectors: Shape (n, k).
+        bound: Shape (n,).
+    """
+    sizes = norms(vectors)
+    share = np.divide(bound, sizes, out=np.ones_like(sizes), where=sizes > bound)
+    return share[:, None] * vectors

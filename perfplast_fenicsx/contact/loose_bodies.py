@@ -24,7 +24,11 @@ WEAK = 0.02
 looked at."""
 
 ASLANT = 0.35
-"""Where not one of them takes up more than this share (its sine), the motion is loose."""
+"""Where not one of them takes up more than this share (its sine) of the motion of its place, the
+motion is loose."""
+
+STILL = 1e-3
+"""Places that move less than so, relative to all of them, are on the axis of a rotation."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +95,9 @@ def _weak(comm: MPI.Intracomm, rows: Floats, motions: Floats) -> list[Floats]:
     weak = []
     for v in vectors.T[shares <= WEAK]:
         size = np.sqrt(v @ moved @ v / count)
-        if comm.allreduce(float(np.abs(rows @ v).max(initial=0)), MPI.MAX) <= ASLANT * size:
+        speed = np.linalg.norm(motions @ v, axis=1)
+        resisted = (np.abs(rows @ v) > ASLANT * speed) & (speed > STILL * size)
+        if not comm.allreduce(bool(resisted.any()), MPI.LOR):
             weak.append(v)
     return weak
 

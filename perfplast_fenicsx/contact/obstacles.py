@@ -6,12 +6,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.friction_terms import check_friction
+from perfplast_fenicsx.contact.friction_terms import FrictionTerms
 from perfplast_fenicsx.errors import InputError
 
 
+class _NamedFriction(FrictionTerms):
+    on: str
+    name: str
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.rubs and not self.name:
+            raise InputError(
+                f"the obstacle at '{self.on}' has friction but no name, by which results tell its"
+                " force; give name = ..., or leave the friction out."
+            )
+
+
 @dataclass(frozen=True)
-class Plane:
+class Plane(_NamedFriction):
     """A half space.
 
     Args:
@@ -32,14 +45,6 @@ class Plane:
     coulomb: float | None = None
     name: str = ""
 
-    def __post_init__(self) -> None:
-        check_friction(self.tresca, self.coulomb, None if self.name else self.on)
-
-    @property
-    def rubs(self) -> bool:
-        """Whether there is friction."""
-        return bool(self.tresca or self.coulomb)
-
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """Distance of points to the obstacle and the unit direction that leads into it.
 
@@ -58,7 +63,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Sphere:
+class Sphere(_NamedFriction):
     """A ball, or all that is outside of it. In the plane a disc.
 
     Args:
@@ -81,21 +86,13 @@ class Sphere:
     coulomb: float | None = None
     name: str = ""
 
-    def __post_init__(self) -> None:
-        check_friction(self.tresca, self.coulomb, None if self.name else self.on)
-
-    @property
-    def rubs(self) -> bool:
-        """Whether there is friction."""
-        return bool(self.tresca or self.coulomb)
-
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """See :meth:`Plane.towards`."""
         return _round(self, x - _vector(self, "centre", x.shape[1]))
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class Cylinder(_NamedFriction):
     """A circular cylinder without ends, or all that is outside of it. In 3D only.
 
     Args:
@@ -119,14 +116,6 @@ class Cylinder:
     tresca: float | None = None
     coulomb: float | None = None
     name: str = ""
-
-    def __post_init__(self) -> None:
-        check_friction(self.tresca, self.coulomb, None if self.name else self.on)
-
-    @property
-    def rubs(self) -> bool:
-        """Whether there is friction."""
-        return bool(self.tresca or self.coulomb)
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """See :meth:`Plane.towards`."""

@@ -29,19 +29,6 @@ NORMAL = 0.5
 """Eigenvalues of directions in the surface are 1, of others 0."""
 
 
-def check_nothing_rubs(friction: Friction) -> None:
-    """Refuse friction beside supports or obstacles that move.
-
-    Raises:
-        InputError: If there is any.
-    """
-    if friction.count:
-        raise InputError(
-            "friction does not go together with supports or obstacles that move; leave their motion"
-            " or the friction out."
-        )
-
-
 def tangential_rows(
     V: fem.FunctionSpace,
     constraints: Constraints,
@@ -111,6 +98,7 @@ def tangential_rows(
         area=area,
         coulomb=coulomb,
         bound=tresca * area,
+        origin=np.zeros(number.shape),
         count=comm.allreduce(len(place)),
         follows_pressure=comm.allreduce(bool(coulomb.any()), MPI.LOR),
     )
@@ -134,12 +122,19 @@ def _check_ties(
 def _places(
     comm: MPI.Intracomm, constraints: Constraints, rubbing: Sequence[Contact | Obstacle]
 ) -> Longs:
-    """Rows of contact with friction. Collective."""
+    """Rows of contact with friction: those of hosts with one row. Collective."""
+    rows = rows_that_rub(comm, constraints, rubbing)
+    hosts, counts = np.unique(constraints.host, return_counts=True)
+    return rows[counts[np.searchsorted(hosts, constraints.host[rows])] == 1]
+
+
+def rows_that_rub(
+    comm: MPI.Intracomm, constraints: Constraints, rubbing: Sequence[Contact | Obstacle]
+) -> Longs:
+    """Rows of contact of surfaces with friction that stand for a part of them. Collective."""
     rubs = np.array([one.rubs for one in rubbing] or [False])[constraints.surface]
     largest = comm.allreduce(float(constraints.area.max(initial=0)), MPI.MAX)
-    hosts, counts = np.unique(constraints.host, return_counts=True)
-    alone = counts[np.searchsorted(hosts, constraints.host)] == 1
-    return np.flatnonzero(rubs & alone & (constraints.area > NOTHING * largest))
+    return np.flatnonzero(rubs & (constraints.area > NOTHING * largest))
 
 
 def _directions(normal: Floats, free: npt.NDArray[np.bool_]) -> tuple[Floats, npt.NDArray]:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import msgspec
 
+from perfplast_fenicsx.child_process import REFUSED
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.geometry.cad_process import REFUSED
 from perfplast_fenicsx.geometry.mesher import mesh_file
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session

@@ -1,6 +1,5 @@
 """The meshing program's process: a geometry that breaks gmsh takes nothing with it."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -9,19 +8,10 @@ from pathlib import Path
 
 import msgspec
 
-from perfplast_fenicsx.child_process import environment_apart
+from perfplast_fenicsx.child_process import REFUSED, environment_with_package
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
-
-PATIENCE = 3600.0
-"""Longest time for a mesh (s)."""
-
-REFUSED = 2
-"""Exit status of the program where its last words are a sentence that says what is wrong."""
-
-ROOT = Path(__file__).parents[2]
-"""Where the package is."""
 
 
 def mesh_geometry(
@@ -43,33 +33,31 @@ def mesh_geometry(
     Raises:
         InputError: If the file cannot be read or meshed; nothing is written then.
     """
-    environment = environment_apart()
-    places = [environment.get("PYTHONPATH"), str(ROOT)]
-    environment["PYTHONPATH"] = os.pathsep.join(filter(None, places))
+    options = options or MeshingOptions()
     with tempfile.TemporaryDirectory() as folder:
         mesh, survey = Path(folder) / "mesh.msh", Path(folder) / "survey.json"
         program = [sys.executable, "-P", "-m", "perfplast_fenicsx.geometry"]
         arguments = [
             Path(source).absolute(),
             mesh,
-            msgspec.json.encode(options or MeshingOptions()).decode(),
+            msgspec.json.encode(options).decode(),
             survey,
         ]
         try:
             done = subprocess.run(
                 [*program, *map(str, arguments)],
-                env=environment,
+                env=environment_with_package(),
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
                 encoding="utf-8",
                 errors="replace",
-                timeout=PATIENCE,
+                timeout=options.patience,
                 check=False,
             )
         except subprocess.TimeoutExpired as error:
             raise InputError(
-                f"'{source}' was not meshed in {PATIENCE:g} s; give a larger size, or simplify the"
-                " geometry in the CAD system."
+                f"'{source}' was not meshed in {options.patience:g} s; give a larger size or more"
+                " patience, or simplify the geometry in the CAD system."
             ) from error
         if done.returncode:
             if done.returncode > 0 and done.returncode != REFUSED:

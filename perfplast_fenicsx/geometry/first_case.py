@@ -1,21 +1,31 @@
 """The first case file of a geometry: all that is known of it, and what is left to say."""
 
 import json
+import re
+from enum import Enum
 
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions, symmetry_name
 from perfplast_fenicsx.geometry.survey import Body, Face, Joint, Survey
-from perfplast_fenicsx.materials.common import Common
+from perfplast_fenicsx.materials.common import TABLE, Common
 
 HEAD = """\
 # What is marked with <- is to be filled in; `perfplast check` says what is still missing.
 
 title = {title}
 
-[mesh]
-file = {mesh}
+[geometry]                      # perfplast run meshes anew where this or the file has changed
+file = {file}
+{size}{others}"""
+
+SUPPORTS = """
+[[support]]                     # the plane of symmetry
+on = {name}
+components = {axis}
 """
 
 HINT = """
-# Materials: `perfplast materials` has numbers of common ones, in N and mm.
+# Materials: `perfplast materials` has numbers of common ones.
 """
 
 MATERIAL = """
@@ -30,7 +40,7 @@ CONTACT = """
 [[{kind}]]                     # {shapes}, {area:.4g} of area{other}
 primary = {primary}
 secondary = {secondary}
-"""
+{formulation}"""
 
 LOADS = """
 [[support]]                     # what holds the bodies, once or more
@@ -49,34 +59,67 @@ control = "work"
 until = "limit"                 # at what load the bodies collapse
 
 [units]
-length = {length}
-stress = {stress}
+system = {system}             # or "m-kN-kPa", "SI", ...: what the numbers are in
 
 """
 
 
+class Glued(Enum):
+    """What of that which touches is glued in a first case."""
+
+    NOTHING = 0
+    BOLTS = 1
+    ALL = 2
+
+
+BOLT = re.compile(r"bolt|screw|stud|schraube|vis(_|$)|boulon|tornillo|vite(_|$)|sroub")
+NUT = re.compile(r"(^|_)nut|mutter|ecrou|tuerca|dado|matice|matka")
+"""How bolts and nuts are called in a few languages."""
+
+
 def first_case(
-    survey: Survey, title: str, mesh: str, material: Common | None = None, tied: bool = False
+    survey: Survey,
+    title: str,
+    file: str,
+    options: MeshingOptions | None = None,
+    material: Common | None = None,
+    glued: Glued = Glued.NOTHING,
 ) -> str:
     """A case file with all bodies and joints; materials, supports and loads are to be filled in.
 
     Args:
         survey: What there is.
         title: Of the case.
-        mesh: Path of the mesh, relative to that of the case file.
+        file: Path of the geometry file, relative to that of the case file.
+        options: By which it was meshed.
         material: Of all bodies; left to be filled in where it is missing.
-        tied: Glue what touches, and leave nothing in frictionless contact.
+        glued: What is glued, and not in frictionless contact.
+
+    Raises:
+        InputError: If bolts are to be glued to nuts, and there are none that touch.
     """
+    options = options or MeshingOptions()
+    if glued is Glued.BOLTS and not any(_bolt_with_nut(joint) for joint in survey.joints):
+        raise InputError(
+            "no bolt touches a nut, by the names of the bodies (such as bolt_1 and nut_1); name"
+            " them so in the CAD system, or write [[tie]] in the case file."
+        )
     zero = [0.0] * survey.dim
-    text = HEAD.format(title=_quoted(title), mesh=_quoted(mesh))
+    text = HEAD.format(
+        title=_quoted(title),
+        file=_quoted(file),
+        size=f"{'# ' if options.size is None else ''}size = {survey.size:.4g}\n",
+        others=_others(options),
+    )
     text += HINT
     text += "".join(_material(body, material) for body in survey.bodies)
-    text += "".join(_joint(joint, tied) for joint in survey.joints)
+    text += "".join(_joint(joint, glued, options) for joint in survey.joints)
+    for axis in options.symmetry:
+        text += SUPPORTS.format(name=_quoted(symmetry_name(axis)), axis=_quoted(axis))
     text += LOADS.format(
         components=_quoted("xyz"[: survey.dim]),
         traction=[*zero[1:], -1.0],
-        length=_quoted("mm"),
-        stress=_quoted("MPa"),
+        system=_quoted(TABLE),
     )
     text += "# Free faces, with their areas and places:\n"
     return text + "".join(_face(face) for face in survey.faces)
@@ -89,15 +132,39 @@ def _material(body: Body, material: Common | None) -> str:
     return MATERIAL.format(body=body.name, young=young, poisson=poisson, yield_stress=yield_stress)
 
 
-def _joint(joint: Joint, tied: bool) -> str:
+def _others(options: MeshingOptions) -> str:
+    """The options besides the size, where they are not the usual ones."""
+    usual, text = MeshingOptions(), ""
+    for key in ("sizes", "curvature", "order", "meshed", "symmetry", "overlap"):
+        value = getattr(options, key)
+        if value == getattr(usual, key):
+            continue
+        if isinstance(value, dict):
+            inside = ", ".join(f"{name} = {float(number)}" for name, number in value.items())
+            text += f"{key} = {{{inside}}}\n"
+        else:
+            text += f"{key} = {_quoted(value) if isinstance(value, str) else value}\n"
+    return text
+
+
+def _joint(joint: Joint, glued: Glued, options: MeshingOptions) -> str:
+    bolt = _bolt_with_nut(joint)
+    tied = glued is Glued.ALL or (glued is Glued.BOLTS and bolt)
+    other = "; a bolt and its nut, which [[tie]] holds" if bolt else "; [[tie]] glues instead"
     return CONTACT.format(
         kind="tie" if tied else "contact",
         shapes=" and ".join(joint.shapes),
         area=joint.area,
-        other="" if tied else "; [[tie]] glues instead",
+        other="" if tied else other,
         primary=_quoted(joint.surfaces[0]),
         secondary=_quoted(joint.surfaces[1]),
+        formulation="" if tied or options.meshed == "together" else 'formulation = "mortar"\n',
     )
+
+
+def _bolt_with_nut(joint: Joint) -> bool:
+    one, other = joint.bodies
+    return any(BOLT.search(a) and NUT.search(b) for a, b in ((one, other), (other, one)))
 
 
 def _face(face: Face) -> str:

@@ -1,22 +1,53 @@
 """Free faces of bodies, put together where they lie in one plane or on one cylinder."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import gmsh
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.geometry.face_choice import AXES
 from perfplast_fenicsx.geometry.joints import box
+from perfplast_fenicsx.geometry.parts import Part
 
-WORDS = {"Plane": "flat", "Line": "straight", "Circle": "round"}
+WORDS = {"Plane": "flat", "Line": "straight", "Circle": "round", "Ellipse": "round"}
 """What gmsh's kinds of faces are called, where not as by gmsh."""
 
 ALIKE = 1e-6
 """Normals, radii and places that differ by less, relative to the size of the body, are the same."""
 
-AXES = "xyz"
-
 Key = tuple[object, ...]
+
+
+@dataclass(frozen=True)
+class FaceGroup:
+    """What one body has free in one plane or on one cylinder, or one face.
+
+    Attributes:
+        number: As in the picture.
+        body: Its number.
+        tags: The faces.
+    """
+
+    number: int
+    body: int
+    tags: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """The cylinder that a face lies on; in the plane, the circle of a curve.
+
+    Attributes:
+        radius: Negative for the face of a hole, or of a shaft, as its normal points.
+        axis: Direction, its largest component positive.
+        centre: The point of the axis next to the origin.
+    """
+
+    radius: float
+    axis: Floats
+    centre: Floats
 
 
 def shape_of(dim: int, tag: int) -> str:
@@ -27,33 +58,71 @@ def shape_of(dim: int, tag: int) -> str:
     return WORDS.get(kind, kind.removesuffix(" surface").lower())
 
 
-def put_together(dim: int, faces: Mapping[int, int], size: float) -> list[tuple[int, list[int]]]:
-    """Free faces by body, plane and cylinder.
+def put_together(dim: int, faces: Mapping[int, int], size: float) -> list[FaceGroup]:
+    """Free faces by body, plane and cylinder, numbered from 1.
 
     Args:
         dim: Of the faces.
         faces: The body of each.
         size: Of the bodies.
-
-    Returns:
-        The body and the faces of each group.
     """
     groups: dict[Key, list[int]] = {}
     for face, body in faces.items():
         groups.setdefault((body, *_lie_on(dim, face, size)), []).append(face)
-    return [(faces[together[0]], together) for together in groups.values()]
+    together = sorted(groups.values(), key=lambda tags: faces[tags[0]])
+    return [FaceGroup(k, faces[tags[0]], tuple(tags)) for k, tags in enumerate(together, start=1)]
 
 
-def name_of(body: str, number: int, dim: int, tags: Sequence[int], around: Floats) -> str:
-    """A name for free faces: by the end of the body at which they lie, or by their number.
+def usual_names(
+    dim: int, parts: Sequence[Part], groups: Sequence[FaceGroup], taken: set[str]
+) -> list[str]:
+    """A name for each group: by the end of the body at which it lies, or by its number.
 
     Args:
-        body: Its name.
-        number: Of the faces.
         dim: Of the faces.
-        tags: The faces.
-        around: Smallest and largest coordinates of the body, shape (2, 3).
+        parts: The bodies.
+        groups: Of free faces.
+        taken: Names that others have.
     """
+    used, around = set(taken), [box(dim + 1, part.tags) for part in parts]
+    names = []
+    for group in groups:
+        body = parts[group.body].name
+        name = _by_end(body, dim, group.tags, around[group.body])
+        if name is None or name in used:
+            name = f"{body}_face_{group.number}"
+        while name in used:
+            name += "_"
+        used.add(name)
+        names.append(name)
+    return names
+
+
+def cylinder_of(dim: int, tag: int) -> Cylinder | None:
+    """The cylinder or circle that a face or curve lies on, if any."""
+    low, high = map(np.asarray, gmsh.model.getParametrizationBounds(dim, tag))
+    if dim == 1 and gmsh.model.getType(dim, tag) in ("Circle", "Ellipse"):
+        places = np.concatenate([low + share * (high - low) for share in (0.0, 0.2, 0.5, 0.7)])
+        first, *others = np.reshape(gmsh.model.getValue(1, tag, places), (4, 3))
+        chords = np.array(others) - first
+        squares = np.einsum("ij,ij->i", chords, chords) / 2
+        along = np.linalg.lstsq(chords, squares, rcond=None)[0]
+        if np.abs(chords @ along - squares).max() > ALIKE * squares.max():
+            return None  # an ellipse
+        return Cylinder(float(np.linalg.norm(along)), np.array([0.0, 0.0, 1.0]), first + along)
+    if dim != 2 or gmsh.model.getType(dim, tag) != "Cylinder":
+        return None
+    middle = (low + high) / 2
+    large, small, along_large, along_small = gmsh.model.getPrincipalCurvatures(tag, middle)
+    straight = abs(large[0]) < abs(small[0])
+    axis, curvature = (along_large, small[0]) if straight else (along_small, large[0])
+    axis = axis * np.sign(axis[np.argmax(np.abs(axis))])
+    point = np.array(gmsh.model.getValue(dim, tag, middle))
+    centre = point + np.array(gmsh.model.getNormal(tag, middle)) / curvature
+    return Cylinder(1 / curvature, axis, centre - (centre @ axis) * axis)
+
+
+def _by_end(body: str, dim: int, tags: Sequence[int], around: Floats) -> str | None:
     low, high = box(dim, tags)
     length = float(np.linalg.norm(around[1] - around[0]))
     if shape_of(dim, tags[0]) in ("flat", "straight"):
@@ -61,7 +130,7 @@ def name_of(body: str, number: int, dim: int, tags: Sequence[int], around: Float
             for side, end in zip(("low", "high"), around[:, axis], strict=True):
                 if abs(low[axis] - end) < 2 * ALIKE * length and around[1, axis] > around[0, axis]:
                     return f"{body}_{AXES[axis]}_{side}"
-    return f"{body}_face_{number}"
+    return None
 
 
 def _lie_on(dim: int, tag: int, size: float) -> Key:
@@ -72,16 +141,8 @@ def _lie_on(dim: int, tag: int, size: float) -> Key:
         normal = np.array(gmsh.model.getNormal(tag, middle))
         place = float(np.array(gmsh.model.getValue(dim, tag, middle)) @ normal)
         return (kind, *_rounded(normal), *_rounded(np.array([place / size])))
-    if dim == 2 and kind == "Cylinder":
-        middle = np.mean(gmsh.model.getParametrizationBounds(dim, tag), axis=0)
-        large, small, along_large, along_small = gmsh.model.getPrincipalCurvatures(tag, middle)
-        straight = abs(large[0]) < abs(small[0])
-        axis, curvature = (along_large, small[0]) if straight else (along_small, large[0])
-        axis = axis * np.sign(axis[np.argmax(np.abs(axis))])
-        point = np.array(gmsh.model.getValue(dim, tag, middle))
-        centre = point + np.array(gmsh.model.getNormal(tag, middle)) / curvature
-        centre -= (centre @ axis) * axis
-        return (kind, *_rounded(axis), *_rounded(np.array([1 / curvature, *centre]) / size))
+    if dim == 2 and (on := cylinder_of(dim, tag)) is not None:
+        return (kind, *_rounded(on.axis), *_rounded(np.array([on.radius, *on.centre]) / size))
     return (kind, tag)
 
 

@@ -68,7 +68,7 @@ def cut_along_each_other(dim: int, parts: Sequence[Part], overlap: float) -> lis
 
 
 def near_misses(dim: int, parts: Sequence[Part]) -> list[Near]:
-    """Bodies that are close to each other and touch nowhere, so that nothing is between them."""
+    """Bodies that are close to each other and share no face, so that nothing is between them."""
     if set(gmsh.model.getEntities(dim)) - set(gmsh.model.occ.getEntities(dim)):
         return []
     boxes = np.array([box(dim, part.tags) for part in parts])
@@ -90,8 +90,9 @@ def near_misses(dim: int, parts: Sequence[Part]) -> list[Near]:
             gmsh.model.occ.getDistance(dim, a, dim, b)[0]
             for a, b in product(parts[one].tags, parts[other].tags)
         )
-        if none < gap <= reach[pair]:
-            found.append(Near((parts[one].name, parts[other].name), float(gap)))
+        if gap <= reach[pair]:
+            distance = float(gap) if gap > none else 0.0
+            found.append(Near((parts[one].name, parts[other].name), distance))
     return found
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from perfplast_fenicsx.errors import InputError, check_magnitude
+from perfplast_fenicsx.geometry.face_choice import NamedFace, check_planes
 
 
 @dataclass(frozen=True)
@@ -17,21 +18,33 @@ class MeshingOptions:
         sizes: Largest edge length of single bodies, by their names.
         curvature: Elements about a full circle, at least; 0 for none of them.
         order: Degree of the geometry, 1 or 2; 2 makes curved elements of quadratic edges.
+        meshed: Whether bodies that touch are meshed together, with nodes that match, or apart, each
+            by itself, with contact and ties between surfaces whose nodes do not match.
+        symmetry: Planes of symmetry, such as {x = 0.0, y = 0.0}: the half towards larger
+            coordinates is kept, and the cut is the surface ``symmetry_x``.
         overlap: Bodies may overlap by this share of the smaller one's volume; the later one in the
             file has what both had. What overlaps more is refused.
+        patience: Longest time for it (s).
+        face: Faces with names of their own.
     """
 
     size: float | None = None
     sizes: dict[str, float] = field(default_factory=dict)
     curvature: float = 10.0
     order: Literal[1, 2] = 1
+    meshed: Literal["together", "apart"] = "together"
+    symmetry: dict[str, float] = field(default_factory=dict)
     overlap: float = 1e-3
+    patience: float = 600.0
+    face: list[NamedFace] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         given = {"size": self.size} | {f"sizes of '{body}'": at for body, at in self.sizes.items()}
+        given["patience"] = self.patience
         for name, size in given.items():
             if size is not None and not (size > 0 and math.isfinite(size)):
-                raise InputError(f"{name} must be a positive length, not {size:g}.")
+                what = "time" if name == "patience" else "length"
+                raise InputError(f"{name} must be a positive {what}, not {size:g}.")
             check_magnitude(name, size or 1.0)
         if not 0 <= self.curvature <= 360:
             raise InputError(
@@ -39,3 +52,13 @@ class MeshingOptions:
             )
         if not 0 <= self.overlap < 1:
             raise InputError(f"overlap must be a share from 0 to below 1, not {self.overlap:g}.")
+        check_planes("symmetry", self.symmetry)
+        names = [one.name for one in self.face]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"two faces are called '{name}'; give each a name of its own.")
+
+
+def symmetry_name(axis: str) -> str:
+    """What the cut across a coordinate is called."""
+    return f"symmetry_{axis}"

@@ -149,7 +149,16 @@ def _read_script(path: Path) -> tuple[int, list[Part]]:
     for _, group in groups:
         labels.append(gmsh.model.getPhysicalName(dim, group) or f"group {group}")
         entities.append(tuple(int(t) for t in gmsh.model.getEntitiesForPhysicalGroup(dim, group)))
-    grouped = {tag for tags in entities for tag in tags}
+    grouped: dict[int, str] = {}
+    for label, tags in zip(labels, entities, strict=True):
+        for tag in tags:
+            if tag in grouped:
+                what = {2: "surface", 3: "volume"}[dim]
+                raise InputError(
+                    f"{what} {tag} of '{path}' is in the physical groups '{grouped[tag]}' and"
+                    f" '{label}'; an entity can have one name only."
+                )
+            grouped[tag] = label
     for _, tag in gmsh.model.getEntities(dim):
         if tag not in grouped:
             labels.append("part")

@@ -66,11 +66,11 @@ class Face:
 
 @dataclass(frozen=True)
 class Near:
-    """Two bodies that nearly touch.
+    """Two bodies that nearly touch, or touch without a common face.
 
     Attributes:
         bodies: Their names.
-        gap: The smallest distance between them.
+        gap: The smallest distance between them, 0 where they have an edge or a point in common.
     """
 
     bodies: tuple[str, str]
@@ -90,6 +90,7 @@ class Survey:
         near: Where bodies nearly touch.
         faces: What is free, sorted by number.
         remarks: What a user should know, a sentence each.
+        size: Largest edge length that was asked for.
     """
 
     dim: int
@@ -100,3 +101,4 @@ class Survey:
     near: list[Near] = field(default_factory=list)
     faces: list[Face] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+    size: float = 0.0

@@ -2,7 +2,6 @@ from .case.case import Case as Case
 from .case.case import read_case as read_case
 from .case.loading_options import LOADINGS as LOADINGS
 from .case.scene import Scene as Scene
-from .case.scene import Units as Units
 from .case.scene import write_scene as write_scene
 from .case.schema import described as described
 from .case.schema import shown as shown

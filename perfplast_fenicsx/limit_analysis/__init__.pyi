@@ -5,6 +5,8 @@ from .adaptation import adaptive_bounds as adaptive_bounds
 from .body_bounds import BodyBounds as BodyBounds
 from .body_bounds import bounds_of_mesh as bounds_of_mesh
 from .body_bounds import limit_bounds as limit_bounds
+from .bound import Bound as Bound
+from .bound import Scope as Scope
 from .discrete_limit import DiscreteLimit as DiscreteLimit
 from .discrete_limit import InteriorStep as InteriorStep
 from .discrete_limit import Verdict as Verdict
@@ -20,6 +22,4 @@ from .limit_search import limit_load as limit_load
 from .static_bound import StaticBound as StaticBound
 from .static_bound import strict_lower_bound as strict_lower_bound
 from .static_certificate import StaticCertificate as StaticCertificate
-from .strict_work import Bound as Bound
-from .strict_work import Scope as Scope
 from .strict_work import strict_upper_bound as strict_upper_bound

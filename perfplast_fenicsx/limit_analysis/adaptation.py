@@ -15,18 +15,19 @@ import numpy.typing as npt
 from perfplast_fenicsx.contact.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.bound import Bound
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict
 from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.singular_points import singular_points
-from perfplast_fenicsx.limit_analysis.strict_work import Bound
 from perfplast_fenicsx.mesh.refinement import check_refinable, fan, refine
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
 
-PART = 0.4
-"""Part of the gap, and of the dissipation, that the cells have which are refined."""
+PART = {2: 0.4, 3: 0.2}
+"""Part of the gap, and of the dissipation, that the cells have which are refined, by dimension: in
+space their neighbours are divided as well, and theirs."""
 
 VALENCE = 24
 """Cells that meet at least, in the end, at points where the stress depends on the direction."""
@@ -232,7 +233,7 @@ def _better(new: Bound, old: Bound, sign: int) -> bool:
 
 def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
     """The next mesh, or why there is none. Collective."""
-    part = PART
+    part = PART[problem.bodies.gdim]
     if found.static is not None and found.static.verdict is Verdict.NO_RESISTANCE:
         part = 1.0  # what carries nothing has no shares: cells are too large anywhere
     for _ in range(FEWER):

@@ -41,19 +41,13 @@ class DruckerBounds:
         return f"{least} friction{most} (Drucker); no other limit theorem holds"
 
 
-def drucker_bounds(problem: Problem, rtol: float = 1e-4) -> DruckerBounds:
+def drucker_bounds(problem: Problem) -> DruckerBounds:
     """Find both. Collective.
-
-    Args:
-        problem: The bodies and their loads.
-        rtol: How near static and kinematic load of each come, relative.
 
     Raises:
         InputError: As :func:`discrete_limit.interior_point`.
     """
-    smooth, tied = (
-        interior_point(make(problem), rtol) for make in (without_friction, without_slip)
-    )
+    smooth, tied = (interior_point(make(problem)) for make in (without_friction, without_slip))
     return DruckerBounds(_carried(smooth), _borne(tied))
 
 

@@ -7,17 +7,10 @@ from enum import StrEnum
 
 import numpy as np
 
-from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
-from perfplast_fenicsx.materials.hardening import Hardening
-from perfplast_fenicsx.materials.plastic_flow import Flow
-from perfplast_fenicsx.problem.problem import Problem
 
 MOST_STEPS = 60
-
-CLOSER = 0.1
-"""Share of the tolerance that the steps leave between static and kinematic load."""
 
 SETTLED = 1e-5
 """Forces without balance, and work that is missing, that the bounds then do away with."""
@@ -73,8 +66,17 @@ def iterate(
     rtol: float,
     steps: list[InteriorStep],
     monitor: Callable[[InteriorStep], None] | None,
+    share: float = 1.0,
 ) -> tuple[Verdict, str]:
-    """Step until it is known what the limit load is. Collective."""
+    """Step until it is known what the limit load is. Collective.
+
+    Args:
+        iteration: At its start.
+        rtol: Largest difference of static and kinematic load, relative.
+        steps: To which the steps are added.
+        monitor: Called on every rank after each step.
+        share: Of the tolerance that the steps may leave.
+    """
     program, began = iteration.program, time.perf_counter()
     while len(steps) < MOST_STEPS:
         try:
@@ -114,53 +116,6 @@ def iterate(
                 " and meet no resistance"
             )
             return Verdict.NO_RESISTANCE, reason
-        if gap <= CLOSER * rtol * load:
+        if gap <= share * rtol * load:
             return Verdict.FOUND, f"static and kinematic load are within {rtol:g} of each other"
     return Verdict.STALLED, f"the bounds have not met in {MOST_STEPS} steps"
-
-
-def check_friction_has_limits(problem: Problem) -> None:
-    """Refuse friction that no limit theorem holds for.
-
-    Raises:
-        InputError: If any is Coulomb's.
-    """
-    if problem.friction.follows_pressure:
-        raise InputError(
-            "with Coulomb's friction (coulomb = ...) no limit theorem holds; give values of the"
-            " load factor or the work, beside which Drucker's bounds of the limit load are told, or"
-            " tresca = ... in its place."
-        )
-
-
-def check_bodies_have_limits(problem: Problem) -> None:
-    """Refuse bodies that carry any load.
-
-    Raises:
-        InputError: If one of them hardens.
-    """
-    for name, material in problem.given.materials.items():
-        body = material.body if isinstance(material, Flow) else material
-        if isinstance(body, Hardening):
-            raise InputError(
-                f"the material of '{name}' hardens, so that bodies carry any load, and there is no"
-                " limit load to be sought; load by given values, or give VonMises in its place."
-            )
-
-
-def check_proportional(problem: Problem, rtol: float) -> None:
-    """Refuse what no limit load is known of. Collective.
-
-    Raises:
-        InputError: If ``rtol`` is not between 0 and 1, supports move, loads are constant, or bodies
-            harden or are strained at first.
-    """
-    check_bodies_have_limits(problem)
-    if not 0 < rtol < 1:
-        raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
-    if not problem.is_proportional():
-        raise InputError(
-            "supports move, loads are constant or bodies are strained at first, and strict bounds"
-            " and the interior point method are for loads that all grow; give method = 'path', or"
-            " leave out what does not grow with the load factor."
-        )

@@ -10,9 +10,10 @@ from collections.abc import Callable
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError, nearest
-from perfplast_fenicsx.limit_analysis.interior_steps import (
+from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_bodies_have_limits,
     check_friction_has_limits,
+    check_tolerance,
 )
 from perfplast_fenicsx.limit_analysis.limit_judge import Judge, Search, collapse_mechanism
 from perfplast_fenicsx.limit_analysis.limit_methods import (
@@ -63,8 +64,7 @@ def limit_load(
             interior point method is asked for beside constant loads and the like, or it finds that
             no stress can carry the loads.
     """
-    if not 0 < rtol < 1:
-        raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
+    check_tolerance(rtol)
     check_friction_has_limits(problem)
     check_bodies_have_limits(problem)
     follows = any(given is not None for given in (solver, on_level, search, reached))

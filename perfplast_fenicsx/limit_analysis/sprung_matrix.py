@@ -7,6 +7,7 @@ from petsc4py import PETSc
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
 from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
 from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
 from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
 
@@ -69,6 +70,7 @@ class SprungMatrix:
         self._ksp.setUp()
         self.factorisations += 1
         if self._ksp.getPC().getFailedReason():
+            forget_factors(self._ksp)
             raise SingularStiffness("the stiffness could not be factorised")
 
     @phase("linear solve")

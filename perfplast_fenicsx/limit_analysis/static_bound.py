@@ -16,20 +16,20 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
 from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
 from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions, facet_conditions
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
-from perfplast_fenicsx.limit_analysis.interior_steps import (
-    InteriorStep,
-    Verdict,
+from perfplast_fenicsx.limit_analysis.interior_steps import InteriorStep, Verdict, iterate
+from perfplast_fenicsx.limit_analysis.limit_checks import (
+    check_bodies_have_limits,
     check_proportional,
-    iterate,
+    check_tolerance,
 )
 from perfplast_fenicsx.limit_analysis.rebalancing import BALANCED, rebalance
 from perfplast_fenicsx.limit_analysis.static_certificate import StaticCertificate, certify_stress
 from perfplast_fenicsx.limit_analysis.static_program import StaticProgram, static_program
 from perfplast_fenicsx.limit_analysis.stress_cells import mandel_vectors
-from perfplast_fenicsx.limit_analysis.strict_work import TURNED, Bound, Scope
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -108,7 +108,9 @@ def strict_lower_bound(
         InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, or a
             body has another law than those of von Mises and Hooke.
     """
-    check_proportional(problem, rtol)
+    check_bodies_have_limits(problem)
+    check_tolerance(rtol)
+    check_proportional(problem)
     conditions = facet_conditions(problem)
     if problem.tagged_mesh.axisymmetric:
         return _nothing(conditions, Verdict.STALLED, TURNED)
@@ -141,6 +143,23 @@ def strict_lower_bound(
             found = _nothing(conditions, verdict, COARSE, none)
             return replace(found, steps=steps, factorisations=program.stiffness.factorisations)
         return _result(static, iteration, conditions, why_not, verdict, reason, steps)
+
+
+def check_stress_fits(problem: Problem) -> None:
+    """Refuse a mesh whose lower bound does not fit into memory, before all else. Collective.
+
+    Raises:
+        TooLarge: With what is needed and what there is.
+        InputError: As :func:`strict_lower_bound`.
+    """
+    conditions = facet_conditions(problem)
+    if conditions.prevents is not None:
+        return
+    static = static_program(problem, conditions)
+    try:
+        static.stiffness.check_memory()
+    finally:
+        static.program.destroy()
 
 
 def _result(

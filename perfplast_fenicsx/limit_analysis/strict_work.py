@@ -7,8 +7,6 @@ is not entered anywhere this is an upper bound of the limit load of the body tha
 and not just of the mesh.
 """
 
-from dataclasses import dataclass
-from enum import StrEnum
 from functools import lru_cache
 from itertools import permutations, product
 
@@ -19,69 +17,22 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
 from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
 from perfplast_fenicsx.limit_analysis.facet_conditions import TWICE, facet_conditions
-from perfplast_fenicsx.limit_analysis.interior_steps import check_friction_has_limits
+from perfplast_fenicsx.limit_analysis.limit_checks import (
+    check_friction_has_limits,
+    check_proportional,
+)
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 SUBDIVISIONS = 8
 """Parts of a cell's edge in the composite vertex rule."""
 
 ADMISSIBLE = 1e-9
 """Volume change in plastic bodies and strain in elastic ones that are rounding, beside ‖ε(v)‖."""
-
-
-TURNED = (
-    "strict bounds are for plane strain and space, as the hoop strain of bodies of revolution is no"
-    " polynomial"
-)
-"""Why an axisymmetric mesh has none."""
-
-
-class Scope(StrEnum):
-    """What a bound is one of."""
-
-    BODY = "body"
-    MESH = "mesh"
-
-
-@dataclass(frozen=True)
-class Bound:
-    """A bound of a limit load, and what it is worth.
-
-    Attributes:
-        value: The bound; None where there is none.
-        kind: "lower" or "upper".
-        of: Whether it bounds the limit load of the body that the mesh fills, or that of the finite
-            elements alone.
-        why_not: Why it does not hold for the body; nothing where it does.
-    """
-
-    value: float | None
-    kind: str
-    of: Scope
-    why_not: tuple[str, ...] = ()
-
-    @property
-    def strict(self) -> bool:
-        """Whether it holds for the body, but for rounding."""
-        return self.value is not None and self.of is Scope.BODY
-
-    @property
-    def shown(self) -> str:
-        """The value in a few digits, rounded so that it is a bound as well."""
-        if self.value is None:
-            return "none"
-        return rounded_down(self.value) if self.kind == "lower" else rounded_up(self.value)
-
-    def __repr__(self) -> str:
-        value = self.shown
-        told = f"; not strict: {', '.join(self.why_not)}" if self.why_not else ""
-        return f"Bound({self.kind} {value} of the {self.of}{told})"
 
 
 def strict_upper_bound(
@@ -104,11 +55,7 @@ def strict_upper_bound(
             or friction is Coulomb's.
     """
     check_friction_has_limits(problem)
-    if not problem.is_proportional():
-        raise InputError(
-            "supports move, loads are constant or bodies are strained at first, and a strict bound"
-            " is one of loads that all grow; leave out what does not grow with the load factor."
-        )
+    check_proportional(problem)
     if problem.tagged_mesh.axisymmetric:
         return Bound(None, "upper", Scope.MESH, (TURNED,))
     strains = PointStrains(problem)

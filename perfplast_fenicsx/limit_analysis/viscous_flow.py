@@ -20,6 +20,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.stiffness import create_stiffness
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
+from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
 from perfplast_fenicsx.solvers.linear.petsc_options import BOUND, own_prefix
 
 PENALTY = 1e8
@@ -90,7 +91,9 @@ class ViscousFlow:
         self._force = problem.create_vector()
         self._b, self._y = problem.create_vector(), problem.create_vector()
         self._live, self._rest = problem.create_vector(), problem.create_vector()
-        self._ksp = _solver(problem)
+        self._ksp = PETSc.KSP().create(problem.comm)
+        self._ksp.setOptionsPrefix(own_prefix(BOUND, _preset(problem)))
+        self._ksp.setFromOptions()
         self._work = 1.0  # L₁ of the flow under L₁
         self._closed: Ints = np.zeros(0, dtype=np.int32)
 
@@ -159,21 +162,10 @@ class ViscousFlow:
         return float(self._problem.loads.dead.dot(self.velocity.x.petsc_vec))
 
     def _solve(self, force: PETSc.Vec, y: PETSc.Vec) -> None:
-        """The flow in the contact basis under nodal forces.
-
-        Raises:
-            NoFlow: If MUMPS has no factors to solve with, though it has not said before that they
-                failed, as was seen on three ranks where bodies slide freely.
-        """
+        """The flow in the contact basis under nodal forces."""
         self._problem.basis.T.multTranspose(force, self._b)
         self._b.array[self._closed] = 0
-        try:
-            self._ksp.solve(self._b, y)
-        except PETSc.Error as error:  # on all ranks; PETSc leaves its right-hand side locked
-            for part in (self._ksp, self._b):
-                part.destroy()
-            self._ksp, self._b = _solver(self._problem), self._problem.create_vector()
-            raise NoFlow("the flow cannot be solved for: it is not unique") from error
+        self._ksp.solve(self._b, y)
         self.solves += 1
 
     def _combine(self) -> None:
@@ -210,15 +202,8 @@ class ViscousFlow:
         self._ksp.setUp()
         self.factorisations += 1
         if self._ksp.getPC().getFailedReason():
+            forget_factors(self._ksp)
             raise NoFlow("the flow cannot be factorised: it is not unique, or memory is short")
-
-
-def _solver(problem: Problem) -> PETSc.KSP:
-    """What factorises the flow. Collective."""
-    ksp = PETSc.KSP().create(problem.comm)
-    ksp.setOptionsPrefix(own_prefix(BOUND, _preset(problem)))
-    ksp.setFromOptions()
-    return ksp
 
 
 def _preset(problem: Problem) -> dict[str, object]:

@@ -1,8 +1,13 @@
-"""Common materials to start from, in N and mm (MPa). A design goes by its standard itself."""
+"""Common materials to start from, in any system of units. A design goes by its standard itself."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.units import SYSTEMS, Name
+
+TABLE: Name = "mm-N-MPa"
+"""What :data:`MATERIALS` are in."""
 
 
 @dataclass(frozen=True)
@@ -11,10 +16,10 @@ class Common:
 
     Attributes:
         name: As in its standard, in lower case.
-        young: Young's modulus (MPa).
+        young: Young's modulus (stress).
         poisson: Poisson's ratio.
-        yield_stress: In uniaxial tension (MPa); for what is no metal, that of von Mises' law with
-            the same shear strength.
+        yield_stress: In uniaxial tension (stress); for what is no metal, that of von Mises' law
+            which ``what`` says.
         what: In words.
         source: Where the numbers are from.
     """
@@ -26,26 +31,65 @@ class Common:
     what: str
     source: str
 
+    def in_system(self, system: Name) -> "Common":
+        """The same in another system of units, from that of :data:`MATERIALS`."""
+        factor = SYSTEMS[TABLE].pascals / SYSTEMS[system].pascals
+        return replace(self, young=self.young * factor, yield_stress=self.yield_stress * factor)
+
 
 EN_1993 = "EN 1993-1-1:2005, 3.2.6 and table 3.1, up to 40 mm"
+EN_1993_4 = "EN 1993-1-4:2006, 2.1.3 and table 2.1"
 EN_1999 = "EN 1999-1-1:2007, 3.2.5 and table 3.2b"
 EN_1993_8 = "EN 1993-1-8:2005, table 3.1"
+EN_1992 = "EN 1992-1-1:2004, 3.1.3 and table 3.1"
+CLAY = "EN ISO 14688-2:2018 (c_u); Duncan and Buchignani 1976 (E = 300 c_u)"
+
+
+def _concrete(strength: float, cube: float, modulus: float) -> Common:
+    """Concrete by its characteristic strength of cylinders and cubes, and E_cm (MPa).
+
+    Von Mises' law gives it the same strength in tension, which it has not.
+    """
+    name = f"c{strength:g}/{cube:g}"
+    return Common(name, modulus, 0.2, strength, "concrete, for pressure alone", EN_1992)
+
+
+def _clay(name: str, shear_strength: float) -> Common:
+    """Clay that cannot drain, by c_u (MPa): in plane strain von Mises' law yields at σ_y/√3."""
+    what = f"clay, undrained, c_u {1e3 * shear_strength:g} kPa, in plane strain"
+    return Common(name, 300 * shear_strength, 0.49, math.sqrt(3) * shear_strength, what, CLAY)
+
 
 MATERIALS = (
     Common("s235", 210000.0, 0.3, 235.0, "structural steel", EN_1993),
     Common("s275", 210000.0, 0.3, 275.0, "structural steel", EN_1993),
     Common("s355", 210000.0, 0.3, 355.0, "structural steel", EN_1993),
     Common("s450", 210000.0, 0.3, 440.0, "structural steel", EN_1993),
+    Common("1.4301", 200000.0, 0.3, 210.0, "stainless steel, hot rolled", EN_1993_4),
     Common("bolt-4.6", 210000.0, 0.3, 240.0, "bolts of class 4.6", EN_1993_8),
     Common("bolt-8.8", 210000.0, 0.3, 640.0, "bolts of class 8.8", EN_1993_8),
     Common("bolt-10.9", 210000.0, 0.3, 900.0, "bolts of class 10.9", EN_1993_8),
     Common("en-aw-6082-t6", 70000.0, 0.3, 260.0, "aluminium, extruded, 5 to 15 mm", EN_1999),
     Common("en-aw-6060-t66", 70000.0, 0.3, 160.0, "aluminium, extruded, up to 3 mm", EN_1999),
+    _concrete(20.0, 25.0, 30000.0),
+    _concrete(25.0, 30.0, 31000.0),
+    _concrete(30.0, 37.0, 33000.0),
+    _clay("clay-low", 0.02),
+    _clay("clay-medium", 0.04),
+    _clay("clay-high", 0.075),
 )
+"""In :data:`TABLE`. Of each class of clays the least strength."""
+
+SAME = 1e-5
+"""Relative difference of numbers that were copied from a table of six digits."""
 
 
-def find(name: str) -> Common:
+def find(name: str, system: Name = TABLE) -> Common:
     """The material of a name.
+
+    Args:
+        name: In lower or upper case.
+        system: The units of its numbers.
 
     Raises:
         InputError: If there is none.
@@ -53,4 +97,40 @@ def find(name: str) -> Common:
     names = {material.name: material for material in MATERIALS}
     if name.lower() not in names:
         raise InputError(f"there is no material '{name}' in the table; {nearest(name, names)}")
-    return names[name.lower()]
+    return names[name.lower()].in_system(system)
+
+
+def check_units(young: float, poisson: float, yield_stress: float, system: Name) -> None:
+    """Refuse numbers that are those of a common material in another system of units.
+
+    Args:
+        young: Of a material (stress).
+        poisson: Of it.
+        yield_stress: Of it (stress).
+        system: What they are said to be in.
+
+    Raises:
+        InputError: With the numbers in this system.
+    """
+    if _known(young, poisson, yield_stress, system):
+        return
+    for other in SYSTEMS:
+        one = _known(young, poisson, yield_stress, other)
+        if one is not None:
+            meant = one.in_system(system)
+            raise InputError(
+                f"young = {young:g} and yield_stress = {yield_stress:g} are those of '{one.name}'"
+                f" in {SYSTEMS[other].stress}, but by [units] stresses are in"
+                f" {SYSTEMS[system].stress}; write young = {meant.young:g} and yield_stress ="
+                f" {meant.yield_stress:g}."
+            )
+
+
+def _known(young: float, poisson: float, yield_stress: float, system: Name) -> Common | None:
+    """The common material that has these numbers in a system."""
+    for one in MATERIALS:
+        here = one.in_system(system)
+        given, table = (young, poisson, yield_stress), (here.young, here.poisson, here.yield_stress)
+        if all(math.isclose(a, b, rel_tol=SAME) for a, b in zip(given, table, strict=True)):
+            return one
+    return None

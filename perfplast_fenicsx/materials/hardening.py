@@ -19,27 +19,20 @@ from typing import ClassVar
 import ufl
 
 from perfplast_fenicsx.errors import InputError, check_magnitude
-from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
-from perfplast_fenicsx.materials.law import Law, Old
+from perfplast_fenicsx.materials.law import Old
 from perfplast_fenicsx.materials.mandel import Expr
-from perfplast_fenicsx.materials.von_mises import VonMises, VonMisesLaw
+from perfplast_fenicsx.materials.von_mises import FirstYield, VonMises, VonMisesLaw
 
 
 @dataclass(frozen=True)
-class HardeningLaw(Law):
+class HardeningLaw(FirstYield):
     """Whose stress grows beyond ‖dev σ‖ = γ; see :class:`Law` for the methods.
 
     Args:
-        bulk: κ (stress).
-        shear: μ (stress).
-        yield_radius: γ (stress).
         isotropic: ⅔H of the yield stress that grows (stress), not negative.
         kinematic: ⅔H of the back stress (stress), not negative; one of both is positive.
     """
 
-    bulk: Expr
-    shear: Expr
-    yield_radius: Expr
     isotropic: Expr
     kinematic: Expr
     projects: ClassVar[bool] = False
@@ -48,11 +41,6 @@ class HardeningLaw(Law):
     def perfect(self) -> VonMisesLaw:
         """The law without hardening."""
         return VonMisesLaw(self.bulk, self.shear, self.yield_radius)
-
-    @property
-    def elastic(self) -> IsotropicElasticity:
-        """C."""
-        return self.perfect.elastic
 
     @property
     def hardening(self) -> Expr:
@@ -89,18 +77,6 @@ class HardeningLaw(Law):
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
         """Those of perfect plasticity, with ρ + (1 − ρ)s for ρ."""
         return self.perfect.tangent_fields(e, old, rho + (1 - rho) * self.share)
-
-    def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
-        """Σ^{o,ρ}[d]."""
-        return self.perfect.tangent(stored, d)
-
-    def yield_ratio(self, s: Expr) -> Expr:
-        """‖dev s‖/γ, above 1 where it has hardened."""
-        return self.perfect.yield_ratio(s)
-
-    def dissipation(self, rate: Expr) -> Expr:
-        """γ‖dev rate‖, that of the first yield set."""
-        return self.perfect.dissipation(rate)
 
     def inadmissible(self, rate: Expr) -> None:
         """None: nothing flows without end."""

@@ -22,10 +22,9 @@ import ufl
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.hardening import Hardening, HardeningLaw
-from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr
-from perfplast_fenicsx.materials.von_mises import VonMises, VonMisesLaw
+from perfplast_fenicsx.materials.von_mises import FirstYield, VonMises, VonMisesLaw
 
 STRAIN, ACCUMULATED = "plastic_strain", "accumulated_plastic_strain"
 """The history: p as a Mandel vector, and p̄ = ∫√⅔‖dp‖, which in uniaxial stress is ∫|dε^p|."""
@@ -100,28 +99,13 @@ class Step(Law, Protocol):
 
 
 @dataclass(frozen=True)
-class FlowLaw(Step):
-    """Perfect plasticity, step by step.
-
-    Args:
-        bulk: κ (stress).
-        shear: μ (stress).
-        yield_radius: γ (stress).
-    """
-
-    bulk: Expr
-    shear: Expr
-    yield_radius: Expr
+class FlowLaw(FirstYield, Step):
+    """Perfect plasticity, step by step."""
 
     @property
     def perfect(self) -> VonMisesLaw:
         """The law of total strain."""
         return VonMisesLaw(self.bulk, self.shear, self.yield_radius)
-
-    @property
-    def elastic(self) -> IsotropicElasticity:
-        """C."""
-        return self.perfect.elastic
 
     def hencky(self, old: Old) -> VonMisesLaw | HardeningLaw:
         """It does not change."""
@@ -130,18 +114,6 @@ class FlowLaw(Step):
     def back_stress(self, old: Old) -> Expr | None:
         """None."""
         return None
-
-    def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
-        """Σ^{o,ρ}[d]."""
-        return self.perfect.tangent(stored, d)
-
-    def yield_ratio(self, s: Expr) -> Expr:
-        """‖dev s‖/γ."""
-        return self.perfect.yield_ratio(s)
-
-    def dissipation(self, rate: Expr) -> Expr:
-        """γ‖dev rate‖."""
-        return self.perfect.dissipation(rate)
 
     def inadmissible(self, rate: Expr) -> Expr | None:
         """The spherical part."""

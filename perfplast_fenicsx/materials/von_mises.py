@@ -24,8 +24,8 @@ from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
 
 
 @dataclass(frozen=True)
-class VonMisesLaw(Law):
-    """‖dev σ‖ ≤ γ; see :class:`Law` for the methods.
+class FirstYield(Law):
+    """What laws that first yield at ‖dev σ‖ = γ have in common; see :class:`Law` for the methods.
 
     Args:
         bulk: κ (stress).
@@ -36,12 +36,32 @@ class VonMisesLaw(Law):
     bulk: Expr
     shear: Expr
     yield_radius: Expr
-    projects: ClassVar[bool] = True
 
     @property
     def elastic(self) -> IsotropicElasticity:
         """C."""
         return IsotropicElasticity(self.bulk, self.shear)
+
+    def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
+        """Σ^{o,ρ}[d] from what :meth:`VonMisesLaw.tangent_fields` stores."""
+        a, normal = stored["a"], stored["N"]
+        pressure = spherical(self.bulk * trace(d), len(d))
+        return pressure + a * deviator(d) - ufl.dot(normal, d) * normal
+
+    def yield_ratio(self, s: Expr) -> Expr:
+        """‖dev s‖/γ, above 1 where a body has hardened."""
+        return _size(deviator(s)) / self.yield_radius
+
+    def dissipation(self, rate: Expr) -> Expr:
+        """γ‖dev rate‖, that of the first yield set."""
+        return self.yield_radius * _size(deviator(rate))
+
+
+@dataclass(frozen=True)
+class VonMisesLaw(FirstYield):
+    """‖dev σ‖ ≤ γ; see :class:`Law` for the methods."""
+
+    projects: ClassVar[bool] = True
 
     def overstress(self, e: Expr) -> Expr:
         """2μ‖dev e‖/γ: above 1 the point is plastic."""
@@ -89,23 +109,9 @@ class VonMisesLaw(Law):
             "N": root * self.direction(e),
         }
 
-    def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
-        """Σ^{o,ρ}[d] from a and N."""
-        a, normal = stored["a"], stored["N"]
-        pressure = spherical(self.bulk * trace(d), len(d))
-        return pressure + a * deviator(d) - ufl.dot(normal, d) * normal
-
-    def yield_ratio(self, s: Expr) -> Expr:
-        """‖dev s‖/γ."""
-        return _size(deviator(s)) / self.yield_radius
-
     def cone(self) -> Expr:
         """1/γ."""
         return 1 / self.yield_radius
-
-    def dissipation(self, rate: Expr) -> Expr:
-        """γ‖dev rate‖."""
-        return self.yield_radius * _size(deviator(rate))
 
     def inadmissible(self, rate: Expr) -> Expr:
         """The spherical part."""

@@ -26,6 +26,8 @@ ON_AXIS = 1e-10
 class Kinematics(Protocol):
     """What is asked of the meaning of coordinates.
 
+    :meth:`measure`, :meth:`around` and :meth:`held` are here as Cartesian coordinates have them.
+
     Attributes:
         name: As ``kind`` of ``[model]`` has it.
         axes: Letters of the components of forces in results.
@@ -47,7 +49,7 @@ class Kinematics(Protocol):
 
     def measure(self, measure: ufl.Measure) -> Any:
         """The measure of the bodies, from that of their mesh; a function times it is a form."""
-        ...
+        return measure
 
     def around(self, x: Floats) -> Floats:
         """What a point stands for out of the mesh's plane: its ring 2πr (length), or 1.
@@ -58,7 +60,7 @@ class Kinematics(Protocol):
         Returns:
             Shape (...,).
         """
-        ...
+        return np.ones(x.shape[:-1])
 
     def rigid_modes(self, r: Floats) -> Floats:
         """Rigid motions at points: translations, then rotations about the origin.
@@ -81,7 +83,7 @@ class Kinematics(Protocol):
         Returns:
             Shape (n, gdim).
         """
-        ...
+        return np.zeros((len(x), len(self.axes)), dtype=np.bool_)
 
 
 def divergence(kinematics: Kinematics, v: Any) -> Any:
@@ -90,7 +92,7 @@ def divergence(kinematics: Kinematics, v: Any) -> Any:
     return e[0] + e[1] + e[2]
 
 
-class Space:
+class Space(Kinematics):
     """Bodies of tetrahedra."""
 
     name: str = "space"
@@ -109,24 +111,12 @@ class Space:
         shears = [(grad[i, j] + grad[j, i]) / math.sqrt(2) for i, j in pairs]
         return ufl.as_vector([*(grad[i, i] for i in range(3)), *shears])
 
-    def measure(self, measure: ufl.Measure) -> Any:
-        """See :meth:`Kinematics.measure`."""
-        return measure
-
-    def around(self, x: Floats) -> Floats:
-        """See :meth:`Kinematics.around`."""
-        return np.ones(x.shape[:-1])
-
     def rigid_modes(self, r: Floats) -> Floats:
         """See :meth:`Kinematics.rigid_modes`."""
         return _rigid_modes(r, 3, ((1, 2), (2, 0), (0, 1)))
 
-    def held(self, x: Floats, size: float) -> npt.NDArray[np.bool_]:
-        """See :meth:`Kinematics.held`."""
-        return np.zeros((len(x), 3), dtype=np.bool_)
 
-
-class PlaneStrain:
+class PlaneStrain(Kinematics):
     """Triangles that are sections of bodies without an end along z, where nothing moves along z."""
 
     name: str = "plane-strain"
@@ -139,24 +129,12 @@ class PlaneStrain:
         """See :meth:`Kinematics.strain`."""
         return _in_plane(ufl.grad(u), 0)
 
-    def measure(self, measure: ufl.Measure) -> Any:
-        """See :meth:`Kinematics.measure`."""
-        return measure
-
-    def around(self, x: Floats) -> Floats:
-        """See :meth:`Kinematics.around`."""
-        return np.ones(x.shape[:-1])
-
     def rigid_modes(self, r: Floats) -> Floats:
         """See :meth:`Kinematics.rigid_modes`."""
         return _rigid_modes(r, 2, ((0, 1),))
 
-    def held(self, x: Floats, size: float) -> npt.NDArray[np.bool_]:
-        """See :meth:`Kinematics.held`."""
-        return np.zeros((len(x), 2), dtype=np.bool_)
 
-
-class Axisymmetric:
+class Axisymmetric(Kinematics):
     """Triangles that are half the section of bodies of revolution: x is r, y the axis z."""
 
     name: str = "axisymmetric"

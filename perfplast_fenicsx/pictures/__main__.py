@@ -7,8 +7,8 @@ Nothing of MPI is imported here.
 import sys
 from collections.abc import Callable, Iterator, Sequence
 
+from perfplast_fenicsx.child_process import REFUSED
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.pictures.drawing_process import REFUSED
 from perfplast_fenicsx.pictures.result_figures import animate, parts, plot
 
 COMMANDS: dict[str, Callable[..., Iterator[str]]] = {

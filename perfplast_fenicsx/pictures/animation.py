@@ -47,14 +47,15 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
     path = [None, *(level.report for level in levels)]
     shown = panels(surfaces, scene.units, middle=False)
     scale = deformation_scale(surfaces)
-    renderer = Renderer(surfaces, scene, scale, PIXELS)
+    zetas = [report.zeta if report else 0.0 for report in path]
+    renderer = Renderer(surfaces, scene, scale, PIXELS, zetas)
     frames = []
     for number, report in enumerate(path):
 
         def curve(axes: Axes, report: LevelReport | None = report) -> None:
             if scene.driven:
                 now = (report.zeta, report.driving_force) if report else (0.0, 0.0)
-                draw_stroke(axes, reader.reports, now)
+                draw_stroke(axes, reader.reports, unit, now)
             else:
                 draw_curve(axes, reader.reports, reader.limit, unit, report)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.contact.obstacles import Obstacle
+from perfplast_fenicsx.contact.obstacles import Obstacle, move_of
 from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.problem.loads import Pressure, Traction
@@ -109,13 +109,16 @@ class Obstacles:
     distances: list[Floats]
 
 
-def sample_obstacles(surface: Surface, points: Floats, obstacles: Sequence[Obstacle]) -> Obstacles:
+def sample_obstacles(
+    surface: Surface, points: Floats, obstacles: Sequence[Obstacle], travel: float = 0.0
+) -> Obstacles:
     """Find out where obstacles are in the neighbourhood of the bodies.
 
     Args:
         surface: The bodies.
         points: Where the surface's points are drawn.
         obstacles: Those that fit the mesh.
+        travel: How much of their ``move`` they are drawn away from where they begin.
     """
     gdim = 2 if surface.plane else 3
     both = np.concatenate([points, surface.points])[:, :gdim]
@@ -125,7 +128,11 @@ def sample_obstacles(surface: Surface, points: Floats, obstacles: Sequence[Obsta
     axes = [np.linspace(low[i], high[i], SAMPLES[gdim]) for i in range(gdim)]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     shape = (*x.shape[:-1], 1)[:3]
-    distances = [obstacle.towards(x.reshape(-1, gdim))[0] for obstacle in obstacles]
+    moves = [travel * move_of(obstacle, gdim) for obstacle in obstacles]
+    distances = [
+        obstacle.towards(x.reshape(-1, gdim) - move)[0]
+        for obstacle, move in zip(obstacles, moves, strict=True)
+    ]
     return Obstacles(
         corner=np.array([*low, surface.points[0, 2]][:3]),
         spacing=np.array([*((high - low) / (SAMPLES[gdim] - 1)), 1.0][:3]),

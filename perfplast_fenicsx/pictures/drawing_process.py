@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from perfplast_fenicsx.child_process import environment_apart
+from perfplast_fenicsx.child_process import REFUSED, environment_with_package
 from perfplast_fenicsx.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,12 +24,6 @@ if TYPE_CHECKING:
 
 PATIENCE = {"plot": 900.0, "animate": 2400.0, "parts": 600.0}
 """Longest time for what a command draws (s)."""
-
-REFUSED = 2
-"""Exit status of the program where its last words are a sentence that says what is wrong."""
-
-ROOT = Path(__file__).parents[2]
-"""Where the package is."""
 
 log = logging.getLogger(__name__)
 
@@ -167,9 +161,7 @@ def _display() -> Iterator[dict[str, str]]:
 
     The variables of MPI launchers are left out, so that the child is no rank.
     """
-    environment = environment_apart() | {"PYTHONIOENCODING": "utf-8:backslashreplace"}
-    places = [environment.get("PYTHONPATH"), str(ROOT)]
-    environment["PYTHONPATH"] = os.pathsep.join(filter(None, places))
+    environment = environment_with_package() | {"PYTHONIOENCODING": "utf-8:backslashreplace"}
     program = shutil.which("Xvfb")
     if program is None:
         yield environment

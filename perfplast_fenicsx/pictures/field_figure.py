@@ -26,17 +26,20 @@ def draw_fields(
     caption: str,
     path: Path,
     largest_dissipation: float | None = None,
+    zeta: float = 0.0,
 ) -> None:
-    """Draw deformed bodies with plastic zone, displacement and contact pressure.
+    """Draw deformed bodies with plastic zone, displacement, contact pressure, slip and friction.
 
     Args:
         surface: With ``displacement``, ``contact_pressure``, ``yield_ratio`` and the marks of the
-            scene. Of a mechanism the displacement is the velocity.
+            scene, and ``slip`` and ``friction_stress`` where anything rubs. Of a mechanism the
+            displacement is the velocity.
         scene: What is around the bodies, and words.
         caption: Second line of the heading.
         path: The png file.
         largest_dissipation: Of all cells; for mechanisms alone, where the ``dissipation`` is shown
             instead of the displacement.
+        zeta: Load factor, which obstacles move with.
 
     Raises:
         OSError: If the file cannot be written.
@@ -44,7 +47,7 @@ def draw_fields(
     shown = panels([surface], scene.units, largest_dissipation)
     wanted = SHOWN_DEFORMATION if largest_dissipation is None else SHOWN_MECHANISM
     scale = deformation_scale([surface], wanted)
-    renderer = Renderer([surface], scene, scale, PIXELS)
+    renderer = Renderer([surface], scene, scale, PIXELS, [zeta])
     images = [renderer.draw(0, panel) for panel in shown]
     words = (scene.title, f"{caption},   {in_words(scale)}{scene.view}")
     replace_picture(path, compose(shown, images, words))

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.units import Units
 
 HUES = ("#6c9bcd", "#b5945c", "#74b386", "#a587c4")
 """Colour of the highest elastic stress, for each body in turn."""
@@ -64,12 +64,13 @@ def panels(
     largest_dissipation: float | None = None,
     middle: bool = True,
 ) -> list[Panel]:
-    """Plastic zone, displacement or dissipation, and contact pressure if any.
+    """Plastic zone, displacement or dissipation, contact pressure, slip and friction if any.
 
     Args:
         frames: One skin with one or more states: with ``displacement``, ``contact_pressure``,
             ``yield_ratio``, the mark ``contact``, and ``dissipation`` where it is to be shown. All
-            frames have the same scales. Where the bodies remember, and there is an
+            frames have the same scales. Where there are ``slip`` and ``friction_stress``, these are
+            shown beside the displacement. Where the bodies remember, and there is an
             ``accumulated_plastic_strain``, it is shown and not the displacement.
         units: For the legends.
         largest_dissipation: Of all cells, inner ones too; for mechanisms alone.
@@ -87,19 +88,37 @@ def panels(
         label = f"magnitude of u ({units.of_length()})"
         colours = mpl.colormaps["viridis"]
         found.append(_graded("Displacement", size, _from_zero(size), colours, label))
-    contact = frames[0].marks["contact"]
-    if contact.any():
+    if frames[0].marks["contact"].any():
         pressure = np.array([a.at_points["contact_pressure"] for a in frames])
         label = f"pressure ({units.of_stress()})"
-        colours = mpl.colormaps["magma_r"]
-        panel = _graded("Contact pressure", pressure, _from_zero(pressure), colours, label)
-        panel.facets = contact
-        if not frames[0].plane:
-            panel.title += ", seen through the bodies"
-            opacity = np.where(pressure > PRESSED * pressure.max(), 1.0, FAINT)
-            panel.colours = np.concatenate([panel.colours, opacity[..., None]], axis=2)
-        found.append(panel)
+        found.append(_on_contact(frames[0], "Contact pressure", pressure, "magma_r", label))
+        if middle and largest_dissipation is None and "slip" in frames[-1].at_points:
+            found += _friction(frames, units)
     return found
+
+
+def _friction(frames: Sequence[Surface], units: Units) -> list[Panel]:
+    """What slips, and against which stress."""
+    slip, stress = (
+        np.linalg.norm([a.at_points[name] for a in frames], axis=2)
+        for name in ("slip", "friction_stress")
+    )
+    lengths, stresses = units.of_length(), units.of_stress()
+    return [
+        _on_contact(frames[0], "Slip", slip, "viridis_r", f"magnitude of slip ({lengths})"),
+        _on_contact(frames[0], "Friction", stress, "magma_r", f"friction stress ({stresses})"),
+    ]
+
+
+def _on_contact(surface: Surface, title: str, values: Floats, colours: str, label: str) -> Panel:
+    """Values at points of the contact surfaces, over bodies of glass."""
+    panel = _graded(title, values, _from_zero(values), mpl.colormaps[colours], label)
+    panel.facets = surface.marks["contact"]
+    if not surface.plane:
+        panel.title += ", seen through the bodies"
+        opacity = np.where(values > PRESSED * values.max(), 1.0, FAINT)
+        panel.colours = np.concatenate([panel.colours, opacity[..., None]], axis=2)
+    return panel
 
 
 def _flow(frames: Sequence[Surface]) -> Panel:

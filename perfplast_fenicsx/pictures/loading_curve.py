@@ -63,7 +63,7 @@ def save_curve(
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     if driven:
-        draw_stroke(axes, reports)
+        draw_stroke(axes, reports, unit)
     else:
         draw_curve(axes, reports, limit, unit)
     axes.set_title(title, parse_math=False)
@@ -123,13 +123,17 @@ def draw_curve(
 
 
 def draw_stroke(
-    axes: Axes, reports: Sequence[LevelReport], now: tuple[float, float] | None = None
+    axes: Axes,
+    reports: Sequence[LevelReport],
+    unit: str = "",
+    now: tuple[float, float] | None = None,
 ) -> None:
     """Draw the driving force over the stroke ζ of the converged levels.
 
     Args:
         axes: Where.
         reports: Of all levels.
+        unit: Of works.
         now: (ζ, force) to be marked.
     """
     solved = [report for report in reports if report.converged]
@@ -144,6 +148,7 @@ def draw_stroke(
             axes.axvline(report.zeta, color=LIMIT, linestyle="--", label=label)
     if now is not None:
         axes.plot(*now, "o", color="black", markersize=9, zorder=5)
-    axes.set(xlabel="load factor ζ of the motion", ylabel="driving force")
+    bracket = f" (work for each 1 of ζ, {unit})" if unit else ""
+    axes.set(xlabel="load factor ζ of the motion", ylabel=f"driving force{bracket}")
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right")

@@ -50,7 +50,12 @@ class Renderer:
     """
 
     def __init__(
-        self, frames: Sequence[Surface], scene: Scene, scale: float, pixels: tuple[int, int]
+        self,
+        frames: Sequence[Surface],
+        scene: Scene,
+        scale: float,
+        pixels: tuple[int, int],
+        zetas: Sequence[float] = (0.0,),
     ) -> None:
         """Set the scene.
 
@@ -59,6 +64,7 @@ class Renderer:
             scene: What is around the bodies.
             scale: Of the displacements.
             pixels: Width and height of each image.
+            zetas: Load factors of the frames, which obstacles move with.
         """
         self._skin = skin = frames[-1]
         self._pixels, self._flat, self._size = pixels, skin.plane, skin.size
@@ -69,12 +75,10 @@ class Renderer:
         self._axis = _axis(skin) if scene.axisymmetric else None
         bodies = range(len(skin.names))
         self._sharp = [] if self._flat else [self._sharp_edges(body) for body in bodies]
-        near = sample_obstacles(skin, self._frames.reshape(-1, 3), scene.obstacles)
-        self._obstacles = [
-            part
-            for distances in near.distances
-            for part in self._obstacle(distances, near.corner, near.spacing)
-        ]
+        moving = any(len(obstacle.move) for obstacle in scene.obstacles)
+        travels = [scale * zeta if moving else 0.0 for zeta in zetas]
+        parts = {travel: self._obstacles_at(scene, travel) for travel in set(travels)}
+        self._obstacles = [parts[travel] for travel in travels]
 
     def __repr__(self) -> str:
         return f"Renderer({self._skin!r}, {len(self._frames)} frames)"
@@ -91,7 +95,7 @@ class Renderer:
         for before, after in self._outlines(points):
             plotter.add_mesh(before, color="#b0b0b0", line_width=1.5, lighting=False)
             plotter.add_mesh(after, color="#202020", line_width=2.5, lighting=False)
-        for mesh, paint in self._obstacles:
+        for mesh, paint in self._obstacles[frame]:
             plotter.add_mesh(mesh, lighting=not self._flat, **paint)
         plotter.view_vector(self._view, viewup=(0, 1, 0) if self._flat else (0, 0, 1))
         plotter.enable_parallel_projection()
@@ -151,6 +155,15 @@ class Renderer:
             lifted = points + np.array([0, 0, layer * IN_FRONT * self._size])
             plotter.add_mesh(_mesh(lifted, skin.facets[chosen]), lighting=False, **paint)
 
+    def _obstacles_at(self, scene: Scene, travel: float) -> list[tuple[pv.DataSet, Paint]]:
+        """All obstacles, so much of their moves away from where they begin."""
+        near = sample_obstacles(self._skin, self._frames.reshape(-1, 3), scene.obstacles, travel)
+        return [
+            part
+            for distances in near.distances
+            for part in self._obstacle(distances, near.corner, near.spacing)
+        ]
+
     def _obstacle(
         self, distances: Floats, corner: Floats, spacing: Floats
     ) -> list[tuple[pv.DataSet, Paint]]:
@@ -184,7 +197,7 @@ class Renderer:
         right = np.cross(plotter.camera.up, towards)
         right /= np.linalg.norm(right)
         axes = np.array([right, np.cross(towards, right)])
-        around = [mesh.points for mesh, _ in self._obstacles]
+        around = [mesh.points for parts in self._obstacles for mesh, _ in parts]
         arrows = [end for a in self._arrows for end in (a.starts, a.starts + a.vectors)]
         seen = np.concatenate([*self._frames, self._skin.points, *arrows, *around])
         low, high = (seen @ axes.T).min(axis=0), (seen @ axes.T).max(axis=0)

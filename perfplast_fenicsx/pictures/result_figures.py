@@ -19,7 +19,7 @@ FORMATS = (".gif", ".webp")
 
 
 def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
-    """Draw loading curve, plastic zone, mechanism and contact pressure of a run.
+    """Draw loading curve, plastic zone, mechanism, contact pressure and friction of a run.
 
     Args:
         folder: Its results; it may still be going on.
@@ -69,7 +69,8 @@ def _levels(reader: ResultReader, target: Path) -> Iterator[str]:
     with _drawing(target / "fields.png") as path:
         from perfplast_fenicsx.pictures.field_figure import draw_fields, level_caption
 
-        draw_fields(surface, scene, level_caption(report, scene.driven, unit), path)
+        caption = level_caption(report, scene.driven, unit)
+        draw_fields(surface, scene, caption, path, zeta=report.zeta)
     yield str(path)
 
 

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.scene import NamedScene, Scene, read_scene
+from perfplast_fenicsx.io.case.schema import convert
 from perfplast_fenicsx.io.results.result_files import (
     BODY,
     CELL_DATA,
@@ -34,12 +35,14 @@ from perfplast_fenicsx.io.results.result_files import (
     SURFACE_TAGS,
     SURFACES,
 )
+from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.boundary_surface import Skin, Surface, make_skin
 from perfplast_fenicsx.problem.report import LevelReport
 
 T = TypeVar("T")
 
 DISPLACEMENT, PRESSURE = f"{POINT_DATA}/displacement", f"{POINT_DATA}/contact_pressure"
+SLIP, FRICTION = f"{POINT_DATA}/slip", f"{POINT_DATA}/friction_stress"
 YIELD_RATIO, LEVEL = f"{CELL_DATA}/yield_ratio", f"{FIELD_DATA}/level"
 ACCUMULATED = f"{CELL_DATA}/accumulated_plastic_strain"
 VELOCITY, DISSIPATION = f"{POINT_DATA}/mechanism", f"{CELL_DATA}/dissipation"
@@ -111,6 +114,11 @@ class ResultReader:
         """The content of ``scene.json``."""
         return read_scene(self._json("scene.json"), str(self.path / "scene.json"))
 
+    @cached_property
+    def summary(self) -> Summary:
+        """The content of ``summary.json``."""
+        return convert(self._json("summary.json"), Summary, str(self.path / "summary.json"))
+
     @property
     def scene(self) -> Scene:
         """What is drawn around the bodies."""
@@ -133,7 +141,7 @@ class ResultReader:
             with path.open(encoding="utf-8", newline="") as file:
                 return [_report(row) for row in csv.DictReader(file)]
 
-        return self._read("path.csv", rows)
+        return self.read("path.csv", rows)
 
     @cached_property
     def levels(self) -> list[StoredLevel]:
@@ -145,7 +153,7 @@ class ResultReader:
             table = json.loads(path.read_text(encoding="utf-8"))
             return [entry["name"] for entry in table["files"]]
 
-        names = self._read(SERIES, files)
+        names = self.read(SERIES, files)
         numbers = [int(self._arrays(name, LEVEL)[0][0]) for name in names]
         return [  # a level is on file before it is in path.csv
             StoredLevel(number, self.reports[number - 1], name)
@@ -156,21 +164,22 @@ class ResultReader:
     @cached_property
     def gdim(self) -> int:
         """Dimension of the mesh."""
-        return 2 if self._skin.surface.plane else 3
+        return 2 if self.skin.surface.plane else 3
 
     def surface(self, level: StoredLevel) -> Surface:
         """The skin with the fields of a level."""
-        skin = self._skin
+        skin = self.skin
         u, pressure, ratio = self._arrays(level.file, DISPLACEMENT, PRESSURE, YIELD_RATIO)
         at_cells = {"yield_ratio": ratio[skin.cells]}
-        if bool(level.report.factors) and self._read(level.file, _remembers):
+        if bool(level.report.factors) and self.read(level.file, _remembers):
             (flow,) = self._arrays(level.file, ACCUMULATED)
             at_cells["accumulated_plastic_strain"] = flow[skin.cells]
-        return dataclasses.replace(
-            skin.surface,
-            at_points={"displacement": u[skin.nodes], "contact_pressure": pressure[skin.nodes]},
-            at_cells=at_cells,
-        )
+        at_points = {"displacement": u, "contact_pressure": pressure}
+        if any(one.rubs for one in (*self.scene.contacts, *self.scene.obstacles)):
+            slip, stress = self._arrays(level.file, SLIP, FRICTION)
+            at_points |= {"slip": slip, "friction_stress": stress}
+        on_skin = {name: values[skin.nodes] for name, values in at_points.items()}
+        return dataclasses.replace(skin.surface, at_points=on_skin, at_cells=at_cells)
 
     def mechanism(self, surface: Surface | None) -> tuple[Surface, float] | None:
         """The collapse mechanism, where the limit load has been found.
@@ -185,7 +194,7 @@ class ResultReader:
         """
         if self.limit is None or not (self.path / MECHANISM).exists():
             return None
-        skin = self._skin
+        skin = self.skin
         if surface is None:
             pressure, ratio = self._arrays(MECHANISM, PRESSURE, YIELD_RATIO)
             surface = dataclasses.replace(
@@ -200,7 +209,7 @@ class ResultReader:
         return found, float(work.max(initial=0.0))
 
     @cached_property
-    def _skin(self) -> Skin:
+    def skin(self) -> Skin:
         """The skin without fields."""
         names = (POINTS, CONNECTIVITY, OFFSETS, BODY, SURFACES, SURFACE_TAGS)
         points, corners, offsets, body, facets, tags = self._arrays(MESH, *names)
@@ -214,7 +223,7 @@ class ResultReader:
             with h5py.File(path, locking=False) as file:
                 return [np.asarray(file[place]) for place in places]
 
-        return self._read(name, read)
+        return self.read(name, read)
 
     def _json(self, name: str) -> dict[str, Any]:
         def load(path: Path) -> dict[str, Any]:
@@ -223,9 +232,9 @@ class ResultReader:
                 raise ValueError("it is no JSON object")
             return table
 
-        return self._read(name, load)
+        return self.read(name, load)
 
-    def _read(self, name: str, read: Callable[[Path], T]) -> T:
+    def read(self, name: str, read: Callable[[Path], T]) -> T:
         """The content of a file.
 
         Raises:

@@ -31,8 +31,8 @@ class Rubbed:
 
     Attributes:
         forces: μ of the places hosted by this rank, shape (num_places, gdim − 1).
-        jumps: The slip s there (length), same shape.
-        energy: Σ c‖s‖, which slip has dissipated.
+        jumps: The slip there (length), same shape.
+        energy: Σ c‖slip‖, which it has dissipated.
         excess: Largest ‖μ‖ − c, relative to the largest c; 0 where none is larger.
         slipping: Places that slip.
     """
@@ -65,10 +65,10 @@ class Certificate:
 def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certificate:
     """Judge the state that ``fields`` is at. Collective.
 
-    The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap − ⟨reactions, u_D⟩, and inf J_ζ is minus
-    that at the solution, so the sum of both is the duality gap. It vanishes for the solution alone,
-    and is told relative to |Ψ| + ½‖σ‖². Gaps are those of the basis, which what u_D closes is taken
-    from.
+    The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap + Σ μ·s₀ − ⟨reactions, u_D⟩, and inf J_ζ
+    is minus that at the solution, so the sum of both is the duality gap. It vanishes for the
+    solution alone, and is told relative to |Ψ| + ½‖σ‖². Gaps are those of the basis, which what u_D
+    closes is taken from.
     """
     comm, basis = problem.comm, problem.basis
     internal = fields.assemble_all_forces()
@@ -88,6 +88,7 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     rubbed = _rubbed(problem, y, r)
     energy += rubbed.energy
     moved = _moved(problem, internal)
+    resisted += comm.allreduce(float(np.sum(rubbed.forces * problem.friction.origin)))
     dual = fields.conjugate() + fields.initial_work() + resisted - moved.work
     least = RIGID**2 * fields.jagged_norm2()
     size = fields.size()
@@ -146,7 +147,7 @@ def _left(problem: Problem, stress: fem.Function, zeta: float) -> PETSc.Vec:
 def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec) -> Rubbed:
     """Friction at y, with the forces that the gradient r leaves to it. Collective."""
     friction, comm = problem.friction, problem.comm
-    jumps, forces = friction.jumps(y), -friction.jumps(r)
+    jumps, forces = friction.slip(y), -friction.jumps(r)
     if not friction.count:
         return Rubbed(forces, jumps, 0.0, 0.0, 0)
     sizes = norms(jumps)

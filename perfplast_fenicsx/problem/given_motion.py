@@ -1,6 +1,6 @@
-"""What is moved by a given way: u_D of supports, and what that and moving obstacles leave of gaps.
+"""What is moved by a given way: u_D of supports, and what that and moving obstacles do to contact.
 
-Both are linear in the load factor ζ, which multiplies all that is not constant.
+All is linear in the load factor ζ, which multiplies all that is not constant.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,8 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.constraints import Constraints
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.friction import Friction
 from perfplast_fenicsx.contact.obstacles import Obstacle, move_of
 
 
@@ -25,6 +27,8 @@ class GivenMotion:
             (2, num_nodes, gdim), of local nodes, ghosts too.
         gap: Gaps of the pairs hosted by this rank (length), less what u_D closes of them, constant
             and times ζ, shape (2, num_pairs).
+        slide: Jumps in the jump basis at which, beside this motion, nothing has slipped (length),
+            constant and times ζ, shape (2, num_places, gdim − 1).
         obstacles: How far each obstacle moves for ζ = 1 (length), shape (num_obstacles, gdim).
         moves_supports: Whether u_D is ever anything but 0.
         driven: Whether ζ moves anything.
@@ -32,6 +36,7 @@ class GivenMotion:
 
     displacement: Floats
     gap: Floats
+    slide: Floats
     obstacles: Floats
     moves_supports: bool
     driven: bool
@@ -44,11 +49,26 @@ class GivenMotion:
         """Gaps (length), shape (num_pairs,)."""
         return np.asarray(self.gap[0] + zeta * self.gap[1])
 
+    def slide_at(self, zeta: float) -> Floats:
+        """Jumps without slip (length), shape (num_places, gdim − 1)."""
+        return np.asarray(self.slide[0] + zeta * self.slide[1])
+
+    def moves(
+        self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]
+    ) -> list[tuple[str, Floats]]:
+        """Surfaces in contact, and how far what is opposite moves by itself for ζ = 1 (length)."""
+        rest = np.zeros(self.displacement.shape[2])
+        of_contacts = [(name, rest) for a in contacts for name in (a.primary, a.secondary)]
+        of_obstacles = [(one.on, self.obstacles[i]) for i, one in enumerate(obstacles)]
+        return of_contacts + of_obstacles
+
 
 def given_motion(
     V: fem.FunctionSpace,
     displacement: Floats,
     constraints: Constraints,
+    sliding: Constraints,
+    friction: Friction,
     num_contacts: int,
     obstacles: Sequence[Obstacle],
 ) -> GivenMotion:
@@ -58,6 +78,8 @@ def given_motion(
         V: Displacement space.
         displacement: See :class:`GivenMotion`.
         constraints: The rows of contacts and, behind them, of obstacles.
+        sliding: The rows of jumps along surfaces that rub.
+        friction: Its places.
         num_contacts: How many contacts there are.
         obstacles: What surfaces cannot penetrate.
 
@@ -66,15 +88,19 @@ def given_motion(
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     moves = np.array([move_of(obstacle, gdim) for obstacle in obstacles]).reshape(-1, gdim)
-    opened = np.zeros(len(constraints.gap))
-    if moves.any():
-        of_surface = np.concatenate([np.zeros((num_contacts, gdim)), moves])
-        opened += np.sum(constraints.normal * of_surface[constraints.surface], axis=1)
+    number = constraints.surface - num_contacts
+    moving = (number >= 0) & (number < len(moves))
+    of_surface = np.zeros((len(number), gdim))
+    of_surface[moving] = moves[number[moving]]
+    opened = np.sum(constraints.normal * of_surface, axis=1)
     gap = np.stack([constraints.gap, opened])
+    dragged = np.einsum("nij,nj->ni", friction.direction, of_surface[friction.pair])
+    slide = np.stack([np.zeros_like(dragged), dragged])
     moved = [comm.allreduce(bool(part.any()), MPI.LOR) for part in displacement]
     if any(moved):
         u = fem.Function(V)
         for i, part in enumerate(displacement):
             u.x.array[:] = part.ravel()
             gap[i] -= constraints.jumps(u.x.petsc_vec)
-    return GivenMotion(displacement, gap, moves, any(moved), moved[1] or bool(moves.any()))
+            slide[i][friction.index >= 0] -= sliding.jumps(u.x.petsc_vec)
+    return GivenMotion(displacement, gap, slide, moves, any(moved), moved[1] or bool(moves.any()))

@@ -40,21 +40,17 @@ class LoadingHistory:
         """Make the vector and the initial strain of each name. Collective.
 
         Raises:
-            InputError: If the stages do not fit the loads, contact rubs, or ζ moves something.
+            InputError: If the stages do not fit the loads, or ζ moves something.
         """
         given = problem.given
         check_stages(stages, given.loads, given.initial)
-        if problem.friction.count:
-            raise InputError(
-                "contact has friction, which stages would have to remember as bodies do plastic"
-                " flow; leave the friction out, or give [loading] in place of stages."
-            )
         if problem.motion.driven:
             raise InputError(
                 "supports or obstacles move with the load factor, which stages do not tell them;"
                 " give them constant = true and obstacles no move, or leave the stages out."
             )
         self.problem, self.stages = problem, tuple(stages)
+        problem.in_stages = True
         names = dict.fromkeys(name for stage in stages for name in stage.factors)
         self._vectors: dict[str, PETSc.Vec] = {}
         self._strains: dict[str, Floats] = {}

@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem, la
+from dolfinx import default_scalar_type, fem, la
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.constraints import Constraints
@@ -24,6 +24,13 @@ ROUNDING = 1e-9
 
 SAME = 1e-12
 """Displacements that differ by this share of the largest are one."""
+
+
+def conditions_at_rest(V: fem.FunctionSpace, held: npt.NDArray[np.bool_]) -> list[fem.DirichletBC]:
+    """The conditions of increments: 0 at held components, flags of shape (num_nodes, gdim)."""
+    zero, gdim = default_scalar_type(0), held.shape[1]
+    nodes = [np.flatnonzero(held[:, i]).astype(np.int32) for i in range(gdim)]
+    return [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
 
 
 def known_displacements(

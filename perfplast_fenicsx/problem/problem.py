@@ -15,7 +15,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import default_scalar_type, fem
+from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints, stacked
@@ -26,7 +26,7 @@ from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
 from perfplast_fenicsx.contact.loose_bodies import loose_motions
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.contact.rigid_motions import RigidMotions
-from perfplast_fenicsx.contact.tangential_rows import check_nothing_rubs, tangential_rows
+from perfplast_fenicsx.contact.tangential_rows import tangential_rows
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Material
@@ -43,6 +43,7 @@ from perfplast_fenicsx.problem.load_case import LoadCase
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed_displacement import (
     check_moved_surfaces,
+    conditions_at_rest,
     known_displacements,
 )
 from perfplast_fenicsx.problem.rigid_surface import RigidSurface, name_of
@@ -54,7 +55,7 @@ log = logging.getLogger(__name__)
 
 
 class Problem:
-    """Elastic–perfectly plastic bodies with supports, loads and frictionless contact.
+    """Elastic–perfectly plastic bodies with supports, loads, contact and friction.
 
     Attributes:
         tagged_mesh: The mesh and its names.
@@ -76,6 +77,7 @@ class Problem:
         motion: What supports and obstacles do at any ζ.
         prescribed: u_D, the displacement of these components (length), 0 elsewhere, as it is at the
             ζ of :meth:`move_to`, at first 0.
+        moved_to: That ζ; levels are steps of a history where ``in_stages``.
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Contact pairs on all ranks together.
         ties: The equations B u = 0 of ties and rigid surfaces, with rows like those of contact.
@@ -141,8 +143,9 @@ class Problem:
         self.ties, taken = glued_rows(self.V, tagged_mesh, ties, rigid, self.fixed, displacement)
         self.num_tied: int = self.comm.allreduce(len(self.ties.host))
         self.basis: JumpBasis = self._contact(contacts, obstacles, taken)
-        self.motion = self._motion(displacement)
+        self.motion, self.in_stages = self._motion(displacement), False
         self.prescribed = self.motion.displacement_at(0.0)
+        self.move_to(0.0)
         told = (self.motion.driven, self.initial_strain is not None)
         self.loads: LoadCase = declared_loads(self.V, tagged_mesh, loads, self.bcs, rigid, *told)
         self._declared = self.loads
@@ -209,10 +212,12 @@ class Problem:
             function.x.array[:] = history[name].x.array if history else 0.0
 
     def move_to(self, zeta: float) -> None:
-        """Put supports and obstacles, and so ``prescribed`` and gaps, where they are at ζ."""
-        if self.motion.driven:
+        """Put supports and obstacles where they are at ζ, and with them what depends on that."""
+        self.moved_to = zeta
+        if self.motion.moves_supports or self.motion.driven:
             self.prescribed = self.motion.displacement_at(zeta)
             self.basis = replace(self.basis, gap=self.motion.gap_at(zeta))
+        self.friction.origin[:] = self.motion.slide_at(zeta)
 
     def is_proportional(self) -> bool:
         """Whether nothing but ζ loads or moves the bodies. Collective."""
@@ -239,15 +244,13 @@ class Problem:
         self, supports: Sequence[Support | RigidSurface]
     ) -> tuple[list[fem.DirichletBC], Floats]:
         """Conditions of increments, and u_D, constant and times ζ."""
-        V, gdim, zero = self.V, self.tagged_mesh.mesh.geometry.dim, default_scalar_type(0)
-        self.fixed, displacement, holder = known_displacements(V, self.tagged_mesh, supports)
+        known = known_displacements(self.V, self.tagged_mesh, supports)
+        self.fixed, displacement, holder = known
         names = [name_of(support) for support in supports]
         self.support_names = tuple(dict.fromkeys(names))
         numbers = [self.support_names.index(name) for name in names]
         self.held_by: Ints = np.array([*numbers, -1], dtype=np.int32)[holder]
-        nodes = [np.flatnonzero(self.fixed[:, i]).astype(np.int32) for i in range(gdim)]
-        bcs = [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
-        return bcs, displacement
+        return conditions_at_rest(self.V, self.fixed), displacement
 
     @cached_property
     def glued_basis(self) -> JumpBasis:
@@ -265,9 +268,9 @@ class Problem:
         """Find the rows, and a basis in which they are bounds. Collective."""
         V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
         self.constraints: Constraints = find_constraints(V, tagged_mesh, contacts, obstacles, taken)
-        touching = {a.primary for a in contacts} | {a.secondary for a in contacts}
-        touching |= {obstacle.on for obstacle in obstacles}
-        self.contact_tags = tuple(sorted(tagged_mesh.surfaces[name] for name in touching))
+        named = [name for a in contacts for name in (a.primary, a.secondary)]
+        named += [obstacle.on for obstacle in obstacles]
+        self.contact_tags = tuple(sorted({tagged_mesh.surfaces[name] for name in named}))
         self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
         self.interferes: bool = self.comm.allreduce(bool((self.constraints.gap < 0).any()), MPI.LOR)
@@ -286,15 +289,11 @@ class Problem:
         return basis
 
     def _motion(self, displacement: Floats) -> GivenMotion:
-        """What moves; takes what it closes of gaps from the basis. Collective."""
+        """What moves. Collective."""
         V, (contacts, obstacles) = self.V, (self.given.contacts, self.given.obstacles)
-        motion = given_motion(V, displacement, self.constraints, len(contacts), obstacles)
+        rows = (self.constraints, self.sliding, self.friction, len(contacts))
+        motion = given_motion(V, displacement, *rows, obstacles)
         if motion.moves_supports or motion.driven:
-            check_nothing_rubs(self.friction)
-            gdim = self.tagged_mesh.mesh.geometry.dim
-            moves = [(name, np.zeros(gdim)) for a in contacts for name in (a.primary, a.secondary)]
-            moves += [(obstacle.on, motion.obstacles[i]) for i, obstacle in enumerate(obstacles)]
             known = (self.constraints, self.fixed, displacement)
-            check_moved_surfaces(V, self.tagged_mesh, moves, *known)
-            self.basis = replace(self.basis, gap=motion.gap_at(0.0))
+            check_moved_surfaces(V, self.tagged_mesh, motion.moves(contacts, obstacles), *known)
         return motion

@@ -81,8 +81,8 @@ class LevelReport:
         seconds: Wall time of the level.
         reactions: Forces on the bodies (:class:`resultants.Resultants`), one number a direction.
         balance: Their sum or moment, relative to all nodal forces.
-        slipping: Places with friction that slip.
-        friction_dissipation: What slip has dissipated, Σ c × slip (energy).
+        slipping: Places with friction that slip; in stages since the level before.
+        friction_dissipation: What this slip has dissipated, Σ c × slip (energy).
         rounds: Of the fixed point of Coulomb's friction; 1 without it.
         friction_excess: Largest force of friction beyond c, relative to the largest c, at least 0.
         driving_force: Where ζ moves supports and obstacles, the work that they do on the bodies for

@@ -30,8 +30,8 @@ from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import State
+from perfplast_fenicsx.solvers.active_set.friction_splitting import FrictionSplitting
 from perfplast_fenicsx.solvers.anderson import Anderson, elastic_weights
-from perfplast_fenicsx.solvers.friction_splitting import FrictionSplitting
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.progress import Step
 from perfplast_fenicsx.solvers.verdicts import BEYOND, above_limit
@@ -112,8 +112,10 @@ class AugmentedLagrangian(LevelSolver):
         criterion = "primal and dual residual met"
         super().__init__(problem, self.options.max_iterations, criterion)
         operator = self.iterate.operator(rho=1.0)
-        rubs = problem.friction.count > 0
-        self._splitting = FrictionSplitting(problem, operator) if rubs else None
+        self._splitting: FrictionSplitting | None = None
+        if problem.friction.count:
+            stiffness = problem.friction.gather(operator.diagonal()).max(axis=1)
+            self._splitting = FrictionSplitting(problem, operator, stiffness)
         self.program.set_operator(operator)
         self._first_work = 0.0
 

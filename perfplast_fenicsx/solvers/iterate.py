@@ -88,27 +88,29 @@ class Iterate:
             basis.T.mult(self.y, u.x.petsc_vec)
             u.x.scatter_forward()
             self.lifted |= start is None or problem.motion.driven
-        self._stick()
+        self._stick(start)
         self.fields.update()
         if self.lifted:  # or the first step would start from cells that yield without reason
             self.fields.take_elastic_stress(before)
         return problem.first_active.copy() if start is None else start.active.copy()
 
-    def _stick(self) -> None:
-        """Let places slip on that do so, by more than rounding. Collective."""
-        friction, comm = self.problem.friction, self.problem.comm
-        jumps, largest = self.jumps(), float(self.y.norm(PETSc.NormType.NORM_INFINITY))
-        sizes = norms(jumps)
-        slips = (sizes > ROUNDING * largest) & np.isfinite(friction.bound)
-        if comm.allreduce(int((~slips & (sizes > 0)).sum())):
-            self.y.array[friction.unknowns(~slips)] = 0
-            self.problem.basis.T.mult(self.y, self.fields.u.x.petsc_vec)
+    def _stick(self, start: State | None) -> None:
+        """Let places slip on that do so at the start, by more than rounding. Collective."""
+        problem, friction, slide = self.problem, self.problem.friction, self.problem.motion.slide_at
+        least = ROUNDING * self.y.norm(PETSc.NormType.NORM_INFINITY)
+        now = self.jumps()
+        then = now + slide(problem.moved_to) - (slide(start.zeta) if start else 0.0)
+        slips = (norms(then) > least) & np.isfinite(friction.bound)
+        near = ~slips & (norms(now) <= least)
+        if problem.comm.allreduce(bool(now[near].any()), MPI.LOR):
+            self.y.array[friction.unknowns(near)] -= now[near][friction.index[near] >= 0]
+            problem.basis.T.mult(self.y, self.fields.u.x.petsc_vec)
             self.fields.u.x.scatter_forward()
-        self.slip = slipping(jumps, friction.bound, slips)
+        self.slip = slipping(then, friction.bound, slips)
 
     def jumps(self) -> Floats:
-        """Tangential jumps (length) of the places of friction hosted here."""
-        return self.problem.friction.jumps(self.y)
+        """Slip (length) of the places of friction hosted here."""
+        return self.problem.friction.slip(self.y)
 
     def _remembered(self, start: State | None) -> tuple[Floats, Floats] | None:
         """Strain and stress of a state behind plastic flow, where it is to be moved from."""
@@ -137,9 +139,8 @@ class Iterate:
         return self.fields.potential() - self.total_work(zeta) + self.rubbed()
 
     def rubbed(self) -> float:
-        """Σ c‖s‖, which friction dissipates. Collective."""
-        friction = self.problem.friction
-        return self.problem.comm.allreduce(friction.energy(self.jumps())) if friction.count else 0.0
+        """Σ c‖slip‖, which friction dissipates. Collective."""
+        return self.problem.comm.allreduce(self.problem.friction.energy(self.jumps()))
 
     def _rubbing(self, beta: float) -> float:
         """Derivative of that along δu, at u + β δu. Collective."""
@@ -151,9 +152,8 @@ class Iterate:
 
     def _rubbing_size(self) -> float:
         """Σ c‖d‖ over the tangential jumps d of δu. Collective."""
-        friction = self.problem.friction
-        change = friction.jumps(self._delta_y)
-        return self.problem.comm.allreduce(friction.energy(change)) if friction.count else 0.0
+        friction, comm = self.problem.friction, self.problem.comm
+        return comm.allreduce(friction.energy(friction.jumps(self._delta_y)))
 
     def gradient(self, zeta: float) -> PETSc.Vec:
         """⟨Σ(ε(u)), ε(·)⟩ − L₀ − ζL₁ in jump unknowns, friction apart; until the next call."""

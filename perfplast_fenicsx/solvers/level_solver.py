@@ -15,6 +15,7 @@ from perfplast_fenicsx.errors import check_finite
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
+from perfplast_fenicsx.problem.slip import remember_slip
 from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
 from perfplast_fenicsx.solvers.active_set.friction_qp import FrictionProgram
@@ -186,6 +187,7 @@ class LevelSolver(Stepper, ABC):
         """
         check_finite(self.prescribes.value, value)
         self.problem.move_to(value)
+        remember_slip(self.problem, start)
         if not self.problem.friction.follows_pressure:
             return solve_level(self, value, start, monitor)
         pushes = np.zeros_like(self.problem.basis.gap) if start is None else self._pushes(start)

@@ -56,3 +56,29 @@ def test_a_round_pin_may_spin(read: Read, order: int, caplog: pytest.LogCaptureF
 def test_bodies_that_are_held_are_not_named(make: Callable[[int], Problem]) -> None:
     problem = make(2)
     assert not loose_motions(problem.V, problem.bodies, problem.fixed, problem.constraints)
+
+
+def write_long_beam(path: str | Path) -> None:
+    """A beam that is held at its end ``wall`` and rests on a block far from there."""
+    with gmsh_session() as gmsh:
+        occ = gmsh.model.occ
+        beam, block = occ.addBox(0, 0, 1, 8, 1, 1), occ.addBox(6, 0, 0, 2, 1, 1)
+        occ.fragment([(3, beam)], [(3, block)])
+        occ.synchronize()
+        name(3, {"beam": [beam], "block": [block]})
+        name(2, {"seam": interface(2)})
+        name_planes(2, {"wall": (0, 0.0), "floor": (2, 0.0)})
+        generate(3, lambda x, y, z: 1.0, 1)
+        write_split(path)
+
+
+def test_a_beam_that_is_held_far_from_where_it_rests(read: Read) -> None:
+    """Its contact lets it turn about an axis in the wall, which is near and so hardly moves."""
+    problem = Problem(
+        read(write_long_beam),
+        {"beam": STEEL, "block": STEEL},
+        [Support("wall"), Support("floor")],
+        [BodyForce("beam", (0.0, 0.0, -1.0))],
+        [Contact("beam_seam", "block_seam")],
+    )
+    assert not loose_motions(problem.V, problem.bodies, problem.fixed, problem.constraints)

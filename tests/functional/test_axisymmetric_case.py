@@ -59,7 +59,10 @@ def test_forces_are_told_to_be_of_the_full_turn(
     force = 100 * 3.141592653589793 * 3
     if comm.rank == 0:
         assert ", P1, axisymmetric, " in out
-        assert "Forces of the full turn (r: outwards, summed all around; z: along the axis)" in out
+        assert (
+            "Forces of the full turn (r: outwards, summed all around; z: along the axis) (N) at"
+            in out
+        )
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
     assert summary["model"]["kind"] == "axisymmetric"
     assert summary["model"]["axes"] == "rz"

@@ -17,21 +17,27 @@ from docs.repository import LINK
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.tie import Tie
+from perfplast_fenicsx.geometry.face_choice import NamedFace
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import tables as schemas
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
-from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
 from perfplast_fenicsx.problem.stage import Stage
 from perfplast_fenicsx.solvers.methods import METHODS
+from perfplast_fenicsx.units import Units
 from tests.test_walls import BELOW
+
+COARSE = {"prop --size 30": "prop --size 60"}
+"""Of the tutorial's mesh."""
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 TABLES = {
     "[mesh]": [schemas.MeshFile],
+    "[geometry]": [MeshingOptions, NamedFace],
     "[material.NAME]": [*MATERIALS.values()],
     "[[support]]": [schemas.SupportTable],
     "[[load]]": [schemas.LoadTable],
@@ -151,7 +157,7 @@ def test_pages_do_what_they_show(
     parts = list(commands.parts(page.read_text(encoding="utf-8")))
     assert sum(isinstance(part, commands.Command) for part in parts) == count
     # without pictures: they take most of the time, and have tests of their own
-    faults = commands.check(page, tmp_path / "clone", pictures=False)
+    faults = commands.check(page, tmp_path / "clone", pictures=False, coarse=COARSE)
     assert not faults, "\n".join([*faults, f"docs/commands.py docs/{name} --write refreshes it"])
 
 

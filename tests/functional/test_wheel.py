@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 import pytest
 
+from docs.man_page import man_page
 from perfplast_fenicsx import Contact, Elastic, Support, VonMises
 from perfplast_fenicsx.child_process import environment_apart
 from tests.models import case_text
@@ -30,6 +31,15 @@ CASE = case_text(
     contacts=[Contact("lower_top", "upper_bottom")],
     more="[loading]\nvalues = [100.0]\n[output]\nfields = false\npictures = false\n",
 )
+
+
+COMPLETE = """PATH=$0:$PATH
+. "$1/bash-completion/completions/perfplast"
+COMP_LINE='perfplast ru' COMP_POINT=12 COMP_TYPE=9 COMP_WORDBREAKS=' '
+_python_argcomplete perfplast
+echo "${COMPREPLY[@]}"
+"""
+"""What bash does on Tab, with the folders of commands and of shared files."""
 
 
 def run(*command: str | Path, cwd: Path) -> str:
@@ -54,6 +64,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     unwanted = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "perfplast_fenicsx", folder / "perfplast_fenicsx", ignore=unwanted)
+    shutil.copytree(ROOT / "share", folder / "share")
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, folder)
     offline = ("--no-deps", "--no-build-isolation", "--no-index")
@@ -67,10 +78,18 @@ def test_the_wheel_holds_every_module(wheel: Path) -> None:
     files = {
         path.relative_to(ROOT).as_posix()
         for path in (ROOT / "perfplast_fenicsx").rglob("*")
-        if path.suffix in (".py", ".pyi", ".typed")
+        if path.suffix in (".py", ".pyi", ".typed", ".html", ".css", ".js")
     }
     assert files <= held
     assert {f"perfplast_fenicsx/{room.replace('.', '/')}/__init__.py" for room in BELOW} <= held
+
+
+def test_the_man_page_is_that_of_the_parser() -> None:
+    page = (ROOT / "share" / "man" / "man1" / "perfplast.1").read_text(encoding="utf-8")
+    remedy = "./fenicsx python3 -m docs.man_page > share/man/man1/perfplast.1"
+    assert page == man_page(), remedy
+    for command in ("run", "plot", "materials"):
+        assert f"\n.SS perfplast {command}\n" in page
 
 
 def test_the_command_of_an_installed_wheel(wheel: Path, tmp_path: Path) -> None:
@@ -82,6 +101,9 @@ def test_the_command_of_an_installed_wheel(wheel: Path, tmp_path: Path) -> None:
     code = "import perfplast_fenicsx.io.case.case as case; print(case.__file__)"
     where = run(venv / "bin/python3", "-c", code, cwd=tmp_path)
     assert where.startswith(str(venv))
+    shown = run("bash", "-c", COMPLETE, venv / "bin", venv / "share", cwd=tmp_path)
+    assert (venv / "share" / "man" / "man1" / "perfplast.1").exists()
+    assert shown.split() == ["run"]
     (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
     told = run(venv / "bin/perfplast", "run", "case.toml", "-o", "results", cwd=tmp_path)
     assert "zeta" in told or "ζ" in told

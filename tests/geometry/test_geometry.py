@@ -2,7 +2,6 @@
 
 import math
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 
 from mpi4py import MPI
@@ -13,50 +12,15 @@ import pytest
 from perfplast_fenicsx import read_gmsh
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.geometry import MeshingOptions, Survey, mesh_geometry
-from perfplast_fenicsx.geometry.first_case import first_case
+from perfplast_fenicsx.geometry import MeshingOptions, Survey
+from perfplast_fenicsx.geometry.first_case import Glued, first_case
 from perfplast_fenicsx.geometry.parts import check_file, unique_names
-from perfplast_fenicsx.geometry.survey import Body
+from perfplast_fenicsx.geometry.survey import Body, Joint
 from perfplast_fenicsx.mesh import gmsh_session
+from tests.geometry.files import pin_in_plate, survey_of, write
 
 FOREIGN = Path("/usr/share/opencascade/data")
 """What Debian's OpenCASCADE brings along."""
-
-
-def pin_in_plate(shift: float = 0.0, beside: float = 0.0) -> None:
-    """A plate with a hole, the pin in it, a block on top, and one that stands beside."""
-    occ = gmsh.model.occ
-    plate, hole = occ.addBox(-10, -10, 0, 30, 20, 4), occ.addCylinder(0, 0, 0, 0, 0, 4, 5)
-    occ.cut([(3, plate)], [(3, hole)])
-    occ.addCylinder(shift, 0, 0, 0, 0, 4, 5)
-    occ.addBox(10, -10, 4, 10, 20, 4)
-    occ.addBox(20 + beside, -10, 0, 5, 20, 4)
-
-
-def write(path: Path, make: Callable[[], None]) -> Path:
-    """Write a geometry by rank 0."""
-    if MPI.COMM_WORLD.rank == 0:
-        with gmsh_session():
-            make()
-            gmsh.model.occ.synchronize()
-            gmsh.write(str(path))
-    MPI.COMM_WORLD.barrier()
-    return path
-
-
-def survey_of(source: Path, mesh: Path, options: MeshingOptions | None = None) -> Survey:
-    """Mesh by rank 0; the same survey or refusal on all ranks."""
-    found: Survey | InputError | None = None
-    if MPI.COMM_WORLD.rank == 0:
-        try:
-            found = mesh_geometry(source, mesh, options)
-        except InputError as error:
-            found = error
-    found = MPI.COMM_WORLD.bcast(found)
-    if isinstance(found, InputError):
-        raise found
-    assert found is not None
-    return found
 
 
 def nodes_in(mesh: Path) -> int:
@@ -98,7 +62,7 @@ def test_bodies_joints_and_faces(shared_tmp_path: Path) -> None:
 def test_curved_elements(shared_tmp_path: Path) -> None:
     step = write(shared_tmp_path / "ball.step", lambda: gmsh.model.occ.addSphere(0, 0, 0, 1))
     mesh = shared_tmp_path / "ball.msh"
-    found = survey_of(step, mesh, MeshingOptions(size=1.0, order=2))
+    found = survey_of(step, mesh, MeshingOptions(size=0.6, order=2))
     assert found.bodies[0].volume == pytest.approx(4 * math.pi / 3, rel=2e-3)
     assert found.faces[0].area == pytest.approx(4 * math.pi, rel=2e-3)
     assert found.nodes == nodes_in(mesh)
@@ -128,6 +92,13 @@ def test_groups_with_names(shared_tmp_path: Path) -> None:
     read = read_gmsh(MPI.COMM_WORLD, mesh)
     assert set(read.volumes) == {"a_1", "a_2", "a_x_low"}
     assert {face.name for face in found.faces} < set(read.surfaces)
+
+
+TWO_NAMES = """SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 1, 1};
+Physical Surface("a") = {1};
+Physical Surface("b") = {1};
+"""
 
 
 def test_bodies_apart(shared_tmp_path: Path) -> None:
@@ -162,6 +133,7 @@ def test_command(shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> No
         ("broken.step", "ISO-10303-21;\nDATA;\n#1=OOPS(;\nEND", "broken.step'"),
         ("nothing.geo", "a = 1;", "has no volume and no surface"),
         ("wrong.geo", "Box(1) = {0, 0", "cannot be read"),
+        ("twice.geo", TWO_NAMES, "surface 1 of .* is in the physical groups 'a' and 'b'"),
     ],
 )
 def test_no_geometry(shared_tmp_path: Path, name: str, content: str | None, says: str) -> None:
@@ -172,6 +144,35 @@ def test_no_geometry(shared_tmp_path: Path, name: str, content: str | None, says
     with pytest.raises(InputError, match=says):
         survey_of(shared_tmp_path / name, mesh)
     assert not mesh.exists()
+
+
+def test_bodies_that_touch_along_an_edge(shared_tmp_path: Path) -> None:
+    def two() -> None:
+        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+        gmsh.model.occ.addBox(1, 1, 0, 1, 1, 1)
+
+    step, mesh = write(shared_tmp_path / "edge.step", two), shared_tmp_path / "edge.msh"
+    found = survey_of(step, mesh, MeshingOptions(size=1.0))
+    assert "'part_1' and 'part_2' touch along an edge" in found.remarks[0]
+    assert not found.joints
+    assert not found.near
+
+
+def test_patience(shared_tmp_path: Path) -> None:
+    step, mesh = write(shared_tmp_path / "pin.step", pin_in_plate), shared_tmp_path / "pin.msh"
+    with pytest.raises(InputError, match=r"was not meshed in 0\.01 s"):
+        survey_of(step, mesh, MeshingOptions(patience=0.01))
+    assert not mesh.exists()
+
+
+def test_bolts_with_nuts() -> None:
+    bodies = [Body(name, name, 1.0, (0.0,) * 3, (1.0,) * 3, 1, 1.0) for name in ("bolt_1", "nut")]
+    joint = Joint(("bolt_1", "nut"), ("bolt_1_joint_1", "nut_joint_1"), 1.0, ("cylindrical",))
+    for glued, kind in ((Glued.NOTHING, "contact"), (Glued.BOLTS, "tie"), (Glued.ALL, "tie")):
+        text = first_case(Survey(3, 1, 4, bodies, [joint]), "a", "a.step", glued=glued)
+        assert kind in tomllib.loads(text)
+    with pytest.raises(InputError, match="no bolt touches a nut"):
+        first_case(Survey(3, 1, 4, bodies), "a", "a.step", glued=Glued.BOLTS)
 
 
 @pytest.mark.parametrize(
@@ -228,7 +229,7 @@ def test_options(values: dict[str, float], says: str) -> None:
 @pytest.mark.parametrize("title", ["Ü \"1\" \\ '2'", "two\nlines = 1\t", "\x7f\x00"])
 def test_any_title(title: str) -> None:
     body = Body("a", title, 1.0, (0.0,) * 3, (1.0,) * 3, 1, 1.0)
-    case = tomllib.loads(first_case(Survey(3, 1, 4, [body]), title, "mesh.msh"))
+    case = tomllib.loads(first_case(Survey(3, 1, 4, [body]), title, "a.step"))
     assert case["title"] == title
     assert case["material"].keys() == {"a"}
 

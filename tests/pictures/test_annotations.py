@@ -67,3 +67,12 @@ def test_obstacles_are_sampled_around_the_bodies(where: str) -> None:
         x = near.corner + near.spacing * [i, j, k]
         gdim = 2 if where == "plane" else 3
         assert np.isclose(distances[i, j, k], obstacle.towards(x[None, :gdim])[0][0])
+
+
+def test_an_obstacle_is_drawn_where_it_has_moved_to() -> None:
+    surface = skin(square(MPI.COMM_SELF), Scene(""))
+    floor = Plane("side", (0.0, 0.0), (0.0, 1.0), move=(0.3, 0.2))
+    near, moved = (
+        sample_obstacles(surface, surface.points, [floor], travel) for travel in (0.0, 0.5)
+    )
+    assert np.allclose(moved.distances[0], near.distances[0] - 0.1)

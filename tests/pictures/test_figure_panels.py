@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.units import Units
 
 figure_panels = pytest.importorskip("perfplast_fenicsx.pictures.figure_panels")
 
@@ -86,6 +86,21 @@ def test_colours_of_stress(count: int) -> None:
     assert displacement.bars[0][1].vmax == pytest.approx(
         np.linalg.norm(surface.at_points["displacement"], axis=1).max()
     )
+
+
+def test_slip_and_friction_are_shown_on_contact_surfaces() -> None:
+    surface = triangles(["a", "b"], [0.5, 0.5])
+    surface.at_points["slip"] = surface.points * [0.0, 0.0, 3.0]
+    surface.at_points["friction_stress"] = surface.points * [0.0, 0.0, -40.0]
+    shown = figure_panels.panels([surface], Units("mm", "MPa"))
+    slip, friction = shown[-2:]
+    assert [panel.title.split(",")[0] for panel in shown[-2:]] == ["Slip", "Friction"]
+    for panel, largest, unit in ((slip, 3.0, "(mm)"), (friction, 40.0, "(MPa)")):
+        _, norm, label = panel.bars[0]
+        assert (norm.vmin, norm.vmax) == pytest.approx((0.0, largest))
+        assert unit in label
+        assert panel.facets.tolist() == [False, True]
+    assert len(figure_panels.panels([surface], Units(), middle=False)) == len(shown) - 3
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,9 @@
 """Case files: what is solved and how, as TOML.
 
-A case file holds the tables ``[mesh]``, ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
-``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``,
-``[[initial_stress]]``, ``[model]``, ``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``,
-``[output]`` and ``[units]``; see
+A case file holds the tables ``[mesh]`` or ``[geometry]``, ``[material.NAME]``, ``[[support]]``,
+``[[load]]``, ``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``,
+``[[temperature]]``, ``[[initial_stress]]``, ``[model]``, ``[element]``, ``[solve]``, ``[loading]``
+or ``[[stage]]``, ``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
@@ -17,6 +17,7 @@ from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.loading_checks import check_loading
 from perfplast_fenicsx.io.case.loading_options import (
     BoundsControl,
@@ -27,7 +28,7 @@ from perfplast_fenicsx.io.case.loading_options import (
 from perfplast_fenicsx.io.case.loading_table import read_loading, remembering
 from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
 from perfplast_fenicsx.io.case.method_table import read_method
-from perfplast_fenicsx.io.case.scene import Scene, Units
+from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.io.case.tables import (
     Document,
@@ -41,6 +42,7 @@ from perfplast_fenicsx.io.case.tables import (
     SupportTable,
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
+from perfplast_fenicsx.io.case.units_table import read_units
 from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod, method_for
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
@@ -54,19 +56,21 @@ from perfplast_fenicsx.problem.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.stage import Stage, check_stages
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.methods import METHODS
+from perfplast_fenicsx.units import Units
 
 
 @dataclass(frozen=True)
 class Case:
     """A case file, read and checked as far as it can be without its mesh.
 
-    ``table`` is what it says, as TOML.
+    ``text`` is what it says, ``table`` the same as TOML.
     """
 
     path: Path
+    text: str = field(repr=False)
     table: Table = field(repr=False)
     title: str
-    mesh: MeshFile | MeshBuilder
+    mesh: MeshFile | MeshBuilder | GeometryFile
     adapt: Adaptation | None
     materials: dict[str, Material]
     supports: list[Support]
@@ -120,8 +124,11 @@ class Case:
             InputError: If there is no such builder or file, its arguments or content are wrong, or
                 it cannot be adapted where that is wanted.
         """
-        with at(f"{self.path.name}, [mesh]"):
-            if isinstance(self.mesh, MeshBuilder):
+        made = isinstance(self.mesh, GeometryFile)
+        with at(f"{self.path.name}, [{'geometry' if made else 'mesh'}]"):
+            if isinstance(self.mesh, GeometryFile):
+                mesh = self.mesh.mesh(comm, self.path)
+            elif isinstance(self.mesh, MeshBuilder):
                 mesh = build(comm, self.mesh.builder, **self.mesh.arguments)
             else:
                 mesh = read_gmsh(comm, self.path.parent / self.mesh.file)
@@ -189,18 +196,19 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
         except InputError as error:
             fault = str(error)
     raise_together(comm, fault)
-    table = parse(comm.bcast(text), path.name)
-    return _case(path, table)
+    return _case(path, comm.bcast(text))
 
 
-def _case(path: Path, table: Table) -> Case:
+def _case(path: Path, text: str) -> Case:
     name = path.name
+    table = parse(text, name)
     top = convert(table, Document, name)
     materials: dict[str, Material] = {}
     for body, properties in top.material.items():
         place = f"{name}, [material.{body}]"
         _, law, rest = choose(properties, "law", MATERIALS, place)
         materials[body] = convert(rest, law, place)
+    units = read_units(top.units, materials, name)
     loads = []
     for place, load in _numbered(top.load, f"{name}, [[load]]"):
         loads.append(convert(load, LoadTable, place).load(place))
@@ -237,7 +245,7 @@ def _case(path: Path, table: Table) -> Case:
             check_stages(loading.stages, loads, initial)
     with at(place):
         check_loading(loading, loads, [*held, *rigid], obstacles, strained)
-    mesh = read_mesh(top.mesh, f"{name}, [mesh]")
+    mesh = read_mesh(top.mesh, top.geometry, name)
     model = convert(top.model, ModelOptions, f"{name}, [model]")
     if model.kind == "axisymmetric" and isinstance(loading, BoundsControl):
         raise InputError(
@@ -246,6 +254,7 @@ def _case(path: Path, table: Table) -> Case:
         )
     return Case(
         path=path,
+        text=text,
         table=table,
         title=top.title or path.stem,
         mesh=mesh,
@@ -263,7 +272,7 @@ def _case(path: Path, table: Table) -> Case:
         options=options,
         loading=loading,
         output=convert(top.output, OutputOptions, f"{name}, [output]"),
-        units=convert(top.units, Units, f"{name}, [units]"),
+        units=units,
         initial=initial,
     )
 

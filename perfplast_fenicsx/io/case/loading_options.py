@@ -7,6 +7,7 @@ from typing import ClassVar, Literal
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.schema import Table
+from perfplast_fenicsx.limit_analysis.limit_checks import check_tolerance
 from perfplast_fenicsx.limit_analysis.limit_methods import TOLERANCE, LimitMethod
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.stage import Stage
@@ -76,9 +77,9 @@ class WorkControl:
                 if getattr(self, key) is not None:
                     raise InputError(f"{key} goes with until = 'limit'; leave it out.")
         else:
-            if self.limit_tolerance is None:
-                object.__setattr__(self, "limit_tolerance", TOLERANCE)
-            _check_tolerance(self.limit_tolerance)
+            tolerance = TOLERANCE if self.limit_tolerance is None else self.limit_tolerance
+            check_tolerance(tolerance)
+            object.__setattr__(self, "limit_tolerance", tolerance)
 
     def check_proportional(self) -> None:
         """Refuse what makes sense beside constant loads or moving supports alone."""
@@ -105,7 +106,7 @@ class BoundsControl:
     limit_tolerance: float = 1e-4
 
     def __post_init__(self) -> None:
-        _check_tolerance(self.limit_tolerance)
+        check_tolerance(self.limit_tolerance)
 
 
 @dataclass(frozen=True)
@@ -154,11 +155,6 @@ class StageControl:
 
 
 Control = LoadControl | DisplacementControl | WorkControl | BoundsControl | StageControl
-
-
-def _check_tolerance(tolerance: float | None) -> None:
-    if tolerance is None or not 0 < tolerance < 1:
-        raise InputError(f"limit_tolerance = {tolerance} is not between 0 and 1; try 1e-4.")
 
 
 def _check_values(

@@ -1,23 +1,34 @@
-"""``[mesh]`` of a case file: a file or a builder, and how it is adapted."""
+"""``[mesh]`` or ``[geometry]`` of a case file, and how the mesh is adapted."""
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.geometry_table import GeometryFile, read_geometry
 from perfplast_fenicsx.io.case.loading_options import BoundsControl, Control
 from perfplast_fenicsx.io.case.schema import Table, convert
 from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile
 from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 
 
-def read_mesh(table: Table, place: str) -> MeshFile | MeshBuilder:
-    """The mesh.
+def read_mesh(
+    table: Table, geometry: Table | None, name: str
+) -> MeshFile | MeshBuilder | GeometryFile:
+    """The mesh, or what it is made of.
+
+    Args:
+        table: ``[mesh]``.
+        geometry: ``[geometry]``, if there is one.
+        name: Of the case file.
 
     Raises:
         InputError: If there is not exactly one of a file and a builder, or keys are wrong.
     """
+    place = f"{name}, [mesh]"
+    if geometry is not None:
+        return read_geometry(geometry, table, f"{name}, [geometry]")
     if ("builder" in table) == ("file" in table):
         what = "both a builder and a file" if "builder" in table else "neither a builder nor a file"
         raise InputError(
             f"{place}: there is {what}; give either builder = 'two_blocks' or another builder"
-            " with its arguments, or file = 'assembly.msh'."
+            " with its arguments, or file = 'assembly.msh', or a [geometry] instead."
         )
     if "file" in table:
         return convert(table, MeshFile, place)

@@ -5,7 +5,7 @@ A run writes it with its results, so that pictures can be made of them without t
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,36 +14,10 @@ from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.problem.loads import LOADS, Load, Pressure, Traction
+from perfplast_fenicsx.units import Units
 
 if TYPE_CHECKING:  # what reads results for pictures starts no MPI
     from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-
-
-@dataclass(frozen=True)
-class Units:
-    """Names of the units, for legends alone; nothing is converted.
-
-    Args:
-        length: Of the mesh, such as "mm".
-        stress: Of the materials and loads, such as "MPa".
-    """
-
-    length: str = ""
-    stress: str = ""
-
-    def of_length(self) -> str:
-        """What stands in brackets behind a length."""
-        return self.length or "the mesh's unit of length"
-
-    def of_stress(self) -> str:
-        """What stands in brackets behind a stress."""
-        return self.stress or "the materials' unit of stress"
-
-    def of_work(self, gdim: int) -> str:
-        """What stands in brackets behind a work, in the plane for each unit of depth; or none."""
-        if not (self.length and self.stress):
-            return ""
-        return f"{self.stress} {self.length}{'²' if gdim == 2 else '³'}"
 
 
 @dataclass(frozen=True)
@@ -55,7 +29,7 @@ class Scene:
         loads: What acts, times ζ but for constant ones.
         contacts: Pairs of surfaces.
         obstacles: Rigid ones.
-        units: For legends.
+        units: What numbers are in.
         axisymmetric: Whether the mesh is half a section of bodies of revolution.
         driven: Whether ζ moves supports and obstacles, and no load grows.
     """
@@ -64,13 +38,13 @@ class Scene:
     loads: Sequence[Load] = ()
     contacts: Sequence[Contact] = ()
     obstacles: Sequence[Obstacle] = ()
-    units: Units = Units()
+    units: Units = field(default_factory=Units)
     axisymmetric: bool = False
     driven: bool = False
 
     def unit_of_work(self, gdim: int) -> str:
         """What stands in brackets behind a work on a mesh of this dimension; or nothing."""
-        return self.units.of_work(3 if self.axisymmetric else gdim)
+        return self.units.of_work(whole=self.axisymmetric or gdim == 3)
 
     @property
     def view(self) -> str:

@@ -122,7 +122,7 @@ def described(hint: Any, key: str) -> str:
         known = [argument for argument in arguments if argument is not types.NoneType]
         return _either([described(argument, key) for argument in known])
     if origin in (list, Sequence):
-        if typing.get_origin(arguments[0]) is dict:
+        if typing.get_origin(arguments[0]) is dict or dataclasses.is_dataclass(arguments[0]):
             return f"tables, each under a heading [[{key}]] of its own"
         return f"a list whose items are each {described(arguments[0], key)}"
     if origin is dict and arguments[-1] is float:

@@ -22,7 +22,8 @@ class Document:
     """The top level of a case file.
 
     Args:
-        mesh: The bodies.
+        mesh: The bodies; it is missing, or has ``adapt`` alone, where there is a geometry.
+        geometry: A CAD file that is meshed for the run.
         material: The law of each body; NAME is that of its physical volume.
         load: What pushes and pulls, at least once unless control = "displacement". The load factor
             ζ multiplies all loads but those that are constant.
@@ -41,11 +42,12 @@ class Document:
         element: The finite elements.
         solve: The algorithm and its options.
         output: What is written.
-        units: What legends call the units.
+        units: What the numbers are in.
     """
 
-    mesh: Table
     material: dict[str, Table]
+    mesh: Table = field(default_factory=dict)
+    geometry: Table | None = None
     loading: Table | None = None
     stage: list[Table] = field(default_factory=list)
     model: Table = field(default_factory=dict)

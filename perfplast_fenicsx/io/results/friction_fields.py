@@ -8,6 +8,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.sparse_rows import entries_of, matrix_of_entries
 from perfplast_fenicsx.problem.certificate import friction_forces
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.slip import slipped
 from perfplast_fenicsx.problem.state import Level
 
 
@@ -15,8 +16,9 @@ class FrictionFields:
     """Linear on surfaces with friction, zero elsewhere.
 
     Attributes:
-        fields: ``slip`` (length), the jump u_a − u_b along the surface, on both of them; and
-            ``friction_stress``, what friction exerts on each surface, with opposite signs.
+        fields: ``slip`` (length), u_a − u_b along the surface since the beginning, on both
+            of them; and ``friction_stress``, what friction exerts on each surface, with opposite
+            signs.
     """
 
     def __init__(self, problem: Problem, vertices: fem.FunctionSpace) -> None:
@@ -50,9 +52,8 @@ class FrictionFields:
         """
         problem, friction = self._problem, self._problem.friction
         y = problem.create_vector()
-        problem.basis.M.mult(level.state.u.x.petsc_vec, y)
         forces = friction_forces(problem, level.stress, level.state.zeta)
-        slip = np.einsum("ni,nij->nj", friction.jumps(y), friction.direction)
+        slip = np.einsum("ni,nij->nj", slipped(problem, level.state), friction.direction)
         on_nodes = problem.sliding.B.createVecLeft()
         on_nodes.array[:] = -forces[friction.index >= 0]
         problem.sliding.B.multTranspose(on_nodes, y)

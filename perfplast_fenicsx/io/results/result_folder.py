@@ -8,14 +8,11 @@ import csv
 import dataclasses
 import errno
 import io
-import json
-import math
 import os
 import resource
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -24,6 +21,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import raise_together
+from perfplast_fenicsx.io.results.given_table import given_table
 from perfplast_fenicsx.io.results.result_files import (
     BEFORE,
     EARLIER,
@@ -33,6 +31,7 @@ from perfplast_fenicsx.io.results.result_files import (
     PROOF,
     SERIES,
 )
+from perfplast_fenicsx.io.results.summary import Summary, to_json
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import LevelReport
@@ -40,6 +39,7 @@ from perfplast_fenicsx.problem.report import LevelReport
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
     *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png", PROOF),
+    "report.html",
     *(NEWEST, BEFORE, *EARLIER),
 )
 """What a run looks for before it writes, and removes when it is told to."""
@@ -166,34 +166,6 @@ class ResultFolder:
         return f"the output folder '{self.path}' cannot be written ({reason}); give another one."
 
 
-@dataclass
-class Summary:
-    """What ``summary.json`` says; its fields are the keys.
-
-    Attributes:
-        prescribed: What each level prescribes, "zeta" or "alpha"; the other one is found.
-        mesh: Numbers of cells, vertices and displacement unknowns (dofs).
-        model: Which ``kind`` it is, the ``axes`` that components of ``reactions`` are of, and what
-            ``forces`` and works are of: each unit of depth, or the full turn.
-        steps: A :data:`STEP_KEYS` table for each level.
-        limit: Limit load, where one was asked for.
-        timings: Wall time by activity (s).
-        peak_memory_mb: Sum over the ranks of their largest resident sizes (MiB).
-    """
-
-    title: str
-    version: str
-    method: str
-    prescribed: str
-    ranks: int
-    mesh: dict[str, int]
-    model: dict[str, str]
-    steps: list[dict[str, Any]] = field(default_factory=list)
-    limit: dict[str, Any] | None = None
-    timings: dict[str, float] = field(default_factory=dict)
-    peak_memory_mb: float = 0.0
-
-
 class Results:
     """Summary and path of a run, on file from the first level on."""
 
@@ -222,6 +194,7 @@ class Results:
                 "dofs": problem.num_dofs,
             },
             model={"kind": kinematics.name, "axes": kinematics.axes, "forces": kinematics.forces},
+            given=given_table(problem.given),
         )
         self.reports: list[LevelReport] = []
         for report in reports:
@@ -282,18 +255,3 @@ def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
 def peak_memory() -> float:
     """Largest resident size of this process so far (MiB)."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-
-
-def to_json(value: Any) -> str:
-    """JSON with numbers that are not finite as null, which JSON has no word for."""
-
-    def finite(item: Any) -> Any:
-        if isinstance(item, dict):
-            return {key: finite(entry) for key, entry in item.items()}
-        if isinstance(item, list | tuple):
-            return [finite(entry) for entry in item]
-        if isinstance(item, float):
-            return item + 0.0 if math.isfinite(item) else None  # -0.0 becomes 0.0
-        return item
-
-    return json.dumps(finite(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"

@@ -65,6 +65,7 @@ class ResultWriter:
         self.results = Results(
             folder, problem, scene.title, __version__, method, prescribed, saved.reports
         )
+        self.results.summary.units = scene.units.table(problem.kinematics.whole)
         self._output = OutputFields(problem) if fields else None
         self._fields = FieldSeries(folder, problem, prescribed, saved.reports) if fields else None
 
@@ -95,6 +96,7 @@ class ResultWriter:
         limit: LimitLoad,
         body: BodyBounds | None = None,
         adaptive: AdaptiveBounds | None = None,
+        fields: bool = True,
     ) -> None:
         """Write a limit load and its mechanism. Collective.
 
@@ -102,25 +104,28 @@ class ResultWriter:
             limit: The limit load of the mesh.
             body: What is proven of the body.
             adaptive: The meshes on which that was sought, where there are several.
+            fields: Whether to write the mechanism; where it is one on another mesh, the fields of
+                levels are lost.
 
         Raises:
             InputError: On every rank, if the system refuses; what was there before is whole.
         """
         with self.results.timed("output"):
-            if self._fields is not None and self._output is not None and limit.collapses:
+            shown = fields and limit.collapses
+            if self._fields is not None and self._output is not None and shown:
                 problem = body.problem if body else self._problem
                 if problem is not self._problem:  # the mesh was split or refined
                     folder, prescribed = self.results.folder, Prescribed.WORK
                     self._fields = FieldSeries(folder, problem, prescribed)
                     self._output = OutputFields(problem)
                 work = dissipation(problem, limit.mechanism)
-                fields = {"mechanism": limit.mechanism, "dissipation": work}
+                found = {"mechanism": limit.mechanism, "dissipation": work}
                 if limit.stress is not None and limit.contact_forces is not None:
-                    fields |= self._output.of_stress(limit.stress, limit.contact_forces)
+                    found |= self._output.of_stress(limit.stress, limit.contact_forces)
                 if body is not None:
-                    fields |= bound_fields(body)
+                    found |= bound_fields(body)
                 alpha = 0.0 if limit.alpha is None else limit.alpha
-                self._fields.write_mechanism(fields, limit.lower, alpha)
+                self._fields.write_mechanism(found, limit.lower, alpha)
             if body is not None:
                 low, high = (adaptive.low, adaptive.high) if adaptive else (body, body)
                 lower, upper = proofs(low, high)

@@ -3,7 +3,8 @@
     minimise ½ δᵀAδ + rᵀδ + Σ c‖s + δ_t‖  subject to  δ_s ≤ room
 
 Each linearisation of friction (:mod:`slip`) leaves a contact QP in which tangential jumps are held
-where surfaces stick, and have forces and springs where they slip.
+where surfaces stick, and have forces and springs where they slip. Where one leads to the next
+without end, splitting (:mod:`friction_splitting`) comes nearer, and they go on from there.
 """
 
 from dataclasses import dataclass, replace
@@ -17,6 +18,7 @@ from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram, ContactStep
 from perfplast_fenicsx.solvers.active_set.equality_qp import Held
+from perfplast_fenicsx.solvers.active_set.friction_splitting import FrictionSplitting
 from perfplast_fenicsx.solvers.active_set.slip import (
     Slip,
     distance,
@@ -26,7 +28,10 @@ from perfplast_fenicsx.solvers.active_set.slip import (
 )
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
-MOST_LINEARISATIONS = 40
+MOST_LINEARISATIONS = 20
+
+SPLITTINGS = (20, 80, 320)
+"""So many steps of splitting each time that places still stick and slip in turn."""
 
 SETTLED = 1e-9
 """Distance from the law of friction, relative to the largest force, that is none."""
@@ -39,10 +44,23 @@ class FrictionStep:
     Attributes:
         step: That of the last linearisation; not settled where the next one differs.
         slip: The next linearisation.
+        turns: Whether places stick or slip in it that did not in the last one.
     """
 
     step: ContactStep
     slip: Slip
+    turns: bool
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What a contact QP with friction is given; see :meth:`FrictionProgram.solve`."""
+
+    r: PETSc.Vec
+    room: Floats
+    jumps: Floats
+    rtol: float
+    work: float | None
 
 
 class FrictionProgram:
@@ -59,11 +77,7 @@ class FrictionProgram:
         """Take a new operator A in the jump basis, or the same with new values. Collective."""
         self._operator = A
         if self._stiffness is None:
-            A.hold(np.zeros(0, dtype=np.int32))
-            diagonal = A.matrix.getDiagonal()
-            entries = self._problem.friction.gather(diagonal.array_r)
-            diagonal.destroy()
-            self._stiffness = entries.max(axis=1)
+            self._stiffness = self._problem.friction.gather(A.diagonal()).max(axis=1)
 
     def solve(
         self,
@@ -91,16 +105,37 @@ class FrictionProgram:
         Raises:
             LinearFailure: If a linear system cannot be solved.
         """
+        asked = _Asked(r, room, jumps, rtol, work)
+        found = self._linearise(asked, active, slip, exact)
+        for steps in SPLITTINGS if exact else ():
+            if found.step.settled or not found.turns:
+                break
+            begun = found.step.iterations
+            slip, active, iterations = self._split(asked, found.step, steps)
+            found = self._linearise(asked, active, slip, exact)
+            iterations += begun + found.step.iterations
+            found = replace(found, step=replace(found.step, iterations=iterations))
+        return found
+
+    def _linearise(self, asked: _Asked, active: PairFlags, slip: Slip, exact: bool) -> FrictionStep:
+        """Solve for one linearisation after the other until they end, or one. Collective."""
         assert self._operator is not None and self._stiffness is not None
-        friction, k, comm = self._problem.friction, self._stiffness, self._problem.comm
+        friction, k, comm, jumps = (
+            self._problem.friction,
+            self._stiffness,
+            self._problem.comm,
+            asked.jumps,
+        )
         iterations = 0
         for _ in range(MOST_LINEARISATIONS):
-            r.copy(self._r)
+            asked.r.copy(self._r)
             friction.add(forces_of(slip, friction.bound, jumps), self._r.array)
             self._operator.add_springs((friction.index, springs(slip, k)))
             self._program.set_operator(self._operator)
             held = Held(friction.unknowns(slip.sticks), -jumps[self._there(slip)])
-            step = self._program.solve(self._r, room, active, rtol, exact, work, held)
+            step = self._program.solve(
+                self._r, asked.room, active, asked.rtol, exact, asked.work, held
+            )
             iterations += step.iterations
             after = jumps + friction.jumps(step.delta)
             forces = forces_of(slip, friction.bound, after)
@@ -116,7 +151,29 @@ class FrictionProgram:
             if settled or not exact:
                 break
         settled = settled and step.settled
-        return FrictionStep(replace(step, settled=settled, iterations=iterations), slip)
+        return FrictionStep(
+            replace(step, settled=settled, iterations=iterations), slip, changes > 0
+        )
+
+    def _split(self, asked: _Asked, last: ContactStep, steps: int) -> tuple[Slip, PairFlags, int]:
+        """Take steps of splitting from the last solution. Collective.
+
+        Returns:
+            The linearisation and the active set that they lead to; and how many systems were
+            solved.
+        """
+        assert self._operator is not None and self._stiffness is not None
+        friction, active, iterations = self._problem.friction, last.active, 0
+        splitting = FrictionSplitting(self._problem, self._operator, self._stiffness)
+        self._program.set_operator(self._operator)
+        splitting.begin(asked.jumps + friction.jumps(last.delta))
+        for _ in range(steps):
+            asked.r.copy(self._r)
+            splitting.add_gradient(asked.jumps, 1.0, self._r)
+            step = self._program.solve(self._r, asked.room, active, asked.rtol, True, asked.work)
+            splitting.follow(asked.jumps + friction.jumps(step.delta), 1.0)
+            active, iterations = step.active, iterations + step.iterations
+        return splitting.slip(), active, iterations
 
     def _there(self, slip: Slip) -> np.ndarray:
         """Jumps, of the shape of ``index``, that are held."""

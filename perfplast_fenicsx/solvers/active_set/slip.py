@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.friction import norms
+from perfplast_fenicsx.contact.friction import norms, shrunk
 
 DRAG = 1e-8
 """Springs along the slip, relative to the bodies' stiffness, that resist changes of it in a step:
@@ -88,10 +88,7 @@ def judge(slip: Slip, bound: Floats, stiffness: Floats, forces: Floats, jumps: F
 
 def distance(bound: Floats, stiffness: Floats, forces: Floats, jumps: Floats) -> Floats:
     """‖μ − c z/max(c, ‖z‖)‖, zero where the law of friction holds, shape (num_places,)."""
-    z = forces + stiffness[:, None] * jumps
-    sizes = norms(z)
-    share = np.divide(bound, sizes, out=np.ones_like(bound), where=sizes > bound)
-    return norms(forces - share[:, None] * z)
+    return norms(forces - shrunk(forces + stiffness[:, None] * jumps, bound))
 
 
 def springs(slip: Slip, stiffness: Floats) -> Floats:

@@ -89,6 +89,14 @@ class ContactOperator:
         first = self.matrix.getOwnershipRange()[0]
         self.matrix.zeroRowsColumns((held + first).astype(PETSc.IntType), diag=scale)
 
+    def diagonal(self) -> Floats:
+        """Entries A_ii of this rank's unknowns, with nothing held but ties. Collective."""
+        self.hold(np.zeros(0, dtype=np.int32))
+        diagonal = self.matrix.getDiagonal()
+        entries = np.array(diagonal.array_r)
+        diagonal.destroy()
+        return entries
+
     def nodal(self) -> PETSc.Mat:
         """K of type "aij", for whoever asks to destroy. Collective."""
         return self.stiffness.convert("aij", PETSc.Mat())

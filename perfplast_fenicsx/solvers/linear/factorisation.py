@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
+from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
 from perfplast_fenicsx.solvers.linear.mumps_memory import ENTRIES, OPERATIONS, Price, price
 from perfplast_fenicsx.solvers.linear.outcome import Outcome, run
 from perfplast_fenicsx.solvers.linear.petsc_options import LINEAR, own_prefix, solver_name
@@ -63,7 +64,7 @@ class Factorisation:
         self._cg.setOptionsPrefix(own_prefix(LINEAR, KEPT, heed=False))
         self._cg.setFromOptions()
         self._cg.setPC(self._ksp.getPC())
-        self._kept = False
+        self._kept = self._failed = False
 
     @property
     def worth(self) -> int:
@@ -95,6 +96,9 @@ class Factorisation:
 
     def renew(self, flow: PETSc.Vec | None) -> None:
         """Factorise at the next solve."""
+        if self._failed:
+            forget_factors(self._ksp)
+            self._failed = False
         self._ksp.getPC().setReusePreconditioner(False)
         self._kept = False
 
@@ -109,6 +113,7 @@ class Factorisation:
             self._cg.setTolerances(rtol=rtol, max_it=max(self.worth, 1))
             return run(self._cg, b, x)
         outcome = run(self._ksp, b, x)
+        self._failed = not outcome.solved
         if outcome.solved and self._left(b, x) > USELESS:
             return Outcome(outcome.iterations, "the solution leaves most of the right-hand side")
         return outcome

@@ -8,6 +8,7 @@ from petsc4py import PETSc
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.machine_memory import has_memory, spare_memory
+from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
 
 ROOM, NEEDED, MOST = 14, 15, 23
 """MUMPS's numbers of: more room to work in (%), what a rank needs, and what it may take (MB)."""
@@ -43,13 +44,13 @@ def price(ksp: PETSc.KSP, matrix: PETSc.Mat) -> Price:
         matrix: What would be factorised.
     """
     comm = ksp.comm.tompi4py()
-    operations, needed = _analyse(ksp, matrix)
+    operations, needed = _analyse(ksp)
     fits = comm.allreduce(needed / 1e6 <= spare_memory(comm), MPI.LAND)
     entries = matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
     return Price(math.sqrt(operations / max(entries, 1)), fits)
 
 
-def _analyse(ksp: PETSc.KSP, matrix: PETSc.Mat) -> tuple[float, float]:
+def _analyse(ksp: PETSc.KSP) -> tuple[float, float]:
     """Operations of all ranks, and memory that this rank needs at least (bytes). Collective.
 
     MUMPS is allowed next to nothing, so that it stops after the analysis.
@@ -61,8 +62,7 @@ def _analyse(ksp: PETSc.KSP, matrix: PETSc.Mat) -> tuple[float, float]:
     ksp.setUp()
     least = factors.getMumpsInfo(NEEDED) * 1e6 / (1 + factors.getMumpsIcntl(ROOM) / 100)
     operations = factors.getMumpsRinfog(ESTIMATED)
-    ksp.reset()
-    ksp.setOperators(matrix)
+    forget_factors(ksp)
     return operations, least
 
 
@@ -82,7 +82,7 @@ def check_memory(ksp: PETSc.KSP) -> None:
     pc, (matrix, _) = ksp.getPC(), ksp.getOperators()
     if pc.getType() not in ("cholesky", "lu") or pc.getFactorSolverType() != "mumps":
         return
-    _, least = _analyse(ksp, matrix)
+    _, least = _analyse(ksp)
     enough, needed, has = has_memory(ksp.comm.tompi4py(), least)
     if not enough:
         raise TooLarge(

@@ -19,7 +19,7 @@ POWERS = 12
 
 
 class DualOperator:
-    """Products with B, F and the lumped preconditioner B K Bᵀ, all collective.
+    """Products with B and F, all collective.
 
     Attributes:
         comm: The ranks.
@@ -98,10 +98,6 @@ class DualOperator:
     def multiply(self, multipliers: Floats) -> Floats:
         """F λ."""
         return self.rows(self.stiffness.solve(self.forces(multipliers)))
-
-    def lumped(self, jumps: Floats) -> Floats:
-        """B K Bᵀ w."""
-        return self.rows(self.stiffness.multiply(self.forces(jumps)))
 
     @property
     def stiffness(self) -> TornStiffness:

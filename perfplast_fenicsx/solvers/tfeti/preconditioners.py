@@ -1,10 +1,9 @@
 """What approximates F⁻¹: B_D S B_Dᵀ, with the stiffness S of pieces as their faces feel it.
 
-Lumped, S is K at the unknowns of rows, as if all others were held. By Dirichlet, it is the Schur
-complement, in which the inside of each piece follows: one solution with more factors an application,
-and fewer of them. B_D shares a jump among the copies of a node by their stiffness, the stiffer the
-less, so that pieces that flow do not spoil others (D. Rixen, C. Farhat, Int. J. Numer. Meth. Engng
-44 (1999), 489).
+S is the Schur complement, in which the inside of each piece follows its faces ("Dirichlet"): one
+solution with factors of the insides an application. B_D shares a jump among the copies of a node by
+their stiffness, the stiffer the less, so that pieces that flow do not spoil others (D. Rixen,
+C. Farhat, Int. J. Numer. Meth. Engng 44 (1999), 489).
 """
 
 from petsc4py import PETSc

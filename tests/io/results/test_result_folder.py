@@ -18,8 +18,8 @@ from perfplast_fenicsx.io.results.result_folder import (
     STEP_KEYS,
     ResultFolder,
     Results,
-    to_json,
 )
+from perfplast_fenicsx.io.results.summary import to_json
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.problem.loads import Traction
@@ -37,11 +37,16 @@ SUMMARY_KEYS = [
         "ranks",
         "mesh",
         "model",
+        "given",
+        "case",
+        "surroundings",
         "steps",
         "limit",
         "timings",
     ),
     "peak_memory_mb",
+    "units",
+    "planned",
 ]
 
 

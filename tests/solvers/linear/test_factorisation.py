@@ -49,3 +49,18 @@ def test_a_solution_that_leaves_most_is_none(monkeypatch: pytest.MonkeyPatch) ->
     outcome = method.solve(b, x, 1e-3)
     assert outcome.failure == "the solution leaves most of the right-hand side"
     assert outcome.iterations == 1
+
+
+def test_after_a_singular_matrix_the_next_one_is_factorised() -> None:
+    """PETSc itself would go on with the factors that MUMPS has not got."""
+    problem = two_blocks_problem(2)
+    index, b, x = problem.basis.index, loads(problem), problem.create_vector()
+    operator, method = elastic_operator(problem), Factorisation(problem.comm)
+    operator.hold(index)
+    for scale, solved in ((1.0, True), (0.0, False), (2.0, True), (1.0, True)):
+        operator.hold(index)
+        operator.matrix.scale(scale)
+        method.set_matrix(operator, index)
+        method.renew(None)
+        assert method.solve(b, x, 1e-3).solved is solved
+    method.destroy()

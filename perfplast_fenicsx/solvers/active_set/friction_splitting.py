@@ -1,4 +1,4 @@
-"""Friction in ALG2: a slip q of its own, which the jumps s of u follow as strains do.
+"""Friction by splitting: a slip q of its own, which the jumps s of u follow, as strains do in ALG2.
 
 With μ the multiplier of s = q and r k the penalty of a place with the stiffness k:
 
@@ -6,7 +6,8 @@ With μ the multiplier of s = q and r k the penalty of a place with the stiffnes
 2.  q = shrink(s + μ/(r k)) by c/(r k),
 3.  μ ← μ + r k (s − q), which is in the ball ‖μ‖ ≤ c.
 
-Nothing is held or released, so that it is independent of how Newton's methods find out what slips.
+Nothing is held or released, so that it goes to the solution however many places are undecided, if
+slowly. It is the friction of ALG2, and where Newton's methods go when they run in circles.
 """
 
 from petsc4py import PETSc
@@ -14,31 +15,41 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.friction import norms
+from perfplast_fenicsx.contact.friction import norms, shrunk
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.active_set.slip import Slip, judge, stuck
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
 
 class FrictionSplitting:
     """q and μ of the places of friction hosted by this rank."""
 
-    def __init__(self, problem: Problem, operator: ContactOperator) -> None:
-        """Add the springs k to an elastic operator, as stiff as that is. Collective."""
-        self._problem, friction = problem, problem.friction
-        operator.hold(np.zeros(0, dtype=np.int32))
-        diagonal = operator.matrix.getDiagonal()
-        self._k: Floats = friction.gather(diagonal.array_r).max(axis=1)
-        diagonal.destroy()
+    def __init__(self, problem: Problem, operator: ContactOperator, stiffness: Floats) -> None:
+        """Add the springs to an operator. Collective.
+
+        Args:
+            problem: Whose places they are at.
+            operator: Of the bodies, as it stays.
+            stiffness: k, shape (num_places,).
+        """
+        self._problem, self._k, friction = problem, stiffness, problem.friction
         each = self._k[:, None, None] * np.eye(friction.index.shape[1])
         operator.add_springs((friction.index, each))
         self._q, self._mu = np.zeros(friction.index.shape), np.zeros(friction.index.shape)
 
     def begin(self, jumps: Floats) -> None:
         """Start from a slip, with the forces that go with it."""
-        sizes = norms(jumps)
+        sizes, bound = norms(jumps), self._problem.friction.bound
         self._q = jumps.copy()
-        share = np.divide(self._problem.friction.bound, sizes, out=sizes.copy(), where=sizes > 0)
+        slips = (sizes > 0) & np.isfinite(bound)
+        share = np.divide(bound, sizes, out=np.zeros_like(sizes), where=slips)
         self._mu = share[:, None] * jumps
+
+    def slip(self) -> Slip:
+        """Linearise where it has come to; the last trial μ + r k s has r = 1."""
+        z = self._mu + self._k[:, None] * self._q
+        nothing = stuck(z.shape)
+        return judge(nothing, self._problem.friction.bound, self._k, z, np.zeros_like(z))
 
     def add_gradient(self, jumps: Floats, r: float, gradient: PETSc.Vec) -> None:
         """Add (μ + r k (s − q))/r to a gradient in jump unknowns."""
@@ -53,9 +64,7 @@ class FrictionSplitting:
         """
         stiffness, before = r * self._k[:, None], self._q
         trial = self._mu + stiffness * jumps
-        sizes, bound = norms(trial), self._problem.friction.bound
-        share = np.divide(bound, sizes, out=np.ones_like(sizes), where=sizes > bound)
-        self._mu = share[:, None] * trial
+        self._mu = shrunk(trial, self._problem.friction.bound)
         self._q = (trial - self._mu) / stiffness
         squares = [self._k @ norms(v) ** 2 for v in (jumps - self._q, self._q - before)]
         return np.asarray(self._problem.comm.allreduce(np.array(squares)), dtype=np.float64)

@@ -1,0 +1,134 @@
+"""``perfplast plot --follow DIR``: what a run writes is shown and drawn as it comes.
+
+One process reads files: the run knows nothing of it, and may be on another machine.
+"""
+
+import json
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from perfplast_fenicsx.cli.remaining import next_level, remaining
+from perfplast_fenicsx.cli.terminal import Terminal
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.results.run_lock import ENDED, is_held
+
+PERIOD = 0.5
+"""Time between two looks (s)."""
+
+COLUMNS = (
+    *(("step", 4), ("zeta", 11), ("alpha", 12), ("plastic", 8), ("contacts", 11)),
+    *(("duality gap", 11), ("seconds", 8), ("left", 0)),
+)
+
+log = logging.getLogger(__name__)
+
+
+@dataclass
+class Follower:
+    """Follows a run in its folder. Single-process.
+
+    Attributes:
+        folder: Of the run; it need not exist yet.
+        terminal: What is shown.
+        draw: Draws what there is; called after levels have come.
+        wait: How long the folder may be without results (s).
+    """
+
+    folder: Path
+    terminal: Terminal
+    draw: Callable[[], None]
+    wait: float
+    _shown: int = field(default=0, init=False)
+
+    def follow(self) -> None:
+        """Show levels until the run has ended, and say how it has.
+
+        Raises:
+            InputError: If there are no results in time, or they cannot be read.
+        """
+        self._await()
+        self.terminal.say("  ".join(f"{name:>{width}}" for name, width in COLUMNS))
+        while True:
+            alive = is_held(self.folder / "run.log")  # before the levels, so that none is missed
+            summary = self._summary()
+            self._show(summary)
+            if not alive:
+                break
+            self.terminal.status(self._waiting(summary))
+            time.sleep(PERIOD)
+        self.terminal.say(self._end(summary))
+
+    def _await(self) -> None:
+        """Wait for the first results."""
+        until = time.monotonic() + self.wait
+        while not all((self.folder / name).exists() for name in ("summary.json", "run.log")):
+            if time.monotonic() > until:
+                raise InputError(
+                    f"there are no results in '{self.folder}' after {self.wait:g} s; give the DIR"
+                    " of perfplast run, or a longer --wait."
+                )
+            self.terminal.status(f"waiting for results in {self.folder}")
+            time.sleep(PERIOD)
+
+    def _summary(self) -> dict[str, Any]:
+        path = self.folder / "summary.json"
+        try:
+            summary: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise InputError(f"'{path}' cannot be read ({error}); run the case again.") from error
+        return summary
+
+    def _show(self, summary: dict[str, Any]) -> None:
+        """Show the levels that have come, and draw."""
+        steps = summary["steps"]
+        for number, step in enumerate(steps[self._shown :], start=self._shown + 1):
+            seconds = [one["seconds"] for one in steps[:number]]
+            cells = (
+                *(number, f"{step['zeta']:.6g}", f"{step['alpha']:.6g}"),
+                f"{step['plastic_fraction']:.1%}",
+                f"{step['active_contacts']}/{step['contact_pairs']}",
+                *(f"{step['duality_gap']:.1e}", f"{step['seconds']:.2f}"),
+                remaining(summary["planned"], seconds),
+            )
+            pairs = zip(cells, COLUMNS, strict=True)
+            self.terminal.say("  ".join(f"{cell:>{width}}" for cell, (_, width) in pairs).rstrip())
+        if len(steps) > self._shown:
+            self._shown = len(steps)
+            self.terminal.status("drawing")
+            try:
+                self.draw()
+            except InputError as error:
+                log.warning("%s", error)
+
+    def _waiting(self, summary: dict[str, Any]) -> str:
+        """What the run does now, by its results and the last line of its log."""
+        level = next_level(summary["planned"], [one["seconds"] for one in summary["steps"]])
+        return f"{level}: {self._log()[-1].partition('INFO')[2].strip()}"
+
+    def _log(self) -> list[str]:
+        text = (self.folder / "run.log").read_text(encoding="utf-8", errors="replace")
+        return text.splitlines() or [""]
+
+    def _end(self, summary: dict[str, Any]) -> str:
+        """How the run has ended, in words."""
+        *before, last = ["", *self._log()]
+        count = len(summary["steps"])
+        levels = f"{count} level{'' if count == 1 else 's'} on file"
+        if ENDED not in last:
+            return f"The run was killed, with {levels}; --restart {self.folder} goes on."
+        limit, failed = summary["limit"], [a for a in summary["steps"] if not a["converged"]]
+        if limit is not None:
+            levels += f"; limit load between {limit['lower']:.6g} and {_number(limit['upper'])}"
+        if failed:
+            levels += f"; no solution at zeta = {failed[-1]['zeta']:.6g}"
+        cause = next((a for a in ("interrupted by", "ended by", "ended: ") if a in before[-1]), "")
+        how = f" ({before[-1][before[-1].index(cause) :]})" if cause else ""
+        return f"The run has ended{how}, with {levels}."
+
+
+def _number(bound: float | None) -> str:
+    return "none found" if bound is None else f"{bound:.6g}"

@@ -1,0 +1,101 @@
+"""The mesh of a geometry file, kept beside the case and made anew where either has changed."""
+
+import dataclasses
+import hashlib
+import re
+import tempfile
+from pathlib import Path
+
+import msgspec
+
+from perfplast_fenicsx._version import __version__
+from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.geometry.cad_process import mesh_geometry
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.parts import NAMED_BY_FILE, check_file
+from perfplast_fenicsx.geometry.survey import Survey
+
+READS_OTHERS = re.compile(rb"\b(Merge|Include|ShapeFromFile)\b")
+"""What makes a gmsh script read other files, whose changes are not seen."""
+
+MARK = b"$Comments\nmade by perfplast of "
+"""Begins the section at the end of a .msh file that says what it was made of."""
+
+END = b"\n$EndComments\n"
+
+
+def keep_mesh(source: Path, mesh: Path, options: MeshingOptions) -> None:
+    """Make a mesh unless it is there, of the same geometry by the same options. Not collective.
+
+    Args:
+        source: The geometry file.
+        mesh: The .msh file.
+        options: How it is to be meshed.
+
+    Raises:
+        InputError: If the file cannot be read or meshed, or the mesh not be written, or there is
+            one that was not made so; nothing is written then.
+    """
+    check_file(source)
+    try:
+        content = source.read_bytes()
+        before = _made_of(mesh)
+    except OSError as error:
+        raise InputError(f"'{error.filename}' cannot be read: {error.strerror}.") from error
+    if mesh.exists() and before is None:
+        raise InputError(
+            f"'{mesh}' is to be made of '{source}', but there is such a file already, from"
+            " elsewhere; move it, or give it as [mesh] file instead of [geometry]."
+        )
+    scripted = source.suffix.lower() in NAMED_BY_FILE and READS_OTHERS.search(content)
+    if before != _fingerprint(content, options) or scripted:
+        make_mesh(source, mesh, options)
+
+
+def make_mesh(
+    source: Path, mesh: Path, options: MeshingOptions, skin: Path | None = None
+) -> Survey:
+    """Make a mesh that says what it was made of. Not collective.
+
+    Args:
+        source: The geometry file.
+        mesh: The .msh file; it is replaced as a whole.
+        options: How it is to be meshed.
+        skin: An .npz file to write for pictures, if any.
+
+    Returns:
+        What is in it.
+
+    Raises:
+        InputError: If the file cannot be read or meshed, or the mesh not be written; nothing is
+            written then.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / "made.msh"
+        survey = mesh_geometry(source, made, options, skin)
+        try:
+            mark = MARK + _fingerprint(source.read_bytes(), options) + END
+            replace(mesh, made.read_bytes() + mark)
+        except OSError as error:
+            raise InputError(f"'{mesh}' cannot be written: {error.strerror or error}.") from error
+    return survey
+
+
+def _fingerprint(content: bytes, options: MeshingOptions) -> bytes:
+    """Of a geometry file, the options and the program; how long it may take changes no mesh."""
+    told = msgspec.json.encode(dataclasses.replace(options, patience=1.0))
+    parts = [hashlib.sha256(part).digest() for part in (content, told, __version__.encode())]
+    return hashlib.sha256(b"".join(parts)).hexdigest().encode()
+
+
+def _made_of(mesh: Path) -> bytes | None:
+    """What the end of a .msh file says; None where it says nothing, or there is none."""
+    if not mesh.exists():
+        return None
+    with mesh.open("rb") as file:
+        file.seek(0, 2)
+        file.seek(max(0, file.tell() - 200))
+        end = file.read()
+    _, mark, rest = end.rpartition(MARK)
+    return rest.removesuffix(END) if mark else None

@@ -1,0 +1,69 @@
+"""Loads in words, with their units: what the load factor ζ multiplies, and what stays."""
+
+from typing import TYPE_CHECKING, Any
+
+from perfplast_fenicsx.problem.loads import LOADS, Load
+from perfplast_fenicsx.units import Units
+
+if TYPE_CHECKING:  # what reads results for reports starts no MPI
+    from perfplast_fenicsx.io.case.case import Case
+
+QUANTITIES = {
+    "traction": "stress",
+    "pressure": "stress",
+    "pore_pressure": "stress",
+    "body_force": "force_density",
+    "force": "force",
+    "moment": "moment",
+}
+"""What a kind of load is measured as, by the keys of :meth:`units.Units.table`."""
+
+
+def load_in_words(load: Load, units: Units, whole: bool = True) -> str:
+    """A load in words, such as ``pressure 1 MPa on 'top'``.
+
+    Args:
+        load: It.
+        units: Of its numbers.
+        whole: As for :meth:`units.Units.table`.
+    """
+    (kind,) = (name for name, cls in LOADS.items() if cls is type(load))
+    given: dict[str, Any] = {kind: load.value, "moment": getattr(load, "moment", ())}
+    table = units.table(whole)
+    words = [
+        f"{name.replace('_', ' ')} {_value(value)} {table[QUANTITIES[name]]}".rstrip()
+        for name, value in given.items()
+        if not hasattr(value, "__len__") or len(value)
+    ]
+    return f"{' and '.join(words)} on '{load.on}'"
+
+
+def meaning(case: "Case", whole: bool = True) -> list[str]:
+    """What the numbers of a case mean, a sentence each: the load factor, and all units.
+
+    Args:
+        case: It.
+        whole: As for :meth:`units.Units.table`.
+    """
+    units = case.units
+    live = [load_in_words(load, units, whole) for load in case.loads if not load.constant]
+    dead = [load_in_words(load, units, whole) for load in case.loads if load.constant]
+    told = []
+    if live:
+        told.append(f"{'A factor of 1' if case.stages else 'zeta = 1'} is {', '.join(live)}.")
+    elif case.scene.driven:
+        told.append("zeta = 1 is the motion of supports and obstacles as the case gives it.")
+    if dead:
+        told.append(f"At any load factor there is {', '.join(dead)}.")
+    if units.in_words():
+        told.append(f"Units: {units.in_words(whole)}.")
+    return told
+
+
+def _value(value: Any) -> str:
+    """A number, a formula, or one a direction."""
+    if isinstance(value, str):
+        return repr(value)
+    if hasattr(value, "__len__"):
+        return f"({', '.join(_value(one) for one in value)})"
+    return f"{value:.6g}"

@@ -1,0 +1,47 @@
+"""What was given, as ``summary.json`` has it: materials, supports, loads, contacts and the rest."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from perfplast_fenicsx.contact.obstacles import OBSTACLES
+from perfplast_fenicsx.materials.laws import MATERIALS
+from perfplast_fenicsx.problem.given import Given
+from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
+from perfplast_fenicsx.problem.loads import LOADS
+
+KINDS: dict[type, str] = {
+    kind: name
+    for kinds in (
+        MATERIALS,
+        LOADS,
+        OBSTACLES,
+        {"temperature": Temperature, "initial_stress": InitialStress},
+    )
+    for name, kind in kinds.items()
+}
+"""How case files call what may be of several kinds."""
+
+
+def given_table(given: Given) -> dict[str, Any]:
+    """What was given, in words and numbers that JSON has.
+
+    Returns:
+        The fields of :class:`given.Given` by name. A dataclass is a table of its fields, and its
+        ``kind``: as case files call it, or the name of its class.
+    """
+    return {field.name: _told(getattr(given, field.name)) for field in dataclasses.fields(given)}
+
+
+def _told(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        names = [field.name for field in dataclasses.fields(value)]
+        fields = {name: _told(getattr(value, name)) for name in names}
+        return {"kind": KINDS.get(type(value), type(value).__name__)} | fields
+    if isinstance(value, Mapping):
+        return {str(key): _told(entry) for key, entry in value.items()}
+    if isinstance(value, str | bool | int | float) or value is None:
+        return value
+    if isinstance(value, Sequence):
+        return [_told(entry) for entry in value]
+    return _told(value.tolist()) if hasattr(value, "tolist") else repr(value)

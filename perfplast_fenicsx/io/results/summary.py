@@ -1,0 +1,61 @@
+"""``summary.json``: what a run says of itself."""
+
+import json
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass
+class Summary:
+    """What ``summary.json`` says; its fields are the keys.
+
+    Attributes:
+        prescribed: What each level prescribes, "zeta" or "alpha"; the other one is found.
+        mesh: Numbers of cells, vertices and displacement unknowns (dofs).
+        model: Which ``kind`` it is, the ``axes`` that components of ``reactions`` are of, and what
+            ``forces`` and works are of: each unit of depth, or the full turn.
+        given: What was solved: materials, supports, loads and the rest
+            (:func:`given_table.given_table`).
+        case: The case ``file``, and the ``text`` of it; nothing of a Python program.
+        surroundings: ``versions`` by name, and the ``petsc_options`` of the command line.
+        steps: A :data:`result_folder.STEP_KEYS` table for each level.
+        limit: Limit load, where one was asked for.
+        timings: Wall time by activity (s).
+        peak_memory_mb: Sum over the ranks of their largest resident sizes (MiB).
+        units: The unit of each quantity (:meth:`units.Units.table`); nothing of a Python program
+            without a scene.
+        planned: Levels of the whole run; None where it chooses them as it goes.
+    """
+
+    title: str
+    version: str
+    method: str
+    prescribed: str
+    ranks: int
+    mesh: dict[str, int]
+    model: dict[str, str]
+    given: dict[str, Any] = field(default_factory=dict)
+    case: dict[str, str] = field(default_factory=dict)
+    surroundings: dict[str, Any] = field(default_factory=dict)
+    steps: list[dict[str, Any]] = field(default_factory=list)
+    limit: dict[str, Any] | None = None
+    timings: dict[str, float] = field(default_factory=dict)
+    peak_memory_mb: float = 0.0
+    units: dict[str, str] = field(default_factory=dict)
+    planned: int | None = None
+
+
+def to_json(value: Any) -> str:
+    """JSON with numbers that are not finite as null, which JSON has no word for."""
+
+    def finite(item: Any) -> Any:
+        if isinstance(item, dict):
+            return {key: finite(entry) for key, entry in item.items()}
+        if isinstance(item, list | tuple):
+            return [finite(entry) for entry in item]
+        if isinstance(item, float):
+            return item + 0.0 if math.isfinite(item) else None  # -0.0 becomes 0.0
+        return item
+
+    return json.dumps(finite(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"

@@ -1,0 +1,54 @@
+"""One bound of a limit load: its value, what it is one of, and why it is not strict."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
+
+TURNED = (
+    "strict bounds are for plane strain and space, as the hoop strain of bodies of revolution is no"
+    " polynomial"
+)
+"""Why an axisymmetric mesh has none."""
+
+
+class Scope(StrEnum):
+    """What a bound is one of."""
+
+    BODY = "body"
+    MESH = "mesh"
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A bound of a limit load, and what it is worth.
+
+    Attributes:
+        value: The bound; None where there is none.
+        kind: "lower" or "upper".
+        of: Whether it bounds the limit load of the body that the mesh fills, or that of the finite
+            elements alone.
+        why_not: Why it does not hold for the body; nothing where it does.
+    """
+
+    value: float | None
+    kind: str
+    of: Scope
+    why_not: tuple[str, ...] = ()
+
+    @property
+    def strict(self) -> bool:
+        """Whether it holds for the body, but for rounding."""
+        return self.value is not None and self.of is Scope.BODY
+
+    @property
+    def shown(self) -> str:
+        """The value in a few digits, rounded so that it is a bound as well."""
+        if self.value is None:
+            return "none"
+        return rounded_down(self.value) if self.kind == "lower" else rounded_up(self.value)
+
+    def __repr__(self) -> str:
+        value = self.shown
+        told = f"; not strict: {', '.join(self.why_not)}" if self.why_not else ""
+        return f"Bound({self.kind} {value} of the {self.of}{told})"

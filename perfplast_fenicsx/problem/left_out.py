@@ -1,0 +1,48 @@
+"""Nodes of contact surfaces that have no contact or no friction for want of unknowns, in words."""
+
+import numpy as np
+
+from perfplast_fenicsx.contact.obstacles import Obstacle
+from perfplast_fenicsx.contact.surface_nodes import can_host, surface_nodes
+from perfplast_fenicsx.contact.tangential_rows import rows_that_rub
+from perfplast_fenicsx.problem.problem import Problem
+
+
+def left_out(problem: Problem) -> list[str]:
+    """What there is to say of them, a sentence each. Collective.
+
+    Of an obstacle these are the nodes that supports leave free along its normal and that host no
+    row, since they follow a tie or a rigid surface. Friction is missing where faces meet at an
+    edge, or where supports or ties hold a node in all directions along the surface.
+    """
+    given, constraints, comm = problem.given, problem.constraints, problem.comm
+    told = []
+    for number, obstacle in enumerate(given.obstacles, start=len(given.contacts)):
+        count = comm.allreduce(_unseen(problem, obstacle, number))
+        if count:
+            told.append(
+                f"the obstacle at '{obstacle.on}' does not see {count} of its nodes, which follow a"
+                " tie or a rigid surface; let the other body of the tie follow (hosts)"
+            )
+    rubbing = (*given.contacts, *given.obstacles)
+    rows = rows_that_rub(comm, constraints, rubbing)
+    smooth = np.setdiff1d(rows, problem.friction.pair)
+    for number, one in enumerate(rubbing):
+        of_this = constraints.surface == number
+        counts = comm.allreduce(np.array([of_this[smooth].sum(), of_this[rows].sum()]))
+        if counts[0]:
+            on = one.on if isinstance(one, Obstacle) else one.secondary
+            told.append(
+                f"{counts[0]} of the {counts[1]} nodes that rub at '{on}' have no friction: they"
+                " are at an edge of two faces, or supports or ties hold them along the surface"
+            )
+    return told
+
+
+def _unseen(problem: Problem, obstacle: Obstacle, number: int) -> int:
+    """Nodes of this rank that could host a row and do not."""
+    nodes = surface_nodes(problem.V, problem.tagged_mesh, obstacle.on, problem.fixed)
+    nodes = nodes[np.unique(nodes["node"], return_index=True)[1]]
+    _, into = obstacle.towards(nodes["x"][:, : problem.bodies.gdim])
+    hosts = problem.constraints.host[problem.constraints.surface == number]
+    return int((can_host(nodes, into) & ~np.isin(nodes["node"], hosts)).sum())

@@ -1,0 +1,58 @@
+// From where the bodies are seen: parallel projection, z (in the plane y) upwards.
+
+class Camera {
+  /** Look at points; those of a plane mesh from the front. */
+  constructor(points, plane) {
+    this.plane = plane;
+    const low = [Infinity, Infinity, Infinity];
+    const high = [-Infinity, -Infinity, -Infinity];
+    for (let i = 0; i < points.length; i++) {
+      low[i % 3] = Math.min(low[i % 3], points[i]);
+      high[i % 3] = Math.max(high[i % 3], points[i]);
+    }
+    Object.assign(this, { low, high });
+    this.radius = 0.5 * Math.hypot(...high.map((a, k) => a - low[k])) || 1;
+    this.reset();
+  }
+
+  /** Look at all of it, as at first. */
+  reset() {
+    this.azimuth = this.plane ? -90 : -60;
+    this.elevation = this.plane ? 90 : 25;
+    this.zoom = 1;
+    this.centre = this.low.map((a, k) => 0.5 * (a + this.high[k]));
+    const reach = (axis) =>
+      axis.reduce((sum, a, k) => sum + 0.5 * Math.abs(a) * (this.high[k] - this.low[k]), 0);
+    this.extent = this.axes.slice(0, 2).map(reach);
+  }
+
+  /** Unit vectors to the right, upwards, and towards the eye. */
+  get axes() {
+    const [a, e] = [this.azimuth, this.elevation].map((angle) => (angle * Math.PI) / 180);
+    const [ca, sa, ce, se] = [Math.cos(a), Math.sin(a), Math.cos(e), Math.sin(e)];
+    return [[-sa, ca, 0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]];
+  }
+
+  /** Turn by degrees. */
+  orbit(right, up) {
+    this.azimuth -= right;
+    this.elevation = Math.max(-90, Math.min(90, this.elevation + up));
+  }
+
+  /** Move by shares of half the height of a picture. */
+  pan(right, up, width, height) {
+    const [u, v] = this.axes;
+    const length = this.half(width, height);
+    this.centre = this.centre.map((c, k) => c - length * (right * u[k] + up * v[k]));
+  }
+
+  magnify(factor) {
+    this.zoom = Math.max(0.2, Math.min(200, this.zoom * factor));
+  }
+
+  /** Half the height of what a picture of some shape shows. */
+  half(width, height) {
+    const [across, up] = this.extent;
+    return (1.2 * Math.max(up, (across * height) / width, 1e-3 * this.radius)) / this.zoom;
+  }
+}

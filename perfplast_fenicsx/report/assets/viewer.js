@@ -1,0 +1,134 @@
+// The bodies at a step: what is shown, how it is turned, and what is picked.
+
+const ENLARGED = 0.12; // the largest motion, as a share of the size of the bodies
+
+class Viewer {
+  constructor(canvas, data, mesh, changed) {
+    Object.assign(this, { canvas, data, mesh, changed, state: null, field: null, values: null });
+    this.camera = new Camera(mesh.points, mesh.plane);
+    this.drawing = new Drawing(canvas, mesh);
+    this.look = {
+      camera: this.camera, amount: 0, reach: 0, cut: [0, 0, 0, 1], field: false, range: [0, 1],
+      hidden: new Set(), picked: -1, meshed: false,
+    };
+    this.asked = 0;
+    this.share = 1; // of the enlarged motion
+    this.phase = 1; // of a mechanism that moves
+    new ResizeObserver(() => this.resize()).observe(canvas);
+  }
+
+  static async of(canvas, data, changed) {
+    const [points, triangles, lines] = await Promise.all([
+      vectors(data.points), integers(data.triangles), integers(data.lines),
+    ]);
+    return new Viewer(canvas, data, { ...data, points, triangles, lines }, changed);
+  }
+
+  /** How often larger than it is the motion is shown, at share 1. */
+  get enlargement() {
+    const alike = this.data.states.filter((a) => a.mechanism === this.state.mechanism);
+    const largest = Math.max(...alike.map((a) => a.largest));
+    return largest > 0 ? (ENLARGED * this.data.size) / largest : 0;
+  }
+
+  /** Show a state; of several that are asked for the last one. */
+  async show(number) {
+    const asked = ++this.asked;
+    const state = this.data.states[number];
+    const motion = await vectors(state.motion);
+    const values = await this.valuesOf(state, this.field);
+    if (asked !== this.asked) return;
+    Object.assign(this, { state, number });
+    this.drawing.setMotion(motion);
+    this.take(values);
+  }
+
+  /** Colour by a field; null for bodies. */
+  async colourBy(field) {
+    this.field = field;
+    const asked = ++this.asked;
+    const values = await this.valuesOf(this.state, field);
+    if (asked === this.asked) this.take(values);
+  }
+
+  /** A value for each corner of triangles; null where the state has no such field. */
+  async valuesOf(state, field) {
+    const found = field && state.fields[field.name];
+    if (!found) return null;
+    const values = await numbers(found.values);
+    const { triangles } = this.mesh;
+    if (found.at === "points") return gathered(values, triangles, 1);
+    return Float32Array.from(triangles, (_, corner) => values[Math.floor(corner / 3)]);
+  }
+
+  take(values) {
+    this.values = values;
+    this.drawing.setValues(values);
+    this.look.field = values !== null;
+    if (values) {
+      const { low, high } = this.field;
+      this.look.range = high > low ? [low, high] : [low, low + 1];
+    }
+    this.redraw();
+  }
+
+  redraw() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.look.amount = this.amount;
+      this.look.reach = Math.abs(this.amount) * (this.state?.largest ?? 0);
+      this.drawing.draw(this.look);
+      this.changed(this);
+    });
+  }
+
+  /** By what the motion is multiplied. */
+  get amount() {
+    if (!this.state) return 0;
+    return this.share * this.enlargement * (this.state.mechanism ? this.phase : 1);
+  }
+
+  resize() {
+    const { canvas } = this;
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio));
+    canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio));
+    this.redraw();
+  }
+
+  /** Cut across an axis at a share of the bodies' length along it; null for no cut. */
+  cut(axis, share) {
+    const normal = [0, 0, 0];
+    if (axis === null) {
+      this.look.cut = [...normal, 1];
+    } else {
+      normal[axis] = 1;
+      const { low, high } = this.camera;
+      const room = 1e-3 * this.camera.radius;
+      this.look.cut = [...normal, low[axis] - room + share * (high[axis] - low[axis] + 2 * room)];
+    }
+    this.redraw();
+  }
+
+  setHidden(body, hidden) {
+    this.look.hidden[hidden ? "add" : "delete"](body);
+    if (hidden && this.look.picked === body) this.look.picked = -1;
+    this.redraw();
+  }
+
+  /** What is at a place of the canvas (CSS pixels): the body and the value, or null. */
+  pick(x, y) {
+    const { canvas, look, mesh } = this;
+    const ratio = canvas.width / canvas.clientWidth;
+    const row = canvas.height - 1 - Math.round(y * ratio);
+    const triangle = this.drawing.pick(look, Math.round(x * ratio), row);
+    const starts = mesh.triangleStarts;
+    look.picked = triangle < 0 ? -1 : starts.findIndex((a, k) => a <= triangle && triangle < starts[k + 1]);
+    this.redraw();
+    if (triangle < 0) return null;
+    const at = this.values?.subarray(3 * triangle, 3 * triangle + 3);
+    return { body: look.picked, value: at ? (at[0] + at[1] + at[2]) / 3 : null };
+  }
+}

@@ -1,0 +1,157 @@
+"""The case in words: model, bodies, supports, loads, contacts, with the units of the case."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from perfplast_fenicsx.io.case.scene import Units
+
+Table = Mapping[str, Any]
+Row = tuple[str, str]
+
+LAWS = {
+    "von-mises": "elastic, perfectly plastic (von Mises)",
+    "von-mises-hardening": "elastic, plastic with linear hardening (von Mises)",
+    "elastic": "elastic, never plastic",
+}
+
+NUMBERS = {
+    "young": ("Young's modulus", "stress"),
+    "poisson": ("Poisson's ratio", ""),
+    "yield_stress": ("yield stress", "stress"),
+    "modulus": ("hardening modulus", "stress"),
+    "expansion": ("thermal expansion", ""),
+}
+
+MODELS = {
+    "space": "in space (3D)",
+    "plane-strain": "plane strain",
+    "axisymmetric": "axisymmetric: half a section through bodies of revolution",
+}
+
+LOADS = {
+    "traction": ("traction", "stress"),
+    "pressure": ("pressure", "stress"),
+    "body_force": ("force per volume", "force per volume"),
+    "pore_pressure": ("water pressure in the pores", "stress"),
+    "force": ("force", "force"),
+}
+
+
+class CaseWords:
+    """Says what was given."""
+
+    def __init__(self, given: Table, units: Units, kind: str) -> None:
+        """Take what there is to say.
+
+        Args:
+            given: That of ``summary.json``.
+            units: Of legends.
+            kind: The ``kind`` of the model, on which it depends what forces are of.
+        """
+        self._given = given
+        length, stress = units.length, units.stress
+        both = bool(length and stress)
+        deep = kind == "plane-strain"
+        force = f"{stress} {length}" if deep else f"{stress} {length}²"
+        if (length, stress) == ("mm", "MPa"):
+            force = "N/mm" if deep else "N"
+        self._units = {
+            "": "",
+            "length": length,
+            "stress": stress,
+            "force": force if both else "",
+            "force per volume": f"{stress}/{length}" if both else "",
+        }
+
+    def bodies(self) -> list[Row]:
+        """Each body's name, and its material."""
+        rows = []
+        for name, material in self._given.get("materials", {}).items():
+            numbers, remembers = material, ""
+            if material["kind"] == "Flow":
+                numbers, remembers = material["body"], "; remembers plastic flow"
+            words = LAWS.get(numbers["kind"], numbers["kind"])
+            rows.append((name, f"{words}{remembers}: {self._numbers(numbers)}"))
+        return rows
+
+    def supports(self) -> list[Row]:
+        """Each held surface, and how."""
+        rows = []
+        for support in self._given.get("supports", []):
+            along = ", ".join(support["components"])
+            text = f"held in {along}"
+            if support["value"]:
+                text = f"moved by {self.number(support['value'], 'length')} in {along}"
+                text += "" if support["constant"] else ", times ζ"
+            rows.append((support["on"], text))
+        for rigid in self._given.get("rigid", []):
+            moved = rigid["displacement"] or rigid["rotation"]
+            how = "moves as given" if moved else "is free to move"
+            rows.append((rigid["on"], f"rigid, {how}"))
+        return rows
+
+    def loads(self) -> list[Row]:
+        """What acts where."""
+        rows = []
+        for load in self._given.get("loads", []):
+            words, unit = LOADS.get(load["kind"], (load["kind"], ""))
+            how = "in full at any ζ" if load["constant"] else "times ζ"
+            name = f"{load['name']}: " if load.get("name") else ""
+            rows.append((load["on"], f"{name}{words} {self.number(load['value'], unit)}, {how}"))
+        for first in self._given.get("initial", []):
+            if first["kind"] == "temperature":
+                text = f"change of temperature {self.number(first['change'], '')}"
+            else:
+                text = f"stress at first {self.number(first['stress'], 'stress')}"
+            rows.append((first["on"], text))
+        return rows
+
+    def contacts(self) -> list[Row]:
+        """What touches what, and is tied to what."""
+        rows = []
+        for contact in self._given.get("contacts", []):
+            gap = contact["gap"]
+            text = "gap as measured" if gap is None else f"gap {self.number(gap, 'length')}"
+            where = f"{contact['primary']} – {contact['secondary']}"
+            rows.append((where, f"contact, {self._friction(contact)}, {text}"))
+        for obstacle in self._given.get("obstacles", []):
+            text = f"rigid {obstacle['kind']}, {self._friction(obstacle)}"
+            if any(obstacle.get("move") or ()):
+                text += f", moves by {self.number(obstacle['move'], 'length')} times ζ"
+            rows.append((obstacle.get("name") or obstacle["on"], text))
+        for tie in self._given.get("ties", []):
+            rows.append((f"{tie['primary']} – {tie['secondary']}", "glued together"))
+        return rows
+
+    def unit(self, kind: str) -> str:
+        """Of a "length", "stress", "force" or "force per volume"; empty where the case has none."""
+        return self._units[kind]
+
+    def number(self, value: Any, kind: str) -> str:
+        """A number, formula or vector with its unit."""
+        if isinstance(value, Sequence) and not isinstance(value, str):
+            text = f"({', '.join(map(plain, value))})"
+        else:
+            text = plain(value)
+        return f"{text} {self._units[kind]}".rstrip()
+
+    def _friction(self, place: Table) -> str:
+        if place.get("tresca"):
+            return f"friction {self.number(place['tresca'], 'stress')} (Tresca)"
+        if place.get("coulomb"):
+            return f"friction coefficient {plain(place['coulomb'])} (Coulomb)"
+        return "without friction"
+
+    def _numbers(self, material: Table) -> str:
+        told = []
+        for key, value in material.items():
+            if key == "kind" or value is None or (key == "expansion" and not value):
+                continue
+            words, unit = NUMBERS.get(key, (key.replace("_", " "), ""))
+            told.append(f"{words} {self.number(value, unit)}")
+        return ", ".join(told)
+
+
+def plain(value: Any) -> str:
+    """A number in a few digits; a formula as it is."""
+    return f"{value:.6g}" if isinstance(value, int | float) else str(value)

@@ -1,0 +1,185 @@
+"""The loading curve as inline SVG: ζ over α, force over stroke, or factors over works."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+from perfplast_fenicsx.pictures.loading_curve import FAR
+from perfplast_fenicsx.pictures.result_reader import StoredLimit
+from perfplast_fenicsx.problem.report import LevelReport
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
+
+WIDTH, HEIGHT, LEFT, BOTTOM, EDGE = 640, 360, 72, 46, 14
+COLOURS = ("#1f5a99", "#a34700", "#1b6e3c", "#7a3b8f", "#5b5b00", "#9c1c3a")
+MARKS = ("circle", "square", "diamond")
+
+
+@dataclass(frozen=True)
+class Line:
+    """Points of a curve, with the words of each."""
+
+    name: str
+    x: list[float]
+    y: list[float]
+    words: list[str]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """What is drawn.
+
+    Attributes:
+        x_label: Of the axis.
+        y_label: Of the axis.
+        lines: The curves.
+        band: Bounds of y, shaded; None without.
+        band_words: What they bound.
+        far: Where x has so many times this number, its axis is logarithmic beyond it; 0 if not.
+    """
+
+    x_label: str
+    y_label: str
+    lines: list[Line]
+    band: tuple[float, float] | None = None
+    band_words: str = ""
+    far: float = 0.0
+
+
+def curve_of(
+    reports: Sequence[LevelReport], limit: StoredLimit | None, driven: bool, unit: str
+) -> Curve | None:
+    """The curve of a run; None where it has no two points."""
+    solved = [report for report in reports if report.converged]
+    if not solved:
+        return None
+    words = [f"step {number}" for number in range(1, len(solved) + 1)]
+    bracket = f" ({unit})" if unit else ""
+    if any(report.factors for report in solved):
+        names = [name for name in solved[0].works if any(a.factors[name] for a in solved)]
+        lines = [
+            Line(name, [a.works[name] for a in solved], [a.factors[name] for a in solved], words)
+            for name in names
+        ]
+        label = f"work of the load with factor 1{bracket}"
+        return Curve(label, "factor of the load", lines) if lines else None
+    zetas = [report.zeta for report in solved]
+    if driven:
+        forces = [report.driving_force for report in solved]
+        return Curve("ζ, how far it is moved", "driving force", [Line("", zetas, forces, words)])
+    alphas = [report.alpha for report in solved]
+    line = Line("", [0.0, *alphas], [0.0, *zetas], ["no load", *words])
+    band, band_words = _bounds(limit)
+    far = alphas[0] if len(alphas) > 1 and alphas[-1] > FAR * alphas[0] > 0 else 0.0
+    return Curve(f"work of the loads α{bracket}", "load factor ζ", [line], band, band_words, far)
+
+
+def _bounds(limit: StoredLimit | None) -> tuple[tuple[float, float] | None, str]:
+    """Bounds of the limit load: those of the bodies where both are proven, else of the mesh."""
+    if limit is None:
+        return None, ""
+    lower, upper = limit.body.get("lower"), limit.body.get("upper")
+    if lower is not None and upper is not None:
+        return (lower, upper), "limit load of the bodies"
+    return None if limit.upper is None else (limit.lower, limit.upper), "limit load of the mesh"
+
+
+def to_svg(curve: Curve) -> str:
+    """The drawing, with a text for those who do not see it."""
+    x_of = _axis(curve.far)
+    xs = [x_of(a) for line in curve.lines for a in line.x] + [0.0]
+    ys = [a for line in curve.lines for a in line.y] + [0.0, *(curve.band or ())]
+    (x_low, x_high), (y_low, y_high) = _range(xs), _range(ys)
+
+    def place(x: float, y: float) -> tuple[float, float]:
+        across = (x_of(x) - x_low) / (x_high - x_low)
+        up = (y - y_low) / (y_high - y_low)
+        tall = HEIGHT - BOTTOM - EDGE
+        return LEFT + across * (WIDTH - LEFT - EDGE), HEIGHT - BOTTOM - up * tall
+
+    top = max(max(line.x) for line in curve.lines)
+    right, foot = WIDTH - EDGE, HEIGHT - BOTTOM
+    parts = []
+    for x in far_ticks(curve.far, top) if curve.far else ticks(x_low, x_high):
+        at, _ = place(x, y_low)
+        parts.append(f'<path class="grid" d="M{at:.1f} {EDGE}V{foot}"/>')
+        parts.append(f'<text x="{at:.1f}" y="{foot + 16}" class="mid">{x:.6g}</text>')
+    for y in ticks(y_low, y_high):
+        _, at = place(0.0, y)
+        parts.append(f'<path class="grid" d="M{LEFT} {at:.1f}H{right}"/>')
+        parts.append(f'<text x="{LEFT - 6}" y="{at + 4:.1f}" class="end">{y:.6g}</text>')
+    if curve.band is not None:
+        (_, low), (_, high) = (place(0.0, a) for a in curve.band)
+        tall = max(low - high, 2.0)
+        parts.append(
+            f'<rect class="band" x="{LEFT}" y="{high:.1f}" width="{WIDTH - LEFT - EDGE}"'
+            f' height="{tall:.1f}"/><text x="{LEFT + 8}" y="{high - 5:.1f}">{curve.band_words}:'
+            f" {rounded_down(curve.band[0])} to {rounded_up(curve.band[1])}</text>"
+        )
+    for number, line in enumerate(curve.lines):
+        parts.append(_drawn(line, number, place))
+    parts.append(
+        f'<text class="mid" x="{(LEFT + WIDTH) / 2}" y="{HEIGHT - 8}">'
+        f"{escape(curve.x_label)}</text>"
+        f'<text class="mid" transform="translate(16 {HEIGHT / 2 - 16}) rotate(-90)">'
+        f"{escape(curve.y_label)}</text>"
+    )
+    words = f"{curve.y_label} over {curve.x_label}; the numbers are in the table of levels"
+    return (
+        f'<svg class="curve" viewBox="0 0 {WIDTH} {HEIGHT}" role="img"'
+        f' aria-label="{escape(words)}">{"".join(parts)}</svg>'
+    )
+
+
+def ticks(low: float, high: float, most: int = 7) -> list[float]:
+    """Round numbers between two others, a few."""
+    rough = (high - low) / most
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(a * power for a in (1, 2, 5, 10) if a * power >= rough)
+    first, last = math.ceil(low / step), math.floor(high / step)
+    return [number * step for number in range(first, last + 1)]
+
+
+def far_ticks(near: float, top: float) -> list[float]:
+    """0 and powers of ten, from about ``near`` to ``top``."""
+    first, last = math.ceil(math.log10(near)), math.floor(math.log10(top))
+    return [0.0, *(10.0**power for power in range(first, last + 1))]
+
+
+def _axis(far: float) -> Callable[[float], float]:
+    """The axis of x: straight near 0 and logarithmic far from it, where ``far`` says so."""
+    return (lambda x: math.asinh(x / far)) if far > 0 else (lambda x: x)
+
+
+def _range(values: Sequence[float]) -> tuple[float, float]:
+    """From the smallest to the largest, with some room where that is not 0."""
+    low, high = min(values), max(values)
+    room = 0.05 * (high - low) or 1.0
+    return low - room * (low < 0), high + room
+
+
+def _drawn(line: Line, number: int, place: Callable[[float, float], tuple[float, float]]) -> str:
+    """A curve with a mark at each point, whose words are shown below the mouse."""
+    colour, shape = COLOURS[number % len(COLOURS)], MARKS[number % len(MARKS)]
+    points = [place(x, y) for x, y in zip(line.x, line.y, strict=True)]
+    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+    parts = [f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="2"/>']
+    told = zip(points, line.words, line.x, line.y, strict=True)
+    for (x, y), words, value_x, value_y in told:
+        title = f"<title>{escape(words)}: {value_y:.6g} at {value_x:.6g}</title>"
+        parts.append(_mark(shape, x, y, colour, title))
+    if line.name:
+        at_x, at_y = LEFT + 12, EDGE + 18 + 18 * number
+        parts.append(_mark(shape, at_x, at_y, colour, ""))
+        parts.append(f'<text x="{at_x + 12}" y="{at_y + 4}">{escape(line.name)}</text>')
+    return "".join(parts)
+
+
+def _mark(shape: str, x: float, y: float, colour: str, title: str) -> str:
+    if shape == "circle":
+        return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{colour}">{title}</circle>'
+    turned = f' transform="rotate(45 {x:.1f} {y:.1f})"' if shape == "diamond" else ""
+    return (
+        f'<rect x="{x - 4:.1f}" y="{y - 4:.1f}" width="8" height="8" fill="{colour}"{turned}>'
+        f"{title}</rect>"
+    )

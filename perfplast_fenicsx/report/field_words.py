@@ -1,0 +1,44 @@
+"""What fields of results are called on the page, and their units."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from perfplast_fenicsx.io.case.scene import Units
+
+WORDS: dict[str, tuple[str, Literal["stress", "length", ""]]] = {
+    "stress": ("von Mises stress", "stress"),
+    "yield_ratio": ("utilisation (1: yields)", ""),
+    "plastic": ("plastic share of each cell", ""),
+    "displacement": ("displacement", "length"),
+    "contact_pressure": ("contact pressure", "stress"),
+    "accumulated_plastic_strain": ("accumulated plastic strain", ""),
+    "plastic_strain": ("plastic strain", ""),
+    "back_stress": ("back stress (von Mises)", "stress"),
+    "slip": ("slip", "length"),
+    "friction_stress": ("friction", "stress"),
+    "mechanism": ("velocity of the collapse", ""),
+    "dissipation": ("plastic work of the collapse", ""),
+    "lower_bound_stress": ("von Mises stress of the lower bound", "stress"),
+    "gap_share": ("share in the gap between the bounds", ""),
+}
+"""Name and kind of number by field, in the order in which they are offered."""
+
+
+@dataclass(frozen=True)
+class FieldWords:
+    """Attributes: what a field is called, and what stands behind its numbers."""
+
+    label: str
+    unit: str
+
+
+def words_of(name: str, units: Units) -> FieldWords:
+    """What a field is called; one that is not known by its own name."""
+    label, kind = WORDS.get(name, (name.replace("_", " "), ""))
+    return FieldWords(label, {"stress": units.stress, "length": units.length, "": ""}[kind])
+
+
+def rank_of(name: str) -> int:
+    """Its place among the fields that are offered; those not known come last."""
+    order = list(WORDS)
+    return order.index(name) if name in order else len(order)

@@ -1,0 +1,58 @@
+"""Arrays as text that a page decodes: quantised, deflated, base64."""
+
+import base64
+import zlib
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+STEPS = 65535
+"""Of quantised numbers, between the smallest and the largest."""
+
+Packed = dict[str, Any]
+"""What the page's ``decode.js`` reads: ``type``, ``data``, and of quantised numbers ``low`` and
+``step``: a value is low + step × the number on file."""
+
+
+def pack_integers(values: npt.NDArray[np.integer[Any]]) -> Packed:
+    """Indices, none of them negative, in the smallest type that has room."""
+    largest = int(values.max(initial=0))
+    kind = next(a for a in (np.uint8, np.uint16, np.uint32) if largest <= np.iinfo(a).max)
+    return {"type": kind.__name__, "data": deflated(values.astype(kind))}
+
+
+def pack_numbers(values: npt.NDArray[np.floating[Any]]) -> Packed:
+    """Numbers to 1/65535 of their range; those that are not finite become the smallest."""
+    values = values.astype(np.float64)
+    finite = np.isfinite(values)
+    seen = values[finite] if finite.any() else np.zeros(1)
+    low, high = float(seen.min()), float(seen.max())
+    step = (high - low) / STEPS
+    scaled = (np.where(finite, values, low) - low) / (step if step > 0 else 1.0)
+    return {
+        "type": "uint16",
+        "low": low,
+        "step": step,
+        "data": deflated(np.rint(scaled).astype(np.uint16)),
+    }
+
+
+def size_of(packed: Any) -> int:
+    """Characters that packed arrays take, at any depth."""
+    if isinstance(packed, dict):
+        return sum(map(size_of, packed.values()))
+    if isinstance(packed, list):
+        return sum(map(size_of, packed))
+    return len(packed) if isinstance(packed, str) else 0
+
+
+def deflated(values: npt.NDArray[Any]) -> str:
+    """Little-endian bytes, those of the same place value together, deflated, as base64.
+
+    Bytes of the same place value resemble each other, so that they deflate to less.
+    """
+    flat = np.ascontiguousarray(values.ravel())
+    little = flat.astype(flat.dtype.newbyteorder("<"), copy=False)
+    by_place = little.view(np.uint8).reshape(-1, flat.dtype.itemsize).T
+    return base64.b64encode(zlib.compress(by_place.tobytes(), 6)).decode("ascii")

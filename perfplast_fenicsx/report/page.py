@@ -1,0 +1,148 @@
+"""The page: its parts put into the template, with style and programs inlined."""
+
+import json
+from html import escape
+from importlib import resources
+from string import Template
+
+from perfplast_fenicsx.io.results.summary import Summary
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.report.case_words import MODELS, CaseWords
+from perfplast_fenicsx.report.curve import curve_of, to_svg
+from perfplast_fenicsx.report.run_again import command_of
+from perfplast_fenicsx.report.tables import GRADES, TIGHT, level_table, pairs, reaction_table
+from perfplast_fenicsx.report.verdict import Verdict, verdict_on
+from perfplast_fenicsx.report.view_data import View
+from perfplast_fenicsx.solvers.verdicts import CREDIBLE
+
+SCRIPTS = ("decode", "camera", "shaders", "colours", "drawing", "viewer", "gestures", "controls")
+"""Files of the view, in the order in which they are read."""
+
+MARKS = {
+    "proven": ("✓", "Proven of the bodies"),
+    "found": ("●", "Found on this mesh"),
+    "open": ("!", "Open"),
+}
+
+
+def page_of(reader: ResultReader, view: View) -> str:
+    """The HTML of a report.
+
+    Args:
+        reader: The results.
+        view: What is shown of the bodies.
+
+    Raises:
+        InputError: If the results cannot be read.
+    """
+    summary, scene = reader.summary, reader.scene
+    words = CaseWords(summary.given, scene.units, summary.model["kind"])
+    template = Template(_asset("page.html"))
+    return template.substitute(
+        title=escape(scene.title or "A run"),
+        style=_asset("page.css"),
+        verdict=_verdict(verdict_on(reader)),
+        view=_view(view),
+        curve=_curve(reader),
+        levels=_levels(reader),
+        reactions=_reactions(reader, words),
+        case=_case(summary, words),
+        again=_again(summary),
+        version=escape(summary.version),
+        data=json.dumps(view.data).replace("<", "\\u003c"),
+        script="\n".join(_asset(f"{name}.js") for name in SCRIPTS),
+    )
+
+
+def _asset(name: str) -> str:
+    return resources.files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def _verdict(verdict: Verdict) -> str:
+    sign, word = MARKS[verdict.mark]
+    details = "".join(f"<p>{escape(text)}</p>" for text in verdict.details)
+    return (
+        f'<section id="verdict" class="{verdict.mark}" aria-label="Verdict">'
+        f'<p class="badge"><span aria-hidden="true">{sign}</span> {word}</p>'
+        f'<p class="sentence">{escape(verdict.sentence)}</p>{details}</section>'
+    )
+
+
+def _view(view: View) -> str:
+    remarks = "".join(f"<p>{escape(text)}</p>" for text in view.remarks)
+    return remarks + (_asset("view.html") if view.data is not None else "")
+
+
+def _curve(reader: ResultReader) -> str:
+    unit = reader.scene.unit_of_work(reader.gdim) if reader.levels else ""
+    curve = curve_of(reader.reports, reader.limit, reader.scene.driven, unit)
+    return _section("curve", "The curve", "" if curve is None else to_svg(curve))
+
+
+def _levels(reader: ResultReader) -> str:
+    if not reader.reports:
+        return ""
+    good, fair, _ = GRADES
+    table = level_table(reader.reports, reader.scene.driven)
+    note = (
+        f"<p>Each solved step is checked anew: <b>energy</b>, that no other state has less;"
+        f" <b>forces</b>, that all are in balance; <b>contact</b>, that bodies push where they"
+        f" touch and nowhere else. {good.sign} {good.word}: no more than {TIGHT:.0e} is missing, in"
+        f" relation to the whole; {fair.sign} {fair.word}: no more than {CREDIBLE:.0e}.</p>"
+    )
+    return _section("levels", "Levels", table + note)
+
+
+def _reactions(reader: ResultReader, words: CaseWords) -> str:
+    steps = [step for step in reader.summary.steps if step["converged"]]
+    if not steps or not steps[-1]["reactions"]:
+        return ""
+    last, model = steps[-1], reader.summary.model
+    table = reaction_table(last["reactions"], model["axes"], words.unit("force"))
+    of = f", {model['forces']}" if model["forces"] else ""
+    note = f"<p>At the last solved step, ζ = {last['zeta']:.6g}{escape(of)}.</p>"
+    return _section("reactions", "Forces", note + table)
+
+
+def _case(summary: Summary, words: CaseWords) -> str:
+    mesh, degree, kind = summary.mesh, summary.given.get("degree"), summary.model["kind"]
+    elements = "" if degree is None else f", elements of degree {degree}"
+    size = f"{mesh['cells']} cells, {mesh['vertices']} vertices, {mesh['dofs']} unknowns{elements}"
+    parts = [
+        ("Bodies", words.bodies()),
+        ("Supports", words.supports()),
+        ("Loads", words.loads()),
+        ("Contact", words.contacts()),
+    ]
+    text = pairs([("Model", MODELS.get(kind, kind)), ("Mesh", size)])
+    text += "".join(f"<h3>{head}</h3>{pairs(rows)}" for head, rows in parts if rows)
+    return _section("case", "The case", text)
+
+
+def _again(summary: Summary) -> str:
+    case, timings = summary.case, summary.timings
+    versions = ", ".join(f"{a} {b}" for a, b in summary.surroundings.get("versions", {}).items())
+    rows = [
+        ("Method", summary.method),
+        ("Processes", str(summary.ranks)),
+        ("Time", f"{timings.get('total', sum(timings.values())):.1f} s"),
+        ("Memory", f"{summary.peak_memory_mb:.0f} MiB in all"),
+        ("Versions", versions or f"perfplast {summary.version}"),
+    ]
+    command = command_of(summary)
+    text = "<p>A Python program has made this run; run that again.</p>"
+    if command:
+        text = f"<p>To run it again:</p><pre><code>{escape(command)}</code></pre>"
+    text += pairs([row for row in rows if row[1]])
+    if case:
+        name = escape(case["file"])
+        file = f"<pre><code>{escape(case['text'])}</code></pre>"
+        text += f"<details><summary>The case file {name}</summary>{file}</details>"
+    return _section("again", "How it was computed", text)
+
+
+def _section(name: str, head: str, text: str) -> str:
+    if not text:
+        return ""
+    heading = f'<h2 id="{name}-h">{head}</h2>'
+    return f'<section id="{name}" aria-labelledby="{name}-h">{heading}{text}</section>'

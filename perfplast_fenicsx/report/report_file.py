@@ -1,0 +1,62 @@
+"""``report.html`` of a result folder. Single-process, but for :func:`report_on`."""
+
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.report.page import page_of
+from perfplast_fenicsx.report.view_data import view_data
+
+if TYPE_CHECKING:
+    from perfplast_fenicsx.io.results.result_folder import ResultFolder
+
+NAME = "report.html"
+
+log = logging.getLogger(__name__)
+
+
+def write_report(folder: str | Path, output: str | Path | None = None) -> Path:
+    """Write a page about the results of a run, which may still be going on. Not collective.
+
+    Args:
+        folder: The results.
+        output: The file; by default ``report.html`` in the folder.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: If the folder has no results, they cannot be read, or the file not be written.
+    """
+    reader = ResultReader(folder)
+    target = Path(output) if output else reader.path / NAME
+    if target.is_dir():
+        raise InputError(f"the report '{target}' is a folder; give -o the name of a file.")
+    page = page_of(reader, view_data(reader))
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        replace(target, page.encode())
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"'{target}' cannot be written ({reason}); give another -o.") from error
+    return target
+
+
+def report_on(folder: "ResultFolder") -> Path | None:
+    """Write the report of a run into its folder. Collective.
+
+    Where it cannot be written a warning is logged on rank 0: a report is no reason to stop.
+
+    Returns:
+        The file, on every rank alike; None if there is none.
+    """
+    found = None
+    if folder.comm.rank == 0:
+        try:
+            found = write_report(folder.path)
+        except Exception as error:  # the other ranks wait
+            log.warning("%s", error)
+    return folder.comm.bcast(found)

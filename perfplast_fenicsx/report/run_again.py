@@ -1,0 +1,19 @@
+"""The command that makes the same run again."""
+
+import re
+import shlex
+
+from perfplast_fenicsx.io.results.summary import Summary
+
+OF_SOLVERS = re.compile(r"-perfplast_(vi_)?\d+_\S+ \S+ ?")
+"""Options that solvers set for themselves, each behind a number of its own."""
+
+
+def command_of(summary: Summary) -> str:
+    """The command, as a shell has it; empty where a Python program has made the run."""
+    if not summary.case:
+        return ""
+    launch = ["mpirun", "-n", str(summary.ranks)] if summary.ranks > 1 else []
+    words = [*launch, "perfplast", "run", summary.case["file"], "-o", "results"]
+    options = OF_SOLVERS.sub("", summary.surroundings.get("petsc_options", "")).strip()
+    return shlex.join(words) + (f" -- {options}" if options else "")

@@ -1,0 +1,122 @@
+"""Fields of a file of results as numbers at the skin of the bodies. Single-process.
+
+No field is held as a whole: it is read slab by slab, and only what lies on the skin is kept.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.io.results.result_files import BODY, CELL_DATA, POINT_DATA
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+
+SLAB = 1 << 17
+"""So many rows are read at a time."""
+
+MOTIONS = ("displacement", "mechanism")
+"""Fields that say where points go; the second is a velocity."""
+
+
+@dataclass(frozen=True)
+class SkinField:
+    """A number at each point or triangle of the skin.
+
+    Attributes:
+        name: As in the file.
+        at: Where.
+        values: Shape (num_points,) or (num_triangles,).
+    """
+
+    name: str
+    at: Literal["points", "cells"]
+    values: Floats
+
+
+@dataclass(frozen=True)
+class SkinState:
+    """The skin at a level, or the mechanism.
+
+    Attributes:
+        motion: Displacement or velocity of its points, shape (num_points, 3).
+        fields: The others, as numbers.
+    """
+
+    motion: Floats
+    fields: list[SkinField]
+
+
+def read_state(reader: ResultReader, name: str) -> SkinState:
+    """Read all fields of a file at the skin.
+
+    Args:
+        reader: The results.
+        name: A file of fields in its folder.
+
+    Raises:
+        InputError: If it cannot be read, or has no displacement or velocity.
+    """
+    skin = reader.skin
+
+    def read(path: Path) -> SkinState:
+        fields, motion = [], None
+        with h5py.File(path, locking=False) as file:
+            places = [f"{POINT_DATA}/{a}" for a in file.get(POINT_DATA, ())]
+            places += [f"{CELL_DATA}/{a}" for a in file.get(CELL_DATA, ())]
+            for place in places:
+                if place == BODY:
+                    continue
+                nodal = place.startswith(POINT_DATA)
+                values = rows_of(file[place], skin.nodes if nodal else skin.cells)
+                label = place.rsplit("/", 1)[1]
+                if label in MOTIONS:
+                    motion = values
+                number = as_number(label, values)
+                fields.append(SkinField(label, "points" if nodal else "cells", number))
+        if motion is None:
+            raise KeyError(f"neither {' nor '.join(MOTIONS)} is in it")
+        return SkinState(motion, fields)
+
+    return reader.read(name, read)
+
+
+def rows_of(data: Any, rows: Longs) -> npt.NDArray[Any]:
+    """Rows of a data set, in single precision.
+
+    Args:
+        data: The data set.
+        rows: Their numbers, which do not fall.
+    """
+    found = np.empty((len(rows), *data.shape[1:]), dtype=np.float32)
+    for first in range(0, len(data), SLAB):
+        low, high = np.searchsorted(rows, [first, first + SLAB])
+        if high > low:
+            found[low:high] = data[first : first + SLAB][rows[low:high] - first]
+    return found
+
+
+def as_number(name: str, values: Floats) -> Floats:
+    """What is shown of a field.
+
+    Args:
+        name: Of the field.
+        values: Numbers, vectors (n, 3) or tensors (n, 9) or (n, 3, 3).
+
+    Returns:
+        Numbers as they are, the length of vectors, of stresses that of von Mises √(3/2) ‖dev σ‖, of
+        other tensors, which are strains, √(2/3) ‖ε‖.
+    """
+    if values.ndim == 1:
+        return values
+    flat = values.reshape(len(values), -1)
+    if flat.shape[1] != 9:
+        return np.asarray(np.linalg.norm(flat, axis=1))
+    if "stress" not in name:
+        return np.asarray(np.sqrt(2 / 3) * np.linalg.norm(flat, axis=1))
+    deviator = flat.copy()
+    deviator[:, ::4] -= flat[:, ::4].mean(axis=1, keepdims=True)
+    return np.asarray(np.sqrt(3 / 2) * np.linalg.norm(deviator, axis=1))

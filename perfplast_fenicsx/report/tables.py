@@ -1,0 +1,94 @@
+"""Tables of the page: levels with marks that judge them, reactions, and pairs of words."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+from perfplast_fenicsx.problem.report import LevelReport
+from perfplast_fenicsx.solvers.verdicts import CREDIBLE
+
+TIGHT = 1e-6
+"""A certificate that is no larger is met but for rounding, for all that an engineer asks."""
+
+
+@dataclass(frozen=True)
+class Grade:
+    """How well something is fulfilled: a sign, a word, and the class of its colour."""
+
+    sign: str
+    word: str
+    style: str
+
+
+GRADES = (Grade("✓", "met", "good"), Grade("≈", "nearly", "fair"), Grade("✗", "not met", "bad"))
+
+
+def grade(certificate: float) -> Grade:
+    """The grade of what is 0 for a solution."""
+    size = abs(certificate)
+    return GRADES[0] if size <= TIGHT else GRADES[1] if size <= CREDIBLE else GRADES[2]
+
+
+def judged(certificate: float) -> str:
+    """A certificate as a mark and its number."""
+    found = grade(certificate)
+    return (
+        f'<span class="mark {found.style}"><span aria-hidden="true">{found.sign}</span>'
+        f" {found.word}</span> <small>{abs(certificate):.0e}</small>"
+    )
+
+
+def level_table(reports: Sequence[LevelReport], driven: bool) -> str:
+    """A row for each level."""
+    staged = any(report.stage for report in reports)
+    rubs = any(report.friction_dissipation or report.slipping for report in reports)
+    heads = ["step", *(["stage"] if staged else []), "ζ", "driving force" if driven else "work α"]
+    heads += ["plastic", "contacts that push", "largest displacement", "solved", "energy", "forces"]
+    heads += ["contact", *(["friction"] if rubs else []), "seconds"]
+    rows = []
+    for number, report in enumerate(reports, start=1):
+        found = report.driving_force if driven else report.alpha
+        cells = [str(number), *([escape(report.stage or "start")] if staged else [])]
+        cells += [f"{report.zeta:.6g}", f"{found:.6g}", f"{report.plastic_fraction:.1%}"]
+        cells += [f"{report.active_contacts} of {report.contact_pairs}"]
+        cells += [f"{report.max_displacement:.4g}"]
+        if report.converged:
+            cells += ['<span class="mark good"><span aria-hidden="true">✓</span> yes</span>']
+            cells += [judged(report.duality_gap), judged(report.equilibrium)]
+            cells += [judged(report.complementarity)]
+            cells += [judged(report.friction_excess)] if rubs else []
+        else:
+            no = '<span class="mark bad"><span aria-hidden="true">✗</span> no solution</span>'
+            cells += [no, *["–"] * (4 if rubs else 3)]
+        rows.append([*cells, f"{report.seconds:.2f}"])
+    return table(heads, rows)
+
+
+def reaction_table(reactions: Mapping[str, Sequence[float]], axes: str, unit: str) -> str:
+    """A row for each load, support, obstacle and contact, with the sum of what is outside."""
+    bracket = f" ({escape(unit)})" if unit else ""
+    heads = ["exerted on the bodies by", *(f"{axis}{bracket}" for axis in axes)]
+    rows = [
+        [escape(name), *(f"{force:.6g}" for force in forces)] for name, forces in reactions.items()
+    ]
+    return table(heads, rows)
+
+
+def pairs(rows: Iterable[tuple[str, str]]) -> str:
+    """Names and what is said of them."""
+    items = "".join(f"<div><dt>{escape(a)}</dt><dd>{escape(b)}</dd></div>" for a, b in rows)
+    return f"<dl>{items}</dl>" if items else ""
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """A table that scrolls in itself where the page is narrow; the cells are HTML."""
+    head = "".join(f'<th scope="col">{name}</th>' for name in heads)
+    body = "".join(
+        f'<tr><th scope="row">{row[0]}</th>{"".join(f"<td>{cell}</td>" for cell in row[1:])}</tr>'
+        for row in rows
+    )
+    return (
+        '<div class="scroll" tabindex="0" role="region" aria-label="table, which scrolls sideways">'
+        f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+    )

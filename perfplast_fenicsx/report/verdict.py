@@ -1,0 +1,139 @@
+"""The outcome of a run in one sentence, and what it holds for."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
+
+Mark = Literal["proven", "found", "open"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a run has shown.
+
+    Attributes:
+        mark: "proven" of the bodies, "found" on this mesh, or "open".
+        sentence: The outcome.
+        details: What it holds for, and what it does not, in sentences.
+    """
+
+    mark: Mark
+    sentence: str
+    details: list[str]
+
+
+def verdict_on(reader: ResultReader) -> Verdict:
+    """The verdict on the results that are on file."""
+    if reader.limit is not None:
+        found = _of_limit(reader.limit, reader.summary.limit or {})
+        solved = [report.zeta for report in reader.reports if report.converged]
+        if not solved:
+            return found
+        path = f"On the way {len(solved)} levels are solved, up to ζ = {max(solved):.6g}."
+        return replace(found, details=[*found.details, path])
+    return _of_levels(reader)
+
+
+def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
+    lower, upper = limit.body.get("lower"), limit.body.get("upper")
+    mesh = _mesh_bracket(limit)
+    reasons = [f"{why[:1].upper()}{why[1:]}." for why in limit.body.get("why_not", [])]
+    early = "" if table["levelled_off"] else f" The search ended early: {table['reason']}."
+    if lower is not None and upper is not None:
+        return Verdict(
+            "proven",
+            f"The bodies carry ζ = {rounded_down(lower)} for certain, and collapse at"
+            f" ζ = {rounded_up(upper)} at the latest.",
+            [
+                "Both bounds are strict: they hold for the bodies that the mesh fills, and not just"
+                " for the mesh, but for rounding of the numbers.",
+                f"On the mesh {mesh}.{early}",
+            ],
+        )
+    if upper is not None:
+        return Verdict(
+            "found" if table["levelled_off"] else "open",
+            f"On this mesh {mesh}; the bodies themselves collapse at ζ = {rounded_up(upper)} at the"
+            " latest.",
+            [
+                "The bound of the bodies is strict. No load that they carry for certain is proven:",
+                *reasons,
+            ]
+            + ([early.strip()] if early else []),
+        )
+    if lower is not None:
+        return Verdict(
+            "found" if table["levelled_off"] else "open",
+            f"The bodies carry ζ = {rounded_down(lower)} for certain; on this mesh {mesh}.",
+            ["No load at which the bodies collapse for certain is proven:", *reasons],
+        )
+    details = ["This holds for the mesh. A finer one may give another load, mostly a lower one."]
+    if not table["levelled_off"]:
+        return Verdict(
+            "open",
+            f"No limit load was found; the mesh carries ζ = {rounded_down(limit.lower)}.",
+            [f"The search ended: {table['reason']}.", *details, *reasons],
+        )
+    return Verdict("found", f"On this mesh {mesh}.", [*details, *reasons])
+
+
+def _mesh_bracket(limit: StoredLimit) -> str:
+    """What is known of the mesh, as the end of a sentence."""
+    lower = rounded_down(limit.lower)
+    if limit.upper is not None:
+        return f"the bodies collapse between ζ = {lower} and {rounded_up(limit.upper)}"
+    if limit.estimate is not None:
+        return f"the bodies carry ζ = {lower}, and collapse at about {limit.estimate:.6g}"
+    return f"the bodies carry ζ = {lower}; a load at which they collapse was not found"
+
+
+def _of_levels(reader: ResultReader) -> Verdict:
+    reports, driven = reader.reports, reader.scene.driven
+    solved = [report for report in reports if report.converged]
+    if not reports:
+        return Verdict("open", "No level is solved yet: the run has not come that far.", [])
+    last = reports[-1]
+    details = []
+    if solved:
+        end = solved[-1]
+        length = f"{end.max_displacement:.4g} {reader.scene.units.length}".rstrip()
+        details.append(
+            f"At the last solved step {end.plastic_fraction:.1%} of the volume is plastic, and the"
+            f" largest displacement is {length}."
+        )
+    details += [
+        "All numbers hold for this mesh. What the bodies carry for certain is found with"
+        ' control = "bounds".'
+    ]
+    if _coulomb(reader.summary.given):
+        details.append("With Coulomb's friction a step may have other solutions than this one.")
+    if not last.converged:
+        before = f"The bodies carry ζ = {solved[-1].zeta:.6g} on this mesh, but" if solved else "At"
+        at = f" at ζ = {last.zeta:.6g}" if solved else f" ζ = {last.zeta:.6g}"
+        return Verdict(
+            "open", f"{before}{at} no solution was found.", [f"Why: {last.reason}.", *details]
+        )
+    if last.stage:
+        stages = len({report.stage for report in reports if report.stage})
+        many = "stages" if stages > 1 else "stage"
+        sentence = f"The whole history is solved: {len(reports)} steps in {stages} {many}."
+    elif driven:
+        most = max(reports, key=lambda report: abs(report.driving_force))
+        sentence = (
+            f"All {len(reports)} positions up to ζ = {last.zeta:.6g} are solved; the largest"
+            f" driving force is {most.driving_force:.6g}, at ζ = {most.zeta:.6g}."
+        )
+    else:
+        top = max(report.zeta for report in reports)
+        count = f"All {len(reports)} load levels are" if len(reports) > 1 else "The load level is"
+        sentence = f"{count} solved: on this mesh the bodies carry the loads up to ζ = {top:.6g}."
+    return Verdict("found", sentence, details)
+
+
+def _coulomb(given: Mapping[str, Any]) -> bool:
+    """Whether there is friction that follows the pressure."""
+    places = [*given.get("contacts", []), *given.get("obstacles", [])]
+    return any(place.get("coulomb") for place in places)

@@ -1,0 +1,168 @@
+"""What the page's view of the bodies is drawn from: mesh, levels, mechanism, all packed.
+
+A page is to stay small enough to be mailed, so that of a large run not every level is in it.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.io.case.scene import Units
+from perfplast_fenicsx.io.results.result_files import MECHANISM
+from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
+from perfplast_fenicsx.report.field_words import rank_of, words_of
+from perfplast_fenicsx.report.packing import pack_integers, pack_numbers, size_of
+from perfplast_fenicsx.report.skin_fields import SkinState, read_state
+from perfplast_fenicsx.report.skin_lines import skin_lines
+
+ROOM = 18_000_000
+"""Characters of packed arrays that a page may have; with all else it stays below 20 MB."""
+
+KEPT = ("stress", "displacement", "contact_pressure", "dissipation")
+"""Fields that stay where not even one level with all of them has room."""
+
+
+@dataclass(frozen=True)
+class View:
+    """The data of the view.
+
+    Attributes:
+        data: What ``decode.js`` reads; None where there is nothing to show.
+        remarks: What is left out, and why, in sentences.
+    """
+
+    data: dict[str, Any] | None
+    remarks: list[str] = field(default_factory=list)
+
+
+def view_data(reader: ResultReader, room: int = ROOM) -> View:
+    """Pack the skin, the levels that have room, and the mechanism.
+
+    Args:
+        reader: The results.
+        room: Characters that arrays may take.
+
+    Raises:
+        InputError: If a file of fields cannot be read.
+    """
+    collapses = reader.limit is not None and (reader.path / MECHANISM).exists()
+    if not reader.levels and not collapses:
+        return View(None, ["The run has no fields on file, so that the bodies are not shown."])
+    units, remarks = reader.scene.units, []
+    surface = reader.skin.surface
+    order = np.argsort(surface.body, kind="stable")
+    data = _mesh(surface, order) | {
+        "axisymmetric": reader.scene.axisymmetric,
+        "unit": units.length,
+        "states": [],
+    }
+    left = room - size_of(data)
+    packer = _Packer(reader, units, order)
+    newest = [packer.level(reader.levels[-1])] if reader.levels else []
+    mechanism = [packer.mechanism()] if collapses else []
+    if size_of(newest) + size_of(mechanism) > left:
+        packer = _Packer(reader, units, order, KEPT)
+        newest = [packer.level(reader.levels[-1])] if reader.levels else []
+        mechanism = [packer.mechanism()] if collapses else []
+        remarks.append("The mesh is large: only the most important fields are on this page.")
+        if size_of(newest) + size_of(mechanism) > left:
+            return View(None, ["The mesh is too large for a page; open the fields with ParaView."])
+    left -= size_of(mechanism)
+    chosen = chosen_levels(len(reader.levels), left // max(size_of(newest), 1))
+    if len(chosen) < len(reader.levels):
+        remarks.append(
+            f"The view has {len(chosen)} of {len(reader.levels)} levels, so that the page stays"
+            " below 20 MB; the result folder has them all."
+        )
+    states = [packer.level(reader.levels[number]) for number in chosen[:-1]] + newest
+    data |= {"states": states + mechanism}
+    data["fields"] = _offered(data["states"], units)
+    return View(data, remarks)
+
+
+def chosen_levels(count: int, most: int) -> list[int]:
+    """Numbers from 0 of levels that are shown, evenly, the last one always among them."""
+    if not count:
+        return []
+    return sorted({int(a) for a in np.linspace(count - 1, 0, min(count, max(most, 1))).round()})
+
+
+def _mesh(surface: Surface, order: Longs) -> dict[str, Any]:
+    """Points, triangles and lines; those of a body follow each other."""
+    lines, line_body = skin_lines(surface)
+    numbers = np.arange(len(surface.names) + 1)
+    return {
+        "plane": surface.plane,
+        "size": surface.size,
+        "names": surface.names,
+        "points": [pack_numbers(axis) for axis in surface.points.T],
+        "triangles": pack_integers(surface.triangles[order]),
+        "triangleStarts": np.searchsorted(surface.body[order], numbers).tolist(),
+        "lines": pack_integers(lines),
+        "lineStarts": np.searchsorted(line_body, numbers).tolist(),
+    }
+
+
+@dataclass(frozen=True)
+class _Packer:
+    """Reads and packs states."""
+
+    reader: ResultReader
+    units: Units
+    order: Longs
+    kept: tuple[str, ...] = ()
+
+    def level(self, level: StoredLevel) -> dict[str, Any]:
+        report, count = level.report, len(self.reader.reports)
+        what = f"step {level.number} of {count}"
+        if report.stage:
+            factors = ", ".join(f"{name} × {a:.4g}" for name, a in report.factors.items())
+            what += f", {report.stage}: {factors or 'at rest'}"
+        else:
+            what += f": ζ = {report.zeta:.6g}"
+        return {"title": what, "mechanism": False} | self._state(level.file)
+
+    def mechanism(self) -> dict[str, Any]:
+        title = "collapse mechanism (how the bodies move when they fail)"
+        return {"title": title, "mechanism": True} | self._state(MECHANISM)
+
+    def _state(self, name: str) -> dict[str, Any]:
+        state: SkinState = read_state(self.reader, name)
+        fields = {}
+        for one in state.fields:
+            if self.kept and one.name not in self.kept:
+                continue
+            values = one.values[self.order] if one.at == "cells" else one.values
+            fields[one.name] = {
+                "at": one.at,
+                "low": float(values.min(initial=np.inf)),
+                "high": float(values.max(initial=-np.inf)),
+                "values": pack_numbers(values),
+            }
+        return {
+            "motion": [pack_numbers(axis) for axis in state.motion.T],
+            "largest": float(np.linalg.norm(state.motion, axis=1).max(initial=0.0)),
+            "fields": fields,
+        }
+
+
+def _offered(states: list[dict[str, Any]], units: Units) -> list[dict[str, Any]]:
+    """Fields in the order in which they are offered, with the ranges over all levels."""
+    names = sorted({name for state in states for name in state["fields"]}, key=rank_of)
+    offered = []
+    for name in names:
+        of_levels = [a["fields"][name] for a in states if name in a["fields"]]
+        words = words_of(name, units)
+        offered.append(
+            {
+                "name": name,
+                "label": words.label,
+                "unit": words.unit,
+                "low": min(0.0, *(a["low"] for a in of_levels)),
+                "high": max(a["high"] for a in of_levels),
+            }
+        )
+    return offered

@@ -1,0 +1,141 @@
+"""Units of a case: consistent systems, in which a force is a stress times an area without a factor.
+
+Nothing that is computed depends on them: they say what numbers mean.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from perfplast_fenicsx.errors import InputError
+
+Name = Literal["mm-N-MPa", "mm-kN-GPa", "m-kN-kPa", "m-MN-MPa", "SI"]
+
+
+@dataclass(frozen=True)
+class System:
+    """Units that go together.
+
+    Attributes:
+        length: Unit of lengths.
+        force: Unit of forces.
+        stress: Unit of stresses, force / length².
+        metres: The unit of length (m).
+        pascals: The unit of stress (Pa).
+    """
+
+    length: str
+    force: str
+    stress: str
+    metres: float
+    pascals: float
+
+
+SYSTEMS: dict[Name, System] = {
+    "mm-N-MPa": System("mm", "N", "MPa", 1e-3, 1e6),
+    "mm-kN-GPa": System("mm", "kN", "GPa", 1e-3, 1e9),
+    "m-kN-kPa": System("m", "kN", "kPa", 1.0, 1e3),
+    "m-MN-MPa": System("m", "MN", "MPa", 1.0, 1e6),
+    "SI": System("m", "N", "Pa", 1.0, 1.0),
+}
+"""By the names that case files have for them."""
+
+
+@dataclass(frozen=True)
+class Units:
+    """What the numbers of a case are in; nothing is converted.
+
+    Args:
+        length: Of the mesh, such as "mm"; known where there is a system.
+        stress: Of the materials and loads, such as "MPa"; known where there is a system.
+        system: A consistent system: lengths, forces and stresses.
+    """
+
+    length: str = ""
+    stress: str = ""
+    system: Name | None = None
+
+    def __post_init__(self) -> None:
+        """Look whether length and stress are those of the system.
+
+        Raises:
+            InputError: If one is another.
+        """
+        if self.system is None:
+            return
+        if self.system not in SYSTEMS:
+            known = ", ".join(SYSTEMS)
+            raise InputError(f"system = '{self.system}' is unknown; give one of {known}.")
+        for key in ("length", "stress"):
+            given, meant = getattr(self, key), getattr(SYSTEMS[self.system], key)
+            if given not in ("", meant):
+                raise InputError(
+                    f"{key} = '{given}' contradicts system = '{self.system}', whose {key} is in"
+                    f" {meant}; leave {key} out, or choose another system."
+                )
+
+    @property
+    def name(self) -> Name | None:
+        """The system that was named, or that length and stress are of; None of others."""
+        if self.system is not None:
+            return self.system
+        for name, system in SYSTEMS.items():
+            if (system.length, system.stress) == (self.length, self.stress):
+                return name
+        return None
+
+    @property
+    def known(self) -> System | None:
+        """The system of this name."""
+        return SYSTEMS[self.name] if self.name else None
+
+    def table(self, whole: bool = True) -> dict[str, str]:
+        """The unit of each quantity, as ``summary.json`` has it.
+
+        Args:
+            whole: Whether bodies have an end in all directions; without it forces and works are
+                those of each unit of depth.
+
+        Returns:
+            Units of ``length``, ``stress``, ``force``, ``work``, ``moment`` and ``force_density``
+            (force per volume), and the ``system``; empty texts of what is unknown.
+        """
+        system = self.known
+        length = system.length if system else self.length
+        stress = system.stress if system else self.stress
+        force = work = density = ""
+        if system:
+            force = system.force if whole else f"{system.force}/{length}"
+            work = f"{system.force} {length}" + ("" if whole else f"/{length}")
+            density = f"{system.force}/{length}^3"
+        elif length and stress:
+            force = f"{stress} {length}²" if whole else f"{stress} {length}"
+            work = f"{stress} {length}³" if whole else f"{stress} {length}²"
+            density = f"{stress}/{length}"
+        return {
+            "system": self.name or "",
+            "length": length,
+            "stress": stress,
+            "force": force,
+            "work": work,
+            "moment": work,
+            "force_density": density,
+        }
+
+    def of_length(self) -> str:
+        """What stands in brackets behind a length."""
+        return self.table()["length"] or "the mesh's unit of length"
+
+    def of_stress(self) -> str:
+        """What stands in brackets behind a stress."""
+        return self.table()["stress"] or "the materials' unit of stress"
+
+    def of_work(self, whole: bool) -> str:
+        """What stands in brackets behind a work, or nothing."""
+        return self.table(whole)["work"]
+
+    def in_words(self, whole: bool = True) -> str:
+        """What numbers are in, without a full stop; nothing where nothing is known."""
+        table = self.table(whole)
+        kinds = {"length": "lengths", "force": "forces", "stress": "stresses", "work": "works"}
+        said = [f"{word} in {table[kind]}" for kind, word in kinds.items() if table[kind]]
+        return ", ".join(said)

@@ -1,0 +1,222 @@
+"""``perfplast report`` and ``run --report``: the page in a browser, and what is refused."""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from tests.functional.test_command_line import CASE, one_line, write
+
+PATIENCE = 120
+"""Longest time for anything in the browser (s)."""
+
+FLAGS = (
+    *("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle"),
+    *("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars"),
+)
+
+alone = pytest.mark.skipif(
+    MPI.COMM_WORLD.size > 1, reason="a process that uses MPI cannot start a browser under mpirun"
+)
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with its report."""
+    comm = MPI.COMM_WORLD
+    place = comm.bcast(tmp_path_factory.mktemp("run"))
+    text = CASE.replace("[50.0, 80.0]", "[50.0, 80.0, 95.0]")
+    text += '[units]\nlength = "mm"\nstress = "MPa"\n'
+    case, folder = write(comm, place, text), place / "results"
+    with redirect_stdout(StringIO()) as out:
+        assert main(["run", str(case), "-o", str(folder), "--report"]) == SOLVED
+    if comm.rank == 0:
+        assert out.getvalue().endswith(f"Report: {folder / 'report.html'}\n")
+    return folder
+
+
+def test_the_run_writes_it(
+    results: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = results / "new" / "page.html"
+    assert main(["report", str(results), "-o", str(again)]) == SOLVED
+    assert capsys.readouterr().out == ("" if comm.rank else f"{again}\n")
+    page = again.read_text(encoding="utf-8")
+    assert page == (results / "report.html").read_text(encoding="utf-8")
+    assert "on this mesh the bodies carry the loads up to ζ = 95" in page
+    assert "yield stress 100 MPa" in page
+    summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    assert summary["given"]["materials"]["punch"]["kind"] == "von-mises"
+    assert summary["case"]["text"] in page.replace("&quot;", '"')
+
+
+@pytest.mark.parametrize(
+    ("spoil", "more", "part"),
+    [
+        (shutil.rmtree, [], "does not exist; give the DIR of perfplast run"),
+        (lambda path: (path / "scene.json").unlink(), [], "has no scene.json"),
+        (lambda path: (path / "summary.json").write_text("{"), [], "cannot be read"),
+        (lambda path: (path / "summary.json").write_text("{}"), [], "'title' is missing"),
+        (lambda path: (path / "fields/level_0002.vtkhdf").write_text("a"), [], "cannot be read"),
+        (lambda path: (path / "model.json").touch(), [], "has model.json, so its results are"),
+        (lambda path: None, ["-o", "/dev/null/a.html"], "cannot be written"),
+        (lambda path: None, ["-o", "/"], "is a folder; give -o the name of a file"),
+    ],
+)
+def test_what_cannot_be_reported(
+    spoil: Callable[[Path], object],
+    more: list[str],
+    part: str,
+    results: Path,
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+    shared_tmp_path: Path,
+) -> None:
+    folder = shared_tmp_path / "spoilt"
+    if comm.rank == 0:
+        spoil(shutil.copytree(results, folder))
+    comm.barrier()
+    assert main(["report", str(folder), *more]) == BAD_INPUT
+    assert part in one_line(comm, capsys)
+
+
+@pytest.fixture
+def browser() -> Iterator[Any]:
+    """Chromium without a screen."""
+    webdriver = pytest.importorskip("selenium.webdriver")
+    service = pytest.importorskip("selenium.webdriver.chrome.service")
+    program, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if program is None or driver is None:
+        pytest.skip("no chromium and chromedriver to open the report with")
+    options = webdriver.ChromeOptions()
+    options.binary_location = program
+    for flag in FLAGS:
+        options.add_argument(flag)
+    logs = {"browser": "ALL", "performance": "ALL"}
+    options.set_capability("goog:loggingPrefs", logs)
+    with webdriver.Chrome(options=options, service=service.Service(driver)) as window:
+        window.set_script_timeout(PATIENCE)
+        window.set_window_size(1000, 1000)
+        yield window
+
+
+class Page:
+    """The report in a browser."""
+
+    def __init__(self, browser: Any, path: Path) -> None:
+        self._browser = browser
+        browser.get(path.as_uri())
+        self.wait("document.getElementById('canvas').hasAttribute('data-ready')")
+
+    def __call__(self, script: str) -> Any:
+        return self._browser.execute_script(f"return {script}")
+
+    def wait(self, condition: str) -> None:
+        from selenium.webdriver.support.ui import WebDriverWait
+
+        WebDriverWait(self._browser, PATIENCE, 0.05).until(lambda _: self(condition))
+
+    def part(self, name: str) -> Any:
+        return self._browser.find_element("id", name)
+
+    def pixels(self) -> np.ndarray[Any, Any]:
+        """What is on the canvas, shape (32, 32, 3)."""
+        return np.array(
+            self._browser.execute_async_script(
+                """const done = arguments[0];
+                requestAnimationFrame(() => requestAnimationFrame(() => {
+                  const small = document.createElement("canvas");
+                  small.width = small.height = 32;
+                  const pen = small.getContext("2d");
+                  pen.drawImage(document.getElementById("canvas"), 0, 0, 32, 32);
+                  done(Array.from(pen.getImageData(0, 0, 32, 32).data));
+                }));"""
+            )
+        ).reshape(32, 32, 4)[..., :3]
+
+    def changed(self, before: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        """The pixels once they differ from those before."""
+        for _ in range(1000):
+            now = self.pixels()
+            if np.abs(now - before).max() > 20:
+                return now
+        raise AssertionError("the picture has not changed")
+
+    def keys(self, name: str, *keys: str) -> None:
+        self.part(name).send_keys(*keys)
+
+    def choose(self, name: str, value: str) -> None:
+        """Set a control as a hand does."""
+        self._browser.execute_script(
+            """const part = document.getElementById(arguments[0]);
+            part.value = arguments[1];
+            part.dispatchEvent(new Event("input"));
+            part.dispatchEvent(new Event("change"));""",
+            name,
+            value,
+        )
+
+
+@alone
+def test_in_a_browser(results: Path, browser: Any) -> None:
+    """It asks for nothing, shows the bodies, and answers to mouse, keys and a narrow window."""
+    from selenium.webdriver import ActionChains, Keys
+
+    page = Page(browser, results / "report.html")
+    first = page.pixels()
+    assert 0.1 < (first.min(axis=2) < 250).mean() < 0.9
+    assert len(np.unique(first.reshape(-1, 3), axis=0)) > 20
+    assert "step 3 of 3" in page.part("level-told").text
+
+    page.keys("level", Keys.ARROW_LEFT)
+    page.wait("document.getElementById('level-told').textContent.startsWith('step 2')")
+    second = page.changed(first)
+    page.choose("field", "")
+    plain = page.changed(second)
+    page.choose("scale", "0")
+    page.wait("document.getElementById('scale-told').textContent === 'not deformed'")
+    page.keys("canvas", Keys.ARROW_RIGHT)
+    turned = page.changed(plain)
+    page.keys("canvas", "0")
+    page.choose("cut-axis", "0")
+    page.changed(turned)
+    page.choose("cut-axis", "")
+
+    told = "document.getElementById('told').textContent"
+    ActionChains(browser).move_to_element(page.part("canvas")).click().perform()
+    page.wait(f"['base', 'punch'].includes({told})")
+    before = page.pixels()
+    page.part("hide").click()
+    hidden = page.changed(before)
+    page.part("all").click()
+    page.changed(hidden)
+    page.choose("field", "stress")
+    ActionChains(browser).move_to_element(page.part("canvas")).click().perform()
+    page.wait(f"/^(base|punch): von Mises stress [0-9.]+ MPa$/.test({told})")
+
+    browser.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride",
+        {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True},
+    )
+    page.wait("innerWidth === 390")
+    assert page("document.documentElement.scrollWidth") <= 390
+    page.wait("document.getElementById('canvas').width === 2 * canvas.clientWidth")
+    narrow = page.pixels()
+    assert 0.05 < (narrow.min(axis=2) < 250).mean() < 0.95
+
+    assert [line["message"] for line in browser.get_log("browser")] == []
+    messages = [json.loads(line["message"])["message"] for line in browser.get_log("performance")]
+    sent = [a for a in messages if a["method"] == "Network.requestWillBeSent"]
+    asked = {message["params"]["request"]["url"].split(":")[0] for message in sent}
+    assert asked <= {"file", "data"}
+    assert sum(a["params"]["request"]["url"].startswith("file:") for a in sent) == 1

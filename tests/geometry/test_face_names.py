@@ -1,0 +1,94 @@
+"""Faces that a user names."""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx import read_gmsh
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.geometry import MeshingOptions
+from perfplast_fenicsx.geometry.face_choice import NamedFace
+from tests.geometry.files import pin_in_plate, survey_of, write
+
+
+def named(folder: Path, *faces: NamedFace) -> dict[str, list[int]]:
+    """Name free faces of the plate with a pin; the numbers of those with each name."""
+    step, mesh = write(folder / "pin.step", pin_in_plate), folder / "named.msh"
+    found = survey_of(step, mesh, MeshingOptions(size=12.0, curvature=8.0, face=list(faces)))
+    assert {face.name for face in found.faces} < set(read_gmsh(MPI.COMM_WORLD, mesh).surfaces)
+    return {
+        one.name: [face.number for face in found.faces if face.name == one.name] for one in faces
+    }
+
+
+def test_by_plane_point_and_number(shared_tmp_path: Path) -> None:
+    faces = named(
+        shared_tmp_path,
+        NamedFace("bottom", plane={"z": 0.0}),
+        NamedFace("lid", point=[15.0, 0.0, 8.0]),
+        NamedFace("second", number=2),
+        NamedFace("end", plane={"x": -10.0}, body="part_1"),
+    )
+    assert {name: len(numbers) for name, numbers in faces.items()} == {
+        **{"bottom": 3, "lid": 1},  # the pin, the plate and what stands beside
+        **{"second": 1, "end": 1},
+    }
+    assert faces["second"] == [2]
+
+
+@pytest.mark.parametrize(
+    ("face", "says"),
+    [
+        (NamedFace("a", plane={"z": 8.5}), r"in the plane z = 8.5; the nearest is .*, 0.5 away"),
+        (NamedFace("a", plane={"z": 8.0}, body="part_2"), "'part_2' lies in the plane z = 8"),
+        (NamedFace("a", plane={"z": 8.0}, body="part_5"), "no such body; did you mean 'part_"),
+        (NamedFace("a", point=[20.0, 0.0, 8.0]), "give a point within one face"),
+        (NamedFace("a", point=[9e3, 0.0, 0.0]), r"no free face lies at \(9000, 0, 0\)"),
+        (NamedFace("a", radius=5.0), "no free face lies with the radius 5"),
+        (NamedFace("a", number=99), "number 99, but there are"),
+    ],
+)
+def test_no_such_face(shared_tmp_path: Path, face: NamedFace, says: str) -> None:
+    step = write(shared_tmp_path / "pin.step", pin_in_plate)
+    with pytest.raises(InputError, match=says):
+        survey_of(step, shared_tmp_path / "out.msh", MeshingOptions(face=[face]))
+    assert not (shared_tmp_path / "out.msh").exists()
+
+
+PLATE = """SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 4, 2};
+Disk(2) = {1, 1, 0, 0.5};
+Disk(3) = {3, 1, 0, 0.5};
+BooleanDifference{ Surface{1}; Delete; }{ Surface{2, 3}; Delete; }
+"""
+
+
+def test_holes_by_radius(shared_tmp_path: Path) -> None:
+    source, mesh = shared_tmp_path / "plate.geo", shared_tmp_path / "plate.msh"
+    if MPI.COMM_WORLD.rank == 0:
+        source.write_text(PLATE)
+    MPI.COMM_WORLD.barrier()
+    faces = [NamedFace("hole", radius=0.5, about=[3.0, 1.0]), NamedFace("top", plane={"y": 2.0})]
+    found = {face.name: face for face in survey_of(source, mesh, MeshingOptions(face=faces)).faces}
+    assert found["hole"].centre == pytest.approx([3.0, 1.0, 0.0], abs=0.05)
+    assert found["hole"].shape == "round"
+    assert found["top"].area == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(
+    ("keys", "says"),
+    [
+        ({}, "has no place"),
+        ({"number": 1, "point": [0.0, 0.0]}, "has point and number"),
+        ({"plane": {"w": 1.0}}, "'w' is no coordinate"),
+        ({"plane": {"x": 1.0, "y": 1.0}}, "has 2 coordinates"),
+        ({"point": [1.0]}, "is no point"),
+        ({"radius": -1.0}, "must be positive"),
+        ({"number": 1, "about": [0.0, 0.0]}, "goes with a radius"),
+    ],
+)
+def test_choices(keys: dict[str, object], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        NamedFace("a", **keys)  # type: ignore[arg-type]

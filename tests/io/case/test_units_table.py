@@ -1,0 +1,88 @@
+"""``[units]`` of a case file, and what the numbers of a case mean."""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import BAD_INPUT
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.load_words import load_in_words, meaning
+from perfplast_fenicsx.materials.elastic import Elastic
+from perfplast_fenicsx.materials.von_mises import VonMises
+from perfplast_fenicsx.problem.loads import Force, PorePressure, Pressure
+from perfplast_fenicsx.problem.supports import Support
+from perfplast_fenicsx.units import Units
+from tests.models import case_text, write_case
+
+LOADING = "[loading]\nvalues = [100.0]\n"
+WEIGHT = '[[load]]\non = "lower"\nbody_force = [0, 0, "-x"]\nconstant = true\n'
+
+
+def text(units: str, more: str = "") -> str:
+    """Two blocks with the numbers of s235 in MPa."""
+    bodies = {"lower": VonMises(210000.0, 0.3, 235.0), "upper": Elastic(210000.0, 0.3)}
+    mesh = {"builder": "stacked_blocks", "n": 1}
+    return case_text(mesh, bodies, [Support("bottom")], more=f"{LOADING}[units]\n{units}\n{more}")
+
+
+def test_meaning(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    path = write_case(comm, shared_tmp_path / "case.toml", text('system = "mm-N-MPa"', WEIGHT))
+    case = read_case(path)
+    assert case.units == Units(system="mm-N-MPa")
+    assert meaning(case) == [
+        "zeta = 1 is pressure 1 MPa on 'top'.",
+        "At any load factor there is body force (0, 0, '-x') N/mm^3 on 'lower'.",
+        "Units: lengths in mm, forces in N, stresses in MPa, works in N mm.",
+    ]
+
+
+def test_loads_in_words() -> None:
+    mm = Units(system="mm-N-MPa")
+    force = Force("lid", [0.0, -2.5], moment=3.0)
+    assert load_in_words(force, mm, whole=False) == (
+        "force (0, -2.5) N/mm and moment 3 N mm/mm on 'lid'"
+    )
+    assert load_in_words(Force("lid", [], moment=[0.0, 0.0, 1.0]), Units()) == (
+        "moment (0, 0, 1) on 'lid'"
+    )
+    assert load_in_words(PorePressure("clay", "10*y"), mm) == "pore pressure '10*y' MPa on 'clay'"
+    assert load_in_words(Pressure("lid", 1e-3), Units()) == "pressure 0.001 on 'lid'"
+
+
+@pytest.mark.parametrize(
+    ("units", "says"),
+    [
+        ('system = "mm-kg-s"', "give 'mm-N-MPa', "),
+        ('system = "SI"\nlength = "mm"', "length = 'mm' contradicts system = 'SI'"),
+        ('system = "SI"', r"\[material.lower\]: young = 210000 .*; write young = 2.1e\+11"),
+        ('length = "m"\nstress = "kPa"', r"those of 's235' in MPa, .* are in kPa"),
+        ("mass = 1", "no key 'mass'"),
+    ],
+)
+def test_refused(comm: MPI.Intracomm, shared_tmp_path: Path, units: str, says: str) -> None:
+    path = write_case(comm, shared_tmp_path / "case.toml", text(units))
+    with pytest.raises(InputError, match=says):
+        read_case(path)
+
+
+def test_commands(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_case(comm, shared_tmp_path / "case.toml", text('system = "SI"'))
+    assert main(["check", str(path)]) == BAD_INPUT
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1 if comm.rank == 0 else 0)
+    write_case(comm, path, text('system = "mm-N-MPa"'))
+    assert main(["info", str(path)]) == 0
+    assert main(["materials", "--units", "m-kN-kPa"]) == 0
+    out, _ = capsys.readouterr()
+    if comm.rank == 0:
+        assert "zeta = 1 is pressure 1 MPa on 'top'." in out
+        assert "Stresses in kPa." in out
+        assert [line.split()[1:4] for line in out.splitlines() if "s355" in line] == [
+            ["2.1e+08", "0.3", "355000"]
+        ]

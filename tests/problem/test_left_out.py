@@ -1,0 +1,35 @@
+"""Nodes without contact or friction are told of."""
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx import Plane, Problem, Support, Tie, Traction
+from perfplast_fenicsx.problem.left_out import left_out
+from tests.contact.blocks_apart import blocks_apart
+from tests.models import STEEL
+
+
+def glued(comm: MPI.Intracomm, hosts: str, on: str, normal: tuple[float, float]) -> Problem:
+    """Two blocks glued to each other, held from the left, with a rough obstacle."""
+    return Problem(
+        blocks_apart(comm, (3, 3), (2, 2)),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("x0", "x")],
+        [Traction("top", (0.0, -1.0))],
+        ties=[Tie("lower_top", "upper_bottom", hosts=hosts)],
+        obstacles=[Plane(on, (0.0, 0.0), normal, tresca=1.0, name="rough")],
+    )
+
+
+@pytest.mark.mpi3
+def test_a_node_that_follows_a_tie_is_told_of(comm: MPI.Intracomm) -> None:
+    (told,) = left_out(glued(comm, "secondary", "upper_x0", (1.0, 0.0)))
+    assert "'upper_x0' does not see 1 of its nodes" in told
+    assert left_out(glued(comm, "primary", "upper_x0", (1.0, 0.0))) == []
+
+
+@pytest.mark.mpi3
+def test_nodes_that_cannot_rub_are_told_of(comm: MPI.Intracomm) -> None:
+    (told,) = left_out(glued(comm, "secondary", "bottom", (0.0, 1.0)))
+    assert told.startswith("1 of the 4 nodes that rub at 'bottom' have no friction")

@@ -1,0 +1,138 @@
+"""What the page says in words, marks and a curve."""
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx.io import Units
+from perfplast_fenicsx.io.results.summary import Summary
+from perfplast_fenicsx.pictures.result_reader import StoredLimit
+from perfplast_fenicsx.report.case_words import CaseWords
+from perfplast_fenicsx.report.curve import curve_of, far_ticks, ticks, to_svg
+from perfplast_fenicsx.report.field_words import words_of
+from perfplast_fenicsx.report.run_again import command_of
+from perfplast_fenicsx.report.tables import grade, level_table, pairs
+from tests.io.results.test_result_folder import report
+
+GIVEN: dict[str, Any] = {
+    "materials": {
+        "a<b": {"kind": "von-mises", "young": 2e5, "yield_stress": 300.0, "expansion": 0.0},
+        "c": {"kind": "Flow", "body": {"kind": "Soft", "modulus": 5.0, "odd_one": 7}},
+    },
+    "supports": [
+        {"on": "left", "components": "xz", "value": 0.0, "constant": True},
+        {"on": "right", "components": "y", "value": -0.5, "constant": False},
+    ],
+    "loads": [
+        {"kind": "pressure", "on": "top", "value": "3*x", "name": "", "constant": False},
+        {"kind": "body_force", "on": "c", "value": [0, -2.5], "name": "w", "constant": True},
+    ],
+    "contacts": [{"primary": "p", "secondary": "s", "gap": None, "coulomb": 0.3}],
+    "obstacles": [{"kind": "plane", "on": "top", "move": [0, -1], "tresca": None}],
+    "ties": [{"primary": "p", "secondary": "q"}],
+    "rigid": [],
+    "initial": [{"kind": "temperature", "on": "c", "change": 20.0}],
+}
+
+
+def test_the_case_in_words() -> None:
+    words = CaseWords(GIVEN, Units("mm", "MPa"), "plane-strain")
+    assert words.bodies() == [
+        (
+            "a<b",
+            "elastic, perfectly plastic (von Mises): Young's modulus 200000 MPa, yield stress 300"
+            " MPa",
+        ),
+        ("c", "Soft; remembers plastic flow: hardening modulus 5 MPa, odd one 7"),
+    ]
+    held, moved = words.supports()
+    assert held == ("left", "held in x, z")
+    assert moved == ("right", "moved by -0.5 mm in y, times ζ")
+    assert words.loads() == [
+        ("top", "pressure 3*x MPa, times ζ"),
+        ("c", "w: force per volume (0, -2.5) MPa/mm, in full at any ζ"),
+        ("c", "change of temperature 20"),
+    ]
+    assert words.contacts() == [
+        ("p – s", "contact, friction coefficient 0.3 (Coulomb), gap as measured"),
+        ("top", "rigid plane, without friction, moves by (0, -1) mm times ζ"),
+        ("p – q", "glued together"),
+    ]
+    assert words.unit("force") == "N/mm"
+    assert CaseWords(GIVEN, Units("m", "kPa"), "space").unit("force") == "kPa m²"
+    assert CaseWords(GIVEN, Units(), "space").unit("force") == ""
+    assert "&lt;" in pairs(words.bodies())
+
+
+def test_fields_that_nobody_knows_keep_their_names() -> None:
+    assert words_of("my_own_field", Units("mm", "MPa")).label == "my own field"
+
+
+@pytest.mark.parametrize(
+    ("value", "sign"), [(1e-14, "✓"), (-1e-7, "✓"), (1e-4, "≈"), (-0.5, "✗"), (np.nan, "✗")]
+)
+def test_grades(value: float, sign: str) -> None:
+    assert grade(value).sign == sign
+
+
+def test_levels_that_failed_have_no_certificates() -> None:
+    text = level_table([report(1.0), report(2.0, converged=False)], driven=False)
+    first, second = text.split("<tr>")[2:]
+    assert first.count("mark ") == 5
+    assert second.count("mark bad") == second.count("mark ") == 1
+    assert "no solution" in second
+
+
+def test_a_curve() -> None:
+    plain: dict[str, Any] = {"stage": "", "factors": {}, "works": {}}
+    reports = [report(1.0, alpha=1.0, **plain), report(2.0, alpha=3.0, **plain)]
+    reports += [report(5.0, converged=False, **plain)]
+    curve = curve_of(reports, StoredLimit(2.0, 2.1, 2.2, {}), False, "J")
+    assert curve is not None
+    (line,) = curve.lines
+    assert line.x == pytest.approx([0, 1, 3])
+    assert line.y == pytest.approx([0, 1, 2])
+    assert curve.x_label.endswith("(J)")
+    svg = to_svg(curve)
+    assert svg.count("<circle") == 3
+    assert "limit load of the mesh: 2 to 2.2" in svg
+    assert 'role="img"' in svg
+    places = re.findall(r'cx="([\d.]+)" cy="([\d.]+)"', svg)
+    x, y = np.array(places, dtype=float).T
+    assert (x[1] - x[0]) * 2 == pytest.approx(x[2] - x[1], abs=0.3)
+    assert y[0] - y[1] == pytest.approx(y[1] - y[2], abs=0.3)
+    assert curve_of(reports[2:], None, False, "") is None
+    staged = curve_of([report(1.0), report(2.0)], None, False, "")
+    assert staged is not None
+    assert [line.name for line in staged.lines] == ["water"]
+
+
+def test_a_curve_that_goes_far_is_shown_near_its_start() -> None:
+    plain: dict[str, Any] = {"stage": "", "factors": {}, "works": {}}
+    reports = [report(1.0, alpha=a, **plain) for a in (1.0, 10.0, 1000.0)]
+    curve = curve_of(reports, None, False, "")
+    assert curve is not None
+    x = [float(a) for a in re.findall(r'cx="([\d.]+)"', to_svg(curve))]
+    assert x[1] - x[0] > 0.1 * (x[-1] - x[0])
+    assert far_ticks(1.0, 1000.0) == pytest.approx([0, 1, 10, 100, 1000])
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, 1), (-3, 7e6), (-1e-9, 0), (99, 101)])
+def test_ticks(low: float, high: float) -> None:
+    found = ticks(low, high)
+    assert 3 <= len(found) <= 8
+    slack = 1e-9 * (high - low)
+    assert low - slack <= found[0] <= found[-1] <= high + slack
+
+
+def test_how_to_run_it_again() -> None:
+    options = "-perfplast_0_ksp_type cg -perfplast_ksp_rtol 1e-10 -perfplast_vi_12_x 3"
+    summary = Summary("", "1", "newton", "zeta", ranks=2, mesh={}, model={})
+    assert command_of(summary) == ""
+    summary.case["file"] = "my case.toml"
+    summary.surroundings["petsc_options"] = options
+    assert command_of(summary) == (
+        "mpirun -n 2 perfplast run 'my case.toml' -o results -- -perfplast_ksp_rtol 1e-10"
+    )

@@ -1,0 +1,78 @@
+"""The verdict is no stronger than what is proven."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from perfplast_fenicsx.io import Scene, Units
+from perfplast_fenicsx.pictures.result_reader import StoredLimit
+from perfplast_fenicsx.problem.report import LevelReport
+from perfplast_fenicsx.report.verdict import Verdict, verdict_on
+from tests.io.results.test_result_folder import report
+
+WHY = ["lower bound: none was sought"]
+
+
+def of_levels(*reports: LevelReport, driven: bool = False, **given: Any) -> Verdict:
+    scene = Scene("", units=Units("mm", "MPa"), driven=driven)
+    summary = SimpleNamespace(given=given)
+    reader = SimpleNamespace(limit=None, reports=reports, scene=scene, summary=summary)
+    return verdict_on(reader)  # type: ignore[arg-type]
+
+
+def plain(zeta: float, **more: Any) -> LevelReport:
+    return report(zeta, **({"stage": "", "factors": {}, "works": {}} | more))
+
+
+@pytest.mark.parametrize(
+    ("body", "mark", "words"),
+    [
+        ({"lower": 1.23456789, "upper": 3.45678901}, "proven", ["ζ = 1.23456 ", "ζ = 3.45679 "]),
+        ({"upper": 3.0, "why_not": WHY}, "found", ["On this mesh", "ζ = 1.5 and 2.5", "ζ = 3 at"]),
+        ({"lower": 1.0}, "found", ["carry ζ = 1 for certain", "on this mesh"]),
+        ({}, "found", ["On this mesh", "1.5 and 2.5"]),
+    ],
+)
+def test_limit_loads(body: dict[str, Any], mark: str, words: list[str]) -> None:
+    limit = StoredLimit(1.5, 2.0, 2.5, body)
+    table = SimpleNamespace(limit={"levelled_off": True, "reason": ""})
+    verdict = verdict_on(SimpleNamespace(limit=limit, summary=table, reports=[]))  # type: ignore[arg-type]
+    assert verdict.mark == mark
+    for word in words:
+        assert word in verdict.sentence
+    if mark != "proven":
+        assert "mesh" in verdict.sentence
+    if body.get("why_not"):
+        assert "Lower bound: none was sought." in verdict.details
+
+
+def test_a_search_that_ended_early() -> None:
+    limit = StoredLimit(1.5, None, None, {})
+    table = SimpleNamespace(limit={"levelled_off": False, "reason": "time was out"})
+    verdict = verdict_on(SimpleNamespace(limit=limit, summary=table, reports=[]))  # type: ignore[arg-type]
+    assert verdict.mark == "open"
+    assert "No limit load was found" in verdict.sentence
+    assert "The search ended: time was out." in verdict.details
+
+
+def test_levels() -> None:
+    assert "up to ζ = 8" in of_levels(plain(4.0), plain(8.0)).sentence
+    assert of_levels().mark == "open"
+    failed = of_levels(plain(4.0), plain(8.0, converged=False, reason="it fell"))
+    assert failed.mark == "open"
+    assert failed.sentence == (
+        "The bodies carry ζ = 4 on this mesh, but at ζ = 8 no solution was found."
+    )
+    assert failed.details[0] == "Why: it fell."
+    alone = of_levels(plain(8.0, converged=False))
+    assert alone.sentence == "At ζ = 8 no solution was found."
+
+
+def test_motions_histories_and_friction() -> None:
+    driven = of_levels(plain(1.0, driving_force=-7.0), plain(2.0, driving_force=5.0), driven=True)
+    assert "driving force is -7, at ζ = 1" in driven.sentence
+    assert "2 steps in 1 stage" in of_levels(report(1.0), report(2.0)).sentence
+    rough = of_levels(plain(1.0), contacts=[{"coulomb": 0.3}])
+    assert any("other solutions" in text for text in rough.details)
+    assert not any("other solutions" in text for text in of_levels(plain(1.0)).details)

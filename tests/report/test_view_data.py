@@ -1,0 +1,117 @@
+"""What of results goes into a page, and what is left out of a large one."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import Contact, Newton, Problem, Support, Traction, VonMises
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene, Units
+from perfplast_fenicsx.mesh.sample_meshes import build
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.report.packing import size_of
+from perfplast_fenicsx.report.skin_fields import as_number, rows_of
+from perfplast_fenicsx.report.skin_lines import skin_lines
+from perfplast_fenicsx.report.view_data import chosen_levels, view_data
+from tests.report.test_packing import unpacked
+
+STEEL = VonMises(206900.0, 0.29, 450.0)
+LOAD = Traction("top", (0.0, 0.0, -1.0))
+CONTACTS = [Contact("upper_bottom", "lower_top")]
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory: pytest.TempPathFactory) -> ResultReader:
+    """Two blocks at three levels."""
+    comm = MPI.COMM_WORLD
+    folder = ResultFolder(comm, comm.bcast(tmp_path_factory.mktemp("run")))
+    folder.create()
+    materials = {"lower": STEEL, "upper": STEEL}
+    mesh = build(comm, "two_blocks", n=1)
+    problem = Problem(mesh, materials, [Support("left")], [LOAD], CONTACTS)
+    newton = Newton(problem)
+    scene = Scene("Blocks", [LOAD], CONTACTS, units=Units("mm", "MPa"))
+    writer = ResultWriter(folder, problem, scene, "newton", prescribed=Prescribed.LOAD_FACTOR)
+    for zeta in (10.0, 20.0, 30.0):
+        writer.write(newton.solve(zeta))
+    comm.barrier()
+    return ResultReader(folder.path)
+
+
+def test_the_view_is_that_of_the_results(reader: ResultReader) -> None:
+    data = view_data(reader).data
+    assert data is not None
+    skin = reader.skin.surface
+    points = np.column_stack([unpacked(axis) for axis in data["points"]])
+    assert np.allclose(points, skin.points, atol=1e-4)
+    assert data["names"] == ["lower", "upper"]
+    triangles = unpacked(data["triangles"]).reshape(-1, 3)
+    starts = data["triangleStarts"]
+    assert starts[-1] == len(triangles) == len(skin.triangles)
+    upper = points[triangles[starts[1] : starts[2]]]
+    assert upper[..., 2].min() == pytest.approx(1.0, abs=1e-4)
+    assert [state["mechanism"] for state in data["states"]] == [False] * 3
+    assert data["states"][0]["title"] == "step 1 of 3: ζ = 10"
+    for state, level in zip(data["states"], reader.levels, strict=True):
+        u = reader.surface(level).at_points["displacement"]
+        found = np.column_stack([unpacked(axis) for axis in state["motion"]])
+        assert np.allclose(found, u, atol=1e-4 * np.abs(u).max())
+        assert state["largest"] == pytest.approx(np.linalg.norm(u, axis=1).max(), rel=1e-4)
+        assert unpacked(state["fields"]["stress"]["values"]).max() <= 450.1
+    offered = {field["name"]: field for field in data["fields"]}
+    assert list(offered)[:2] == ["stress", "yield_ratio"]
+    assert (offered["stress"]["unit"], offered["displacement"]["unit"]) == ("MPa", "mm")
+    assert offered["stress"]["low"] == pytest.approx(0.0)
+
+
+def test_a_large_run_loses_levels_then_fields_then_the_view(reader: ResultReader) -> None:
+    whole = view_data(reader)
+    assert whole.data is not None
+    assert whole.remarks == []
+    size = size_of(whole.data)
+    one = size_of(whole.data["states"][-1])
+    fewer = view_data(reader, room=size - one // 2)
+    assert fewer.data is not None
+    assert [state["title"][:6] for state in fewer.data["states"]] == ["step 1", "step 3"]
+    assert "2 of 3 levels" in fewer.remarks[0]
+    poorer = view_data(reader, room=size - 2 * one - one // 4)
+    assert poorer.data is not None
+    assert set(poorer.data["states"][0]["fields"]) < set(whole.data["states"][0]["fields"])
+    assert "most important fields" in poorer.remarks[0]
+    assert size_of(poorer.data) < size - 2 * one - one // 4
+    assert view_data(reader, room=1000).data is None
+
+
+def test_levels_that_are_chosen() -> None:
+    assert chosen_levels(0, 5) == []
+    assert chosen_levels(3, 5) == [0, 1, 2]
+    assert chosen_levels(9, 3) == [0, 4, 8]
+    assert chosen_levels(9, 0) == [8]
+
+
+def test_lines_are_the_edges_of_the_blocks(reader: ResultReader) -> None:
+    surface = reader.skin.surface
+    lines, body = skin_lines(surface)
+    ends = surface.points[lines]
+    along = ends[:, 1] - ends[:, 0]
+    lengths = np.linalg.norm(along, axis=1)
+    assert lengths == pytest.approx(np.abs(along).max(axis=1))  # none across a face
+    for number in range(2):  # each block is 3 × 1 × 1
+        assert lengths[body == number].sum() == pytest.approx(4 * (3 + 1 + 1))
+
+
+def test_numbers_of_vectors_and_tensors() -> None:
+    shear = np.zeros((1, 3, 3))
+    shear[0, 0, 1] = shear[0, 1, 0] = 2.0
+    uniaxial = np.array([[-5.0, 0, 0, 0, 0, 0, 0, 0, 0]])
+    assert as_number("stress", shear) == pytest.approx([2 * np.sqrt(3)])
+    assert as_number("stress", uniaxial) == pytest.approx([5.0])
+    assert as_number("plastic_strain", np.diag([1.0, -0.5, -0.5])[None]) == pytest.approx([1.0])
+    assert as_number("displacement", np.array([[3.0, 0.0, 4.0]])) == pytest.approx([5.0])
+
+
+def test_rows_are_read_slab_by_slab(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("perfplast_fenicsx.report.skin_fields.SLAB", 4)
+    data, rows = np.arange(40.0).reshape(20, 2), np.array([0, 3, 4, 4, 11, 19])
+    assert rows_of(data, rows) == pytest.approx(data[rows])

@@ -1,0 +1,52 @@
+"""Consistent systems of units."""
+
+import pytest
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.units import SYSTEMS, Units
+
+NEWTONS = {"N": 1.0, "kN": 1e3, "MN": 1e6}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_systems_are_consistent(name: str) -> None:
+    system = SYSTEMS[name]  # type: ignore[index]
+    assert system.pascals * system.metres**2 == pytest.approx(NEWTONS[system.force])
+
+
+def test_units_of_quantities() -> None:
+    space, plane = (Units(system="mm-N-MPa").table(whole) for whole in (True, False))
+    assert space == {
+        **{"system": "mm-N-MPa", "length": "mm", "stress": "MPa", "force": "N"},
+        **{"work": "N mm", "moment": "N mm", "force_density": "N/mm^3"},
+    }
+    assert (plane["force"], plane["work"]) == ("N/mm", "N mm/mm")
+    assert Units("m", "kPa").name == "m-kN-kPa"
+    assert Units("m", "kPa").table() == Units(system="m-kN-kPa").table()
+
+
+def test_units_of_no_system() -> None:
+    other = Units("cm", "bar")
+    assert (other.name, other.of_work(whole=True)) == (None, "bar cm³")
+    assert (other.table()["force"], other.table(whole=False)["work"]) == ("bar cm²", "bar cm²")
+    assert set(Units().table().values()) == {""}
+    assert Units().in_words() == Units("mm").of_work(whole=True) == ""
+    assert Units("mm").in_words() == "lengths in mm"
+    assert Units().of_stress() == "the materials' unit of stress"
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"length": "m"}, "length = 'm' contradicts system = 'mm-N-MPa', whose length is in mm"),
+        ({"stress": "kPa"}, "stress = 'kPa' contradicts"),
+    ],
+)
+def test_contradictions(given: dict[str, str], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        Units(system="mm-N-MPa", **given)
+
+
+def test_no_such_system() -> None:
+    with pytest.raises(InputError, match="system = 'mm-t-s' is unknown; give one of mm-N-MPa, "):
+        Units(system="mm-t-s")  # type: ignore[arg-type]
