@@ -26,7 +26,7 @@ class DualOperator:
         size: Rows of this rank, the border of the first rank among them.
         contact: Where the rows of contact are.
         coarse: Of the rows in force.
-        norm: ‖PFP‖, estimated, of the last :meth:`set_stiffness`.
+        norm: ‖PFP‖, estimated, of the first stiffness or the last :meth:`measure`.
     """
 
     def __init__(self, comm: MPI.Intracomm, pieces: Subdomains, gluing: Gluing) -> None:
@@ -47,12 +47,14 @@ class DualOperator:
         self._stiffness: TornStiffness | None = None
         self.coarse = CoarseProblem(comm, pieces, self._B)
         self.norm = 0.0
+        self._measured = self._ready = False
         self._renew()
 
     def set_stiffness(self, stiffness: TornStiffness) -> None:
         """Take a new K, or one with new values. Collective."""
-        self._stiffness = stiffness
-        self._measure()
+        self._stiffness, self._measured = stiffness, False
+        if not self.norm > 0:
+            self.measure()
 
     def put_in_force(self, contact: npt.NDArray[np.bool_], border: Floats | None) -> None:
         """Say which rows count: all but some of contact, and a border. Collective.
@@ -68,13 +70,15 @@ class DualOperator:
         force[self.contact] = contact
         row = np.zeros_like(self._border) if border is None else border
         same = np.array_equal(force, self._force) and np.array_equal(row, self._border)
-        if self.comm.allreduce(same, MPI.LAND):
+        if self.comm.allreduce(same and self._ready, MPI.LAND):
             return
         self._force, self._border = force, row
         self._renew()
 
     def _renew(self) -> None:
+        self._ready = False
         self.coarse.renew(self._force, self._border, self._own_border)
+        self._ready = True
 
     def rows(self, u: Floats) -> Floats:
         """B u of torn unknowns."""
@@ -105,8 +109,11 @@ class DualOperator:
         assert self._stiffness is not None
         return self._stiffness
 
-    def _measure(self) -> None:
-        """Estimate ‖PFP‖ by the power method. Collective."""
+    def measure(self) -> None:
+        """Estimate ‖PFP‖ of the present stiffness by the power method. Collective."""
+        if self._measured:
+            return
+        self._measured = True
         P = self.coarse.project
         x = P(np.cos(np.arange(self.size)))
         for _ in range(POWERS):

@@ -6,9 +6,8 @@ Supports are rows too, so that the stiffness of each piece has its rigid motions
 (Z. Dostál, D. Horák, R. Kučera, Commun. Numer. Meth. Engng 22 (2006), 1155), and contact is λ_I ≥ 0
 on the multipliers: whatever pairs are closed, the same factors serve.
 
-First the dual is solved on the face of the step before: with what was closed glued, and what was
-open left out, as an equality-constrained program, whose balance of pieces the projector keeps.
-Where that leaves bounds or gaps violated, SMALBE-M and MPRGP find the face.
+First the dual is solved on the face of the step before: closed pairs are equalities, open ones left
+out. Where that leaves bounds or gaps violated, SMALBE-M and MPRGP find the face.
 """
 
 from dataclasses import dataclass
@@ -40,8 +39,10 @@ FIRST, SHARPER = 1e-3, 1e-2
 """Relative tolerance by which a face is found at first, and its factor for each further one."""
 
 BETTER, BEST = 0.3, 1e-3
-"""Jumps are solved for anew to this share of what nodal forces ask for, and in one go by no more
-than the second factor."""
+"""Jumps are solved for anew to this share of what nodal forces ask for, at most by that factor."""
+
+
+MOVES = "a body can move as a rigid one, as where bodies lose all contact: no closed pair holds it"
 
 
 @dataclass(frozen=True)
@@ -134,20 +135,21 @@ class TfetiProgram:
         """
         asked = self._ask(r, room, active, rtol, work, first)
         self._forget()
-        closed, settled, faces = active, False, 0
+        closed, faces, tolerance = active, 0, FIRST
         search: TornProgram | None = None
-        tolerance = FIRST
-        while not settled and faces < MOST_FACES:
+        while True:
             faces += 1
             wrong = self._on_face(asked, closed)
-            if wrong is not None and not self._comm.allreduce(int(wrong.sum())):
-                settled = True
+            settled = wrong is not None and not self._comm.allreduce(int(wrong.sum()))
+            if settled or faces == MOST_FACES:
                 break
             search = search or self._search(asked)
             self._in_force(np.ones_like(active), asked)
             self._run(search, tolerance)
             tolerance *= SHARPER
             closed = search.multipliers()[self._dual.contact] > 0
+        if wrong is None:
+            raise LinearFailure(MOVES)
         return self._step(asked, closed, settled, faces)
 
     def response(
@@ -172,7 +174,7 @@ class TfetiProgram:
         asked = self._ask(self._r, np.zeros(len(held)), held, rtol, None, 0.0)
         self._forget(np.zeros(len(held)))
         if self._on_face(asked, held) is None:
-            raise LinearFailure("a body is not held by the pairs that are closed")
+            raise LinearFailure(MOVES)
         self._delta.array[self._index[held]] = 0
         return self._delta
 
@@ -222,6 +224,7 @@ class TfetiProgram:
         """The dual with all rows and their bounds. Collective."""
         every = np.ones(len(asked.room), dtype=np.bool_)
         self._in_force(every, asked)
+        self._dual.measure()
         lower = np.full(self._dual.size, -np.inf)
         lower[self._dual.contact] = 0.0
         return self._program(asked, every, lower, np.maximum(self.multipliers, lower))
