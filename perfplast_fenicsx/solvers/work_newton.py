@@ -59,7 +59,12 @@ class WorkNewton(LevelSolver):
                 " let them be constant, or prescribe load factors."
             )
         self.options = options or NewtonOptions()
-        super().__init__(problem, self.options.max_iterations, criterion_met(self.options))
+        super().__init__(
+            problem,
+            self.options.max_iterations,
+            criterion_met(self.options),
+            subdivision=self.options.subdivision,
+        )
 
     def solve(
         self, value: float, start: State | None = None, monitor: Monitor | None = None
