@@ -102,7 +102,7 @@ class Terminal:
         for remark in problem.constraints.remarks:
             self.say(remark)
         if method != LimitMethod.INTERIOR_POINT:
-            self._driven = problem.motion.driven
+            self._driven = problem.motion.driven and not problem.loads.grows()
             heads = (
                 (DRIVEN if name == "alpha" and self._driven else name, w) for name, w in COLUMNS
             )

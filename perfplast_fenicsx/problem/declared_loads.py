@@ -35,19 +35,14 @@ def declared_loads(
         loads: What acts.
         bcs: Supports.
         rigid: Surfaces that forces may act on.
-        driven: Whether ζ moves supports or obstacles: there may then be no load, and none grows.
+        driven: Whether ζ moves supports or obstacles: there may then be no load.
         strained: Whether there is an initial strain: there may then be no load either.
 
     Raises:
-        InputError: If a load does not fit the mesh, grows where it must not, or nothing grows.
+        InputError: If a load does not fit the mesh, or nothing grows.
     """
     growing = [load for load in loads if not load.constant]
     constant = [load for load in loads if load.constant]
-    if driven and growing:
-        raise InputError(
-            f"the load on '{growing[0].on}' grows with ζ, but ζ moves supports or obstacles; make"
-            " the load constant, or leave the motion out."
-        )
     if not (driven or strained or loads):
         raise InputError("no load is given, so nothing can be increased; give at least one load.")
     free = [surface.on for surface in rigid if surface.free]
