@@ -70,7 +70,7 @@ class Terminal:
         """Write a line."""
         if self._speaks:
             self.clear()
-            print(text, file=self._stream, flush=True)
+            self._write(f"{text}\n")
 
     def status(self, text: str) -> None:
         """Say on the live line what is being done."""
@@ -79,13 +79,23 @@ class Terminal:
             text = text[: shutil.get_terminal_size().columns - 1]
             self.clear()
             self._shown = len(text)
-            print(f"\r{text}", end="", file=self._stream, flush=True)
+            self._write(f"\r{text}")
 
     def clear(self) -> None:
         """Remove the live line, so that something else can be written."""
         if self._shown:
-            print("\r" + " " * self._shown + "\r", end="", file=self._stream, flush=True)
+            self._write("\r" + " " * self._shown + "\r")
             self._shown = 0
+
+    def _write(self, text: str) -> None:
+        """Write, or be silent from now on where nobody reads: the results are on file."""
+        try:
+            print(text, end="", file=self._stream, flush=True)
+        except BrokenPipeError:
+            self._speaks = self._live = False
+            self._shown = 0
+            with open(os.devnull, "w") as nowhere:  # Python flushes the rest at its end
+                os.dup2(nowhere.fileno(), self._stream.fileno())
 
     def header(self, title: str, method: str, problem: Problem, options: object) -> None:
         """Say what is solved, and head the table if there are levels to come. Collective."""
@@ -93,7 +103,7 @@ class Terminal:
         for remark in problem.constraints.remarks:
             self.say(remark)
         if method != LimitMethod.INTERIOR_POINT:
-            self._driven = problem.motion.driven
+            self._driven = problem.motion.driven and not problem.loads.grows()
             heads = (
                 (DRIVEN if name == "alpha" and self._driven else name, w) for name, w in COLUMNS
             )

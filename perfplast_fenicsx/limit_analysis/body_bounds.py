@@ -142,10 +142,10 @@ def limit_bounds(
         )
     for load in problem.given.loads:
         uniform(load)
-    problem = with_divided_corners(problem)
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
     check_proportional(problem)
+    problem = with_divided_corners(problem)
     check_stress_fits(problem)
     given, split = problem, None
     tagged_mesh = problem.tagged_mesh

@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from perfplast_fenicsx.io.case.scene import Units
-
 Table = Mapping[str, Any]
 Row = tuple[str, str]
 
@@ -31,7 +29,7 @@ MODELS = {
 LOADS = {
     "traction": ("traction", "stress"),
     "pressure": ("pressure", "stress"),
-    "body_force": ("force per volume", "force per volume"),
+    "body_force": ("force per volume", "force_density"),
     "pore_pressure": ("water pressure in the pores", "stress"),
     "force": ("force", "force"),
 }
@@ -40,28 +38,9 @@ LOADS = {
 class CaseWords:
     """Says what was given."""
 
-    def __init__(self, given: Table, units: Units, kind: str) -> None:
-        """Take what there is to say.
-
-        Args:
-            given: That of ``summary.json``.
-            units: Of legends.
-            kind: The ``kind`` of the model, on which it depends what forces are of.
-        """
-        self._given = given
-        length, stress = units.length, units.stress
-        both = bool(length and stress)
-        deep = kind == "plane-strain"
-        force = f"{stress} {length}" if deep else f"{stress} {length}²"
-        if (length, stress) == ("mm", "MPa"):
-            force = "N/mm" if deep else "N"
-        self._units = {
-            "": "",
-            "length": length,
-            "stress": stress,
-            "force": force if both else "",
-            "force per volume": f"{stress}/{length}" if both else "",
-        }
+    def __init__(self, given: Table, units: Mapping[str, str]) -> None:
+        """Take the ``given`` and the ``units`` of ``summary.json``."""
+        self._given, self._units = given, units
 
     def bodies(self) -> list[Row]:
         """Each body's name, and its material."""
@@ -123,17 +102,13 @@ class CaseWords:
             rows.append((f"{tie['primary']} – {tie['secondary']}", "glued together"))
         return rows
 
-    def unit(self, kind: str) -> str:
-        """Of a "length", "stress", "force" or "force per volume"; empty where the case has none."""
-        return self._units[kind]
-
     def number(self, value: Any, kind: str) -> str:
-        """A number, formula or vector with its unit."""
+        """A number, formula or vector with the unit of its kind, if any."""
         if isinstance(value, Sequence) and not isinstance(value, str):
             text = f"({', '.join(map(plain, value))})"
         else:
             text = plain(value)
-        return f"{text} {self._units[kind]}".rstrip()
+        return f"{text} {self._units.get(kind, '')}".rstrip()
 
     def _friction(self, place: Table) -> str:
         if place.get("tresca"):
@@ -154,4 +129,4 @@ class CaseWords:
 
 def plain(value: Any) -> str:
     """A number in a few digits; a formula as it is."""
-    return f"{value:.6g}" if isinstance(value, int | float) else str(value)
+    return f"{value + 0.0:.6g}" if isinstance(value, int | float) else str(value)

@@ -36,7 +36,7 @@ def page_of(reader: ResultReader, view: View) -> str:
         InputError: If the results cannot be read.
     """
     summary, scene = reader.summary, reader.scene
-    words = CaseWords(summary.given, scene.units, summary.model["kind"])
+    words = CaseWords(summary.given, summary.units)
     template = Template(_asset("page.html"))
     return template.substitute(
         title=escape(scene.title or "A run"),
@@ -45,7 +45,7 @@ def page_of(reader: ResultReader, view: View) -> str:
         view=_view(view),
         curve=_curve(reader),
         levels=_levels(reader),
-        reactions=_reactions(reader, words),
+        reactions=_reactions(reader),
         case=_case(summary, words),
         again=_again(summary),
         version=escape(summary.version),
@@ -74,7 +74,7 @@ def _view(view: View) -> str:
 
 
 def _curve(reader: ResultReader) -> str:
-    unit = reader.scene.unit_of_work(reader.gdim) if reader.levels else ""
+    unit = reader.summary.units.get("work", "")
     curve = curve_of(reader.reports, reader.limit, reader.scene.driven, unit)
     return _section("curve", "The curve", "" if curve is None else to_svg(curve))
 
@@ -93,12 +93,12 @@ def _levels(reader: ResultReader) -> str:
     return _section("levels", "Levels", table + note)
 
 
-def _reactions(reader: ResultReader, words: CaseWords) -> str:
+def _reactions(reader: ResultReader) -> str:
     steps = [step for step in reader.summary.steps if step["converged"]]
     if not steps or not steps[-1]["reactions"]:
         return ""
     last, model = steps[-1], reader.summary.model
-    table = reaction_table(last["reactions"], model["axes"], words.unit("force"))
+    table = reaction_table(last["reactions"], model["axes"], reader.summary.units.get("force", ""))
     of = f", {model['forces']}" if model["forces"] else ""
     note = f"<p>At the last solved step, ζ = {last['zeta']:.6g}{escape(of)}.</p>"
     return _section("reactions", "Forces", note + table)

@@ -99,7 +99,7 @@ def _of_levels(reader: ResultReader) -> Verdict:
     details = []
     if solved:
         end = solved[-1]
-        length = f"{end.max_displacement:.4g} {reader.scene.units.length}".rstrip()
+        length = f"{end.max_displacement:.4g} {reader.summary.units.get('length', '')}".rstrip()
         details.append(
             f"At the last solved step {end.plastic_fraction:.1%} of the volume is plastic, and the"
             f" largest displacement is {length}."

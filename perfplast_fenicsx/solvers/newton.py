@@ -75,7 +75,7 @@ class Newton(LevelSolver):
         """Whether J_ζ falls on for ever. Collective."""
         if len(history) < 3 or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None
-        return above_limit(zeta, history, self.problem.motion.driven)
+        return above_limit(zeta, history, self.problem.loads.grows())
 
 
 def newton_direction(

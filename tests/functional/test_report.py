@@ -36,7 +36,6 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     comm = MPI.COMM_WORLD
     place = comm.bcast(tmp_path_factory.mktemp("run"))
     text = CASE.replace("[50.0, 80.0]", "[50.0, 80.0, 95.0]")
-    text += '[units]\nlength = "mm"\nstress = "MPa"\n'
     case, folder = write(comm, place, text), place / "results"
     with redirect_stdout(StringIO()) as out:
         assert main(["run", str(case), "-o", str(folder), "--report"]) == SOLVED

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.io import Units
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.result_reader import StoredLimit
 from perfplast_fenicsx.report.case_words import CaseWords
@@ -14,6 +13,7 @@ from perfplast_fenicsx.report.curve import curve_of, far_ticks, ticks, to_svg
 from perfplast_fenicsx.report.field_words import words_of
 from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import grade, level_table, pairs
+from perfplast_fenicsx.units import Units
 from tests.io.results.test_result_folder import report
 
 GIVEN: dict[str, Any] = {
@@ -38,7 +38,7 @@ GIVEN: dict[str, Any] = {
 
 
 def test_the_case_in_words() -> None:
-    words = CaseWords(GIVEN, Units("mm", "MPa"), "plane-strain")
+    words = CaseWords(GIVEN, Units("mm", "MPa").table(whole=False))
     assert words.bodies() == [
         (
             "a<b",
@@ -52,7 +52,7 @@ def test_the_case_in_words() -> None:
     assert moved == ("right", "moved by -0.5 mm in y, times ζ")
     assert words.loads() == [
         ("top", "pressure 3*x MPa, times ζ"),
-        ("c", "w: force per volume (0, -2.5) MPa/mm, in full at any ζ"),
+        ("c", "w: force per volume (0, -2.5) N/mm^3, in full at any ζ"),
         ("c", "change of temperature 20"),
     ]
     assert words.contacts() == [
@@ -60,14 +60,13 @@ def test_the_case_in_words() -> None:
         ("top", "rigid plane, without friction, moves by (0, -1) mm times ζ"),
         ("p – q", "glued together"),
     ]
-    assert words.unit("force") == "N/mm"
-    assert CaseWords(GIVEN, Units("m", "kPa"), "space").unit("force") == "kPa m²"
-    assert CaseWords(GIVEN, Units(), "space").unit("force") == ""
+    assert words.number([1, -0.0], "force") == "(1, 0) N/mm"
+    assert CaseWords(GIVEN, {}).number(2.0, "force") == "2"
     assert "&lt;" in pairs(words.bodies())
 
 
 def test_fields_that_nobody_knows_keep_their_names() -> None:
-    assert words_of("my_own_field", Units("mm", "MPa")).label == "my own field"
+    assert words_of("my_own_field", {}).label == "my own field"
 
 
 @pytest.mark.parametrize(

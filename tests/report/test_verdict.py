@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from perfplast_fenicsx.io import Scene, Units
+from perfplast_fenicsx.io import Scene
 from perfplast_fenicsx.pictures.result_reader import StoredLimit
 from perfplast_fenicsx.problem.report import LevelReport
 from perfplast_fenicsx.report.verdict import Verdict, verdict_on
@@ -15,8 +15,8 @@ WHY = ["lower bound: none was sought"]
 
 
 def of_levels(*reports: LevelReport, driven: bool = False, **given: Any) -> Verdict:
-    scene = Scene("", units=Units("mm", "MPa"), driven=driven)
-    summary = SimpleNamespace(given=given)
+    scene = Scene("", driven=driven)
+    summary = SimpleNamespace(given=given, units={})
     reader = SimpleNamespace(limit=None, reports=reports, scene=scene, summary=summary)
     return verdict_on(reader)  # type: ignore[arg-type]
 

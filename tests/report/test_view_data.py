@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import Contact, Newton, Problem, Support, Traction, VonMises
-from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene, Units
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.problem.prescribed import Prescribed
@@ -14,6 +14,7 @@ from perfplast_fenicsx.report.packing import size_of
 from perfplast_fenicsx.report.skin_fields import as_number, rows_of
 from perfplast_fenicsx.report.skin_lines import skin_lines
 from perfplast_fenicsx.report.view_data import chosen_levels, view_data
+from perfplast_fenicsx.units import Units
 from tests.report.test_packing import unpacked
 
 STEEL = VonMises(206900.0, 0.29, 450.0)
