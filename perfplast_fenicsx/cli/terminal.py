@@ -97,7 +97,7 @@ class Terminal:
             with open(os.devnull, "w") as nowhere:  # Python flushes the rest at its end
                 os.dup2(nowhere.fileno(), self._stream.fileno())
 
-    def header(self, title: str, method: str, problem: Problem, options: object) -> None:
+    def header(self, title: str, method: str, problem: Problem, options: object = None) -> None:
         """Say what is solved, and head the table if there are levels to come. Collective."""
         self.say(describe(title, method, problem, options))
         for remark in problem.constraints.remarks:
@@ -200,7 +200,7 @@ class Terminal:
             self.say(f"Results in {folder.path}: {', '.join(folder.found())}")
 
 
-def describe(title: str, method: str, problem: Problem, options: object) -> str:
+def describe(title: str, method: str, problem: Problem, options: object = None) -> str:
     """The problem in a line. Collective."""
     mesh, comm = problem.tagged_mesh.mesh, problem.comm
     bodies = ", ".join(sorted(problem.tagged_mesh.volumes))
