@@ -70,7 +70,7 @@ def check(comm: MPI.Intracomm, path: str) -> int:
     case = read_case(path, comm)
     problem = case.problem(comm)
     case.history(problem)
-    text = describe(case.title, case.method_on(problem), problem)
+    text = describe(case.title, case.method_on(problem), problem, case.options)
     Terminal(comm).say(f"{text}\n{case.path} can be run.")
     return SOLVED
 

@@ -87,7 +87,7 @@ def run(
             for remark in on_friction:
                 terminal.say(f"{remark}.")
             remarks = [*problem.constraints.remarks, *left_out(problem), *on_friction]
-            journal.header(case, [describe(case.title, method, problem), *remarks])
+            journal.header(case, [describe(case.title, method, problem, case.options), *remarks])
             context = RunContext(
                 case=case,
                 problem=problem,

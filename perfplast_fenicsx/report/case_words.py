@@ -3,6 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+AXES = "xyz"
+"""The letters that case files have for components, whatever the axes are called."""
+
 Table = Mapping[str, Any]
 Row = tuple[str, str]
 
@@ -38,9 +41,9 @@ LOADS = {
 class CaseWords:
     """Says what was given."""
 
-    def __init__(self, given: Table, units: Mapping[str, str]) -> None:
-        """Take the ``given`` and the ``units`` of ``summary.json``."""
-        self._given, self._units = given, units
+    def __init__(self, given: Table, units: Mapping[str, str], axes: str) -> None:
+        """Take what ``summary.json`` says: ``given``, ``units``, and the ``axes`` of its model."""
+        self._given, self._units, self._axes = given, units, axes
 
     def bodies(self) -> list[Row]:
         """Each body's name, and its material."""
@@ -57,7 +60,8 @@ class CaseWords:
         """Each held surface, and how."""
         rows = []
         for support in self._given.get("supports", []):
-            along = ", ".join(support["components"])
+            names = dict(zip(AXES, self._axes, strict=False))
+            along = ", ".join(names[a] for a in support["components"] if a in names)
             text = f"held in {along}"
             if support["value"]:
                 text = f"moved by {self.number(support['value'], 'length')} in {along}"

@@ -36,7 +36,7 @@ def page_of(reader: ResultReader, view: View) -> str:
         InputError: If the results cannot be read.
     """
     summary, scene = reader.summary, reader.scene
-    words = CaseWords(summary.given, summary.units)
+    words = CaseWords(summary.given, summary.units, summary.model["axes"])
     template = Template(_asset("page.html"))
     return template.substitute(
         title=escape(scene.title or "A run"),
@@ -60,12 +60,17 @@ def _asset(name: str) -> str:
 
 def _verdict(verdict: Verdict) -> str:
     sign, word = MARKS[verdict.mark]
-    details = "".join(f"<p>{escape(text)}</p>" for text in verdict.details)
+    details = "".join(f"<p>{_words(text)}</p>" for text in verdict.details)
     return (
         f'<section id="verdict" class="{verdict.mark}" aria-label="Verdict">'
         f'<p class="badge"><span aria-hidden="true">{sign}</span> {word}</p>'
-        f'<p class="sentence">{escape(verdict.sentence)}</p>{details}</section>'
+        f'<p class="sentence">{_words(verdict.sentence)}</p>{details}</section>'
     )
+
+
+def _words(text: str) -> str:
+    """A sentence whose load factors are not torn apart at the end of a line."""
+    return escape(text).replace("ζ = ", "ζ&nbsp;=&nbsp;")
 
 
 def _view(view: View) -> str:

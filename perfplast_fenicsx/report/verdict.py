@@ -50,7 +50,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             [
                 "Both bounds are strict: they hold for the bodies that the mesh fills, and not just"
                 " for the mesh, but for rounding of the numbers.",
-                f"On the mesh {mesh}.{early}",
+                f"On {'the last' if limit.body.get('meshes') else 'this'} mesh {mesh}.{early}",
             ],
         )
     if upper is not None:
@@ -104,10 +104,9 @@ def _of_levels(reader: ResultReader) -> Verdict:
             f"At the last solved step {end.plastic_fraction:.1%} of the volume is plastic, and the"
             f" largest displacement is {length}."
         )
-    details += [
-        "All numbers hold for this mesh. What the bodies carry for certain is found with"
-        ' control = "bounds".'
-    ]
+    details.append("All numbers hold for this mesh.")
+    if not last.stage and not driven:
+        details[-1] += ' What the bodies carry for certain is found with control = "bounds".'
     if _coulomb(reader.summary.given):
         details.append("With Coulomb's friction a step may have other solutions than this one.")
     if not last.converged:

@@ -16,7 +16,11 @@ from perfplast_fenicsx.__main__ import main
 GALLERY = Path(__file__).resolve().parents[2] / "docs" / "gallery"
 
 COARSE = {
-    "bolted_bracket": {"size = 12.0": "size = 40.0\ncurvature = 4", "degree = 2": "degree = 1"},
+    "bolted_bracket": {
+        "size = 12.0": "size = 40.0\ncurvature = 4",
+        "bracket = 7.0": "bracket = 40.0",
+        "degree = 2": "degree = 1",
+    },
     "lug": {"size = 5.0": "size = 9.0\ncurvature = 6"},
     "nozzle": {"size = 16.0": "size = 60.0", "curvature = 32": "curvature = 10"},
     "press_fit": {"size = 1.0": "size = 6.0", "curvature = 48": "curvature = 16"},

@@ -52,7 +52,7 @@ def test_the_run_writes_it(
     assert capsys.readouterr().out == ("" if comm.rank else f"{again}\n")
     page = again.read_text(encoding="utf-8")
     assert page == (results / "report.html").read_text(encoding="utf-8")
-    assert "on this mesh the bodies carry the loads up to ζ = 95" in page
+    assert "on this mesh the bodies carry the loads up to ζ&nbsp;=&nbsp;95" in page
     assert "yield stress 100 MPa" in page
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
     assert summary["given"]["materials"]["punch"]["kind"] == "von-mises"

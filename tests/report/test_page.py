@@ -12,7 +12,7 @@ from perfplast_fenicsx.report.case_words import CaseWords
 from perfplast_fenicsx.report.curve import curve_of, far_ticks, ticks, to_svg
 from perfplast_fenicsx.report.field_words import words_of
 from perfplast_fenicsx.report.run_again import command_of
-from perfplast_fenicsx.report.tables import grade, level_table, pairs
+from perfplast_fenicsx.report.tables import grade, level_table, pairs, reaction_table
 from perfplast_fenicsx.units import Units
 from tests.io.results.test_result_folder import report
 
@@ -38,7 +38,7 @@ GIVEN: dict[str, Any] = {
 
 
 def test_the_case_in_words() -> None:
-    words = CaseWords(GIVEN, Units("mm", "MPa").table(whole=False))
+    words = CaseWords(GIVEN, Units("mm", "MPa").table(whole=False), "rz")
     assert words.bodies() == [
         (
             "a<b",
@@ -48,8 +48,8 @@ def test_the_case_in_words() -> None:
         ("c", "Soft; remembers plastic flow: hardening modulus 5 MPa, odd one 7"),
     ]
     held, moved = words.supports()
-    assert held == ("left", "held in x, z")
-    assert moved == ("right", "moved by -0.5 mm in y, times ζ")
+    assert held == ("left", "held in r")
+    assert moved == ("right", "moved by -0.5 mm in z, times ζ")
     assert words.loads() == [
         ("top", "pressure 3*x MPa, times ζ"),
         ("c", "w: force per volume (0, -2.5) N/mm^3, in full at any ζ"),
@@ -61,7 +61,7 @@ def test_the_case_in_words() -> None:
         ("p – q", "glued together"),
     ]
     assert words.number([1, -0.0], "force") == "(1, 0) N/mm"
-    assert CaseWords(GIVEN, {}).number(2.0, "force") == "2"
+    assert CaseWords(GIVEN, {}, "xy").number(2.0, "force") == "2"
     assert "&lt;" in pairs(words.bodies())
 
 
@@ -82,6 +82,12 @@ def test_levels_that_failed_have_no_certificates() -> None:
     assert first.count("mark ") == 5
     assert second.count("mark bad") == second.count("mark ") == 1
     assert "no solution" in second
+
+
+def test_forces_of_rounding_are_none() -> None:
+    text = reaction_table({"loads": [-5.0, 1e-14], "support a": [5.0, -1e-8]}, "xy", "N")
+    assert re.findall(r"<td>([^<]*)</td>", text) == ["-5", "0", "5", "-1e-08"]
+    assert "y (N)" in text
 
 
 def test_a_curve() -> None:

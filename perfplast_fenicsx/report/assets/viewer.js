@@ -5,7 +5,7 @@ const ENLARGED = 0.12; // the largest motion, as a share of the size of the bodi
 class Viewer {
   constructor(canvas, data, mesh, changed) {
     Object.assign(this, { canvas, data, mesh, changed, state: null, field: null, values: null });
-    this.camera = new Camera(mesh.points, mesh.plane);
+    this.camera = new Camera(mesh.points, mesh.plane, ENLARGED * data.size);
     this.drawing = new Drawing(canvas, mesh);
     this.look = {
       camera: this.camera, amount: 0, reach: 0, cut: [0, 0, 0, 1], field: false, range: [0, 1],

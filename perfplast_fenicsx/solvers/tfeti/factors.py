@@ -5,6 +5,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
 from perfplast_fenicsx.solvers.linear.petsc_options import SUBDOMAINS, own_prefix
 
 PRESET = {
@@ -39,19 +40,15 @@ class Factors:
         self._ksp.setUp()
         pc.setReusePreconditioner(True)  # whatever becomes of A
         if pc.getFailedReason():
+            forget_factors(self._ksp)
             return "a pivot is zero"
         return None
 
     def solve(self, b: Floats) -> Floats:
-        """X with A x = b; same shape."""
+        """Solve A x = b for x; same shape."""
         if not b.size:
             return np.zeros(0)
         self._b.array[:] = b
         self._ksp.solve(self._b, self._x)
         solution: Floats = self._x.array_r.copy()
         return solution
-
-    def destroy(self) -> None:
-        """Give back memory at once."""
-        for thing in (self._ksp, self._b, self._x):
-            thing.destroy()

@@ -25,7 +25,6 @@ class Subdomains:
         first: Number of this rank's first piece among all.
         count: Pieces of this rank.
         total: Pieces of all ranks.
-        of_cell: Piece of each owned cell, shape (num_cells,).
         torn: Torn node of each owned cell's nodes, shape (num_cells, nodes of a cell).
         node: The local block dof that each torn node is a copy of, shape (num_torn,).
         ends: Where the torn nodes of each piece begin, and their number, shape (count + 1,).
@@ -36,7 +35,6 @@ class Subdomains:
     first: int
     count: int
     total: int
-    of_cell: Ints
     torn: Ints
     node: Ints
     ends: Longs
@@ -92,7 +90,7 @@ def make_subdomains(problem: Problem, wanted: int, exactly: bool = False) -> Sub
     last = comm.scan(count)
     total = comm.allreduce(count)
     torn = torn.reshape(nodes.shape).astype(np.int32)
-    return Subdomains(last - count, count, total, of_cell, torn, node, ends, motions, fixing)
+    return Subdomains(last - count, count, total, torn, node, ends, motions, fixing)
 
 
 def bisected(x: Floats, count: int) -> Ints:

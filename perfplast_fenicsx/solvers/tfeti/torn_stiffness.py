@@ -36,7 +36,6 @@ class TornStiffness:
 
     Attributes:
         size: Torn unknowns of this rank.
-        factorisations: So far.
     """
 
     def __init__(self, fields: QuadratureFields, pieces: Subdomains) -> None:
@@ -60,7 +59,6 @@ class TornStiffness:
         self.matrix.setLGMap(to_torn)
         to_torn.destroy()
         self._factors = Factors()
-        self.factorisations = 0
         self._scale = 0.0
 
     @phase("assembly")
@@ -87,7 +85,6 @@ class TornStiffness:
         self._add_springs(1.0)
         failure = self._factors.make(self.matrix)
         self._add_springs(-1.0)
-        self.factorisations += 1
         if failure is None and not stiff and self.size:
             failure = self._proved()
         if stiff:

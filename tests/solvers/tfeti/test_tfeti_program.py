@@ -126,7 +126,7 @@ def test_prescribed_work() -> None:
     for options in (SHARP, tfeti(8)):
         solver = WorkNewton(problem, options)
         near = solver.near_yield()
-        levels.append(solver.solve(8 * near.alpha, near))
+        levels.append(solver.solve(3 * near.alpha, near))
     one, other = levels
     assert other.report.converged, other.report.reason
     assert other.state.zeta == pytest.approx(one.state.zeta, rel=1e-8)
