@@ -14,7 +14,7 @@ from perfplast_fenicsx.cli.shell_completion import complete
 
 LINES = {
     "perfplast ": {"run", "mesh", "check", "plot", "animate", "report", "materials", "info"},
-    "perfplast r": {"run"},
+    "perfplast re": {"report"},
     "perfplast run --l": {"--log-level"},
     "perfplast run x --log-level ": {"debug", "info", "warning", "error"},
     "perfplast run ": {"case.toml", "results/"},
