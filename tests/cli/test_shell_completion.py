@@ -13,8 +13,8 @@ from perfplast_fenicsx.cli.parser import make_parser
 from perfplast_fenicsx.cli.shell_completion import complete
 
 LINES = {
-    "perfplast ": {"run", "mesh", "check", "plot", "animate", "materials", "info"},
-    "perfplast r": {"run"},
+    "perfplast ": {"run", "mesh", "check", "plot", "animate", "report", "materials", "info"},
+    "perfplast re": {"report"},
     "perfplast run --l": {"--log-level"},
     "perfplast run x --log-level ": {"debug", "info", "warning", "error"},
     "perfplast run ": {"case.toml", "results/"},

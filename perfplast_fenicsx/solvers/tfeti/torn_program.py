@@ -75,7 +75,7 @@ class TornProgram:
         """Go on until jumps and lack of balance are small.
 
         Args:
-            rtol: Relative to :attr:`jumps` and :attr:`forces`; rounding is let pass.
+            rtol: Relative to ``jumps`` and ``forces``; rounding is let pass.
             most: Products with F, behind which the iteration is given up.
 
         Returns:
