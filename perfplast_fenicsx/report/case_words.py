@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from perfplast_fenicsx.io.case.scene import Units
+from perfplast_fenicsx.units import Units
 
 Table = Mapping[str, Any]
 Row = tuple[str, str]
@@ -31,7 +31,7 @@ MODELS = {
 LOADS = {
     "traction": ("traction", "stress"),
     "pressure": ("pressure", "stress"),
-    "body_force": ("force per volume", "force per volume"),
+    "body_force": ("force per volume", "force_density"),
     "pore_pressure": ("water pressure in the pores", "stress"),
     "force": ("force", "force"),
 }
@@ -49,19 +49,7 @@ class CaseWords:
             kind: The ``kind`` of the model, on which it depends what forces are of.
         """
         self._given = given
-        length, stress = units.length, units.stress
-        both = bool(length and stress)
-        deep = kind == "plane-strain"
-        force = f"{stress} {length}" if deep else f"{stress} {length}²"
-        if (length, stress) == ("mm", "MPa"):
-            force = "N/mm" if deep else "N"
-        self._units = {
-            "": "",
-            "length": length,
-            "stress": stress,
-            "force": force if both else "",
-            "force per volume": f"{stress}/{length}" if both else "",
-        }
+        self._units = units.table(whole=kind != "plane-strain") | {"": ""}
 
     def bodies(self) -> list[Row]:
         """Each body's name, and its material."""
@@ -124,7 +112,7 @@ class CaseWords:
         return rows
 
     def unit(self, kind: str) -> str:
-        """Of a "length", "stress", "force" or "force per volume"; empty where the case has none."""
+        """Of a quantity of :meth:`units.Units.table`; empty where the case has none."""
         return self._units[kind]
 
     def number(self, value: Any, kind: str) -> str:

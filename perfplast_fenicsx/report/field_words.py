@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from perfplast_fenicsx.io.case.scene import Units
+from perfplast_fenicsx.units import Units
 
 WORDS: dict[str, tuple[str, Literal["stress", "length", ""]]] = {
     "stress": ("von Mises stress", "stress"),
@@ -35,7 +35,7 @@ class FieldWords:
 def words_of(name: str, units: Units) -> FieldWords:
     """What a field is called; one that is not known by its own name."""
     label, kind = WORDS.get(name, (name.replace("_", " "), ""))
-    return FieldWords(label, {"stress": units.stress, "length": units.length, "": ""}[kind])
+    return FieldWords(label, units.table()[kind] if kind else "")
 
 
 def rank_of(name: str) -> int:

@@ -43,13 +43,13 @@ def page_of(reader: ResultReader, view: View) -> str:
         style=_asset("page.css"),
         verdict=_verdict(verdict_on(reader)),
         view=_view(view),
-        curve=_curve(reader),
-        levels=_levels(reader),
+        curve=_curve(reader, words),
+        levels=_levels(reader, words),
         reactions=_reactions(reader, words),
         case=_case(summary, words),
         again=_again(summary),
         version=escape(summary.version),
-        data=json.dumps(view.data).replace("<", "\\u003c"),
+        data=json.dumps(view.data, allow_nan=False).replace("<", "\\u003c"),
         script="\n".join(_asset(f"{name}.js") for name in SCRIPTS),
     )
 
@@ -73,17 +73,17 @@ def _view(view: View) -> str:
     return remarks + (_asset("view.html") if view.data is not None else "")
 
 
-def _curve(reader: ResultReader) -> str:
-    unit = reader.scene.unit_of_work(reader.gdim) if reader.levels else ""
-    curve = curve_of(reader.reports, reader.limit, reader.scene.driven, unit)
+def _curve(reader: ResultReader, words: CaseWords) -> str:
+    curve = curve_of(reader.reports, reader.limit, reader.scene.driven, words.unit("work"))
     return _section("curve", "The curve", "" if curve is None else to_svg(curve))
 
 
-def _levels(reader: ResultReader) -> str:
+def _levels(reader: ResultReader, words: CaseWords) -> str:
     if not reader.reports:
         return ""
     good, fair, _ = GRADES
-    table = level_table(reader.reports, reader.scene.driven)
+    units = words.unit("work"), words.unit("length")
+    table = level_table(reader.reports, reader.scene.driven, *units)
     note = (
         f"<p>Each solved step is checked anew: <b>energy</b>, that no other state has less;"
         f" <b>forces</b>, that all are in balance; <b>contact</b>, that bodies push where they"

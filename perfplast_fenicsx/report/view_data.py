@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from perfplast_fenicsx.arrays import Longs
-from perfplast_fenicsx.io.case.scene import Units
 from perfplast_fenicsx.io.results.result_files import MECHANISM
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
@@ -17,6 +16,7 @@ from perfplast_fenicsx.report.field_words import rank_of, words_of
 from perfplast_fenicsx.report.packing import pack_integers, pack_numbers, size_of
 from perfplast_fenicsx.report.skin_fields import SkinState, read_state
 from perfplast_fenicsx.report.skin_lines import skin_lines
+from perfplast_fenicsx.units import Units
 
 ROOM = 18_000_000
 """Characters of packed arrays that a page may have; with all else it stays below 20 MB."""
@@ -56,7 +56,7 @@ def view_data(reader: ResultReader, room: int = ROOM) -> View:
     order = np.argsort(surface.body, kind="stable")
     data = _mesh(surface, order) | {
         "axisymmetric": reader.scene.axisymmetric,
-        "unit": units.length,
+        "unit": units.table()["length"],
         "states": [],
     }
     left = room - size_of(data)
@@ -136,15 +136,17 @@ class _Packer:
             if self.kept and one.name not in self.kept:
                 continue
             values = one.values[self.order] if one.at == "cells" else one.values
+            seen = values[np.isfinite(values)]  # JSON has no word for the others
             fields[one.name] = {
                 "at": one.at,
-                "low": float(values.min(initial=np.inf)),
-                "high": float(values.max(initial=-np.inf)),
+                "low": float(seen.min()) if seen.size else 0.0,
+                "high": float(seen.max()) if seen.size else 0.0,
                 "values": pack_numbers(values),
             }
+        lengths = np.linalg.norm(state.motion.astype(np.float64), axis=1)
         return {
             "motion": [pack_numbers(axis) for axis in state.motion.T],
-            "largest": float(np.linalg.norm(state.motion, axis=1).max(initial=0.0)),
+            "largest": float(lengths[np.isfinite(lengths)].max(initial=0.0)),
             "fields": fields,
         }
 

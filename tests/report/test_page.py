@@ -52,7 +52,7 @@ def test_the_case_in_words() -> None:
     assert moved == ("right", "moved by -0.5 mm in y, times ζ")
     assert words.loads() == [
         ("top", "pressure 3*x MPa, times ζ"),
-        ("c", "w: force per volume (0, -2.5) MPa/mm, in full at any ζ"),
+        ("c", "w: force per volume (0, -2.5) N/mm^3, in full at any ζ"),
         ("c", "change of temperature 20"),
     ]
     assert words.contacts() == [
@@ -61,13 +61,22 @@ def test_the_case_in_words() -> None:
         ("p – q", "glued together"),
     ]
     assert words.unit("force") == "N/mm"
-    assert CaseWords(GIVEN, Units("m", "kPa"), "space").unit("force") == "kPa m²"
+    assert CaseWords(GIVEN, Units("cm", "kPa"), "space").unit("force") == "kPa cm²"
+    named = CaseWords(GIVEN, Units(system="m-kN-kPa"), "space")
+    assert named.loads()[0] == ("top", "pressure 3*x kPa, times ζ")
+    assert [named.unit(kind) for kind in ("length", "force", "work")] == ["m", "kN", "kN m"]
     assert CaseWords(GIVEN, Units(), "space").unit("force") == ""
     assert "&lt;" in pairs(words.bodies())
 
 
 def test_fields_that_nobody_knows_keep_their_names() -> None:
     assert words_of("my_own_field", Units("mm", "MPa")).label == "my own field"
+
+
+def test_fields_have_the_units_of_a_system() -> None:
+    units = Units(system="mm-kN-GPa")
+    found = [words_of(name, units).unit for name in ("stress", "displacement", "plastic")]
+    assert found == ["GPa", "mm", ""]
 
 
 @pytest.mark.parametrize(
@@ -83,6 +92,9 @@ def test_levels_that_failed_have_no_certificates() -> None:
     assert first.count("mark ") == 5
     assert second.count("mark bad") == second.count("mark ") == 1
     assert "no solution" in second
+    told = level_table([report(1.0)], False, "kN m", "m")
+    assert "work α (kN m)" in told
+    assert "largest displacement (m)" in told
 
 
 def test_a_curve() -> None:
@@ -104,6 +116,8 @@ def test_a_curve() -> None:
     assert (x[1] - x[0]) * 2 == pytest.approx(x[2] - x[1], abs=0.3)
     assert y[0] - y[1] == pytest.approx(y[1] - y[2], abs=0.3)
     assert curve_of(reports[2:], None, False, "") is None
+    endless = [*reports, report(3.0, alpha=np.inf, **plain)]
+    assert curve_of(endless, StoredLimit(2.0, 2.1, 2.2, {}), False, "J") == curve
     staged = curve_of([report(1.0), report(2.0)], None, False, "")
     assert staged is not None
     assert [line.name for line in staged.lines] == ["water"]
