@@ -17,7 +17,7 @@ from perfplast_fenicsx.contact.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
-from perfplast_fenicsx.io.case import tables
+from perfplast_fenicsx.io.case import support_tables, tables
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.case.schema import described, shown
@@ -187,13 +187,13 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
         "[material.NAME]",
         _chosen("law", MATERIALS, None, "The law of the body."),
     ),
-    "support": ("[[support]]", _single(tables.SupportTable)),
+    "support": ("[[support]]", _single(support_tables.SupportTable)),
     "load": ("[[load]]", _single(tables.LoadTable)),
     "temperature": ("[[temperature]]", _single(Temperature)),
     "initial_stress": ("[[initial_stress]]", _single(InitialStress)),
     "contact": ("[[contact]]", _single(Contact)),
     "obstacle": ("[[obstacle]]", _chosen("shape", OBSTACLES, None, "What it is.")),
-    "rigid_surface": ("[[rigid_surface]]", _single(tables.RigidSurfaceTable)),
+    "rigid_surface": ("[[rigid_surface]]", _single(support_tables.RigidSurfaceTable)),
     "tie": ("[[tie]]", _single(Tie)),
     "model": ("[model]", _single(tables.ModelOptions)),
     "element": ("[element]", _single(tables.ElementOptions)),

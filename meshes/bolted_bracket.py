@@ -1,4 +1,4 @@
-"""A bracket bolted to a wall, as a STEP file: ten parts that fit each other, by a CAD system's names.
+"""A bracket bolted to a wall, as a STEP file: ten parts that fit each other, each with its name.
 
 Parts ``wall``, ``bracket``, ``bolt_1`` to ``bolt_4`` and ``nut_1`` to ``nut_4`` (mm). The wall is a
 plate at x < 0; the bracket's arm reaches to x = REACH at mid-height. Bolts fill their holes.

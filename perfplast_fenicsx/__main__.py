@@ -17,6 +17,7 @@ from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, meshing_o
 from perfplast_fenicsx.cli.parser import read_arguments
 from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED, run
 from perfplast_fenicsx.cli.run_log import logged_to_console
+from perfplast_fenicsx.cli.signals import leave_pipes_to_python
 from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.errors import InputError, raise_together
@@ -38,6 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     comm = MPI.COMM_WORLD
     arguments = list(sys.argv[1:] if argv is None else argv)
+    leave_pipes_to_python()
     for stream in (sys.stdout, sys.stderr):  # a reason may have a Greek letter in it
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -67,7 +69,8 @@ def check(comm: MPI.Intracomm, path: str) -> int:
     """
     case = read_case(path, comm)
     problem = case.problem(comm)
-    text = describe(case.title, case.method_on(problem), problem)
+    case.history(problem)
+    text = describe(case.title, case.method_on(problem), problem, case.options)
     Terminal(comm).say(f"{text}\n{case.path} can be run.")
     return SOLVED
 

@@ -16,7 +16,11 @@ BELOW: dict[str, set[str]] = {
     "problem": {"mesh", "materials", "contact"},
     "solvers.linear": {"problem"},
     "solvers.active_set": {"contact", "problem", "solvers.linear"},
-    "solvers": {"contact", "materials", "problem", "solvers.linear", "solvers.active_set"},
+    "solvers.tfeti": {"contact", "problem", "solvers.linear", "solvers.active_set"},
+    "solvers": {
+        *("contact", "materials", "problem"),
+        *("solvers.linear", "solvers.active_set", "solvers.tfeti"),
+    },
     "limit_analysis": {"contact", "materials", "mesh", "problem", "solvers", "solvers.linear"},
     "io.case": {
         *("geometry", "mesh", "materials", "contact", "problem", "solvers", "limit_analysis")

@@ -12,7 +12,8 @@
 #
 # at the bore, while p is at most twice that of first yield (R. Hill, The Mathematical Theory of
 # Plasticity, Oxford 1950, chapter V). A second cycle is then elastic, and ends where the first one
-# ended.
+# ended. The plastic radius is where σ_eq, a line in 1/r³ outside of it, reaches σ_y and where the
+# accumulated plastic strain, one inside, vanishes: the mean of both, through points near by.
 #
 # A tube in plane strain, b = 3a, has no closed form for the condition of von Mises. Its numbers are
 # those of 800 quadratic elements along the radius and 16 steps.
@@ -70,6 +71,8 @@ TUBE_PRESSURE = 216.288835
 TUBE = {"u(a)": 2.280689e-3, "u(b)": 9.465414e-4, "residual hoop stress": -210.0515}
 LAYER = 0.15
 """The stress at the bore is that of a parabola through points so near to it."""
+FRONT = 0.2
+"""The plastic radius is that of lines through points so near to it on either side."""
 
 Floats = npt.NDArray[np.float64]
 
@@ -120,6 +123,30 @@ def hoop_at_bore(problem: Problem, stress: fem.Function) -> float:
     return float(np.linalg.solve(sums[:, :3], sums[:, 3])[2])
 
 
+def plastic_radius(problem: Problem, level: Level, near: float) -> float:
+    """Where spherical bodies cease to be plastic, which is about ``near``. Collective."""
+    x = ufl.SpatialCoordinate(problem.tagged_mesh.mesh)
+    power, ratio = fem.Function(problem.Q), fem.Function(problem.Q)
+    dev = ufl.dev(tensor(level.stress))
+    yields = ufl.sqrt(1.5 * ufl.inner(dev, dev)) / MATERIAL.yield_stress
+    points = interpolation_points(problem.Q.element)
+    for function, value in ((power, ufl.dot(x, x) ** -1.5), (ratio, yields)):
+        function.interpolate(fem.Expression(value, points))
+    owned = problem.Q.dofmap.index_map.size_local
+    flow = level.state.history["accumulated_plastic_strain"].x.array[:owned]
+    x3, stress = power.x.array[:owned], ratio.x.array[:owned]
+    inside = (flow > 0) & (x3 < (near - FRONT) ** -3)
+    outside = (flow == 0) & (x3 > (near + FRONT) ** -3)
+    radii = []
+    for where, value, end in ((inside, flow, 0.0), (outside, stress, 1.0)):
+        powers = np.vander(x3[where], 2)
+        sums = np.column_stack([powers.T @ powers, powers.T @ (value[where] - end)])
+        sums = problem.comm.allreduce(sums)
+        slope, offset = np.linalg.solve(sums[:, :2], sums[:, 2])
+        radii.append((-offset / slope) ** (-1 / 3))
+    return float(np.mean(radii))
+
+
 def cycles(problem: Problem, pressure: float, steps: int) -> list[Level]:
     """The ends of loading, unloading, loading and unloading; raises where one has no solution."""
     on, off = {"bore": pressure, "outside": 0.0}, {"bore": 0.0}
@@ -136,13 +163,13 @@ def vessel(problem: Problem, ends: Sequence[Level], outer: float) -> dict[str, f
         {name: abs(work) for name, work in ends[i].report.works.items()} for i in (0, 2)
     )
     area = math.pi / 2  # of the bore: an eighth of a sphere, a quarter of a circle
-    volume = outer**gdim - 1
+    around = (1 + ends[0].report.plastic_fraction * (outer**gdim - 1)) ** (1 / gdim)
     residual = [hoop_at_bore(problem, ends[i].stress) for i in (1, 3)]
     return {
         "u(a)": first["bore"] / area,
         "u(b)": first["outside"] / (area * outer ** (gdim - 1)),
         "residual hoop stress": residual[0],
-        "plastic radius": (1 + ends[0].report.plastic_fraction * volume) ** (1 / gdim),
+        "plastic radius": plastic_radius(problem, ends[0], around) if gdim == 3 else math.nan,
         "second cycle, u(a)": again["bore"] / first["bore"] - 1,
         "second cycle, stress": residual[1] / residual[0] - 1,
         "solves": sum(end.report.linear_solves for end in ends),
@@ -192,7 +219,7 @@ def exact_strain() -> float:
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     """Residual stress of sphere and tube, and the error of steps. Collective."""
     exact = sphere()
-    allowed = {"u(a)": 2e-3, "u(b)": 2e-3, "residual hoop stress": 5e-3, "plastic radius": 1e-2}
+    allowed = {"u(a)": 2e-3, "u(b)": 2e-3, "residual hoop stress": 5e-3, "plastic radius": 2e-3}
     same = dict.fromkeys(("second cycle, u(a)", "second cycle, stress"), 0.0)
     allowed |= dict.fromkeys(same, 1e-8)
     planes = [Support("x0", "x"), Support("y0", "y")]

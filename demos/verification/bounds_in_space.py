@@ -87,7 +87,7 @@ PUNCH = Case(
     contacts=[Contact("punch_seam", "ground_seam")],
     asked=(0.065, 8000),
 )
-FEWER = (0.12, 2900)
+FEWER = (0.12, 2300)
 """Of the punch: a gap, and cells for it."""
 COARSE_SPHERE = 0.4
 """Edge length, for a quick look."""

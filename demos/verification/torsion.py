@@ -7,7 +7,10 @@
 #     round bar, radius 1:  T = 2πk/3        square bar, side 1:  T = k/3
 #
 # The round bar does not warp, and at the twist θ > θ_el = k/G it has T/T_el = (4 − (θ_el/θ)³)/3.
-# Its limit is also that of a traction k along circles on the end, a formula in x and y.
+# Its limit is also that of a traction k along circles on the end, a formula in x and y. Twisted to
+# 2θ_el and unloaded, it keeps the twist (2 − 31/24)θ_el, since T/T_el = 31/24 at 2θ_el and back it
+# is elastic. The traction k min(2r, 1) along circles is that of the twist 2θ_el; the bar is then so
+# long that the half of it behind the end feels the torque alone.
 #
 # By symmetry a quarter is enough: on the planes x = 0 and y = 0 nothing moves within the plane. A
 # slice of one element is as good as a long bar. ζ is the angle, the driving force the torque of the
@@ -22,22 +25,30 @@ from collections.abc import Sequence
 
 from mpi4py import MPI
 
+import ufl
+from dolfinx import fem
+
 from demos.verification.slip import subfolder
 from demos.verification.study import Collapse, Row, mesh, run, show
 from meshes.shaft import write_shaft
 from meshes.square_bar import write_square_bar
 from perfplast_fenicsx import (
+    Flow,
+    LoadingHistory,
     Newton,
     Problem,
     RigidSurface,
+    Stage,
     Support,
     TaggedMesh,
     Traction,
     VonMises,
     limit_load,
     load_path,
+    stage_path,
 )
 from perfplast_fenicsx.io import ResultFolder, Scene
+from perfplast_fenicsx.materials import Expr
 
 TITLE = "Torsion of bars"
 STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
@@ -46,9 +57,13 @@ ROUND, SQUARE = 2 * math.pi / 3 * SHEAR, SHEAR / 3
 ELASTIC = SHEAR * 2 * (1 + STEEL.poisson) / STEEL.young
 """Twist per length at which the round bar yields."""
 SUPPORTS = [Support("x0", "yz"), Support("y0", "xz"), Support("z0", "xy")]
-ALLOWED = 0.01
+ALLOWED, UNTWISTED = 0.01, 0.005
 TWISTS = (1.0, 2.0, 4.0, 10.0, 100.0)
 """Relative to that of first yield of the round bar."""
+PARTLY = (4 - TWISTS[1] ** -3) / 3
+"""T/T_el at 2θ_el."""
+RESIDUAL = TWISTS[1] - PARTLY
+LENGTH, FINE = 1.5, 0.15
 
 
 # %%
@@ -94,6 +109,85 @@ def twisted(
 
 
 # %%
+def untwisted_by_traction(bar: TaggedMesh, size: float) -> list[Row]:
+    """Twists of a long bar at a torque, and without it. Collective."""
+    along = f"{SHEAR!r}*minimum(2, 1/sqrt(x*x + y*y + 1e-20))"
+    traction = Traction("z1", (f"-y*{along}", f"x*{along}", 0.0), "torque")
+    problem = Problem(bar, {"shaft": Flow(STEEL)}, SUPPORTS, [traction], degree=2)
+    began = time.perf_counter()
+    history = LoadingHistory(problem, [Stage({"torque": 1.0}, 4), Stage({"torque": 0.0})])
+    levels = list(stage_path(Newton(problem), history))
+    x = ufl.SpatialCoordinate(bar.mesh)
+    here = ufl.conditional(ufl.lt(x[2], LENGTH / 2), 1.0, 0.0)
+    polar = _integral(bar, here * (x[0] ** 2 + x[1] ** 2))
+    rows = []
+    for level, what, twist in (
+        (levels[-2], "twist at the torque of 2θ_el", TWISTS[1]),
+        (levels[-1], "residual twist", RESIDUAL),
+    ):
+        u = level.state.u
+        turned = _integral(bar, here * (x[0] * u[1].dx(2) - x[1] * u[0].dx(2)))
+        found = turned / polar / ELASTIC if level.report.converged else math.nan
+        rows.append(
+            Row(
+                case="round bar, traction and back",
+                quantity=what,
+                element="P2",
+                size=size,
+                dofs=problem.num_dofs,
+                computed=found,
+                exact=twist,
+                allowed=UNTWISTED if size <= FINE else None,
+                solves=sum(each.report.linear_solves for each in levels),
+                seconds=time.perf_counter() - began,
+            )
+        )
+    return rows
+
+
+def untwisted_by_motion(bar: TaggedMesh, size: float) -> list[Row]:
+    """Torque at 2θ_el, and the twist without it on the elastic line back. Collective."""
+    turned = RigidSurface(
+        "z1", rotation=(0.0, 0.0, 1.0), components="xy", constant=False, name="twist"
+    )
+    problem = Problem(bar, {"shaft": Flow(STEEL)}, SUPPORTS, degree=2, rigid=[turned])
+    began = time.perf_counter()
+    there, back = (angle * ELASTIC * size for angle in (TWISTS[1], RESIDUAL))
+    history = LoadingHistory(problem, [Stage({"twist": there}, 4), Stage({"twist": back})])
+    levels = list(stage_path(Newton(problem), history))
+    assert all(level.report.converged for level in levels)
+    torques = [4 * level.report.driving_forces["twist"] for level in levels[-2:]]
+    elastic = math.pi / 2 * SHEAR
+    slope = (TWISTS[1] - RESIDUAL) / (torques[0] - torques[1])
+    found = {
+        "T/T_el at 2θ_el": (torques[0] / elastic, PARTLY),
+        "residual twist": (RESIDUAL - torques[1] * slope, RESIDUAL),
+    }
+    return [
+        Row(
+            case="round bar, twisted and back",
+            quantity=what,
+            element="P2",
+            size=size,
+            dofs=problem.num_dofs,
+            computed=computed,
+            exact=exact,
+            allowed=UNTWISTED,
+            solves=sum(level.report.linear_solves for level in levels),
+            seconds=time.perf_counter() - began,
+        )
+        for what, (computed, exact) in found.items()
+    ]
+
+
+def _integral(bar: TaggedMesh, value: Expr) -> float:
+    """Collective."""
+    return float(
+        bar.mesh.comm.allreduce(fem.assemble_scalar(fem.form(value * ufl.dx(domain=bar.mesh))))
+    )
+
+
+# %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     """Limit torques of both bars, and the way there of the round one. Collective."""
     rows = []
@@ -115,6 +209,9 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         limit = limit_load(problem, 1e-4)
         found = Collapse(problem, limit, "", time.perf_counter() - began)
         rows.append(found.row("round bar, traction", size, SHEAR, ALLOWED))
+        rows += untwisted_by_motion(bar, size)
+    for size in (0.4,) if coarse else (0.25, FINE):
+        rows += untwisted_by_traction(mesh(folder, write_shaft, length=LENGTH, size=size), size)
     return rows
 
 

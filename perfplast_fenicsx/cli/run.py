@@ -75,8 +75,7 @@ def run(
         terminal.status("setting up the problem")
         problem = case.problem(comm)
         checkpoints = Checkpoints(folder, problem, case.table, __version__)
-        with at(case.path.name):
-            stages = LoadingHistory(problem, case.stages) if case.stages else None
+        stages = case.history(problem)
         saved = checkpoints.read(stages) if restart else Saved()
         method = case.method if saved.reports else case.method_on(problem)
         solver = None if method == LimitMethod.INTERIOR_POINT else case.solver(problem)
@@ -88,7 +87,7 @@ def run(
             for remark in on_friction:
                 terminal.say(f"{remark}.")
             remarks = [*problem.constraints.remarks, *left_out(problem), *on_friction]
-            journal.header(case, [describe(case.title, method, problem), *remarks])
+            journal.header(case, [describe(case.title, method, problem, case.options), *remarks])
             context = RunContext(
                 case=case,
                 problem=problem,
@@ -136,7 +135,7 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
             limit = _limit(context, solver, recorder, case.loading.limit_tolerance)
     elif stages is not None:
         start = saved.level.state if saved.level else None
-        recorder.plan(len(stages.times()) + stages.rests_first())
+        recorder.plan(sum(stage.steps for stage in stages.stages) + stages.rests_first())
         for level in stage_path(solver, stages, recorder.iteration, start):
             recorder.level(level)
     else:

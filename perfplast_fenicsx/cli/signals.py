@@ -62,3 +62,8 @@ class Interrupts:
     def _note(self, number: int, _: FrameType | None) -> None:
         self._noted = self._noted or number
         signal.signal(number, self._before.pop(number))  # type: ignore[arg-type]
+
+
+def leave_pipes_to_python() -> None:
+    """Have a pipe that nobody reads raise BrokenPipeError: PETSc would end the process."""
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)

@@ -21,6 +21,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.linear.linear_solver import chosen_solver
+from perfplast_fenicsx.solvers.newton_options import NewtonOptions
 from perfplast_fenicsx.units import Units
 
 COLUMNS = (
@@ -69,7 +70,7 @@ class Terminal:
         """Write a line."""
         if self._speaks:
             self.clear()
-            print(text, file=self._stream, flush=True)
+            self._write(f"{text}\n")
 
     def status(self, text: str) -> None:
         """Say on the live line what is being done."""
@@ -78,21 +79,31 @@ class Terminal:
             text = text[: shutil.get_terminal_size().columns - 1]
             self.clear()
             self._shown = len(text)
-            print(f"\r{text}", end="", file=self._stream, flush=True)
+            self._write(f"\r{text}")
 
     def clear(self) -> None:
         """Remove the live line, so that something else can be written."""
         if self._shown:
-            print("\r" + " " * self._shown + "\r", end="", file=self._stream, flush=True)
+            self._write("\r" + " " * self._shown + "\r")
             self._shown = 0
 
-    def header(self, title: str, method: str, problem: Problem) -> None:
+    def _write(self, text: str) -> None:
+        """Write, or be silent from now on where nobody reads: the results are on file."""
+        try:
+            print(text, end="", file=self._stream, flush=True)
+        except BrokenPipeError:
+            self._speaks = self._live = False
+            self._shown = 0
+            with open(os.devnull, "w") as nowhere:  # Python flushes the rest at its end
+                os.dup2(nowhere.fileno(), self._stream.fileno())
+
+    def header(self, title: str, method: str, problem: Problem, options: object = None) -> None:
         """Say what is solved, and head the table if there are levels to come. Collective."""
-        self.say(describe(title, method, problem))
+        self.say(describe(title, method, problem, options))
         for remark in problem.constraints.remarks:
             self.say(remark)
         if method != LimitMethod.INTERIOR_POINT:
-            self._driven = problem.motion.driven
+            self._driven = problem.motion.driven and not problem.loads.grows()
             heads = (
                 (DRIVEN if name == "alpha" and self._driven else name, w) for name, w in COLUMNS
             )
@@ -189,7 +200,7 @@ class Terminal:
             self.say(f"Results in {folder.path}: {', '.join(folder.found())}")
 
 
-def describe(title: str, method: str, problem: Problem) -> str:
+def describe(title: str, method: str, problem: Problem, options: object = None) -> str:
     """The problem in a line. Collective."""
     mesh, comm = problem.tagged_mesh.mesh, problem.comm
     bodies = ", ".join(sorted(problem.tagged_mesh.volumes))
@@ -199,6 +210,8 @@ def describe(title: str, method: str, problem: Problem) -> str:
     direct = method == LimitMethod.INTERIOR_POINT
     turned = ", axisymmetric" if problem.tagged_mesh.axisymmetric else ""
     linear = "MUMPS Cholesky" if direct else chosen_solver(problem)
+    if isinstance(options, NewtonOptions) and options.subdivision:
+        linear = "Total FETI"
     return (
         f"{title}: {bodies}; {cells} cells, P{problem.degree}{turned}, {problem.num_dofs} dofs,"
         f" {pairs} contact pairs;"

@@ -22,6 +22,7 @@ def main(argv: Sequence[str]) -> int:
     try:
         with gmsh_session() as gmsh:
             gmsh.logger.start()
+            gmsh.option.setNumber("General.Terminal", 1)
             read = msgspec.json.decode(options, type=MeshingOptions)
             found = mesh_file(Path(source), Path(target), read)
     except InputError as error:

@@ -11,6 +11,7 @@ import msgspec
 from perfplast_fenicsx.child_process import REFUSED, environment_with_package
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.progress import last_of
 from perfplast_fenicsx.geometry.survey import Survey
 
 
@@ -55,9 +56,11 @@ def mesh_geometry(
                 check=False,
             )
         except subprocess.TimeoutExpired as error:
+            seen = error.stdout or b""  # bytes, whatever the encoding
+            doing = last_of(seen if isinstance(seen, str) else seen.decode(errors="replace"))
             raise InputError(
-                f"'{source}' was not meshed in {options.patience:g} s; give a larger size or more"
-                " patience, or simplify the geometry in the CAD system."
+                f"'{source}' was not meshed in {options.patience:g} s, when gmsh was {doing}; give"
+                " a larger size or more patience, or simplify the geometry in the CAD system."
             ) from error
         if done.returncode:
             if done.returncode > 0 and done.returncode != REFUSED:

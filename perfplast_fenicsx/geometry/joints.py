@@ -81,10 +81,11 @@ def near_misses(dim: int, parts: Sequence[Part]) -> list[Near]:
     nearest = np.argsort(apart, kind="stable")[:MOST_DISTANCES]
     owner = {tag: number for number, part in enumerate(parts) for tag in part.tags}
     touching = set(map(frozenset[int], shared(dim, owner).values()))
+    faces = [_boxes_of_faces(dim, part) for part in parts]
     found = []
     for pair in nearest[apart[nearest] <= reach[nearest]]:
         one, other = int(first[pair]), int(second[pair])
-        if {one, other} in touching:
+        if {one, other} in touching or _between(faces[one], faces[other]) > reach[pair]:
             continue
         gap = min(
             gmsh.model.occ.getDistance(dim, a, dim, b)[0]
@@ -94,6 +95,18 @@ def near_misses(dim: int, parts: Sequence[Part]) -> list[Near]:
             distance = float(gap) if gap > none else 0.0
             found.append(Near((parts[one].name, parts[other].name), distance))
     return found
+
+
+def _boxes_of_faces(dim: int, part: Part) -> Floats:
+    """Smallest and largest coordinates of each face, shape (n, 2, 3)."""
+    found = {int(face) for tag in part.tags for face in gmsh.model.getAdjacencies(dim, tag)[1]}
+    return np.array([box(dim - 1, [face]) for face in found]).reshape(-1, 2, 3)
+
+
+def _between(one: Floats, other: Floats) -> float:
+    """The smallest distance between boxes: faces are no nearer, and measuring them takes long."""
+    gaps = np.maximum(one[:, None, 0] - other[None, :, 1], other[None, :, 0] - one[:, None, 1])
+    return float(np.linalg.norm(gaps.clip(min=0), axis=2).min(initial=np.inf))
 
 
 def shared(dim: int, owner: dict[int, int]) -> dict[int, tuple[int, ...]]:

@@ -20,6 +20,7 @@ from perfplast_fenicsx.geometry.measured import (
 )
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.parts import Part, read_parts
+from perfplast_fenicsx.geometry.progress import Stage, begin
 from perfplast_fenicsx.geometry.seams import find_seams, free_faces, take_apart
 from perfplast_fenicsx.geometry.skin import skin_of
 from perfplast_fenicsx.geometry.survey import Survey
@@ -44,7 +45,9 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     Raises:
         InputError: If the file cannot be read, has no bodies, or a body cannot be meshed.
     """
+    begin(Stage("reading it"))
     dim, parts = read_parts(source)
+    begin(Stage("cutting its bodies along each other"))
     parts = cut_in_half(dim, parts, options.symmetry)
     parts = cut_along_each_other(dim, parts, options.overlap)
     near = near_misses(dim, parts)
@@ -56,6 +59,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     extent = max(float(np.linalg.norm(np.ptp(box(dim, part.tags), axis=0))) for part in parts)
     groups = put_together(dim - 1, free_faces(dim, parts, seams), extent)
     names = face_names(dim - 1, parts, groups, options)
+    begin(Stage("meshing", _names_of_faces(dim, parts)))
     longest = _mesh(dim, parts, options)
 
     gmsh.model.removePhysicalGroups()
@@ -114,6 +118,16 @@ def _mesh(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
                     " = 1."
                 )
     return size
+
+
+def _names_of_faces(dim: int, parts: Sequence[Part]) -> dict[int, str]:
+    """The body of each face; in the plane, of each body's entity."""
+    names = {}
+    for part in reversed(parts):
+        for tag in part.tags:
+            faces = [tag] if dim == 2 else gmsh.model.getAdjacencies(dim, tag)[1]
+            names.update({int(face): part.name for face in faces})
+    return names
 
 
 def _without_size(size: float) -> None:

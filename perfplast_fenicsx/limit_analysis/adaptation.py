@@ -25,8 +25,9 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
 
-PART = 0.4
-"""Part of the gap, and of the dissipation, that the cells have which are refined."""
+PART = {2: 0.4, 3: 0.2}
+"""Part of the gap, and of the dissipation, that the cells have which are refined, by dimension: in
+space their neighbours are divided as well, and theirs."""
 
 VALENCE = 24
 """Cells that meet at least, in the end, at points where the stress depends on the direction."""
@@ -232,7 +233,7 @@ def _better(new: Bound, old: Bound, sign: int) -> bool:
 
 def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
     """The next mesh, or why there is none. Collective."""
-    part = PART
+    part = PART[problem.bodies.gdim]
     if found.static is not None and found.static.verdict is Verdict.NO_RESISTANCE:
         part = 1.0  # what carries nothing has no shares: cells are too large anywhere
     for _ in range(FEWER):

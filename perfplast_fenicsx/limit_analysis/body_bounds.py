@@ -13,9 +13,18 @@ from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
 from perfplast_fenicsx.limit_analysis.gap_shares import gap_shares
+from perfplast_fenicsx.limit_analysis.limit_checks import (
+    check_bodies_have_limits,
+    check_proportional,
+    check_tolerance,
+)
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, from_interior_point
 from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
-from perfplast_fenicsx.limit_analysis.static_bound import StaticBound, strict_lower_bound
+from perfplast_fenicsx.limit_analysis.static_bound import (
+    StaticBound,
+    check_stress_fits,
+    strict_lower_bound,
+)
 from perfplast_fenicsx.limit_analysis.strict_work import strict_upper_bound
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
@@ -118,7 +127,8 @@ def limit_bounds(
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, a body
             has another law than those of von Mises and Hooke, loads are formulas or pore pressures,
-            no stress can carry them, or the mesh is axisymmetric.
+            no stress can carry them, the mesh is axisymmetric, or a bound does not fit into memory
+            (the lower one is asked first, before anything is computed).
     """
     if problem.tagged_mesh.axisymmetric:
         raise InputError(
@@ -132,7 +142,11 @@ def limit_bounds(
         )
     for load in problem.given.loads:
         uniform(load)
+    check_bodies_have_limits(problem)
+    check_tolerance(rtol)
+    check_proportional(problem)
     problem = with_divided_corners(problem)
+    check_stress_fits(problem)
     given, split = problem, None
     tagged_mesh = problem.tagged_mesh
     if problem.bodies.gdim == 3 and problem.degree == 2 and not has_curved_cells(tagged_mesh.mesh):

@@ -10,6 +10,7 @@ from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrain
 from perfplast_fenicsx.limit_analysis.sprung_matrix import SprungMatrix
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
+from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
 
 AT_ONCE = 3_000_000
 """Entries of the cells' matrices that are computed at once."""
@@ -19,6 +20,9 @@ RIDGE = 1e-13
 meet at right angles or cross."""
 
 TINY = 1e-300
+
+PATTERN = 1.0
+"""Value of entries of which only it matters that they are there."""
 
 SMALL = 17
 """Triangular matrices of this size are inverted at once."""
@@ -82,6 +86,19 @@ class CondensedStiffness(SprungMatrix):
         for rows, columns in ((numbers, twins), (twins, numbers), (twins, twins)):
             matrix.setValuesRCV(rows, columns, there, addv=add)
         matrix.assemble()
+
+    def check_memory(self) -> None:
+        """Refuse K if its factors do not fit into memory, whatever its values. Collective.
+
+        Raises:
+            TooLarge: With what is needed and what there is.
+        """
+        outer = self._strains.layout.outer
+        everywhere = np.full((self._strains.num_cells, outer, outer), PATTERN)
+        self._matrix.zeroEntries()
+        self._fill(self._matrix, everywhere)
+        self._ksp.setOperators(self._matrix)
+        check_memory(self._ksp)
 
     @phase("assembly")
     def assemble(self, bulk: Floats, a: Floats, normal: Floats, held: Ints = NONE) -> None:

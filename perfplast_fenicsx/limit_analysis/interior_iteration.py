@@ -2,9 +2,9 @@
 
 A step takes one factorisation of a stiffness: with the scaling of Nesterov and Todd the stress of a
 point changes by H⁻¹ times a strain, and H⁻¹ is a multiple of the identity less something of rank
-one. Steps are Mehrotra's, a predictor and a corrector with the same factors. Stresses that nothing
-bounds, mean ones and those of elastic bodies, follow the proximal point method, which does not
-change where the iteration ends.
+one. Steps are Mehrotra's, a predictor and a corrector, and then Gondzio's (:mod:`centrality`), all
+with the same factors. Stresses that nothing bounds, mean ones and those of elastic bodies, follow
+the proximal point method, which does not change where the iteration ends.
 """
 
 from dataclasses import dataclass, replace
@@ -15,57 +15,22 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.centrality import Products
 from perfplast_fenicsx.limit_analysis.conic_program import PROXIMAL, ConicProgram
-from perfplast_fenicsx.limit_analysis.second_order_cones import (
-    Scaling,
-    longest_step,
-    product,
-    quotient,
-)
+from perfplast_fenicsx.limit_analysis.conic_unknowns import Unknowns
+from perfplast_fenicsx.limit_analysis.second_order_cones import Scaling, product, quotient
 
 SHORTENED = 0.98
 """Share of the way to the boundary that a step goes."""
 
+MOST_CORRECTIONS = 3
+"""Of a direction, each a solution with the factors that there are."""
 
-@dataclass(frozen=True)
-class Unknowns:
-    """Static and kinematic unknowns, or changes of them, on this rank, in the program's units.
+FURTHER = 0.3
+"""By so much a corrected direction should be longer, as a share of a whole step."""
 
-    Attributes:
-        load: λ.
-        pressure: p, the mean stress (in plane strain that in the plane), shape (count,).
-        deviator: s = dev σ, shape (count, m).
-        S: Rows (γ, s) of plastic points; (0, ...) in changes.
-        Z: Rows (d, −w dev ε(v)) of these, with d ≥ w‖dev ε(v)‖.
-        forces: r, shape (num_pairs,).
-        rooms: −[v], shape (num_pairs,).
-    """
-
-    load: float
-    pressure: Floats
-    deviator: Floats
-    S: Floats
-    Z: Floats
-    forces: Floats
-    rooms: Floats
-
-    def plus(self, t: float, change: "Unknowns") -> "Unknowns":
-        """The unknowns after t times a change."""
-        return Unknowns(*(a + t * b for a, b in zip(self._all(), change._all(), strict=True)))
-
-    def products(self) -> float:
-        """Σ s·z of all cones and pairs of this rank."""
-        return float(np.einsum("ni,ni->", self.S, self.Z) + self.forces @ self.rooms)
-
-    def longest(self, change: "Unknowns") -> float:
-        """Longest step on this rank that keeps cones and pairs inside."""
-        lengths = [longest_step(self.S, change.S), longest_step(self.Z, change.Z)]
-        for a, da in ((self.forces, change.forces), (self.rooms, change.rooms)):
-            lengths.append(float((-a[da < 0] / da[da < 0]).min(initial=np.inf)))
-        return min(lengths)
-
-    def _all(self) -> tuple:
-        return tuple(vars(self).values())
+WORTH = 0.02
+"""By so much it must be longer to be taken."""
 
 
 class InteriorIteration:
@@ -163,28 +128,42 @@ class InteriorIteration:
         Raises:
             SingularStiffness: If K cannot be factorised.
         """
-        now = self.now
         self._newton = None  # its factors go with what is factorised next
         self._newton = newton = _Newton(self, factorised=not self._begun)
         self._begun = True
-        point, pairs = newton.scaling.point, now.forces * now.rooms
-        mu = self.gap() / self.program.degree
-        affine = newton.towards(-point, -pairs)
-        centre = (1 - min(1.0, self._longest(affine))) ** 3 * mu
-        aim = product(newton.scaling.invert(affine.S), newton.scaling.apply(affine.Z))
-        aim = -product(point, point) - aim
-        aim[:, 0] += centre
-        pairs = centre - pairs - affine.forces * affine.rooms
-        change = newton.towards(quotient(point, aim), pairs)
-        length = min(1.0, SHORTENED * self._longest(change))
-        if not np.isfinite(change.load):
+        here, mu = newton.products(), self.gap() / self.program.degree
+        affine = newton.towards(-here)
+        centre = (1 - min(1.0, self._longest(affine.unknowns))) ** 3 * mu
+        aim = -(here + newton.products(affine.unknowns)).raised(-centre)
+        chosen = newton.towards(aim)
+        longest = self._longest(chosen.unknowns)
+        for _ in range(MOST_CORRECTIONS):
+            if not longest < 1:
+                break
+            reach = min(1.0, longest + FURTHER)
+            aim += newton.products_after(reach, chosen.unknowns).missing(centre)
+            other = newton.towards(aim)
+            further = self._longest(other.unknowns)
+            if not further > longest + WORTH:
+                break
+            chosen, longest = other, further
+        length = min(1.0, SHORTENED * longest)
+        if not np.isfinite(chosen.unknowns.load):
             return 0.0
-        self.velocity.axpy(length, self._change)
-        self.now = now.plus(length, change)
+        self.velocity.array[:] += length * chosen.velocity
+        self.now = self.now.plus(length, chosen.unknowns)
         return length
 
     def _longest(self, change: Unknowns) -> float:
         return float(self._comm.allreduce(self.now.longest(change), MPI.MIN))
+
+
+@dataclass(frozen=True, eq=False)
+class _Direction:
+    """Changes of the unknowns, and of the velocity's entries on this rank."""
+
+    unknowns: Unknowns
+    velocity: Floats
 
 
 class _Newton:
@@ -232,10 +211,23 @@ class _Newton:
         along = np.einsum("ni,ni->n", self._normal, x)
         return self._a[:, None] * x - along[:, None] * self._normal
 
-    def towards(self, aim: Floats, pairs: Floats) -> Unknowns:
-        """The direction with W⁻¹ΔS + WΔZ = aim and r Δroom + room Δr = pairs. Collective."""
+    def products(self, change: Unknowns | None = None) -> Products:
+        """Products of the unknowns, or of a change of them."""
+        if change is None:
+            point = self.scaling.point
+            return Products(product(point, point), self._now.forces * self._now.rooms)
+        cones = product(self.scaling.invert(change.S), self.scaling.apply(change.Z))
+        return Products(cones, change.forces * change.rooms)
+
+    def products_after(self, t: float, change: Unknowns) -> Products:
+        """Products of the unknowns after t times a change."""
+        return self.products(self._now.plus(t, change))
+
+    def towards(self, change: Products) -> _Direction:
+        """The direction in which the products change so, to first order. Collective."""
         it, now, program = self._it, self._now, self._program
         plastic, free, jumps = program.plastic, self._free, it._jumps
+        aim, pairs = quotient(self.scaling.point, change.cones), change.pairs
         unscaled = self.scaling.invert(aim)[:, 1:]
         stress = free[:, None] * self._deviator
         stress[plastic] = self._moduli(unscaled + self._off)
@@ -257,7 +249,8 @@ class _Newton:
         Z[:, 1:] = dZ
         rooms = -self._off_jumps - it._change.array_r[jumps]
         forces = (pairs - now.forces * rooms) / now.rooms
-        return Unknowns(load, free * (self._trace + trace), stress, S, Z, forces, rooms)
+        unknowns = Unknowns(load, free * (self._trace + trace), stress, S, Z, forces, rooms)
+        return _Direction(unknowns, it._change.array_r.copy())
 
     def balanced(self) -> Unknowns:
         """The iteration's unknowns with what its balance calls for. Collective."""

@@ -12,9 +12,6 @@ from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteratio
 
 MOST_STEPS = 60
 
-CLOSER = 0.1
-"""Share of the tolerance that the steps leave between static and kinematic load."""
-
 SETTLED = 1e-5
 """Forces without balance, and work that is missing, that the bounds then do away with."""
 
@@ -69,8 +66,17 @@ def iterate(
     rtol: float,
     steps: list[InteriorStep],
     monitor: Callable[[InteriorStep], None] | None,
+    share: float = 1.0,
 ) -> tuple[Verdict, str]:
-    """Step until it is known what the limit load is. Collective."""
+    """Step until it is known what the limit load is. Collective.
+
+    Args:
+        iteration: At its start.
+        rtol: Largest difference of static and kinematic load, relative.
+        steps: To which the steps are added.
+        monitor: Called on every rank after each step.
+        share: Of the tolerance that the steps may leave.
+    """
     program, began = iteration.program, time.perf_counter()
     while len(steps) < MOST_STEPS:
         try:
@@ -110,6 +116,6 @@ def iterate(
                 " and meet no resistance"
             )
             return Verdict.NO_RESISTANCE, reason
-        if gap <= CLOSER * rtol * load:
+        if gap <= share * rtol * load:
             return Verdict.FOUND, f"static and kinematic load are within {rtol:g} of each other"
     return Verdict.STALLED, f"the bounds have not met in {MOST_STEPS} steps"

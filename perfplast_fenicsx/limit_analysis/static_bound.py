@@ -145,6 +145,23 @@ def strict_lower_bound(
         return _result(static, iteration, conditions, why_not, verdict, reason, steps)
 
 
+def check_stress_fits(problem: Problem) -> None:
+    """Refuse a mesh whose lower bound does not fit into memory, before all else. Collective.
+
+    Raises:
+        TooLarge: With what is needed and what there is.
+        InputError: As :func:`strict_lower_bound`.
+    """
+    conditions = facet_conditions(problem)
+    if conditions.prevents is not None:
+        return
+    static = static_program(problem, conditions)
+    try:
+        static.stiffness.check_memory()
+    finally:
+        static.program.destroy()
+
+
 def _result(
     static: StaticProgram,
     iteration: InteriorIteration,

@@ -28,6 +28,7 @@ class StaticProgram:
     Attributes:
         program: Its velocities are the multipliers of the equilibrium of stresses.
         strains: The same as the program's.
+        stiffness: The same as the program's.
         areas: Area that a vertex of an owned facet stands for, shape (num_facets,).
         volumes: Of the cells.
         load: L before it was scaled, in the user's units.
@@ -37,6 +38,7 @@ class StaticProgram:
 
     program: ConicProgram
     strains: MultiplierStrains
+    stiffness: CondensedStiffness
     areas: Floats
     volumes: Floats
     load: Floats
@@ -108,6 +110,7 @@ def static_program(problem: Problem, conditions: FacetConditions) -> StaticProgr
             )
         ),
         strains=strains,
+        stiffness=stiffness,
         areas=areas[:num_owned],
         volumes=volumes,
         load=unscaled,

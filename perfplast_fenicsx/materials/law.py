@@ -25,8 +25,9 @@ class Law(Protocol):
     them, if they derive from this class.
 
     Attributes:
-        projects: Whether Σ(e) is the projection of Ce on the yield set in the norm of C⁻¹, as it is
-            in perfect plasticity without a history; ALG2 is built on that.
+        projects: Whether Σ(e) is the projection of C(e − p) on a yield set that stays, in the norm
+            of C⁻¹, with the strain p of :meth:`unstressed`, as it is in perfect plasticity; ALG2 is
+            built on that.
     """
 
     projects: ClassVar[bool]
@@ -39,6 +40,10 @@ class Law(Protocol):
     def history(self, m: int) -> Mapping[str, tuple[int, ...]]:
         """Shape at a point of each internal variable by name, for vectors of m components."""
         return {}
+
+    def unstressed(self, old: Old) -> Expr | None:
+        """The strain without stress, shape (m,); None where that is zero."""
+        return None
 
     def stress(self, e: Expr, old: Old) -> Expr:
         """Σ(e), the derivative of the potential, shape (m,)."""

@@ -102,6 +102,8 @@ class Step(Law, Protocol):
 class FlowLaw(FirstYield, Step):
     """Perfect plasticity, step by step."""
 
+    projects: ClassVar[bool] = True
+
     @property
     def perfect(self) -> VonMisesLaw:
         """The law of total strain."""
@@ -114,6 +116,10 @@ class FlowLaw(FirstYield, Step):
     def back_stress(self, old: Old) -> Expr | None:
         """None."""
         return None
+
+    def unstressed(self, old: Old) -> Expr | None:
+        """What has flowed."""
+        return old[STRAIN]
 
     def inadmissible(self, rate: Expr) -> Expr | None:
         """The spherical part."""
@@ -131,6 +137,7 @@ class HardeningFlowLaw(FlowLaw):
 
     isotropic: Expr
     kinematic: Expr
+    projects: ClassVar[bool] = False
 
     def hencky(self, old: Old) -> VonMisesLaw | HardeningLaw:
         """With the radius γ + √⅔ H_i p̄."""

@@ -1,8 +1,9 @@
-"""The curves of a loading history: the factor of each load over its own work. Single-process."""
+"""The curves of a loading history: each factor with what answers to it. Single-process."""
 
 from collections.abc import Sequence
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 
 from perfplast_fenicsx.problem.report import LevelReport
@@ -13,27 +14,37 @@ def draw_history(
 ) -> None:
     """Draw the factor of each load over the work that it does with the factor 1.
 
+    Where no load has a factor, the driving forces of motions are drawn over theirs.
+
     Args:
         axes: Where.
-        reports: Of all levels, with the ``factors`` and ``works`` of stages.
+        reports: Of all levels, with the ``factors``, ``works`` and ``driving_forces`` of stages.
         unit: Of works.
         now: The level to be marked.
     """
     solved = [report for report in reports if report.converged]
+    bracket = f" ({unit})" if unit else ""
+    labels = (f"work of the load with factor 1{bracket}", "factor of the load")
     names = [name for name in reports[0].works if any(a.factors[name] for a in reports)]
+    moved = not names and any(report.driving_forces for report in reports)
+    if moved:
+        names = list(reports[0].driving_forces)
+        labels = ("factor of the motion", "driving force of the motion with factor 1")
+
+    def place(report: LevelReport, name: str) -> tuple[float, float]:
+        factor = report.factors[name]
+        return (factor, report.driving_forces[name]) if moved else (report.works[name], factor)
+
     colours = mpl.color_sequences["tab10"]
     for number, name in enumerate(names):
-        colour = colours[number % len(colours)]
-        works = [0.0, *(report.works[name] for report in solved)]
-        factors = [0.0, *(report.factors[name] for report in solved)]
-        axes.plot(works, factors, "o-", color=colour, markersize=4, label=name)
+        line = np.array([(0.0, 0.0), *(place(report, name) for report in solved)])
+        axes.plot(*line.T, "o-", color=colours[number % len(colours)], markersize=4, label=name)
         if now is not None:
-            axes.plot(now.works[name], now.factors[name], "o", color="black", markersize=9)
+            axes.plot(*place(now, name), "o", color="black", markersize=9)
     if not names:
         axes.set_title("no load but changes of temperature")
     else:
         axes.legend(loc="best")
-    bracket = f" ({unit})" if unit else ""
-    axes.set(xlabel=f"work of the load with factor 1{bracket}", ylabel="factor of the load")
+    axes.set(xlabel=labels[0], ylabel=labels[1])
     axes.axhline(0, color="black", linewidth=0.6)
     axes.grid(alpha=0.3)

@@ -28,6 +28,7 @@ from perfplast_fenicsx.io.results.result_files import (
     FIELD_DATA,
     MECHANISM,
     MESH,
+    NAMED,
     OFFSETS,
     POINT_DATA,
     POINTS,
@@ -263,12 +264,12 @@ def _remembers(path: Path) -> bool:
 
 def _report(row: dict[str, Any]) -> LevelReport:
     values: dict[str, Any] = {}
-    for key in ("factor", "work"):
+    for key in NAMED:
         begin = f"{key}_"
         named = {name.removeprefix(begin): row[name] for name in row if name.startswith(begin)}
         values[f"{key}s"] = {name: float(text) for name, text in named.items()}
     for field in dataclasses.fields(LevelReport):
-        if field.name in ("reactions", "factors", "works"):
+        if field.name == "reactions" or field.name in values:
             continue
         text = row[field.name]
         values[field.name] = text == "True" if field.type is bool else field.type(text)  # type: ignore[operator]

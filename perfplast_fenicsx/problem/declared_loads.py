@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from petsc4py import PETSc
 
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
+from perfplast_fenicsx.compat import create_vector
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.load_case import LoadCase
@@ -34,19 +35,14 @@ def declared_loads(
         loads: What acts.
         bcs: Supports.
         rigid: Surfaces that forces may act on.
-        driven: Whether ζ moves supports or obstacles: there may then be no load, and none grows.
+        driven: Whether ζ moves supports or obstacles: there may then be no load.
         strained: Whether there is an initial strain: there may then be no load either.
 
     Raises:
-        InputError: If a load does not fit the mesh, grows where it must not, or nothing grows.
+        InputError: If a load does not fit the mesh, or nothing grows.
     """
     growing = [load for load in loads if not load.constant]
     constant = [load for load in loads if load.constant]
-    if driven and growing:
-        raise InputError(
-            f"the load on '{growing[0].on}' grows with ζ, but ζ moves supports or obstacles; make"
-            " the load constant, or leave the motion out."
-        )
     if not (driven or strained or loads):
         raise InputError("no load is given, so nothing can be increased; give at least one load.")
     free = [surface.on for surface in rigid if surface.free]
@@ -75,7 +71,7 @@ def work_vector(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, loads: Sequence[L
         work = fem_petsc.assemble_vector(fem.form(form))
         work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     else:
-        work = la.create_petsc_vector(V.dofmap.index_map, V.dofmap.index_map_bs)
+        work = create_vector(V)
     for load in loads:
         if isinstance(load, Force):
             _add(V, tagged_mesh, load, work)

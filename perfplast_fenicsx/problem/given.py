@@ -26,3 +26,8 @@ class Given:
     initial: Sequence[Initial]
     ties: Sequence[Tie]
     rigid: Sequence[RigidSurface]
+
+    @property
+    def holding(self) -> list[Support | RigidSurface]:
+        """Supports, and rigid surfaces whose motion is known."""
+        return [*self.supports, *(surface for surface in self.rigid if not surface.free)]

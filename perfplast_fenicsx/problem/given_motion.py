@@ -3,8 +3,8 @@
 All is linear in the load factor ζ, which multiplies all that is not constant.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from mpi4py import MPI
 
@@ -32,6 +32,7 @@ class GivenMotion:
         obstacles: How far each obstacle moves for ζ = 1 (length), shape (num_obstacles, gdim).
         moves_supports: Whether u_D is ever anything but 0.
         driven: Whether ζ moves anything.
+        parts: What stages move by a name, for its factor 1; none without stages.
     """
 
     displacement: Floats
@@ -40,6 +41,7 @@ class GivenMotion:
     obstacles: Floats
     moves_supports: bool
     driven: bool
+    parts: Mapping[str, "GivenMotion"] = field(default_factory=dict)
 
     def displacement_at(self, zeta: float) -> Floats:
         """u_D (length), shape (num_nodes, gdim)."""

@@ -1,35 +1,37 @@
-"""A loading history on a problem: what its stages make of loads and initial strain at a time.
+"""A loading history on a problem: what its stages make of loads, motions and e₀ at a time.
 
 ζ is the time: it grows by 1 in each stage. In the stage from ζ = k on, factors f_i go from a_i to
 b_i, and with the loads ℓ_i of factor 1, and L_c of constant ones,
 
     L₀ + ζL₁ = L_c + Σ (a_i + (ζ − k)(b_i − a_i)) ℓ_i,    L₁ = Σ (b_i − a_i) ℓ_i,
 
-so that a level is one of (P)_ζ like any other. α = L₁(u) is the work of what the stage changes.
+so that a level is one of (P)_ζ like any other. So are u_D and the gaps
+of what moves. α = L₁(u) is the work of what the stage changes.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.declared_loads import work_vector
 from perfplast_fenicsx.problem.initial_strain import Initial, Temperature, initial_strain
 from perfplast_fenicsx.problem.load_case import LoadCase
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.spaces import Spaces
 from perfplast_fenicsx.problem.stage import Stage, called, check_stages
+from perfplast_fenicsx.problem.staged_motion import in_stage, named_motions
 
 ROUNDING = 1e-9
 """A time so near to the end of a stage is its end."""
 
 
 class LoadingHistory:
-    """Takes a problem through stages; the problem's loads and e₀ are then its own.
+    """Takes a problem through stages; the problem's loads, motion and e₀ are then its own.
 
     Attributes:
         problem: What is loaded.
@@ -40,21 +42,18 @@ class LoadingHistory:
         """Make the vector and the initial strain of each name. Collective.
 
         Raises:
-            InputError: If the stages do not fit the loads, or ζ moves something.
+            InputError: If the stages do not fit loads and motions.
         """
         given = problem.given
-        check_stages(stages, given.loads, given.initial)
-        if problem.motion.driven:
-            raise InputError(
-                "supports or obstacles move with the load factor, which stages do not tell them;"
-                " give them constant = true and obstacles no move, or leave the stages out."
-            )
+        check_stages(stages, given.loads, given.initial, [*given.holding, *given.obstacles])
         self.problem, self.stages = problem, tuple(stages)
         problem.in_stages = True
         names = dict.fromkeys(name for stage in stages for name in stage.factors)
         self._vectors: dict[str, PETSc.Vec] = {}
         self._strains: dict[str, Floats] = {}
         self._cases: dict[int, LoadCase] = {}
+        self._at_rest = problem.motion
+        self._motions = named_motions(problem)
         for name in names:
             loads = [load for load in given.loads if called(load) == name]
             if loads:
@@ -68,19 +67,18 @@ class LoadingHistory:
         others = [one for one in given.initial if one not in rest]
         self._first_strain = self._strain(others) if others else None
 
-    def times(self) -> list[float]:
+    def times(self) -> Iterator[float]:
         """Of all levels, but for the one at rest."""
-        return [
-            k + step / stage.steps
-            for k, stage in enumerate(self.stages)
-            for step in range(1, stage.steps + 1)
-        ]
+        for k, stage in enumerate(self.stages):
+            for step in range(1, stage.steps + 1):
+                yield k + step / stage.steps
 
     def rests_first(self) -> bool:
         """Whether something loads the bodies before the first stage. Collective."""
         problem = self.problem
         strained = self._first_strain is not None
-        moved = problem.motion.moves_supports or problem.interferes or strained
+        settled = bool(self._at_rest.displacement[0].any())
+        moved = problem.comm.allreduce(settled, MPI.LOR) or problem.interferes or strained
         return moved or float(self._constant.norm()) > 0
 
     def number(self, time: float) -> int:
@@ -104,11 +102,13 @@ class LoadingHistory:
         return {name: float(vector.dot(u)) for name, vector in self._vectors.items()}
 
     def go_to(self, time: float) -> None:
-        """Give the problem the loads of the stage, and the strain e₀ of the time. Collective."""
+        """Give the problem loads and motion of the stage, and e₀ of the time. Collective."""
         problem, k = self.problem, self.number(time)
         if k not in self._cases:
             self._cases[k] = self._case(k)
         problem.loads = self._cases[k]
+        if self._motions:
+            problem.motion = in_stage(self._at_rest, self._motions, *self._lines(k))
         e0 = problem.initial_strain
         if e0 is not None:
             now = self.factors(time)
@@ -118,13 +118,18 @@ class LoadingHistory:
 
     def _case(self, k: int) -> LoadCase:
         """The loads of a stage. Collective."""
-        before, after = self._at_end(k - 1), self._at_end(k)
+        first, rate = self._lines(k)
         dead, live = self._constant.copy(), self.problem.create_vector()
         for name, vector in self._vectors.items():
-            change = after[name] - before[name]
-            dead.axpy(before[name] - k * change, vector)
-            live.axpy(change, vector)
+            dead.axpy(first[name], vector)
+            live.axpy(rate[name], vector)
         return LoadCase.of(dead, live, self.problem.bcs)
+
+    def _lines(self, k: int) -> tuple[dict[str, float], dict[str, float]]:
+        """Factors in a stage, by name: what they would be at ζ = 0, and their growth with ζ."""
+        before, after = self._at_end(k - 1), self._at_end(k)
+        rate = {name: after[name] - before[name] for name in after}
+        return {name: before[name] - k * rate[name] for name in after}, rate
 
     def _at_end(self, k: int) -> Mapping[str, float]:
         """Factors at the end of a stage; zero before the first one."""

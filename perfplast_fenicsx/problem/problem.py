@@ -74,7 +74,7 @@ class Problem:
         fixed: Supported components of each local node, ghosts too, shape (num_nodes, gdim).
         support_names: Supports and moved rigid surfaces as results name them, each once.
         held_by: Which of them holds a component, −1 where none does; shape as of ``fixed``.
-        motion: What supports and obstacles do at any ζ.
+        motion: What supports and obstacles do at any ζ; stages put theirs in its place.
         prescribed: u_D, the displacement of these components (length), 0 elsewhere, as it is at the
             ζ of :meth:`move_to`, at first 0.
         moved_to: That ζ; levels are steps of a history where ``in_stages``.
@@ -137,9 +137,7 @@ class Problem:
         self.bodies: Bodies = find_bodies(self.V, self.kinematics)
         self.laws = lay_out(tagged_mesh, spaces, materials)
         self.initial_strain = initial_strain(tagged_mesh, spaces, materials, self.laws, initial)
-        self.bcs, displacement = self._supports(
-            [*supports, *(surface for surface in rigid if not surface.free)]
-        )
+        self.bcs, displacement = self._supports(self.given.holding)
         self.ties, taken = glued_rows(self.V, tagged_mesh, ties, rigid, self.fixed, displacement)
         self.num_tied: int = self.comm.allreduce(len(self.ties.host))
         self.basis: JumpBasis = self._contact(contacts, obstacles, taken)

@@ -89,8 +89,10 @@ class LevelReport:
             a growth of ζ by 1: the force along what moves, times how far it moves for ζ = 1.
         stage: The stage of a loading history; empty where there are none, and at rest before them.
             ζ is then the time, which grows by 1 in each stage.
-        factors: What multiplies loads and temperatures, by their names in stages.
+        factors: What multiplies loads, temperatures and motions, by their names in stages.
         works: Work that each of these loads, with the factor 1, does on u (energy).
+        driving_forces: Work that what each of these motions moves does on the bodies for a growth
+            of its factor by 1.
     """
 
     zeta: float
@@ -124,6 +126,7 @@ class LevelReport:
     stage: str = ""
     factors: Mapping[str, float] = field(default_factory=dict)
     works: Mapping[str, float] = field(default_factory=dict)
+    driving_forces: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"LevelReport({self.summary()})"

@@ -14,6 +14,7 @@ import numpy as np
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.problem.given_motion import GivenMotion
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -33,11 +34,13 @@ class Resultants:
             axisymmetry it is that of the axial forces.
         driving: Work that supports and obstacles do on the bodies for a growth of ζ by 1: the force
             along what moves, times how far it moves for ζ = 1.
+        driving_by_name: The same of each name in stages, for a growth of its factor by 1.
     """
 
     forces: Mapping[str, list[float]]
     balance: float
     driving: float
+    driving_by_name: Mapping[str, float]
 
 
 def resultants(
@@ -106,12 +109,16 @@ def resultants(
     total = comm.allreduce(sum(float(np.linalg.norm(part, axis=1).sum()) for part in parts))
     total = max(total, least)
     missing = _missing(problem, np.sum(outer, axis=0), external + pushed + reaction)
-    rate = problem.motion.displacement[1][: len(reaction)]
-    driving = comm.allreduce(float(np.sum(reaction * rate)))
-    behind = supports + len(problem.given.contacts)
-    driving += float(np.sum(sums[behind:-1] * problem.motion.obstacles))
+    pushing = sums[supports + len(problem.given.contacts) : -1]
+
+    def driven(motion: GivenMotion) -> float:
+        moved = comm.allreduce(float(np.sum(reaction * motion.displacement[1][: len(reaction)])))
+        return moved + float(np.sum(pushing * motion.obstacles))
+
     told = {name: [float(number) for number in force] for name, force in forces.items()}
-    return Resultants(told, missing / total if total > 0 else 0.0, driving)
+    by_name = {name: driven(part) for name, part in problem.motion.parts.items()}
+    balance = missing / total if total > 0 else 0.0
+    return Resultants(told, balance, driven(problem.motion), by_name)
 
 
 def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.Vec) -> None:

@@ -28,7 +28,9 @@ class RigidSurface:
             displacement alone.
         components: Those of the letters x, y, z that its known motion holds; all by default. A bar
             that is twisted so by its end may warp there.
-        constant: Whether the motion is the same at any load factor; otherwise ζ multiplies it.
+        constant: Whether the motion is the same at any load factor; otherwise ζ multiplies it, or a
+            factor of stages.
+        name: What results and stages call it; that of its surface without it.
     """
 
     on: str
@@ -37,6 +39,7 @@ class RigidSurface:
     rotation: Turn = ()
     components: str = AXES
     constant: bool = True
+    name: str = ""
 
     @property
     def free(self) -> bool:
@@ -98,4 +101,5 @@ def fitting(what: str, value: Turn, size: int) -> Floats:
 
 def name_of(support: Support | RigidSurface) -> str:
     """What results call it."""
-    return f"{'support' if isinstance(support, Support) else 'rigid surface'} {support.on}"
+    kind = "support" if isinstance(support, Support) else "rigid surface"
+    return f"{kind} {support.name or support.on}"

@@ -4,9 +4,18 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.errors import InputError, check_magnitude, nearest
 from perfplast_fenicsx.problem.initial_strain import Initial, Temperature
 from perfplast_fenicsx.problem.loads import Load
+from perfplast_fenicsx.problem.rigid_surface import RigidSurface
+from perfplast_fenicsx.problem.supports import Support
+
+MOST_STEPS = 1_000_000
+"""Of a stage. Times nearer to each other could not be told apart."""
+
+Mover = Support | RigidSurface | Obstacle
+"""What may move by a given way."""
 
 
 @dataclass(frozen=True)
@@ -14,12 +23,12 @@ class Stage:
     """A part of a loading history, in which factors change linearly with time.
 
     Args:
-        factors: What multiplies loads and changes of temperature at the end of the stage, by their
-            names; where they have none by their ``on``. All start at zero, and what a stage does
-            not name keeps its factor. Constant loads, and temperatures that no stage names, act in
-            full all the time.
-        steps: Levels of the stage, at least 1. Where directions of stress turn, more of them make
-            the result more accurate.
+        factors: What multiplies loads, changes of temperature and given motions at the end of the
+            stage, by their names; where they have none by their ``on``. All start at zero, and what
+            a stage does not name keeps its factor. Constant loads and motions, and temperatures
+            that no stage names, act in full all the time.
+        steps: Levels of the stage, 1 to 1 000 000. Where directions of stress turn, more of them
+            make the result more accurate.
         name: What results call it.
 
     Raises:
@@ -31,8 +40,11 @@ class Stage:
     name: str = ""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.steps, int) or isinstance(self.steps, bool) or self.steps < 1:
-            raise InputError(f"steps = {self.steps!r} is no number of levels; give 1 or more.")
+        whole = isinstance(self.steps, int) and not isinstance(self.steps, bool)
+        if not (whole and 1 <= self.steps <= MOST_STEPS):
+            raise InputError(
+                f"steps = {self.steps!r} is no number of levels; give 1 to {MOST_STEPS}."
+            )
         for name, factor in self.factors.items():
             if not math.isfinite(factor):
                 raise InputError(
@@ -41,37 +53,63 @@ class Stage:
             check_magnitude(f"the factor of '{name}'", factor)
 
 
-def called(given: Load | Temperature) -> str:
+def called(given: Load | Temperature | Mover) -> str:
     """The name by which stages know something."""
     return given.name or given.on
 
 
+def follows(mover: Mover) -> bool:
+    """Whether ζ, or a factor of stages, multiplies its motion."""
+    if isinstance(mover, Support | RigidSurface):
+        return mover.moves and not mover.constant
+    return any(mover.move)
+
+
 def check_stages(
-    stages: Sequence[Stage], loads: Sequence[Load], initial: Iterable[Initial]
+    stages: Sequence[Stage],
+    loads: Sequence[Load],
+    initial: Iterable[Initial],
+    movers: Sequence[Mover],
 ) -> None:
     """Make sure that factors and what they multiply belong together.
 
+    Args:
+        stages: One after the other.
+        loads: What acts.
+        initial: Temperatures among them.
+        movers: Supports, rigid surfaces and obstacles.
+
     Raises:
-        InputError: If a stage names something else than loads that are not constant and
-            temperatures, or such a load is in no stage.
+        InputError: If a stage names something else than loads and motions that are not constant,
+            and temperatures; if such a load or motion is in no stage; or if a name is of both.
     """
-    growing = {called(load) for load in loads if not load.constant}
-    constant = {called(load) for load in loads if load.constant}
-    names = growing | {called(one) for one in initial if isinstance(one, Temperature)}
+    loaded = {called(load) for load in loads if not load.constant}
+    warmed = {called(one) for one in initial if isinstance(one, Temperature)}
+    moved = {called(one) for one in movers if follows(one)}
+    names = loaded | warmed | moved
+    still = {called(a) for a in movers if isinstance(a, Support | RigidSurface) and a.moves}
+    constant = {called(load) for load in loads if load.constant} | still - names
     named = [(number, name) for number, stage in enumerate(stages, 1) for name in stage.factors]
     for number, name in named:
         if name in constant:
             raise InputError(
-                f"stage {number} has a factor for the load '{name}', which is constant; leave the"
-                " factor out, or constant = true."
+                f"stage {number} has a factor for '{name}', which is constant; leave the factor"
+                " out, or constant = true."
             )
         if name not in names:
             raise InputError(
-                f"stage {number} has a factor for '{name}', but there is no load and no change of"
-                f" temperature of this name; {nearest(name, names)}"
+                f"stage {number} has a factor for '{name}', but there is no load, no change of"
+                f" temperature and no motion of this name; {nearest(name, names)}"
             )
-    for name in sorted(growing - {name for _, name in named}):
+        if name in moved & (loaded | warmed):
+            raise InputError(
+                f"stage {number} has a factor for '{name}', which is a load, or a temperature, as"
+                " well as a motion; give one of them another name."
+            )
+    missing = (loaded | moved) - {name for _, name in named}
+    for name in sorted(missing):
+        what, verb = ("load", "act") if name in loaded else ("motion of", "take place")
         raise InputError(
-            f"the load '{name}' is in no stage, so that it would never act; give it a factor, or"
-            " constant = true."
+            f"the {what} '{name}' is in no stage, so that it would never {verb}; give it a factor,"
+            " or constant = true."
         )

@@ -3,14 +3,12 @@
 from petsc4py import PETSc
 
 import numpy as np
-import ufl
-from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.contact.sparse_rows import entries_of, matrix_of_entries
-from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.tangent_form import TangentForm
 from perfplast_fenicsx.profiling import phase
 
 
@@ -26,15 +24,7 @@ class Stiffness:
         """Compile the form, and find the pattern. Collective."""
         problem = fields.problem
         self._problem = problem
-        self._rho = fem.Constant(problem.tagged_mesh.mesh, default_scalar_type(1))
-        self._stored: list[tuple[fem.Function, LawExpression]] = []
-        strain = problem.kinematics.strain
-        trial, test = (strain(f(problem.V)) for f in (ufl.TrialFunction, ufl.TestFunction))
-        terms = [
-            ufl.dot(on.law.tangent(self._store(on, fields.e), trial), test) * on.dx
-            for on in problem.laws
-        ]
-        self._form = fem.form(sum(terms[1:], start=terms[0]))
+        self._tangent = TangentForm(fields, problem.V)
         self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
         self.matrix = create_stiffness(problem)
 
@@ -44,23 +34,12 @@ class Stiffness:
 
         Supported unknowns keep a diagonal of its mean. Collective.
         """
-        self._rho.value = rho
-        for function, expression in self._stored:
-            expression.interpolate(function)
+        self._tangent.update(rho)
         self.matrix.zeroEntries()
-        fem_petsc.assemble_matrix(self.matrix, self._form, self._problem.bcs)  # type: ignore[arg-type]
+        fem_petsc.assemble_matrix(self.matrix, self._tangent.form, self._problem.bcs)  # type: ignore[arg-type]
         self.matrix.assemble()
         self._scale_supports()
         return self.matrix
-
-    def _store(self, on: LawOnCells, e: fem.Function) -> dict[str, fem.Function]:
-        """Functions for what a law's tangent needs, of the shapes that the law gives it."""
-        problem, stored = self._problem, {}
-        for name, value in on.law.tangent_fields(e, on.old, self._rho).items():
-            space = problem.space_at_points(value.ufl_shape)
-            stored[name] = fem.Function(space, name=name)
-            self._stored.append((stored[name], LawExpression([on], space, {on: value}.__getitem__)))
-        return stored
 
     def _scale_supports(self) -> None:
         """Give supported unknowns the weight of the others, lest Krylov solvers overlook them."""

@@ -18,13 +18,16 @@ class Support:
         on: Physical surface.
         components: Any of the letters x, y, z; the default holds all that the mesh has.
         value: Their displacement (length), such as a settlement; the default is none.
-        constant: Whether it is the same at any load factor; otherwise ζ multiplies it.
+        constant: Whether it is the same at any load factor; otherwise ζ multiplies it, or a factor
+            of stages.
+        name: What results and stages call it; that of its surface without it.
     """
 
     on: str
     components: str = AXES
     value: float = 0.0
     constant: bool = True
+    name: str = ""
 
     def axes(self, gdim: int) -> list[int]:
         """Indices of the supported components, in a mesh of dimension ``gdim``."""

@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from perfplast_fenicsx.units import Units
+AXES = "xyz"
+"""The letters that case files have for components, whatever the axes are called."""
 
 Table = Mapping[str, Any]
 Row = tuple[str, str]
@@ -40,16 +41,9 @@ LOADS = {
 class CaseWords:
     """Says what was given."""
 
-    def __init__(self, given: Table, units: Units, kind: str) -> None:
-        """Take what there is to say.
-
-        Args:
-            given: That of ``summary.json``.
-            units: Of legends.
-            kind: The ``kind`` of the model, on which it depends what forces are of.
-        """
-        self._given = given
-        self._units = units.table(whole=kind != "plane-strain") | {"": ""}
+    def __init__(self, given: Table, units: Mapping[str, str], axes: str) -> None:
+        """Take what ``summary.json`` says: ``given``, ``units``, and the ``axes`` of its model."""
+        self._given, self._units, self._axes = given, units, axes
 
     def bodies(self) -> list[Row]:
         """Each body's name, and its material."""
@@ -66,7 +60,8 @@ class CaseWords:
         """Each held surface, and how."""
         rows = []
         for support in self._given.get("supports", []):
-            along = ", ".join(support["components"])
+            names = dict(zip(AXES, self._axes, strict=False))
+            along = ", ".join(names[a] for a in support["components"] if a in names)
             text = f"held in {along}"
             if support["value"]:
                 text = f"moved by {self.number(support['value'], 'length')} in {along}"
@@ -111,17 +106,13 @@ class CaseWords:
             rows.append((f"{tie['primary']} – {tie['secondary']}", "glued together"))
         return rows
 
-    def unit(self, kind: str) -> str:
-        """Of a quantity of :meth:`units.Units.table`; empty where the case has none."""
-        return self._units[kind]
-
     def number(self, value: Any, kind: str) -> str:
-        """A number, formula or vector with its unit."""
+        """A number, formula or vector with the unit of its kind, if any."""
         if isinstance(value, Sequence) and not isinstance(value, str):
             text = f"({', '.join(map(plain, value))})"
         else:
             text = plain(value)
-        return f"{text} {self._units[kind]}".rstrip()
+        return f"{text} {self._units.get(kind, '')}".rstrip()
 
     def _friction(self, place: Table) -> str:
         if place.get("tresca"):
@@ -142,4 +133,4 @@ class CaseWords:
 
 def plain(value: Any) -> str:
     """A number in a few digits; a formula as it is."""
-    return f"{value:.6g}" if isinstance(value, int | float) else str(value)
+    return f"{value + 0.0:.6g}" if isinstance(value, int | float) else str(value)

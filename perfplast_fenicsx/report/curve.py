@@ -58,7 +58,12 @@ def curve_of(
     if any(report.factors for report in solved):
         names = [name for name in solved[0].works if any(a.factors[name] for a in solved)]
         lines = [
-            Line(name, [a.works[name] for a in solved], [a.factors[name] for a in solved], words)
+            Line(
+                name,
+                [0.0, *(a.works[name] for a in solved)],
+                [0.0, *(a.factors[name] for a in solved)],
+                ["no load", *words],
+            )
             for name in names
         ]
         label = f"work of the load with factor 1{bracket}"

@@ -1,9 +1,8 @@
 """What fields of results are called on the page, and their units."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
-
-from perfplast_fenicsx.units import Units
 
 WORDS: dict[str, tuple[str, Literal["stress", "length", ""]]] = {
     "stress": ("von Mises stress", "stress"),
@@ -32,10 +31,15 @@ class FieldWords:
     unit: str
 
 
-def words_of(name: str, units: Units) -> FieldWords:
-    """What a field is called; one that is not known by its own name."""
+def words_of(name: str, units: Mapping[str, str]) -> FieldWords:
+    """What a field is called; one that is not known by its own name.
+
+    Args:
+        name: In the result files.
+        units: By quantity (:meth:`units.Units.table`).
+    """
     label, kind = WORDS.get(name, (name.replace("_", " "), ""))
-    return FieldWords(label, units.table()[kind] if kind else "")
+    return FieldWords(label, units.get(kind, ""))
 
 
 def rank_of(name: str) -> int:

@@ -36,16 +36,16 @@ def page_of(reader: ResultReader, view: View) -> str:
         InputError: If the results cannot be read.
     """
     summary, scene = reader.summary, reader.scene
-    words = CaseWords(summary.given, scene.units, summary.model["kind"])
+    words = CaseWords(summary.given, summary.units, summary.model["axes"])
     template = Template(_asset("page.html"))
     return template.substitute(
         title=escape(scene.title or "A run"),
         style=_asset("page.css"),
         verdict=_verdict(verdict_on(reader)),
         view=_view(view),
-        curve=_curve(reader, words),
-        levels=_levels(reader, words),
-        reactions=_reactions(reader, words),
+        curve=_curve(reader),
+        levels=_levels(reader),
+        reactions=_reactions(reader),
         case=_case(summary, words),
         again=_again(summary),
         version=escape(summary.version),
@@ -60,12 +60,17 @@ def _asset(name: str) -> str:
 
 def _verdict(verdict: Verdict) -> str:
     sign, word = MARKS[verdict.mark]
-    details = "".join(f"<p>{escape(text)}</p>" for text in verdict.details)
+    details = "".join(f"<p>{_words(text)}</p>" for text in verdict.details)
     return (
         f'<section id="verdict" class="{verdict.mark}" aria-label="Verdict">'
         f'<p class="badge"><span aria-hidden="true">{sign}</span> {word}</p>'
-        f'<p class="sentence">{escape(verdict.sentence)}</p>{details}</section>'
+        f'<p class="sentence">{_words(verdict.sentence)}</p>{details}</section>'
     )
+
+
+def _words(text: str) -> str:
+    """A sentence whose load factors are not torn apart at the end of a line."""
+    return escape(text).replace("ζ = ", "ζ&nbsp;=&nbsp;")
 
 
 def _view(view: View) -> str:
@@ -73,16 +78,17 @@ def _view(view: View) -> str:
     return remarks + (_asset("view.html") if view.data is not None else "")
 
 
-def _curve(reader: ResultReader, words: CaseWords) -> str:
-    curve = curve_of(reader.reports, reader.limit, reader.scene.driven, words.unit("work"))
+def _curve(reader: ResultReader) -> str:
+    unit = reader.summary.units.get("work", "")
+    curve = curve_of(reader.reports, reader.limit, reader.scene.driven, unit)
     return _section("curve", "The curve", "" if curve is None else to_svg(curve))
 
 
-def _levels(reader: ResultReader, words: CaseWords) -> str:
+def _levels(reader: ResultReader) -> str:
     if not reader.reports:
         return ""
     good, fair, _ = GRADES
-    units = words.unit("work"), words.unit("length")
+    units = [reader.summary.units.get(kind, "") for kind in ("work", "length")]
     table = level_table(reader.reports, reader.scene.driven, *units)
     note = (
         f"<p>Each solved step is checked anew: <b>energy</b>, that no other state has less;"
@@ -93,12 +99,12 @@ def _levels(reader: ResultReader, words: CaseWords) -> str:
     return _section("levels", "Levels", table + note)
 
 
-def _reactions(reader: ResultReader, words: CaseWords) -> str:
+def _reactions(reader: ResultReader) -> str:
     steps = [step for step in reader.summary.steps if step["converged"]]
     if not steps or not steps[-1]["reactions"]:
         return ""
     last, model = steps[-1], reader.summary.model
-    table = reaction_table(last["reactions"], model["axes"], words.unit("force"))
+    table = reaction_table(last["reactions"], model["axes"], reader.summary.units.get("force", ""))
     of = f", {model['forces']}" if model["forces"] else ""
     note = f"<p>At the last solved step, ζ = {last['zeta']:.6g}{escape(of)}.</p>"
     return _section("reactions", "Forces", note + table)

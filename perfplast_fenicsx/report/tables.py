@@ -11,6 +11,9 @@ from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 TIGHT = 1e-6
 """A certificate that is no larger is met but for rounding, for all that an engineer asks."""
 
+ROUNDING = 1e-9
+"""What of a force is no larger, in relation to the largest one, is told as 0."""
+
 
 @dataclass(frozen=True)
 class Grade:
@@ -70,10 +73,15 @@ def level_table(
 
 
 def reaction_table(reactions: Mapping[str, Sequence[float]], axes: str, unit: str) -> str:
-    """A row for each load, support, obstacle and contact, with the sum of what is outside."""
+    """A row for each load, support, obstacle and contact."""
     heads = ["exerted on the bodies by", *(f"{axis}{_bracket(unit)}" for axis in axes)]
+    largest = max((abs(a) for forces in reactions.values() for a in forces), default=0.0)
+
+    def shown(force: float) -> str:
+        return f"{force:.6g}" if abs(force) > ROUNDING * largest else "0"
+
     rows = [
-        [escape(name), *(f"{force:.6g}" for force in forces)] for name, forces in reactions.items()
+        [escape(name), *(shown(force) for force in forces)] for name, forces in reactions.items()
     ]
     return table(heads, rows)
 

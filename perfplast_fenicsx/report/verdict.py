@@ -1,6 +1,6 @@
 """The outcome of a run in one sentence, and what it holds for."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -52,7 +52,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             [
                 "Both bounds are strict: they hold for the bodies that the mesh fills, and not just"
                 " for the mesh, but for rounding of the numbers.",
-                f"On the mesh {mesh}.{early}",
+                f"On {'the last' if limit.body.get('meshes') else 'this'} mesh {mesh}.{early}",
             ],
         )
     if upper is not None:
@@ -96,34 +96,30 @@ def _of_levels(reader: ResultReader) -> Verdict:
     reports, driven = reader.reports, reader.scene.driven
     solved = [report for report in reports if report.converged]
     if not reports:
-        sentence = "Nothing is solved yet: the run is still at its first step, or was stopped there."
+        sentence = "Nothing is solved yet: the run is at its first step, or was stopped there."
         return Verdict("open", sentence, [])
     last = reports[-1]
     details = []
     if solved:
         end = solved[-1]
-        unit = reader.scene.units.table()["length"]
-        length = f"{end.max_displacement:.4g} {unit}".rstrip()
+        length = f"{end.max_displacement:.4g} {reader.summary.units.get('length', '')}".rstrip()
         details.append(
             f"At the last solved step {end.plastic_fraction:.1%} of the volume is plastic, and the"
             f" largest displacement is {length}."
         )
-    details += [
-        "All numbers hold for this mesh. What the bodies carry for certain is found with"
-        ' control = "bounds".'
-    ]
+    details.append("All numbers hold for this mesh.")
+    if not last.stage and not driven:
+        details[-1] += ' What the bodies carry for certain is found with control = "bounds".'
     if _coulomb(reader.summary.given):
         details.append("With Coulomb's friction a step may have other solutions than this one.")
     if not last.converged:
         at = f"at ζ = {last.zeta:.6g} no solution was found"
-        sentence = f"{at[0].upper()}{at[1:]}."
-        if solved:
-            sentence = f"{_so_far(solved, driven)}, but {at}."
+        sentence = f"{_so_far(solved[-1], driven)}, but {at}." if solved else f"A{at[1:]}."
         return Verdict("open", sentence, [f"Why: {last.reason}.", *details])
     if _stopped(reader.summary, len(reports)):
         planned = reader.summary.planned
         what = f"{len(reports)} of {planned} steps are" if planned else "the limit load is not"
-        sentence = f"{_so_far(solved, driven)}; {what} found, and the run goes on or was stopped."
+        sentence = f"{_so_far(last, driven)}; {what} found, and the run goes on or was stopped."
         return Verdict("open", sentence, details)
     if last.stage:
         stages = len({report.stage for report in reports if report.stage})
@@ -142,9 +138,8 @@ def _of_levels(reader: ResultReader) -> Verdict:
     return Verdict("found", sentence, details)
 
 
-def _so_far(solved: Sequence[LevelReport], driven: bool) -> str:
+def _so_far(last: LevelReport, driven: bool) -> str:
     """What the last solved level shows."""
-    last = solved[-1]
     if driven or last.stage:
         return f"All is solved up to ζ = {last.zeta:.6g}"
     return f"The bodies carry ζ = {last.zeta:.6g} on this mesh"

@@ -3,6 +3,7 @@
 A page is to stay small enough to be mailed, so that of a large run not every level is in it.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,7 +17,6 @@ from perfplast_fenicsx.report.field_words import rank_of, words_of
 from perfplast_fenicsx.report.packing import pack_integers, pack_numbers, size_of
 from perfplast_fenicsx.report.skin_fields import SkinState, read_state
 from perfplast_fenicsx.report.skin_lines import skin_lines
-from perfplast_fenicsx.units import Units
 
 ROOM = 18_000_000
 """Characters of packed arrays that a page may have; with all else it stays below 20 MB."""
@@ -51,20 +51,19 @@ def view_data(reader: ResultReader, room: int = ROOM) -> View:
     collapses = reader.limit is not None and (reader.path / MECHANISM).exists()
     if not reader.levels and not collapses:
         return View(None, ["The run has no fields on file, so that the bodies are not shown."])
-    units, remarks = reader.scene.units, []
+    units, remarks = reader.summary.units, []
     surface = reader.skin.surface
     order = np.argsort(surface.body, kind="stable")
     data = _mesh(surface, order) | {
         "axisymmetric": reader.scene.axisymmetric,
-        "unit": units.table()["length"],
         "states": [],
     }
     left = room - size_of(data)
-    packer = _Packer(reader, units, order)
+    packer = _Packer(reader, order)
     newest = [packer.level(reader.levels[-1])] if reader.levels else []
     mechanism = [packer.mechanism()] if collapses else []
     if size_of(newest) + size_of(mechanism) > left:
-        packer = _Packer(reader, units, order, KEPT)
+        packer = _Packer(reader, order, KEPT)
         newest = [packer.level(reader.levels[-1])] if reader.levels else []
         mechanism = [packer.mechanism()] if collapses else []
         remarks.append("The mesh is large: only the most important fields are on this page.")
@@ -111,7 +110,6 @@ class _Packer:
     """Reads and packs states."""
 
     reader: ResultReader
-    units: Units
     order: Longs
     kept: tuple[str, ...] = ()
 
@@ -151,7 +149,7 @@ class _Packer:
         }
 
 
-def _offered(states: list[dict[str, Any]], units: Units) -> list[dict[str, Any]]:
+def _offered(states: list[dict[str, Any]], units: Mapping[str, str]) -> list[dict[str, Any]]:
     """Fields in the order in which they are offered, with the ranges over all levels."""
     names = sorted({name for state in states for name in state["fields"]}, key=rank_of)
     offered = []

@@ -6,7 +6,8 @@ Section 3.2 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013), with the misprin
 2.  ω = (C⁻¹σ^k + rê)/(1+r),  e = ((1+r)ω − C⁻¹Σ(ω))/r,
 3.  σ^{k+1} = Σ(e) = Σ(ω),
 
-with ê = ε(u), or θε(u) + (1−θ)e^k when over-relaxed by θ. The operator is the elastic one for the
+with ê = ε(u), or θε(u) + (1−θ)e^k when over-relaxed by θ. Behind plastic flow p, where
+Σ(e) = P(C(e − p)), steps 2 and 3 are those of e − p. The operator is the elastic one for the
 whole run: its multigrid hierarchy or factorisation is kept until the active set changes. r enters
 the right-hand sides alone. Since σ^k = Σ(e^k), an iteration is a map of e^k alone.
 """
@@ -129,9 +130,12 @@ class AugmentedLagrangian(LevelSolver):
         relaxed = self._theta * e + (1 - self._theta) * q
 
         def step_2(on: LawOnCells) -> Expr:
-            compliance = on.law.elastic.compliance
-            omega = (compliance(sigma) + r * relaxed) / (1 + r)
-            return ((1 + r) * omega - compliance(on.law.stress(omega, on.old))) / r
+            compliance, p = on.law.elastic.compliance, on.law.unstressed(on.old)
+            seen = relaxed if p is None else relaxed - p
+            omega = (compliance(sigma) + r * seen) / (1 + r)
+            stress = on.law.stress(omega if p is None else omega + p, on.old)
+            found = ((1 + r) * omega - compliance(stress)) / r
+            return found if p is None else found + p
 
         def at_points(value: OfLaw) -> LawExpression:
             return LawExpression(problem.laws, S, value)
@@ -203,7 +207,7 @@ class AugmentedLagrangian(LevelSolver):
         due = len(history) % CHECK_EVERY == 0
         if not due or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None
-        return above_limit(zeta, history, self.problem.motion.driven)
+        return above_limit(zeta, history, self.problem.loads.grows())
 
     def _step_1_gradient(self, zeta: float) -> PETSc.Vec:
         """⟨σ^k + rC(ε(u) − e^k), ε(·)⟩ − L₀ − ζL₁ over r, in jump unknowns."""

@@ -8,6 +8,8 @@ Those in jump unknowns, of the jump basis, have names of y: y = M u, and ``delta
 δu = T δy; forces there are Tᵀ times the nodal ones.
 """
 
+from typing import Any
+
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -21,10 +23,9 @@ from perfplast_fenicsx.problem.energy_norms import RIGID
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.state import State
-from perfplast_fenicsx.problem.stiffness import Stiffness
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.active_set.slip import Slip, slipping, stuck
-from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
+from perfplast_fenicsx.solvers.tangents import JumpTangent, MakeTangent
 
 SLOPE_REDUCTION = 1e-3
 """The line search ends where |φ'(β)| is at most this share of |φ'(0)|."""
@@ -47,12 +48,12 @@ class Iterate:
         slip: How friction is linearised in the next step.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        """Compile the forms. Collective."""
+    def __init__(self, problem: Problem, tangent: MakeTangent = JumpTangent) -> None:
+        """Compile the forms; ``tangent`` makes what becomes of theirs. Collective."""
         self.problem = problem
         self.fields = QuadratureFields(problem)
         self.direction = Direction(self.fields)
-        self._stiffness = Stiffness(self.fields)
+        self._tangent = tangent(self.fields)
         self.y = problem.create_vector()
         self._delta_y = problem.create_vector()
         self._gradient_u = problem.create_vector()
@@ -60,7 +61,6 @@ class Iterate:
         self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
         self.lifted, self.first_force = False, 0.0
         self.slip: Slip = stuck(problem.friction.index.shape)
-        self._operator = ContactOperator(problem, self._stiffness.matrix)
 
     def begin(self, start: State | None) -> PairFlags:
         """Start from a state, or from zero displacement, in K_h: what penetrates is pushed back.
@@ -162,11 +162,9 @@ class Iterate:
         self.problem.basis.T.multTranspose(self._gradient_u, self._gradient_y)
         return self._gradient_y
 
-    def operator(self, rho: float) -> ContactOperator:
-        """Σ^{o,ρ}(ε(u)) in jump unknowns; valid until the next call."""
-        self._stiffness.assemble(rho)
-        self._operator.add_springs(None)
-        return self._operator
+    def operator(self, rho: float) -> Any:
+        """Σ^{o,ρ}(ε(u)) of the tangent; valid until the next call."""
+        return self._tangent.at(rho)
 
     def aim(self, delta_y: PETSc.Vec) -> None:
         """Take the direction δu = T δy."""

@@ -19,10 +19,11 @@ from perfplast_fenicsx.problem.slip import remember_slip
 from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
 from perfplast_fenicsx.solvers.active_set.friction_qp import FrictionProgram
+from perfplast_fenicsx.solvers.contact_solver import ContactSolver, make_tfeti
 from perfplast_fenicsx.solvers.coulomb import solve_coulomb
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
-from perfplast_fenicsx.solvers.newton_options import Monitor
+from perfplast_fenicsx.solvers.newton_options import Monitor, Subdivision
 from perfplast_fenicsx.solvers.progress import Progress, Step
 from perfplast_fenicsx.solvers.verdicts import no_convergence
 
@@ -140,19 +141,28 @@ class LevelSolver(Stepper, ABC):
         max_iterations: int,
         criterion: str,
         lender: "LevelSolver | None" = None,
+        subdivision: Subdivision | None = None,
     ) -> None:
-        """Compile the forms and create the solvers, or borrow another algorithm's. Collective."""
+        """Compile the forms and create the solvers, or borrow another algorithm's. Collective.
+
+        Raises:
+            InputError: If Total FETI, which a subdivision asks for, does not go with the problem.
+        """
         self.problem = problem
         self.max_iterations, self.criterion = max_iterations, criterion
-        self.iterate: Iterate = lender.iterate if lender else Iterate(problem)
         self.linear: LinearSolver = lender.linear if lender else LinearSolver(problem)
-        self.program: ContactProgram = (
-            lender.program if lender else ContactProgram(problem, self.linear)
-        )
+        self.iterate: Iterate
+        self.program: ContactSolver
         self.friction: FrictionProgram | None = None
-        if problem.friction.count:
-            shared = lender.friction if lender else None
-            self.friction = shared or FrictionProgram(problem, self.program)
+        if lender:
+            self.iterate, self.program = lender.iterate, lender.program
+            self.friction = lender.friction
+        elif subdivision is not None:
+            self.iterate, self.program = make_tfeti(problem, self.linear, subdivision)
+        else:
+            self.iterate, program = Iterate(problem), ContactProgram(problem, self.linear)
+            self.program = program
+            self.friction = FrictionProgram(problem, program) if problem.friction.count else None
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.problem!r})"

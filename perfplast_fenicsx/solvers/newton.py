@@ -43,7 +43,9 @@ class Newton(LevelSolver):
         """Compile the forms and create the solvers, or borrow another algorithm's. Collective."""
         self.options = options or NewtonOptions()
         criterion = criterion_met(self.options)
-        super().__init__(problem, self.options.max_iterations, criterion, lender)
+        super().__init__(
+            problem, self.options.max_iterations, criterion, lender, self.options.subdivision
+        )
         self._first_work = 0.0
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
@@ -73,7 +75,7 @@ class Newton(LevelSolver):
         """Whether J_ζ falls on for ever. Collective."""
         if len(history) < 3 or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None
-        return above_limit(zeta, history, self.problem.motion.driven)
+        return above_limit(zeta, history, self.problem.loads.grows())
 
 
 def newton_direction(

@@ -11,6 +11,28 @@ Monitor = Callable[[Iteration], None]
 """Called on every rank after each iteration."""
 
 
+CONTACT_SOLVERS = ("active-set", "tfeti")
+"""What solves the contact quadratic program of a step."""
+
+UNKNOWNS_EACH = {2: 4000, 3: 2000}
+"""Displacement unknowns of a subdomain, by dimension, where users say nothing."""
+
+
+@dataclass(frozen=True)
+class Subdivision:
+    """How many subdomains Total FETI has.
+
+    Args:
+        asked: By the user, on all ranks together; None for a number by size.
+    """
+
+    asked: int | None
+
+    def wanted(self, num_dofs: int, gdim: int) -> int:
+        """How many subdomains a problem is to have."""
+        return self.asked or max(1, num_dofs // UNKNOWNS_EACH[gdim])
+
+
 @dataclass(frozen=True)
 class NewtonOptions:
     """Choices of the Newton methods.
@@ -28,6 +50,11 @@ class NewtonOptions:
             active set once in a Newton step; "adaptive" does so too, but goes on to the end after
             a damped step and after :data:`PATIENCE` steps.
         max_iterations: Most Newton steps of a level, at least 1.
+        contact_solver: "active-set" searches for the closed pairs, with one linear system for each
+            set; "tfeti" cuts the bodies into subdomains and solves for the forces between them
+            (Total FETI), where contact is a bound and is solved to its end in every step.
+        subdomains: How many "tfeti" makes on all ranks together; it makes one or more of each body
+            on each rank. By default one for so many unknowns as are quick to factorise.
 
     Raises:
         InputError: If a value is out of its range.
@@ -39,6 +66,8 @@ class NewtonOptions:
     tolerance: float = 1e-8
     active_set: Literal["adaptive", "exact", "once"] = "adaptive"
     max_iterations: int = 60
+    contact_solver: Literal["active-set", "tfeti"] = "active-set"
+    subdomains: int | None = None
 
     def __post_init__(self) -> None:
         rho = self.regularisation
@@ -50,6 +79,24 @@ class NewtonOptions:
         check_choice("stopping", self.stopping, ("displacement", "stress", "energy"))
         check_choice("active_set", self.active_set, ("adaptive", "exact", "once"))
         check_end(self.tolerance, self.max_iterations)
+        check_choice("contact_solver", self.contact_solver, CONTACT_SOLVERS)
+        if self.subdomains is None:
+            return
+        if self.contact_solver != "tfeti":
+            raise InputError(
+                f"subdomains = {self.subdomains} goes with contact_solver = 'tfeti' alone; leave it"
+                " out, or take that solver."
+            )
+        if self.subdomains < 1:
+            raise InputError(
+                f"subdomains = {self.subdomains} is less than 1; give at least one, or leave it"
+                " out."
+            )
+
+    @property
+    def subdivision(self) -> Subdivision | None:
+        """Of Total FETI; None where it is not used."""
+        return Subdivision(self.subdomains) if self.contact_solver == "tfeti" else None
 
 
 LARGEST_RHO, SMALLEST_RHO = 1e-3, 1e-8

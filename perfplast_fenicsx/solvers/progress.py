@@ -123,6 +123,7 @@ class Progress:
             friction_dissipation=certificate.friction.energy,
             friction_excess=certificate.friction.excess,
             driving_force=certificate.resultants.driving,
+            driving_forces=certificate.resultants.driving_by_name,
         )
         stress = fem.Function(problem.S, name="stress")
         stress.x.array[:] = fields.stress.x.array

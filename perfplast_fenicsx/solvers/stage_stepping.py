@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.loading_history import ROUNDING, LoadingHistory
@@ -39,12 +40,10 @@ def stage_path(
             f"stages prescribe loads, but the method '{solver.method}' prescribes works; take"
             " method = 'newton'."
         )
-    times = history.times()
-    if start is None and history.rests_first():
-        times.insert(0, 0.0)
-    elif start is not None:
-        times = [time for time in times if time > start.zeta + ROUNDING]
-    for time in times:
+    rest = [0.0] if start is None and history.rests_first() else []
+    for time in chain(rest, history.times()):
+        if start is not None and time <= start.zeta + ROUNDING:
+            continue
         history.go_to(time)
         level = _told(history, solver.solve(time, start, monitor))
         yield level

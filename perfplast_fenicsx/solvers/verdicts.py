@@ -11,16 +11,16 @@ CREDIBLE = 1e-2
 """A state with a larger duality gap is no solution, whatever the steps to it were."""
 
 
-def above_limit(zeta: float, history: Sequence[Iteration], driven: bool = False) -> str:
+def above_limit(zeta: float, history: Sequence[Iteration], grows: bool = True) -> str:
     """The verdict that (P)_ζ has no solution, with its evidence.
 
     Args:
         zeta: Load factor.
         history: The steps so far.
-        driven: Whether ζ moves supports and obstacles, and no load grows.
+        grows: Whether ζ multiplies any load.
     """
     first, last = history[0], history[-1]
-    if zeta == 0 or driven:
+    if zeta == 0 or not grows:
         return (
             f"the constant loads alone are above what the bodies carry: at ζ = {zeta:.9g} J fell"
             f" from {first.energy:.4g} to {last.energy:.4g}, and falls on along a collapse"

@@ -46,15 +46,25 @@ class WorkNewton(LevelSolver):
         """Compile the forms and create the solvers. Collective.
 
         Raises:
-            InputError: If all loads are constant.
+            InputError: If all loads are constant, or ζ moves something.
         """
         if not problem.loads.grows():
             raise InputError(
                 "all loads are constant, so that none does a work that could be prescribed or grow"
                 " to a limit; make one that is not, or prescribe load factors."
             )
+        if problem.motion.driven:
+            raise InputError(
+                "ζ moves supports or obstacles, so that it cannot follow from a work of the loads;"
+                " let them be constant, or prescribe load factors."
+            )
         self.options = options or NewtonOptions()
-        super().__init__(problem, self.options.max_iterations, criterion_met(self.options))
+        super().__init__(
+            problem,
+            self.options.max_iterations,
+            criterion_met(self.options),
+            subdivision=self.options.subdivision,
+        )
 
     def solve(
         self, value: float, start: State | None = None, monitor: Monitor | None = None

@@ -243,3 +243,28 @@ def test_a_full_disk(whole: tuple[Path, Path], tmp_path: Path) -> None:
     is_whole(out / "full", (out / "err").read_text(), "No space left on device")
     assert (out / "status2").read_text().strip() == str(SOLVED), (out / "err2").read_text()
     same_path(out / "results", whole[1])
+
+
+@pytest.mark.parametrize("arguments", [["materials"], ["run", "case.toml", "-o", "results"]])
+def test_nobody_reads_to_the_end(
+    whole: tuple[Path, Path], tmp_path: Path, arguments: list[str]
+) -> None:
+    """As in ``perfplast run ... | head -1``: the run goes on, in silence."""
+    shutil.copy(whole[0], tmp_path / "case.toml")
+    program = [sys.executable, "-m", "perfplast_fenicsx", *arguments]
+    with subprocess.Popen(
+        program,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode == SOLVED
+    if "results" in arguments:
+        same_path(tmp_path / "results", whole[1])

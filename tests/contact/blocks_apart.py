@@ -17,7 +17,12 @@ LOWER, UPPER = 1, 2
 
 
 def block(
-    counts: Sequence[int], lower: Sequence[float], upper: Sequence[float], angle: float, seed: int
+    counts: Sequence[int],
+    lower: Sequence[float],
+    upper: Sequence[float],
+    angle: float,
+    seed: int,
+    moved_by: float,
 ) -> tuple[Floats, Longs]:
     """A block of simplices, turned about its vertical axis, whose inner points are moved aside."""
     gdim = len(counts)
@@ -25,7 +30,7 @@ def block(
     share = grid / np.array(counts)
     inner = ((share > 0) & (share < 1))[:, :-1].all(axis=1)
     moved = (np.random.default_rng(seed).random((len(grid), gdim - 1)) - 0.5) / counts[:-1]
-    share[inner, :-1] += 0.5 * moved[inner]
+    share[inner, :-1] += moved_by * moved[inner]
     low, high = np.array(lower), np.array(upper)
     x = low + share * (high - low)
     if angle:
@@ -49,16 +54,18 @@ def blocks_apart(
     angle: float = 0.0,
     height: float = 1.0,
     slope: float = 0.0,
+    moved_by: float = 0.5,
 ) -> TaggedMesh:
     """The unit block and one on top of it over the square of a span, with these counts of cells.
 
-    The seam may be inclined along x, without the ends of the blocks.
+    The seam may be inclined along x, without the ends of the blocks. Inner points are moved by up
+    to half this share of a cell; where they are not, equal counts match.
     """
     gdim = len(lower)
     wide = gdim - 1
-    x, cells = block(lower, [0.0] * gdim, [1.0] * gdim, 0.0, 1)
+    x, cells = block(lower, [0.0] * gdim, [1.0] * gdim, 0.0, 1, moved_by)
     begin, end = [span[0]] * wide + [height], [span[1]] * wide + [height + 1]
-    y, more = block(upper, begin, end, angle, 2)
+    y, more = block(upper, begin, end, angle, 2, moved_by)
     volume = np.repeat([LOWER, UPPER], [len(cells), len(more)]).astype(np.int32)
     cells = np.concatenate([cells, more + len(x)])
     x = np.concatenate([x, y])

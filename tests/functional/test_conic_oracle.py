@@ -31,7 +31,7 @@ def test_both_bounds_are_the_best_of_the_mesh(shared_tmp_path: Path, seed: int, 
     COMM.barrier()
     mesh = read_gmsh(COMM, path)
     problem, _ = problem_of(it, alfeld_split(mesh) if dim == 2 else mesh)
-    bounds = limit_bounds(problem, 5e-5)
+    bounds = limit_bounds(problem, 1e-5)
     assert bounds.lower.value is not None
     assert bounds.mesh.estimate is not None
 

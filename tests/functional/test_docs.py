@@ -19,6 +19,7 @@ from perfplast_fenicsx.contact.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.io.case import support_tables
 from perfplast_fenicsx.io.case import tables as schemas
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.results import field_series
@@ -39,13 +40,13 @@ TABLES = {
     "[mesh]": [schemas.MeshFile],
     "[geometry]": [MeshingOptions, NamedFace],
     "[material.NAME]": [*MATERIALS.values()],
-    "[[support]]": [schemas.SupportTable],
+    "[[support]]": [support_tables.SupportTable],
     "[[load]]": [schemas.LoadTable],
     "[[temperature]]": [Temperature],
     "[[initial_stress]]": [InitialStress],
     "[[contact]]": [Contact],
     "[[obstacle]]": [*OBSTACLES.values()],
-    "[[rigid_surface]]": [schemas.RigidSurfaceTable],
+    "[[rigid_surface]]": [support_tables.RigidSurfaceTable],
     "[[tie]]": [Tie],
     "[model]": [schemas.ModelOptions],
     "[element]": [schemas.ElementOptions],
@@ -147,7 +148,7 @@ def test_outputs_are_compared(shown: str, printed: str, equal: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "count"), [("tutorial.md", 5), ("extending.md", 4), ("howto/loading.md", 2)]
+    ("name", "count"), [("tutorial.md", 6), ("extending.md", 4), ("howto/loading.md", 2)]
 )
 def test_pages_do_what_they_show(
     comm: MPI.Intracomm, tmp_path: Path, name: str, count: int

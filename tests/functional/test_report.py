@@ -36,7 +36,6 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     comm = MPI.COMM_WORLD
     place = comm.bcast(tmp_path_factory.mktemp("run"))
     text = CASE.replace("[50.0, 80.0]", "[50.0, 80.0, 95.0]")
-    text += '[units]\nlength = "mm"\nstress = "MPa"\n'
     case, folder = write(comm, place, text), place / "results"
     with redirect_stdout(StringIO()) as out:
         assert main(["run", str(case), "-o", str(folder), "--report"]) == SOLVED
@@ -53,7 +52,7 @@ def test_the_run_writes_it(
     assert capsys.readouterr().out == ("" if comm.rank else f"{again}\n")
     page = again.read_text(encoding="utf-8")
     assert page == (results / "report.html").read_text(encoding="utf-8")
-    assert "on this mesh the bodies carry the loads up to ζ = 95" in page
+    assert "on this mesh the bodies carry the loads up to ζ&nbsp;=&nbsp;95" in page
     assert "yield stress 100 MPa" in page
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
     assert summary["given"]["materials"]["punch"]["kind"] == "von-mises"

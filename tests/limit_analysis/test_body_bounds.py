@@ -12,6 +12,7 @@ from perfplast_fenicsx import InputError, Pressure, Problem, Support, VonMises, 
 from perfplast_fenicsx.limit_analysis import (
     BodyBounds,
     InteriorStep,
+    body_bounds,
     bounds_of_mesh,
     limit_bounds,
     limit_load,
@@ -143,7 +144,13 @@ def test_a_search_in_space_that_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_does_not_fit_into_memory_in_space(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is said before anything is computed."""
+
+    def compute(*_: object) -> None:
+        raise AssertionError
+
     problem = quadratic_blocks()
+    monkeypatch.setattr(body_bounds, "interior_point", compute)
     monkeypatch.setattr(machine_memory, "physical_memory", lambda: 2**10)
     assert_refused(lambda: limit_bounds(problem), ["unknowns needs", "coarser mesh"])
 

@@ -131,7 +131,7 @@ def proven(problem: Problem, found: StaticBound, force: tuple[float, ...] | None
     assert found.bound.kind == "lower"
     assert found.certificate is not None
     assert found.certificate.holds
-    assert len(found.steps) <= 30
+    assert len(found.steps) <= 16
     assert found.factorisations <= len(found.steps) + 1  # that of the units is the first step's
     value = found.bound.value
     assert value is not None
@@ -163,7 +163,7 @@ def is_frictionless(checked: Checked, chosen: np.ndarray) -> bool:
 @pytest.mark.parametrize(("n", "expected"), [(4, 2.3952), (16, 2.41855)])
 def test_rough_platens(n: int, expected: float) -> None:
     problem = platens(n)
-    found = strict_lower_bound(problem)
+    found = strict_lower_bound(problem, 1e-5)
     checked = proven(problem, found)
     value = (found.bound.value or 0) / K
     assert value == pytest.approx(expected, abs=1e-4)
@@ -174,7 +174,7 @@ def test_rough_platens(n: int, expected: float) -> None:
     assert np.allclose(pressed, [0, -value * K], atol=ROUNDING * K * 10)
     side = checked.normals[:, 0] > 0.9
     assert np.allclose(checked.tractions[side], 0, atol=ROUNDING * K * 10)
-    assert f"{found.bound.value:.6g}" in repr(found)
+    assert found.bound.shown in repr(found)
 
 
 def _of(problem: Problem, name: str) -> np.ndarray:
@@ -240,7 +240,7 @@ def test_a_block_on_a_rigid_plane() -> None:
         [Pressure("top", 1.0)],
         obstacles=[Plane("y0", point=(0.0, -1.0), normal=(0.0, 2.0))],
     )
-    found = strict_lower_bound(problem)
+    found = strict_lower_bound(problem, 1e-5)
     checked = proven(problem, found)
     assert is_frictionless(checked, checked.normals[:, 1] < -0.9)
     assert found.bound.value == pytest.approx(2 * K, rel=1e-4)
@@ -352,7 +352,7 @@ def quarters(comm: MPI.Intracomm) -> TaggedMesh:
 
 
 @pytest.mark.mpi3
-@pytest.mark.parametrize("most", [3, 6])
+@pytest.mark.parametrize("most", [2, 4])
 def test_an_iteration_that_ends_early_has_a_bound(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int
 ) -> None:

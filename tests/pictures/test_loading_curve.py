@@ -20,9 +20,11 @@ def test_path_png(tmp_path: Path, zetas: list[float], driven: bool) -> None:
     assert (tmp_path / "path.png").read_bytes().startswith(PNG)
 
 
-def test_path_png_of_a_history(tmp_path: Path) -> None:
+@pytest.mark.parametrize("by", ["works", "driving_forces"])
+def test_path_png_of_a_history(tmp_path: Path, by: str) -> None:
     loading_curve = pytest.importorskip("perfplast_fenicsx.pictures.loading_curve")
-    told = {"stage": "push", "works": {"push": 0.1, "warm": 0.0}}
+    none: dict[str, object] = {"works": {}, "driving_forces": {}}
+    told = none | {"stage": "push", by: {"push": 0.1, "warm": 0.0}}
     reports = [report(1.0, factors={"push": a, "warm": 0.0}, **told) for a in (0.5, -1.0)]
     loading_curve.save_curve(reports, "A title", tmp_path / "path.png", None)
     assert (tmp_path / "path.png").read_bytes().startswith(PNG)

@@ -312,7 +312,8 @@ def test_bad_files_for_an_animation(
 def test_without_fields(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    case = write(comm, shared_tmp_path, CASE + "fields = false\n")
+    text = CASE.replace("pictures = false", "pictures = false\nfields = false")
+    case = write(comm, shared_tmp_path, text)
     folder = shared_tmp_path / "results"
     assert main(["run", str(case), "-o", str(folder), "--quiet"]) == SOLVED
     assert main(["plot", str(folder)]) == SOLVED
@@ -330,7 +331,7 @@ def test_plot_and_animate(
 ) -> None:
     image = pytest.importorskip("PIL.Image")
     text = CASE.replace('law = "elastic"', 'law = "von-mises"\nyield_stress = 60.0')
-    text = text.replace("[50.0, 80.0]", "[50.0, 80.0, 90.0]") + '[units]\nlength = "mm"\n'
+    text = text.replace("[50.0, 80.0]", "[50.0, 80.0, 90.0]")
     case, folder = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
     assert main(["run", str(case), "-o", str(folder), "--quiet"]) == SOLVED
     pictures = shared_tmp_path / "new" / "pictures"

@@ -144,14 +144,6 @@ def test_a_weight_stays(comm: MPI.Intracomm) -> None:
 
 
 def test_what_does_not_go_with_motions() -> None:
-    with pytest.raises(InputError, match=r"the load on 'upper' grows with ζ, but ζ moves"):
-        Problem(
-            blocks(),
-            {"lower": VonMises(YOUNG, 0.3, YIELD), "upper": VonMises(YOUNG, 0.3, YIELD)},
-            [*ROLLERS, Support("upper_bottom")],
-            [BodyForce("upper", DOWN)],
-            obstacles=[plane()],
-        )
     with pytest.raises(InputError, match="all loads are constant, so that none does a work"):
         WorkNewton(moved())
     with pytest.raises(InputError, match=r"move = \[0.0, 1.0\] of the plane at 'top'"):

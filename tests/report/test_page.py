@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.io import Units
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.result_reader import StoredLimit
 from perfplast_fenicsx.report.case_words import CaseWords
 from perfplast_fenicsx.report.curve import curve_of, far_ticks, ticks, to_svg
 from perfplast_fenicsx.report.field_words import words_of
 from perfplast_fenicsx.report.run_again import command_of
-from perfplast_fenicsx.report.tables import grade, level_table, pairs
+from perfplast_fenicsx.report.tables import grade, level_table, pairs, reaction_table
+from perfplast_fenicsx.units import Units
 from tests.io.results.test_result_folder import report
 
 GIVEN: dict[str, Any] = {
@@ -38,7 +38,7 @@ GIVEN: dict[str, Any] = {
 
 
 def test_the_case_in_words() -> None:
-    words = CaseWords(GIVEN, Units("mm", "MPa"), "plane-strain")
+    words = CaseWords(GIVEN, Units("mm", "MPa").table(whole=False), "rz")
     assert words.bodies() == [
         (
             "a<b",
@@ -48,8 +48,8 @@ def test_the_case_in_words() -> None:
         ("c", "Soft; remembers plastic flow: hardening modulus 5 MPa, odd one 7"),
     ]
     held, moved = words.supports()
-    assert held == ("left", "held in x, z")
-    assert moved == ("right", "moved by -0.5 mm in y, times ζ")
+    assert held == ("left", "held in r")
+    assert moved == ("right", "moved by -0.5 mm in z, times ζ")
     assert words.loads() == [
         ("top", "pressure 3*x MPa, times ζ"),
         ("c", "w: force per volume (0, -2.5) N/mm^3, in full at any ζ"),
@@ -60,23 +60,13 @@ def test_the_case_in_words() -> None:
         ("top", "rigid plane, without friction, moves by (0, -1) mm times ζ"),
         ("p – q", "glued together"),
     ]
-    assert words.unit("force") == "N/mm"
-    assert CaseWords(GIVEN, Units("cm", "kPa"), "space").unit("force") == "kPa cm²"
-    named = CaseWords(GIVEN, Units(system="m-kN-kPa"), "space")
-    assert named.loads()[0] == ("top", "pressure 3*x kPa, times ζ")
-    assert [named.unit(kind) for kind in ("length", "force", "work")] == ["m", "kN", "kN m"]
-    assert CaseWords(GIVEN, Units(), "space").unit("force") == ""
+    assert words.number([1, -0.0], "force") == "(1, 0) N/mm"
+    assert CaseWords(GIVEN, {}, "xy").number(2.0, "force") == "2"
     assert "&lt;" in pairs(words.bodies())
 
 
 def test_fields_that_nobody_knows_keep_their_names() -> None:
-    assert words_of("my_own_field", Units("mm", "MPa")).label == "my own field"
-
-
-def test_fields_have_the_units_of_a_system() -> None:
-    units = Units(system="mm-kN-GPa")
-    found = [words_of(name, units).unit for name in ("stress", "displacement", "plastic")]
-    assert found == ["GPa", "mm", ""]
+    assert words_of("my_own_field", {}).label == "my own field"
 
 
 @pytest.mark.parametrize(
@@ -95,6 +85,12 @@ def test_levels_that_failed_have_no_certificates() -> None:
     told = level_table([report(1.0)], False, "kN m", "m")
     assert "work α (kN m)" in told
     assert "largest displacement (m)" in told
+
+
+def test_forces_of_rounding_are_none() -> None:
+    text = reaction_table({"loads": [-5.0, 1e-14], "support a": [5.0, -1e-8]}, "xy", "N")
+    assert re.findall(r"<td>([^<]*)</td>", text) == ["-5", "0", "5", "-1e-08"]
+    assert "y (N)" in text
 
 
 def test_a_curve() -> None:

@@ -1,12 +1,17 @@
 """What of results goes into a page, and what is left out of a large one."""
 
+import json
+import shutil
+from pathlib import Path
+
 from mpi4py import MPI
 
+import h5py
 import numpy as np
 import pytest
 
 from perfplast_fenicsx import Contact, Newton, Problem, Support, Traction, VonMises
-from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene, Units
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.problem.prescribed import Prescribed
@@ -14,6 +19,7 @@ from perfplast_fenicsx.report.packing import size_of
 from perfplast_fenicsx.report.skin_fields import as_number, rows_of
 from perfplast_fenicsx.report.skin_lines import skin_lines
 from perfplast_fenicsx.report.view_data import chosen_levels, view_data
+from perfplast_fenicsx.units import Units
 from tests.report.test_packing import unpacked
 
 STEEL = VonMises(206900.0, 0.29, 450.0)
@@ -63,6 +69,23 @@ def test_the_view_is_that_of_the_results(reader: ResultReader) -> None:
     assert list(offered)[:2] == ["stress", "yield_ratio"]
     assert (offered["stress"]["unit"], offered["displacement"]["unit"]) == ("MPa", "mm")
     assert offered["stress"]["low"] == pytest.approx(0.0)
+
+
+def test_numbers_that_are_not_finite_are_left_out_of_ranges(
+    reader: ResultReader, shared_tmp_path: Path
+) -> None:
+    folder = shared_tmp_path / "spoilt"
+    if MPI.COMM_WORLD.rank == 0:
+        shutil.copytree(reader.path, folder)
+        with h5py.File(folder / reader.levels[-1].file, "r+", locking=False) as file:
+            file["VTKHDF/CellData/yield_ratio"][...] = np.nan
+            file["VTKHDF/PointData/displacement"][::2] = np.inf
+    MPI.COMM_WORLD.barrier()
+    data = view_data(ResultReader(folder)).data
+    assert data is not None
+    json.dumps(data, allow_nan=False)
+    assert data["states"][-1]["fields"]["yield_ratio"]["high"] == pytest.approx(0.0)
+    assert 0 < data["states"][-1]["largest"] < np.inf
 
 
 def test_a_large_run_loses_levels_then_fields_then_the_view(reader: ResultReader) -> None:

@@ -25,11 +25,12 @@ from perfplast_fenicsx.io.case.loading_options import (
     DisplacementControl,
     StageControl,
 )
-from perfplast_fenicsx.io.case.loading_table import read_loading, remembering
+from perfplast_fenicsx.io.case.loading_table import moved_by, read_loading, remembering
 from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
 from perfplast_fenicsx.io.case.method_table import read_method
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
+from perfplast_fenicsx.io.case.support_tables import RigidSurfaceTable, SupportTable
 from perfplast_fenicsx.io.case.tables import (
     Document,
     ElementOptions,
@@ -38,8 +39,6 @@ from perfplast_fenicsx.io.case.tables import (
     MeshFile,
     ModelOptions,
     OutputOptions,
-    RigidSurfaceTable,
-    SupportTable,
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.io.case.units_table import read_units
@@ -49,6 +48,7 @@ from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 from perfplast_fenicsx.problem.initial_strain import Initial, InitialStress, Temperature
+from perfplast_fenicsx.problem.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
@@ -159,6 +159,17 @@ class Case:
                 self.rigid,
             )
 
+    def history(self, problem: Problem) -> LoadingHistory | None:
+        """What leads a problem through the stages; None where there is a [loading]. Collective.
+
+        Raises:
+            InputError: If the stages do not fit the problem.
+        """
+        if not self.stages:
+            return None
+        with at(self.path.name):
+            return LoadingHistory(problem, self.stages)
+
     def solver(self, problem: Problem) -> Any:
         """The algorithm of ``[solve]`` for a problem. Collective."""
         return METHODS[self.method].solver(problem, self.options)
@@ -221,14 +232,6 @@ def _case(path: Path, text: str) -> Case:
     loading = read_loading(top, name)
     place = f"{name}, {'[[stage]]' if isinstance(loading, StageControl) else '[loading]'}"
     method, options = read_method(top.solve, loading, f"{name}, [solve]")
-    driven, held = isinstance(loading, DisplacementControl), []
-    for where, support in supports:
-        with at(where):
-            held.append(convert(support, SupportTable, where).support(driven))
-    rigid = []
-    for where, surface in _numbered(top.rigid_surface, f"{name}, [[rigid_surface]]"):
-        with at(where):
-            rigid.append(convert(surface, RigidSurfaceTable, where).surface(driven))
     kinds: dict[str, tuple[list[Table], type[Initial]]] = {
         "temperature": (top.temperature, Temperature),
         "initial_stress": (top.initial_stress, InitialStress),
@@ -237,12 +240,22 @@ def _case(path: Path, text: str) -> Case:
     for kind, (tables, schema_of) in kinds.items():
         for where, entry in _numbered(tables, f"{name}, [[{kind}]]"):
             initial.append(convert(entry, schema_of, where))
+    moved = moved_by(loading, loads, initial)
+    held, rigid = [], []
+    for where, support in supports:
+        base = convert(support, SupportTable, where)
+        with at(where):
+            held.append(base.support(moved(base.name, base.on)))
+    for where, surface in _numbered(top.rigid_surface, f"{name}, [[rigid_surface]]"):
+        plate = convert(surface, RigidSurfaceTable, where)
+        with at(where):
+            rigid.append(plate.surface(moved(plate.name, plate.on)))
     touching = [convert(contact, Contact, where) for where, contact in contacts]
     strained = bool(initial) or any(contact.interference for contact in touching)
     with at(name):
         materials = remembering(materials, loading)
         if isinstance(loading, StageControl):
-            check_stages(loading.stages, loads, initial)
+            check_stages(loading.stages, loads, initial, [*held, *rigid, *obstacles])
     with at(place):
         check_loading(loading, loads, [*held, *rigid], obstacles, strained)
     mesh = read_mesh(top.mesh, top.geometry, name)

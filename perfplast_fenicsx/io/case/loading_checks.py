@@ -16,6 +16,7 @@ from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.rigid_surface import RigidSurface
+from perfplast_fenicsx.problem.stage import follows
 from perfplast_fenicsx.problem.supports import Support
 
 
@@ -41,13 +42,15 @@ def check_loading(
     if isinstance(loading, DisplacementControl):
         _check_driven(loads, supports, obstacles)
         return
-    if not loads and not (strained and isinstance(loading, StageControl)):
+    staged = isinstance(loading, StageControl)
+    moving = any(follows(mover) for mover in (*supports, *obstacles))
+    if not loads and not (staged and (strained or moving)):
         raise InputError("no load is given; add a [[load]] table.")
     for obstacle in obstacles:
-        if any(obstacle.move):
+        if any(obstacle.move) and not staged:
             raise InputError(
                 f"the obstacle at '{obstacle.on}' has a move, which follows the load factor under"
-                " control = 'displacement' alone; choose it, or leave move out."
+                " control = 'displacement', or stages; choose one of them, or leave move out."
             )
     constant = any(load.constant for load in loads)
     if constant or any(support.moves for support in supports) or strained:
@@ -73,8 +76,7 @@ def _check_driven(
                 f"control = 'displacement' moves supports and obstacles, but the load on"
                 f" '{load.on}' is to grow; give it constant = true, or control = 'load'."
             )
-    moved = any(support.moves and not support.constant for support in supports)
-    if not moved and not any(any(obstacle.move) for obstacle in obstacles):
+    if not any(follows(mover) for mover in (*supports, *obstacles)):
         raise InputError(
             "control = 'displacement' moves nothing; give a [[support]] a value, an [[obstacle]]"
             " a move, or a [[rigid_surface]] a displacement or rotation."

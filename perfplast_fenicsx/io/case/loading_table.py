@@ -1,16 +1,23 @@
 """The loading of a case file: ``[loading]``, or ``[[stage]]`` with bodies that remember."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.case.loading_options import LOADINGS, Control, StageControl
+from perfplast_fenicsx.io.case.loading_options import (
+    LOADINGS,
+    Control,
+    DisplacementControl,
+    StageControl,
+)
 from perfplast_fenicsx.io.case.schema import choose, convert
 from perfplast_fenicsx.io.case.tables import Document
 from perfplast_fenicsx.materials.hardening import Hardening
 from perfplast_fenicsx.materials.laws import Material
 from perfplast_fenicsx.materials.plastic_flow import Flow
 from perfplast_fenicsx.materials.von_mises import VonMises
-from perfplast_fenicsx.problem.stage import Stage
+from perfplast_fenicsx.problem.initial_strain import Initial, Temperature
+from perfplast_fenicsx.problem.loads import Load
+from perfplast_fenicsx.problem.stage import Stage, called
 
 
 def read_loading(top: Document, name: str) -> Control:
@@ -54,3 +61,19 @@ def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str
         return dict(materials)
     yields = VonMises | Hardening
     return {name: Flow(a) if isinstance(a, yields) else a for name, a in materials.items()}
+
+
+def moved_by(
+    loading: Control, loads: Sequence[Load], initial: Sequence[Initial]
+) -> Callable[[str, str], bool]:
+    """Whether the loading moves what has a name, which may be empty, and a surface.
+
+    Stages move what they name. Without a name of its own that is the surface, unless a load or a
+    temperature is called so.
+    """
+    if not isinstance(loading, StageControl):
+        return lambda name, on: isinstance(loading, DisplacementControl)
+    named = {name for stage in loading.stages for name in stage.factors}
+    warmed = [one for one in initial if isinstance(one, Temperature)]
+    taken = {called(one) for one in (*loads, *warmed)}
+    return lambda name, on: name in named or (not name and on in named - taken)

@@ -13,8 +13,7 @@ from perfplast_fenicsx.formulas import check
 from perfplast_fenicsx.io.case.schema import Table, shown
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.loads import LOADS, Force, Load
-from perfplast_fenicsx.problem.rigid_surface import RigidSurface, Turn
-from perfplast_fenicsx.problem.supports import AXES, Support
+from perfplast_fenicsx.problem.rigid_surface import Turn
 
 
 @dataclass(frozen=True)
@@ -149,80 +148,6 @@ class MeshBuilder:
     builder: str
     arguments: dict[str, Any]
     adapt: Table | None = None
-
-
-@dataclass(frozen=True)
-class SupportTable:
-    """Known displacement of some components on a surface.
-
-    Args:
-        on: Physical surface.
-        components: Any of the letters x, y, z; the default holds all that the mesh has.
-        value: Their displacement (length), such as a settlement; the default is none.
-        constant: Whether it is the same at any load factor. With control = "displacement" the load
-            factor multiplies it unless this is true; otherwise it is always true.
-    """
-
-    on: str
-    components: str = AXES
-    value: float = 0.0
-    constant: bool | None = None
-
-    def support(self, driven: bool) -> Support:
-        """The support, where motions follow the load factor, or do not.
-
-        Raises:
-            InputError: If it is to follow where none does.
-        """
-        constant = _stays(self.constant, driven, f"the support on '{self.on}'")
-        return Support(self.on, self.components, self.value, constant)
-
-
-@dataclass(frozen=True)
-class RigidSurfaceTable:
-    """A surface that a rigid plate is glued to, such as the rough base of a footing.
-
-    Without displacement and rotation it is free to move, and loads act on it, a ``force`` among
-    them.
-
-    Args:
-        on: Physical surface.
-        point: What it turns about (length; 2 or 3 numbers); the origin without.
-        displacement: Of that point (length; 2 or 3 numbers), 0 if there is a rotation alone.
-        rotation: A number in the plane, one for each axis in space (rad), 0 if there is a
-            displacement alone.
-        components: Those of the letters x, y, z that a known motion holds; the default holds all. A
-            bar that is twisted so by its end may warp there.
-        constant: As for supports.
-    """
-
-    on: str
-    point: list[float] = field(default_factory=list)
-    displacement: list[float] | None = None
-    rotation: float | list[float] | None = None
-    components: str = AXES
-    constant: bool | None = None
-
-    def surface(self, driven: bool) -> RigidSurface:
-        """The surface, where motions follow the load factor, or do not.
-
-        Raises:
-            InputError: If it is to follow where none does.
-        """
-        constant = _stays(self.constant, driven, f"the rigid surface '{self.on}'")
-        turn: Turn = () if self.rotation is None else self.rotation
-        shift = self.displacement or ()
-        return RigidSurface(self.on, self.point, shift, turn, self.components, constant)
-
-
-def _stays(constant: bool | None, driven: bool, what: str) -> bool:
-    """Whether what is moved keeps its place at any load factor."""
-    if not driven and constant is False:
-        raise InputError(
-            f"{what} has constant = false, but moves with the load factor under control ="
-            " 'displacement' alone; choose it, or leave constant out."
-        )
-    return not driven if constant is None else constant
 
 
 @dataclass(frozen=True)

@@ -25,3 +25,7 @@ SURFACES, SURFACE_TAGS = "perfplast/surfaces/facets", "perfplast/surfaces/tags"
 def level_file(number: int) -> str:
     """The file of a level, counted from 1."""
     return f"{FIELDS}/level_{number:04}.vtkhdf"
+
+
+NAMED = ("factor", "work", "driving_force")
+"""Of stages: each has a column of ``path.csv`` for each name."""

@@ -27,6 +27,7 @@ from perfplast_fenicsx.io.results.result_files import (
     EARLIER,
     FIELDS,
     MECHANISM,
+    NAMED,
     NEWEST,
     PROOF,
     SERIES,
@@ -52,7 +53,7 @@ STEP_KEYS = (
     *("newton_iterations", "active_set_iterations", "linear_iterations", "damping_min"),
     *("plastic_fraction", "plastic_cells", "active_contacts", "contact_pairs"),
     *("max_penetration", "duality_gap", "max_displacement", "seconds", "reactions", "balance"),
-    *("driving_force", "stage", "factors", "works"),
+    *("driving_force", "stage", "factors", "works", "driving_forces"),
     *("slipping", "friction_dissipation", "friction_excess", "rounds"),
 )
 """Keys of a step of ``summary.json``, on which other tools rely; ``path.csv`` has all there is."""
@@ -243,9 +244,9 @@ class Results:
 
 
 def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
-    """A row of ``path.csv``: columns for each part of reactions, and each load of stages."""
+    """A row of ``path.csv``: columns for each part of reactions, and each name of stages."""
     row = {"step": step} | dataclasses.asdict(report)
-    for key in ("factor", "work"):
+    for key in NAMED:
         row |= {f"{key} {name}".replace(" ", "_"): a for name, a in row.pop(f"{key}s").items()}
     for name, force in row.pop("reactions").items():
         row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(axes, force, strict=False)}

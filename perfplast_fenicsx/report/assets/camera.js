@@ -1,9 +1,9 @@
 // From where the bodies are seen: parallel projection, z (in the plane y) upwards.
 
 class Camera {
-  /** Look at points; those of a plane mesh from the front. */
-  constructor(points, plane) {
-    this.plane = plane;
+  /** Look at points, those of a plane mesh from the front, with some room (length) around them. */
+  constructor(points, plane, room) {
+    Object.assign(this, { plane, room });
     const low = [Infinity, Infinity, Infinity];
     const high = [-Infinity, -Infinity, -Infinity];
     for (let i = 0; i < points.length; i++) {
@@ -22,7 +22,7 @@ class Camera {
     this.zoom = 1;
     this.centre = this.low.map((a, k) => 0.5 * (a + this.high[k]));
     const reach = (axis) =>
-      axis.reduce((sum, a, k) => sum + 0.5 * Math.abs(a) * (this.high[k] - this.low[k]), 0);
+      axis.reduce((sum, a, k) => sum + 0.5 * Math.abs(a) * (this.high[k] - this.low[k]), this.room);
     this.extent = this.axes.slice(0, 2).map(reach);
   }
 
@@ -53,6 +53,6 @@ class Camera {
   /** Half the height of what a picture of some shape shows. */
   half(width, height) {
     const [across, up] = this.extent;
-    return (1.2 * Math.max(up, (across * height) / width, 1e-3 * this.radius)) / this.zoom;
+    return (1.05 * Math.max(up, (across * height) / width, 1e-3 * this.radius)) / this.zoom;
   }
 }

@@ -112,6 +112,7 @@ function connect(viewer) {
   };
 
   level.max = states.length - 1;
+  level.disabled = states.length < 2;
   level.addEventListener("input", () => viewer.show(Number(level.value)));
   part("field").append(new Option("bodies", ""), ...fields.map((a) => new Option(a.label, a.name)));
   part("field").addEventListener("change", (event) => {

@@ -5,7 +5,7 @@ const ENLARGED = 0.12; // the largest motion, as a share of the size of the bodi
 class Viewer {
   constructor(canvas, data, mesh, changed) {
     Object.assign(this, { canvas, data, mesh, changed, state: null, field: null, values: null });
-    this.camera = new Camera(mesh.points, mesh.plane);
+    this.camera = new Camera(mesh.points, mesh.plane, ENLARGED * data.size);
     this.drawing = new Drawing(canvas, mesh);
     this.look = {
       camera: this.camera, amount: 0, reach: 0, cut: [0, 0, 0, 1], field: false, range: [0, 1],
@@ -14,7 +14,8 @@ class Viewer {
     this.asked = 0;
     this.share = 1; // of the enlarged motion
     this.phase = 1; // of a mechanism that moves
-    new ResizeObserver(() => this.resize()).observe(canvas);
+    new ResizeObserver(() => this.redraw()).observe(canvas);
+    window.addEventListener("resize", () => this.redraw()); // its pixels may be smaller
   }
 
   static async of(canvas, data, changed) {
@@ -77,6 +78,7 @@ class Viewer {
     this.waiting = true;
     requestAnimationFrame(() => {
       this.waiting = false;
+      this.fit();
       this.look.amount = this.amount;
       this.look.reach = Math.abs(this.amount) * (this.state?.largest ?? 0);
       this.drawing.draw(this.look);
@@ -90,12 +92,14 @@ class Viewer {
     return this.share * this.enlargement * (this.state.mechanism ? this.phase : 1);
   }
 
-  resize() {
+  /** Have as many pixels as the screen. */
+  fit() {
     const { canvas } = this;
     const ratio = Math.min(window.devicePixelRatio || 1, 2);
-    canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio));
-    canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio));
-    this.redraw();
+    for (const [side, seen] of [["width", "clientWidth"], ["height", "clientHeight"]]) {
+      const wanted = Math.max(1, Math.round(canvas[seen] * ratio));
+      if (canvas[side] !== wanted) canvas[side] = wanted;
+    }
   }
 
   /** Cut across an axis at a share of the bodies' length along it; null for no cut. */

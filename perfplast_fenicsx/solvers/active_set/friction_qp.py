@@ -15,6 +15,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.contact.friction import norms
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram, ContactStep
 from perfplast_fenicsx.solvers.active_set.equality_qp import Held
@@ -34,7 +35,8 @@ SPLITTINGS = (20, 80, 320)
 """So many steps of splitting each time that places still stick and slip in turn."""
 
 SETTLED = 1e-9
-"""Distance from the law of friction, relative to the largest force, that is none."""
+"""Distance from the law of friction, relative to the largest force, that is none; what linear
+solves leave is none either."""
 
 
 @dataclass(frozen=True)
@@ -142,11 +144,12 @@ class FrictionProgram:
             forces[self._there(slip)] = step.held_forces
             following = judge(slip, friction.bound, k, forces, after)
             off = distance(friction.bound, k, forces, after)
-            largest = np.where(np.isfinite(friction.bound), friction.bound, 0.0)
+            finite = np.where(np.isfinite(friction.bound), friction.bound, 0.0)
+            largest = np.maximum(finite, norms(forces))
             worst = np.array([off.max(initial=0), largest.max(initial=0)])
             comm.Allreduce(MPI.IN_PLACE, worst, MPI.MAX)
             changes = comm.allreduce(int((following.sticks != slip.sticks).sum()))
-            settled = changes == 0 and worst[0] <= SETTLED * worst[1]
+            settled = changes == 0 and worst[0] <= max(SETTLED, asked.rtol) * worst[1]
             slip, active = following, step.active
             if settled or not exact:
                 break

@@ -25,7 +25,10 @@ BOUND = "perfplast_bound_"
 LIMIT = "perfplast_limit_"
 """Prefix of the user's options for the factorisations of limit analysis."""
 
-KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND, LIMIT}
+SUBDOMAINS = "perfplast_tfeti_"
+"""Prefix of the user's options for the factorisations of subdomains in Total FETI."""
+
+KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND, LIMIT, SUBDOMAINS}
 """Prefixes of all kinds of solvers."""
 
 NAMES = {("preonly", "cholesky"): "MUMPS Cholesky", ("cg", "mg"): "CG + smoothed aggregation"}

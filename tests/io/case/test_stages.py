@@ -80,6 +80,27 @@ def test_everything_arrives(read: Read) -> None:
     assert "2 stages" in repr(case)
 
 
+def test_what_moves_follows_the_stage_that_names_it(read: Read) -> None:
+    """By its own name or by its surface; what no stage names, or a load is called like, stays."""
+    moved = [
+        '[[support]]\nname = "press"\non = "x0"\ncomponents = "x"\nvalue = 1.0\n',
+        '[[support]]\non = "y0"\ncomponents = "y"\nvalue = 2.0\n',
+        '[[support]]\non = "top"\ncomponents = "x"\nvalue = 3.0\n',
+        '[[rigid_surface]]\nname = "end"\non = "upper_bottom"\nrotation = [0.0, 1.0, 0.0]\n',
+    ]
+    loaded = BASE.replace('name = "push"\n', "")
+    stage = "[[stage]]\nfactors = { press = 1.0, end = 2.0, top = 1.0, y0 = 0.5 }\n"
+    case = read(loaded + "".join(moved) + stage)
+    assert [(a.name, a.constant) for a in case.supports[1:]] == [
+        *(("press", False), ("", False), ("", True)),
+    ]
+    assert [surface.constant for surface in case.rigid] == [False]
+    without = '[material.lower]\nlaw = "elastic"\nyoung = 1.0\npoisson = 0.0\n'
+    only = f'[mesh]\nbuilder = "stacked_blocks"\nn = 1\n{without}{without.replace("low", "upp")}'
+    case = read(only + OBSTACLE + "[[stage]]\nfactors = { top = 1.0 }\n")
+    assert case.loads == []
+
+
 def test_without_stages_nothing_is_remembered(read: Read) -> None:
     case = read(BASE + "[loading]\nvalues = [1.0]\n")
     assert case.materials["lower"] == VonMises(2e5, 0.3, 300.0)
@@ -109,10 +130,16 @@ def test_elastic_bodies_have_nothing_to_remember(read: Read) -> None:
             ["stages prescr"],
         ),
         (STAGES, "", ["'loading' is missing"]),
-        (STAGES, STAGES + OBSTACLE, ["[[stage]]: the obstacle at 'top' has a move"]),
+        (STAGES, STAGES + OBSTACLE, ["the motion of 'top' is in no stage"]),
         (STAGES, '[loading]\ncontrol = "work"\nuntil = "limit"', ["of 'upper' hardens"]),
         (STAGES, '[loading]\ncontrol = "bounds"', ["of 'upper' hardens"]),
         ("kinematic = 2000.0", "", ["[material.upper]", "both zero"]),
+        ("steps = 4", "steps = 1000000000000", ["number 1", "steps = 1000000000000 is no number"]),
+        (
+            STAGES,
+            '[[support]]\non = "top"\nvalue = 1.0\nconstant = false\n' + STAGES,
+            ["nothing moves it", "stages that name it"],
+        ),
     ],
 )
 def test_what_is_refused(

@@ -1,0 +1,47 @@
+"""How far the meshing program has come, told on its standard output, in case it takes too long."""
+
+import re
+from dataclasses import dataclass, field
+
+import msgspec
+
+BEGINS = "perfplast "
+"""Of a line that tells a stage."""
+
+SURFACE = re.compile(r"Meshing surface (\d+) ")
+"""What gmsh says when it begins with a face."""
+
+VOLUMES = re.compile(r"Meshing 3D")
+"""What it says when all faces have been meshed."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What the program begins with.
+
+    Attributes:
+        doing: What it is.
+        faces: Names of bodies by face, where it meshes.
+    """
+
+    doing: str
+    faces: dict[int, str] = field(default_factory=dict)
+
+
+def begin(stage: Stage) -> None:
+    """Tell of a stage."""
+    print(BEGINS + msgspec.json.encode(stage).decode(), flush=True)
+
+
+def last_of(output: str) -> str:
+    """What the program was doing when it ended, with the name of the body if it was at one."""
+    stage, doing = Stage("beginning"), "beginning"
+    for line in output.splitlines():
+        if line.startswith(BEGINS):
+            stage = msgspec.json.decode(line.removeprefix(BEGINS), type=Stage)
+            doing = stage.doing
+        elif (found := SURFACE.search(line)) and int(found[1]) in stage.faces:
+            doing = f"meshing a face of '{stage.faces[int(found[1])]}'"
+        elif stage.faces and VOLUMES.search(line):
+            doing = "filling its bodies with tetrahedra"
+    return doing

@@ -1,0 +1,58 @@
+"""Products of static and kinematic unknowns, and how they are brought near to one another.
+
+An interior point method goes far where all products shrink together. J. Gondzio, Multiple
+centrality corrections in a primal-dual method for linear programming, Comput. Optim. Appl. 6
+(1996), 137, doi:10.1007/BF00249643; for second-order cones with the eigenvalues of the products.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+
+NEAR = 0.1
+"""Products between this share of what they should be and its inverse are left as they are."""
+
+TINY = 1e-300
+
+
+@dataclass(frozen=True)
+class Products:
+    """Of the cones and pairs of this rank.
+
+    Attributes:
+        cones: Jordan's products of scaled members, shape (num_cones, 1 + m).
+        pairs: Forces times rooms, shape (num_pairs,).
+    """
+
+    cones: Floats
+    pairs: Floats
+
+    def __add__(self, other: "Products") -> "Products":
+        return Products(self.cones + other.cones, self.pairs + other.pairs)
+
+    def __neg__(self) -> "Products":
+        return Products(-self.cones, -self.pairs)
+
+    def raised(self, by: float) -> "Products":
+        """The products with a number added to their eigenvalues."""
+        cones = self.cones.copy()
+        cones[:, 0] += by
+        return Products(cones, self.pairs + by)
+
+    def missing(self, mu: float) -> "Products":
+        """What brings those that are far from μ nearer to it; large ones by a limited amount."""
+        size = np.linalg.norm(self.cones[:, 1:], axis=1)
+        low, high = (_missing(self.cones[:, 0] + s * size, mu) for s in (-1, 1))
+        cones = np.empty_like(self.cones)
+        cones[:, 0] = (low + high) / 2
+        share = (high - low) / 2 / np.maximum(size, TINY)
+        cones[:, 1:] = share[:, None] * self.cones[:, 1:]
+        return Products(cones, _missing(self.pairs, mu))
+
+
+def _missing(values: Floats, mu: float) -> Floats:
+    most = mu / NEAR
+    missing: Floats = np.maximum(np.clip(values, NEAR * mu, most) - values, -most)
+    return missing

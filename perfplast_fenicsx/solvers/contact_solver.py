@@ -1,0 +1,69 @@
+"""What solves the contact quadratic program of a Newton step: active sets, or Total FETI."""
+
+from typing import Any, Protocol
+
+from petsc4py import PETSc
+
+from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.active_set.contact_qp import ContactStep
+from perfplast_fenicsx.solvers.active_set.equality_qp import NOTHING_HELD, Held
+from perfplast_fenicsx.solvers.iterate import Iterate
+from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
+from perfplast_fenicsx.solvers.newton_options import Subdivision
+from perfplast_fenicsx.solvers.tfeti.subdomains import make_subdomains
+from perfplast_fenicsx.solvers.tfeti.tfeti_program import TfetiProgram
+from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
+
+
+class ContactSolver(Protocol):
+    """See :class:`contact_qp.ContactProgram`, whose methods these are."""
+
+    def set_operator(self, A: Any) -> None:
+        """Take an operator of the iterate's tangent. Collective."""
+        ...
+
+    def solve(
+        self,
+        r: PETSc.Vec,
+        room: Floats,
+        active: PairFlags,
+        rtol: float,
+        exact: bool = True,
+        work: float | None = None,
+        given: Held = NOTHING_HELD,
+        first: float = 0.0,
+    ) -> ContactStep:
+        """Solve the contact QP. Collective."""
+        ...
+
+    def response(
+        self, load: PETSc.Vec, held: PairFlags, rtol: float, given: Held = NOTHING_HELD
+    ) -> PETSc.Vec:
+        """δ under a load where these pairs keep their jumps. Collective."""
+        ...
+
+
+def make_tfeti(
+    problem: Problem, linear: LinearSolver, subdivision: Subdivision
+) -> tuple[Iterate, ContactSolver]:
+    """Make an iterate whose contact programs are solved by Total FETI. Collective.
+
+    Args:
+        problem: What is solved.
+        linear: The linear solver, which counts what is solved.
+        subdivision: How many subdomains there are to be.
+
+    Raises:
+        InputError: If Total FETI does not go with the problem.
+    """
+    if problem.friction.count:
+        raise InputError(
+            'contact_solver = "tfeti" knows no friction; take contact_solver = "active-set", or'
+            " leave the friction of the contacts out."
+        )
+    wanted = subdivision.wanted(problem.num_dofs, problem.bodies.gdim)
+    pieces = make_subdomains(problem, wanted, exactly=subdivision.asked is not None)
+    iterate = Iterate(problem, lambda fields: TornStiffness(fields, pieces))
+    return iterate, TfetiProgram(problem, pieces, linear)

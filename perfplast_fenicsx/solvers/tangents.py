@@ -1,0 +1,35 @@
+"""The tangent of an iterate as what its contact programs solve with."""
+
+from collections.abc import Callable
+from typing import Any, Protocol, TypeAlias
+
+from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.stiffness import Stiffness
+from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
+
+
+class Tangent(Protocol):
+    """Σ^{o,ρ}(ε(u)) of some fields."""
+
+    def at(self, rho: float) -> Any:
+        """An operator for this ρ and the present strains, until the next call. Collective."""
+        ...
+
+
+MakeTangent: TypeAlias = Callable[[QuadratureFields], Tangent]
+"""Makes the tangent of fields; collective."""
+
+
+class JumpTangent:
+    """The tangent of all bodies as one operator in jump unknowns."""
+
+    def __init__(self, fields: QuadratureFields) -> None:
+        """Compile the form. Collective."""
+        self._stiffness = Stiffness(fields)
+        self._operator = ContactOperator(fields.problem, self._stiffness.matrix)
+
+    def at(self, rho: float) -> ContactOperator:
+        """See :meth:`Tangent.at`."""
+        self._stiffness.assemble(rho)
+        self._operator.add_springs(None)
+        return self._operator

@@ -1,0 +1,1 @@
+"""Total FETI: contact quadratic programs by domain decomposition, in their dual unknowns."""

@@ -1,0 +1,152 @@
+"""B: the rows that glue torn nodes together, hold supports and ties, and keep bodies apart.
+
+A node of the mesh has one copy in each piece that it lies in. Where nothing holds a component, its
+m copies get m − 1 orthonormal rows, the k-th of them (1, …, 1, −k, 0, …)/√(k(k + 1)); where a
+support does, each copy is held. Ties and contact see the mean of the copies, whose rows are
+orthogonal to the others. All rows have unit length.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.contact.constraints import Constraints
+from perfplast_fenicsx.contact.sparse_rows import (
+    Entries,
+    Sizes,
+    entries_of,
+    matrix_of_entries,
+    unknowns,
+)
+from perfplast_fenicsx.parallel import send_rows
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains
+
+
+@dataclass(frozen=True)
+class Gluing:
+    """The rows, distributed as the nodes they belong to; on each rank those of contact come last.
+
+    Attributes:
+        B: From torn unknowns, shape (num_rows, num_torn_unknowns).
+        copies: From displacements to torn unknowns: ones; transposed, it adds what copies have.
+        count: How many copies the node of each owned unknown has.
+        num_glue: Rows of this rank that glue copies; they come first.
+        num_pairs: Rows of contact of this rank.
+        length: Of the rows of contact, before they were scaled, shape (num_pairs,).
+    """
+
+    B: PETSc.Mat
+    copies: PETSc.Mat
+    count: Floats
+    num_glue: int
+    num_pairs: int
+    length: Floats
+
+
+def make_gluing(problem: Problem, pieces: Subdomains) -> Gluing:
+    """Build B. Collective.
+
+    Args:
+        problem: The bodies.
+        pieces: What they are cut into.
+    """
+    V, comm, gdim = problem.V, problem.comm, problem.bodies.gdim
+    torn_size = len(pieces.node) * gdim
+    columns = (torn_size, comm.allreduce(torn_size))
+    node, copy = _copies(problem, pieces)
+    count = np.bincount(node, minlength=V.dofmap.index_map.size_local)
+    place = np.arange(len(node)) - np.repeat(np.cumsum(count) - count, count)
+    axis = np.arange(gdim)
+    each, its = node[:, None] * gdim + axis, copy[:, None] * gdim + axis
+    share = np.repeat(1 / count[node], gdim)
+    mean = matrix_of_entries(comm, unknowns(V), columns, [(each.ravel(), its.ravel(), share)])
+    number = V.dofmap.index_map.local_to_global(pieces.node)[:, None] * gdim + axis
+    ones = (np.arange(torn_size), number.ravel(), np.ones(torn_size))
+    copies = matrix_of_entries(comm, columns, unknowns(V), [ones])
+
+    fixed = problem.fixed[: V.dofmap.index_map.size_local]
+    glue, num_glue = _glue(place, copy, ~fixed[node])
+    held = its[fixed[node]]
+    holds = (np.arange(len(held)), held, np.ones(len(held)))
+    ties, _ = _of_mean(problem.ties, mean, fixed)
+    contact, length = _of_mean(problem.constraints, mean, fixed)
+    parts: list[tuple[int, Entries]] = [
+        (num_glue, glue),
+        (len(held), holds),
+        (len(problem.ties.host), ties),
+        (len(length), contact),
+    ]
+    B = _stacked(comm, columns, parts)
+    mean.destroy()
+    counts = np.repeat(count, gdim).astype(np.float64)
+    return Gluing(B, copies, counts, num_glue, len(length), length)
+
+
+def _stacked(comm: PETSc.Comm, columns: Sizes, parts: Sequence[tuple[int, Entries]]) -> PETSc.Mat:
+    """Rows of all parts below each other on each rank. Collective."""
+    entries: list[Entries] = []
+    begun = 0
+    for count, (row, column, value) in parts:
+        entries.append((row + begun, column, value))
+        begun += count
+    return matrix_of_entries(comm, (begun, comm.allreduce(begun)), columns, entries)
+
+
+def _copies(problem: Problem, pieces: Subdomains) -> tuple[Longs, Longs]:
+    """Of owned nodes all copies on any rank, sorted: local nodes, and torn nodes of all ranks.
+
+    Collective.
+    """
+    comm, index_map = problem.comm, problem.V.dofmap.index_map
+    ends = np.cumsum(comm.allgather(index_map.size_local))
+    number = index_map.local_to_global(pieces.node)
+    first = comm.scan(len(number)) - len(number)
+    rows = np.column_stack([number, first + np.arange(len(number))])
+    arrived = send_rows(comm, rows, np.searchsorted(ends, number, side="right"))
+    order = np.lexsort((arrived[:, 1], arrived[:, 0]))
+    return arrived[order, 0] - index_map.local_range[0], arrived[order, 1]
+
+
+def _glue(place: Longs, copy: Longs, free: npt.NDArray[np.bool_]) -> tuple[Entries, int]:
+    """Orthonormal rows of copies, which are sorted by node.
+
+    Args:
+        place: Of each copy among those of its node.
+        copy: Its number.
+        free: Components that are to be glued, shape (num_copies, gdim).
+
+    Returns:
+        Entries, and how many rows there are.
+    """
+    which, axis = np.nonzero(free & (place > 0)[:, None])
+    k = place[which]
+    row = np.repeat(np.arange(len(which)), k + 1)
+    begins = np.cumsum(k + 1) - (k + 1)
+    within = np.arange(len(row)) - np.repeat(begins, k + 1)
+    other = (which - k)[row] + within
+    value = np.where(within == k[row], -k[row], 1.0) / np.sqrt(k * (k + 1.0))[row]
+    return (row, copy[other] * free.shape[1] + axis[row], value), len(which)
+
+
+def _of_mean(
+    rows: Constraints, mean: PETSc.Mat, fixed: npt.NDArray[np.bool_]
+) -> tuple[Entries, Floats]:
+    """Rows of free components in terms of torn unknowns, of unit length, and the lengths before.
+
+    Collective.
+    """
+    moving, free = rows.B.copy(), rows.B.createVecRight()
+    free.array[:] = ~fixed.ravel()
+    moving.diagonalScale(None, free)
+    torn = moving.matMult(mean)
+    row, column, value = entries_of(torn)
+    for thing in (moving, free, torn):
+        thing.destroy()
+    length = np.sqrt(np.bincount(row, value**2, len(rows.host)))
+    return (row, column, value / length[row]), length

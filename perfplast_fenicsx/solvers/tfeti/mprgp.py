@@ -1,0 +1,157 @@
+"""MPRGP: quadratic programs with bounds, by CG on faces, expansion and proportioning.
+
+Modified proportioning with reduced gradient projections (Z. Dostál, Optimal Quadratic Programming
+Algorithms, Springer 2009, chapter 5), for
+
+    minimise ½ xᵀHx − bᵀx  where  x ≥ lower
+
+Where the gradient g is split into its free part φ (zero at bounds) and the chopped one β (what
+pulls from bounds), steps of CG on the free unknowns go on while ‖β‖² ≤ φ̃ᵀφ, where φ̃ is φ cut to
+what a step of length ᾱ may do. A step that hits a bound goes as far, and on by a projected step
+along −φ.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+
+Operator = Callable[[Floats], Floats]
+
+LONGEST = 1.9
+"""ᾱ in shares of 1/‖H‖; less than 2."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """A gradient at a point of the feasible set.
+
+    Attributes:
+        free: φ.
+        chopped: β.
+        reduced: φ̃.
+    """
+
+    free: Floats
+    chopped: Floats
+    reduced: Floats
+
+    @property
+    def projected(self) -> Floats:
+        """φ + β, zero at the solution."""
+        return self.free + self.chopped
+
+
+def split(gradient: Floats, x: Floats, lower: Floats, longest: float) -> Split:
+    """Split a gradient.
+
+    Args:
+        gradient: At x.
+        x: Feasible.
+        lower: Bounds, −∞ for none.
+        longest: ᾱ.
+    """
+    at_bound = x <= lower
+    free = np.where(at_bound, 0.0, gradient)
+    chopped = np.where(at_bound, np.minimum(gradient, 0.0), 0.0)
+    reduced = np.where(at_bound, 0.0, np.minimum((x - lower) / longest, gradient))
+    return Split(free, chopped, reduced)
+
+
+@dataclass
+class BoundProgram:
+    """What is minimised, and where the iteration is.
+
+    Attributes:
+        hessian: x ↦ Hx.
+        precondition: Approximates H⁻¹ on all unknowns; symmetric positive definite.
+        comm: Ranks that share the unknowns.
+        lower: Bounds.
+        norm: ‖H‖, from above or nearly so.
+        x: Feasible.
+        gradient: Hx − b.
+        products: Products with H so far.
+    """
+
+    hessian: Operator
+    precondition: Operator
+    comm: MPI.Intracomm
+    lower: Floats
+    norm: float
+    x: Floats
+    gradient: Floats
+    products: int = 0
+
+    def dot(self, a: Floats, b: Floats) -> float:
+        """aᵀb. Collective."""
+        return self.comm.allreduce(float(a @ b))
+
+
+def minimise(program: BoundProgram, enough: Callable[[Floats, float], bool], most: int) -> bool:
+    """Iterate, with ``x`` and ``gradient`` of the program changing. Collective.
+
+    Args:
+        program: What is minimised; x may be anything feasible.
+        enough: Asked with x and the norm of the projected gradient; the same on every rank.
+        most: Products with H in all, behind which the iteration is given up.
+
+    Returns:
+        Whether it was enough.
+    """
+    p, dot, longest = program, program.dot, LONGEST / program.norm
+
+    def preconditioned(free: Floats) -> Floats:
+        return np.where(p.x <= p.lower, 0.0, p.precondition(free))
+
+    parts = split(p.gradient, p.x, p.lower, longest)
+    direction: Floats | None = None
+    while True:
+        projected = parts.projected
+        if enough(p.x, float(np.sqrt(dot(projected, projected)))):
+            return True
+        if p.products >= most:
+            return False
+        if dot(parts.chopped, parts.chopped) > dot(parts.reduced, parts.free):
+            image = p.hessian(parts.chopped)
+            step = dot(p.gradient, parts.chopped) / dot(parts.chopped, image)
+            p.x = p.x - step * parts.chopped
+            p.gradient = p.gradient - step * image
+            p.products += 1
+            direction = None
+        else:
+            if direction is None:
+                direction = preconditioned(parts.free)
+            image = p.hessian(direction)
+            p.products += 1
+            curvature = dot(direction, image)
+            if not curvature > 0:
+                return False
+            step = dot(direction, p.gradient) / curvature
+            reach = _reach(program, direction)
+            if step <= reach:
+                p.x = p.x - step * direction
+                p.gradient = p.gradient - step * image
+                parts = split(p.gradient, p.x, p.lower, longest)
+                z = preconditioned(parts.free)
+                direction = z - (dot(z, image) / curvature) * direction
+                continue
+            p.x = np.maximum(p.x - reach * direction, p.lower)
+            p.gradient = p.gradient - reach * image
+            free = split(p.gradient, p.x, p.lower, longest).free
+            moved = np.maximum(p.x - longest * free, p.lower)
+            p.gradient = p.gradient + p.hessian(moved - p.x)
+            p.x = moved
+            p.products += 1
+            direction = None
+        parts = split(p.gradient, p.x, p.lower, longest)
+
+
+def _reach(program: BoundProgram, direction: Floats) -> float:
+    """How far x − s d is feasible. Collective."""
+    towards = direction > 0
+    room = (program.x - program.lower)[towards] / direction[towards]
+    return program.comm.allreduce(float(room.min(initial=np.inf)), MPI.MIN)

@@ -1,0 +1,300 @@
+"""The contact QP of one Newton step by Total FETI: its dual, on bodies cut into pieces.
+
+    minimise ½ δᵀKδ + rᵀδ  subject to  B_E δ = 0,  B_I δ ≤ room  and, where asked,  ℓᵀδ = work
+
+Supports are rows too, so that the stiffness of each piece has its rigid motions as its kernel
+(Z. Dostál, D. Horák, R. Kučera, Commun. Numer. Meth. Engng 22 (2006), 1155), and contact is λ_I ≥ 0
+on the multipliers: whatever pairs are closed, the same factors serve.
+
+First the dual is solved on the face of the step before: closed pairs are equalities, open ones left
+out. Where that leaves bounds or gaps violated, SMALBE-M and MPRGP find the face.
+"""
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.active_set.contact_qp import ContactStep
+from perfplast_fenicsx.solvers.active_set.equality_qp import NOTHING_HELD, ROUNDING, Held
+from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
+from perfplast_fenicsx.solvers.tfeti.dual_operator import DualOperator
+from perfplast_fenicsx.solvers.tfeti.gluing import make_gluing
+from perfplast_fenicsx.solvers.tfeti.preconditioners import DirichletPreconditioner
+from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains
+from perfplast_fenicsx.solvers.tfeti.torn_bodies import TornBodies
+from perfplast_fenicsx.solvers.tfeti.torn_program import TornProgram
+from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
+
+MOST_PRODUCTS = 3000
+"""A dual that has not been solved with so many products with F never will be."""
+
+MOST_FACES = 8
+"""So many faces are tried; the last one is told as it is."""
+
+FIRST, SHARPER = 1e-3, 1e-2
+"""Relative tolerance by which a face is found at first, and its factor for each further one."""
+
+BETTER, BEST = 0.3, 1e-3
+"""Jumps are solved for anew to this share of what nodal forces ask for, at most by that factor."""
+
+
+MOVES = "a body can move as a rigid one, as where bodies lose all contact: no closed pair holds it"
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A contact QP.
+
+    Attributes:
+        r: Gradient at δ = 0, in the jump basis.
+        f: The forces −r on torn unknowns.
+        room: Of each pair, shape (num_pairs,).
+        work: ℓᵀδ in units of the border; None if it is not prescribed.
+        accuracy: Norm of nodal forces that may be left out of balance.
+        noise: Contact forces that decide nothing.
+        rtol: Relative tolerance.
+    """
+
+    r: PETSc.Vec
+    f: Floats
+    room: Floats
+    work: float | None
+    accuracy: float
+    noise: float
+    rtol: float
+
+
+class TfetiProgram:
+    """Solver of the contact QPs of a problem; see :class:`contact_solver.ContactSolver`.
+
+    Attributes:
+        multipliers: λ of the last solution, those of contact in forces; shape (num_rows,).
+    """
+
+    def __init__(self, problem: Problem, pieces: Subdomains, linear: LinearSolver) -> None:
+        """Glue the pieces. Collective.
+
+        Args:
+            problem: The bodies.
+            pieces: What they are cut into.
+            linear: Counts what is solved.
+        """
+        self._problem, self._linear, self._comm = problem, linear, problem.comm
+        gluing = make_gluing(problem, pieces)
+        self._length = gluing.length
+        self._dual = DualOperator(self._comm, pieces, gluing)
+        self._bodies = TornBodies(problem, gluing)
+        self._faces = DirichletPreconditioner(self._dual, gluing, problem.bodies.gdim)
+        self._index = problem.basis.index
+        self._delta, self._r, self._rest, self._loads = (problem.create_vector() for _ in range(4))
+        problem.basis.T.multTranspose(problem.loads.live, self._loads)
+        self.multipliers: Floats = np.zeros(self._dual.size)
+        self._border: Floats = np.zeros(0)
+        self._unit = 1.0
+
+    def set_operator(self, A: TornStiffness) -> None:
+        """Take a new stiffness, or the same with new values. Collective.
+
+        Raises:
+            LinearFailure: If it is singular beyond rigid motions.
+        """
+        A.factorise()
+        self._linear.setups += 1
+        self._dual.set_stiffness(A)
+        self._faces.set_stiffness(A)
+
+    def solve(
+        self,
+        r: PETSc.Vec,
+        room: Floats,
+        active: PairFlags,
+        rtol: float,
+        exact: bool = True,
+        work: float | None = None,
+        given: Held = NOTHING_HELD,
+        first: float = 0.0,
+    ) -> ContactStep:
+        """Solve the contact QP. Collective.
+
+        Args:
+            r: Gradient at δ = 0, in the jump basis.
+            room: How far each pair hosted here may still close, shape (num_pairs,).
+            active: Closed pairs to begin with.
+            rtol: Relative tolerance.
+            exact: Of no use here: which pairs are closed is always right.
+            work: ℓᵀδ if it is prescribed, where ℓ are the loads.
+            given: Nothing, as there is no friction here.
+            first: Largest force where the level began.
+
+        Raises:
+            LinearFailure: If the dual cannot be solved.
+        """
+        asked = self._ask(r, room, active, rtol, work, first)
+        self._forget()
+        closed, faces, tolerance = active, 0, FIRST
+        search: TornProgram | None = None
+        while True:
+            faces += 1
+            wrong = self._on_face(asked, closed)
+            settled = wrong is not None and not self._comm.allreduce(int(wrong.sum()))
+            if settled or faces == MOST_FACES:
+                break
+            search = search or self._search(asked)
+            self._in_force(np.ones_like(active), asked)
+            self._run(search, tolerance)
+            tolerance *= SHARPER
+            closed = search.multipliers()[self._dual.contact] > 0
+        if wrong is None:
+            raise LinearFailure(MOVES)
+        return self._step(asked, closed, settled, faces)
+
+    def response(
+        self, load: PETSc.Vec, held: PairFlags, rtol: float, given: Held = NOTHING_HELD
+    ) -> PETSc.Vec:
+        """δ with Kδ = load where these pairs keep their jumps and all others are free. Collective.
+
+        Args:
+            load: In nodal unknowns.
+            held: Shape (num_pairs,).
+            rtol: Relative tolerance.
+            given: Nothing, as there is no friction here.
+
+        Returns:
+            In the jump basis; valid until the next solve.
+
+        Raises:
+            LinearFailure: If the dual cannot be solved.
+        """
+        self._problem.basis.T.multTranspose(load, self._r)
+        self._r.scale(-1)
+        asked = self._ask(self._r, np.zeros(len(held)), held, rtol, None, 0.0)
+        self._forget(np.zeros(len(held)))
+        if self._on_face(asked, held) is None:
+            raise LinearFailure(MOVES)
+        self._delta.array[self._index[held]] = 0
+        return self._delta
+
+    def _ask(
+        self,
+        r: PETSc.Vec,
+        room: Floats,
+        active: PairFlags,
+        rtol: float,
+        work: float | None,
+        first: float,
+    ) -> Asked:
+        """Size up a QP. Collective."""
+        if work is not None:
+            row = self._bodies.shares(self._problem.loads.live)
+            self._unit = float(np.sqrt(self._comm.allreduce(float(row @ row))))
+            self._border = np.asarray(row / self._unit, dtype=np.float64)
+            work = work / self._unit
+        self._delta.set(0)
+        self._delta.array[self._index[active]] = room[active]
+        self._bodies.gradient(self._dual.stiffness, self._delta, r, self._rest)
+        self._rest.array[self._index[active]] = 0
+        largest = self._rest.norm(PETSc.NormType.NORM_INFINITY)
+        force = max(first, r.norm(PETSc.NormType.NORM_INFINITY))
+        accuracy = max(rtol * self._rest.norm(), ROUNDING * force)
+        noise = max(rtol * largest, ROUNDING * force)
+        return Asked(r, self._bodies.forces(r), room, work, accuracy, noise, rtol)
+
+    def _forget(self, contact: Floats | None = None) -> None:
+        """Keep contact forces alone, or take others: what glues is about the last step."""
+        kept = self.multipliers[self._dual.contact] if contact is None else contact
+        self.multipliers = np.zeros(self._dual.size)
+        self.multipliers[self._dual.contact] = kept
+
+    def _in_force(self, pairs: PairFlags, asked: Asked) -> None:
+        self._dual.put_in_force(pairs, None if asked.work is None else self._border)
+
+    def _program(self, asked: Asked, pairs: PairFlags, lower: Floats, start: Floats) -> TornProgram:
+        """The dual with the rows of these pairs in force. Collective."""
+        c = np.zeros(self._dual.size)
+        c[self._dual.contact] = np.where(pairs, asked.room / self._length, 0.0)
+        if self._comm.rank == 0:
+            c[-1] = asked.work or 0.0
+        return TornProgram(self._dual, self._faces.apply, asked.f, c, lower, start)
+
+    def _search(self, asked: Asked) -> TornProgram:
+        """The dual with all rows and their bounds. Collective."""
+        every = np.ones(len(asked.room), dtype=np.bool_)
+        self._in_force(every, asked)
+        self._dual.measure()
+        lower = np.full(self._dual.size, -np.inf)
+        lower[self._dual.contact] = 0.0
+        return self._program(asked, every, lower, np.maximum(self.multipliers, lower))
+
+    def _run(self, program: TornProgram, rtol: float) -> None:
+        """Solve a dual. Collective.
+
+        Raises:
+            LinearFailure: If that is not possible.
+        """
+        before = program.smalbe.products
+        solved = program.run(rtol, MOST_PRODUCTS)
+        self._linear.iterations += program.smalbe.products - before
+        if not solved:
+            raise LinearFailure(
+                f"the contact program could not be solved (T-FETI: {program.smalbe.products}"
+                " products with the dual operator leave"
+                f" {program.smalbe.off:.2g} of the balance of subdomains), as where loads pull"
+                " bodies off each other or everything flows plastically"
+            )
+
+    def _on_face(self, asked: Asked, closed: PairFlags) -> PairFlags | None:
+        """Solve for δ with these pairs closed and the others without force. Collective.
+
+        Returns:
+            Pairs that are not as they ought to be; None if a body moves freely.
+        """
+        self._linear.solves += 1
+        try:
+            self._in_force(closed, asked)
+        except LinearFailure:
+            return None
+        start = self.multipliers.copy()
+        start[self._dual.contact] *= closed
+        free = np.full(self._dual.size, -np.inf)
+        program, rtol = self._program(asked, closed, free, start), asked.rtol
+        while True:
+            self._run(program, rtol)
+            self.multipliers = program.multipliers()
+            self._bodies.glue(program.displacement(self.multipliers), self._delta)
+            left = self._left(asked, closed)
+            if left <= asked.accuracy or program.at_rounding(rtol):
+                break
+            rtol *= max(BETTER * asked.accuracy / left, BEST)
+        forces = self.multipliers[self._dual.contact] / self._length
+        excess = self._delta.array_r[self._index] - asked.room
+        largest = self._delta.norm(PETSc.NormType.NORM_INFINITY)
+        least = max(ROUNDING, asked.rtol) * largest
+        wrong: PairFlags = np.where(closed, forces < -asked.noise, excess > least)
+        return wrong
+
+    def _left(self, asked: Asked, closed: PairFlags) -> float:
+        """Norm of the nodal forces that δ leaves out of balance. Collective."""
+        self._delta.array[self._index[closed]] = asked.room[closed]
+        self._bodies.gradient(self._dual.stiffness, self._delta, asked.r, self._rest)
+        if asked.work is not None:
+            self._rest.axpy(-self._share(), self._loads)
+        self._rest.array[self._index[closed]] = 0
+        return float(self._rest.norm())
+
+    def _share(self) -> float:
+        """The multiplier of the work equality, a change of ζ. Collective."""
+        last = float(self.multipliers[-1]) if self._comm.rank == 0 else 0.0
+        return -self._comm.bcast(last) / self._unit
+
+    def _step(self, asked: Asked, closed: PairFlags, settled: bool, faces: int) -> ContactStep:
+        """What the last face tells; what penetrates is opened. Collective."""
+        contact = self._dual.contact
+        self.multipliers[contact] = np.maximum(self.multipliers[contact], 0.0)
+        jumps = np.where(closed, asked.room, self._delta.array_r[self._index])
+        self._delta.array[self._index] = np.minimum(jumps, asked.room)
+        share = 0.0 if asked.work is None else self._share()
+        return ContactStep(self._delta, closed, settled, faces, share, np.zeros(0))

@@ -1,0 +1,102 @@
+"""One dual program of Total FETI: rows in force, bounds, and δ by its multipliers.
+
+With F = B K⁺Bᵀ, d = B K⁺f − c, G = RᵀBᵀ and e = Rᵀf,
+
+    minimise ½ λᵀFλ − dᵀλ  where  Gλ = e,  λ ≥ lower
+
+is solved for the difference x of λ to forces that are in balance on every piece, so that Gx = 0.
+The gradient Fλ − d is the jump of the rows but for rigid motions Rα of the pieces, and α are the
+multipliers of Gλ = e.
+"""
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.solvers.tfeti.dual_operator import DualOperator
+from perfplast_fenicsx.solvers.tfeti.mprgp import Operator
+from perfplast_fenicsx.solvers.tfeti.smalbe import DualProgram, Smalbe
+
+ROUNDING = 1e-14
+"""What is left of forces and jumps, relative to their terms, that is rounding."""
+
+
+class TornProgram:
+    """The dual of one contact QP, as it is being solved. All methods are collective.
+
+    Attributes:
+        smalbe: The iteration.
+        jumps: Size of the jumps that are to vanish, with which tolerances are compared.
+        forces: Size of the multipliers that close them.
+    """
+
+    def __init__(
+        self,
+        dual: DualOperator,
+        precondition: Operator,
+        f: Floats,
+        c: Floats,
+        lower: Floats,
+        start: Floats,
+    ) -> None:
+        """Begin at multipliers.
+
+        Args:
+            dual: F, for the rows in force.
+            precondition: Approximates its inverse.
+            f: Forces on torn unknowns.
+            c: What the rows are to be, or to be no more than.
+            lower: Bounds of λ.
+            start: λ to begin with.
+        """
+        coarse, K, comm = dual.coarse, dual.stiffness, dual.comm
+        self._dual, self._f, self._lower = dual, f, lower
+        self._d = dual.rows(K.solve(f)) - c
+        missing = coarse.lift(coarse.solve(coarse.resultants(f) - coarse.balance(start)))
+        self._shift = start + missing
+        moved = dual.multiply(self._shift)
+        P = coarse.project
+        program = DualProgram(
+            comm=comm,
+            multiply=lambda x: P(dual.multiply(x)),
+            project=P,
+            precondition=precondition,
+            norm=dual.norm,
+            b=P(self._d - moved),
+            lower=lower - self._shift,
+        )
+        length = program.length
+        self.jumps = length(program.b)
+        self.forces = max(length(missing), self.jumps / dual.norm if dual.norm > 0 else 0.0)
+        self._least_jumps = ROUNDING * (length(self._d) + length(moved))
+        self._least_forces = ROUNDING * length(self._shift)
+        self.smalbe = Smalbe(program, np.zeros(dual.size))
+
+    def run(self, rtol: float, most: int) -> bool:
+        """Go on until jumps and lack of balance are small.
+
+        Args:
+            rtol: Relative to :attr:`jumps` and :attr:`forces`; rounding is let pass.
+            most: Products with F, behind which the iteration is given up.
+
+        Returns:
+            Whether they are.
+        """
+        jumps = max(rtol * self.jumps, self._least_jumps)
+        forces = max(rtol * self.forces, self._least_forces)
+        return self.smalbe.run(jumps, forces, most)
+
+    def at_rounding(self, rtol: float) -> bool:
+        """Whether no smaller tolerance makes sense."""
+        return rtol * self.jumps <= self._least_jumps and rtol * self.forces <= self._least_forces
+
+    def multipliers(self) -> Floats:
+        """λ, exactly within its bounds."""
+        bounded = self.smalbe.x <= self._lower - self._shift
+        return np.where(bounded, self._lower, np.maximum(self._shift + self.smalbe.x, self._lower))
+
+    def displacement(self, multipliers: Floats) -> Floats:
+        """δ on torn unknowns."""
+        coarse, K, dual = self._dual.coarse, self._dual.stiffness, self._dual
+        gradient = dual.multiply(multipliers) - self._d
+        amplitudes = coarse.solve(coarse.balance(gradient - self.smalbe.multiplier))
+        return K.solve(self._f - dual.forces(multipliers)) + coarse.motion(amplitudes)

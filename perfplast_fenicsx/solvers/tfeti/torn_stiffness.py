@@ -1,0 +1,147 @@
+"""K of all pieces of a rank, torn off each other, and its generalised inverse K⁺.
+
+The pieces do not see each other, so that one sparse matrix of this rank alone has them all, and one
+factorisation is that of each. Its kernel are the rigid motions R. With as many springs as there are
+motions, M with invertible MᵀR, the inverse K⁺ = (K + k M Mᵀ)⁻¹ is a generalised inverse of K
+itself, K K⁺ K = K, whatever k > 0 is (T. Brzobohatý, Z. Dostál, T. Kozubek, P. Kovář and
+A. Markopoulos, Int. J. Numer. Meth. Engng 88 (2011), 493).
+"""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import basix.ufl
+import numpy as np
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from scipy.sparse import coo_array, triu
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.tangent_form import TangentForm
+from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure
+from perfplast_fenicsx.solvers.tfeti.factors import Factors
+from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains
+
+NOT_RIGID = 1e-7
+"""Forces of a rigid motion of unit size, relative to the stiffness, that are more than rounding."""
+
+SINGULAR = 1e-6
+"""Share of its right-hand side that a solution with good factors does not leave."""
+
+
+class TornStiffness:
+    """K with nothing glued or held; all of it on this rank, but where it says so.
+
+    Attributes:
+        size: Torn unknowns of this rank.
+    """
+
+    def __init__(self, fields: QuadratureFields, pieces: Subdomains) -> None:
+        """Compile the form, and find the pattern. Collective."""
+        problem = fields.problem
+        V, gdim = problem.V, problem.bodies.gdim
+        self._comm: MPI.Intracomm = problem.comm
+        self._motions = pieces.motions.reshape(-1, pieces.motions.shape[2])
+        self._fixing = pieces.fixing.astype(PETSc.IntType)
+        self.size = len(pieces.node) * gdim
+        element = basix.ufl.element(
+            "P", V.mesh.basix_cell(), problem.degree, shape=(gdim,), discontinuous=True
+        )
+        apart = fem.functionspace(V.mesh, element)
+        self._tangent = TangentForm(fields, apart)
+        owned = len(pieces.torn)
+        numbers = np.full(apart.dofmap.list.size, -1, dtype=PETSc.IntType)
+        numbers[apart.dofmap.list[:owned]] = pieces.torn
+        self.matrix = _blocks(pieces, gdim)
+        to_torn = PETSc.LGMap().create(numbers, bsize=gdim, comm=PETSc.COMM_SELF)
+        self.matrix.setLGMap(to_torn)
+        to_torn.destroy()
+        self._factors = Factors()
+        self._scale = 0.0
+
+    @phase("assembly")
+    def at(self, rho: float) -> "TornStiffness":
+        """Itself, with K brought to the strains, with this ρ. Collective."""
+        self._tangent.update(rho)
+        self.matrix.zeroEntries()
+        fem_petsc.assemble_matrix(self.matrix, self._tangent.form)
+        self.matrix.assemble()
+        diagonal = self.matrix.getDiagonal()
+        self._scale = float(diagonal.array_r.mean()) if self.size else 0.0
+        diagonal.destroy()
+        return self
+
+    @phase("linear set-up")
+    def factorise(self) -> None:
+        """Make K⁺ of the present K. Collective.
+
+        Raises:
+            LinearFailure: If the rigid motions are not the kernel of K.
+        """
+        moved = self.multiply(self._motions.sum(axis=1))
+        stiff = float(np.abs(moved).max(initial=0)) > NOT_RIGID * self._scale
+        self._add_springs(1.0)
+        failure = self._factors.make(self.matrix)
+        self._add_springs(-1.0)
+        if failure is None and not stiff and self.size:
+            failure = self._proved()
+        if stiff:
+            failure = "rigid motions strain it, as on curved cells with linear displacements"
+        failures = [text for text in self._comm.allgather(failure) if text is not None]
+        if failures:
+            raise LinearFailure(
+                f"the stiffness of a subdomain could not be factorised ({failures[0]}); its tangent"
+                " is singular or nearly so, as where everything flows plastically"
+            )
+
+    def _proved(self) -> str | None:
+        """What is wrong with the factors, tried on forces that are in balance."""
+        forces = self.multiply(np.cos(np.arange(self.size)))
+        left = self.multiply(self.solve(forces)) - forces
+        if np.linalg.norm(left) <= SINGULAR * np.linalg.norm(forces):
+            return None
+        return "what it solves is not solved"
+
+    def _add_springs(self, sign: float) -> None:
+        for unknown in self._fixing:
+            self.matrix.setValue(
+                unknown, unknown, sign * self._scale, addv=PETSc.InsertMode.ADD_VALUES
+            )
+        self.matrix.assemble()
+
+    @phase("linear solve")
+    def solve(self, forces: Floats) -> Floats:
+        """K⁺ f, shape (size,)."""
+        return self._factors.solve(forces)
+
+    def multiply(self, u: Floats) -> Floats:
+        """K u, shape (size,)."""
+        x = PETSc.Vec().createWithArray(np.ascontiguousarray(u), comm=PETSc.COMM_SELF)
+        y = x.duplicate()
+        self.matrix.mult(x, y)
+        image: Floats = y.array_r.copy()
+        for vector in (x, y):
+            vector.destroy()
+        return image
+
+
+def _blocks(pieces: Subdomains, gdim: int) -> PETSc.Mat:
+    """A symmetric matrix of zeros, in blocks, with room for K."""
+    cells, nodes = pieces.torn.shape
+    ones = np.ones(cells * nodes, dtype=np.int8)
+    place = (np.repeat(np.arange(cells), nodes), pieces.torn.ravel())
+    of_cells = coo_array((ones, place), shape=(cells, len(pieces.node))).tocsr()
+    pattern = triu((of_cells.T @ of_cells).tocsr(), format="csr")
+    pattern.sort_indices()
+    size = len(pieces.node) * gdim
+    K = PETSc.Mat().create(PETSc.COMM_SELF)
+    K.setSizes((size, size))
+    K.setType("seqsbaij")
+    K.setBlockSize(gdim)
+    K.setPreallocationCSR(
+        (pattern.indptr.astype(PETSc.IntType), pattern.indices.astype(PETSc.IntType))
+    )
+    K.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
+    return K

@@ -1,0 +1,76 @@
+"""The gallery of real things: each from its geometry file to its limit load, in a small size."""
+
+import json
+import math
+import shutil
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import pytest
+
+from meshes.bolted_bracket import write_bolted_bracket
+from perfplast_fenicsx.__main__ import main
+
+GALLERY = Path(__file__).resolve().parents[2] / "docs" / "gallery"
+
+COARSE = {
+    "bolted_bracket": {
+        "size = 12.0": "size = 40.0\ncurvature = 4",
+        "bracket = 7.0": "bracket = 40.0",
+        "degree = 2": "degree = 1",
+    },
+    "lug": {"size = 5.0": "size = 9.0\ncurvature = 6"},
+    "nozzle": {"size = 16.0": "size = 60.0", "curvature = 32": "curvature = 10"},
+    "press_fit": {"size = 1.0": "size = 6.0", "curvature = 48": "curvature = 16"},
+    "slope": {"size = 1.0": "size = 2.0"},
+    "dovetail": {"size = 1.5": "size = 5.0", "{blade = 1.0}": "{blade = 3.0}"},
+}
+"""What is written otherwise for a small mesh."""
+
+
+def run_small(folder: Path, name: str) -> dict[str, Any]:
+    """Run a case of the gallery on a coarse mesh; its summary. Collective."""
+    case = folder / f"{name}.toml"
+    if MPI.COMM_WORLD.rank == 0:
+        if name == "bolted_bracket":
+            write_bolted_bracket(folder / f"{name}.step")
+        else:
+            shutil.copy(GALLERY / f"{name}.geo", folder)
+        text = (GALLERY / f"{name}.toml").read_text(encoding="utf-8")
+        for old, new in COARSE[name].items():
+            assert old in text
+            text = text.replace(old, new)
+        case.write_text(f"{text}\n[output]\nfields = false\npictures = false\n", encoding="utf-8")
+    MPI.COMM_WORLD.barrier()
+    assert main(["run", str(case), "-o", str(folder / name), "--quiet"]) == 0
+    return dict(json.loads((folder / name / "summary.json").read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize(
+    ("name", "limit"),
+    [("bolted_bracket", 109.0), ("lug", 109.0), ("nozzle", 23.8), ("slope", 288.0)],
+)
+def test_limit_loads(shared_tmp_path: Path, name: str, limit: float) -> None:
+    """What was found on meshes so coarse, that of gmsh 4.13 and others alike."""
+    found = run_small(shared_tmp_path, name)["limit"]
+    assert found["levelled_off"]
+    assert found["estimate"] == pytest.approx(limit, rel=0.05)
+
+
+def test_dovetail(shared_tmp_path: Path) -> None:
+    """A neck of 12 mm carries 2/√3 of its yield stress at most."""
+    limit = run_small(shared_tmp_path, "dovetail")["limit"]["estimate"]
+    assert limit == pytest.approx(575.0, rel=0.05)
+    assert limit < 2 / math.sqrt(3) * 830
+
+
+def test_press_fit(shared_tmp_path: Path) -> None:
+    """Lamé's pressure between two tubes of one elastic material, in plane strain."""
+    a, c, b, interference, young, poisson = 8.0, 20.0, 40.0, 0.03, 210e3, 0.3
+    softness = (b**2 + c**2) / (b**2 - c**2) + (c**2 + a**2) / (c**2 - a**2)
+    pressure = interference * young / (1 - poisson**2) / (c * softness)
+    at_rest = run_small(shared_tmp_path, "press_fit")["steps"][0]
+    (force,) = [f for name, f in at_rest["reactions"].items() if name.startswith("contact")]
+    assert [abs(component) for component in force] == pytest.approx([pressure * c] * 2, rel=1e-3)

@@ -1,0 +1,108 @@
+"""Loadings that contradict themselves or the bodies: one sentence each, and status 2.
+
+That r < 0 is refused tests/functional/test_axisymmetric_case.py shows.
+"""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx import Support, VonMises
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import BAD_INPUT
+from tests.models import case_text, write_case
+
+STEEL = VonMises(2e5, 0.3, 300.0)
+ROLLERS = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
+BLOCKS = case_text({"builder": "stacked_blocks", "n": 1}, {"lower": STEEL, "upper": STEEL}, ROLLERS)
+CONTACT = '\n[[contact]]\nprimary = "lower_top"\nsecondary = "upper_bottom"\n'
+LOADING = "[loading]\nvalues = [1.0]\n"
+LIMIT = '[loading]\ncontrol = "work"\nuntil = "limit"\n'
+PLANE = (
+    '[[obstacle]]\nshape = "plane"\non = "top"\npoint = [0.0, 0.0, 2.0]\n'
+    "normal = [0.0, 0.0, -1.0]\nmove = [0.0, 0.0, -1.0]\n"
+)
+
+
+def moved(on: str, value: str) -> str:
+    return f'[[support]]\non = "{on}"\ncomponents = "z"\nvalue = {value}\n'
+
+
+def stage(factors: str) -> str:
+    return f"[[stage]]\nfactors = {{ {factors} }}\n"
+
+
+REFUSED = {
+    "all loads constant": (
+        BLOCKS.replace("pressure = 1.0", "pressure = 1.0\nconstant = true") + CONTACT + LIMIT,
+        "but all loads are constant",
+    ),
+    "a move without control": (
+        BLOCKS + CONTACT + PLANE + LOADING,
+        "the obstacle at 'top' has a move, which follows the load factor under control =",
+    ),
+    "a displacement against a contact": (
+        BLOCKS + CONTACT + moved("lower_top", "0.1") + moved("upper_bottom", "0.0") + LOADING,
+        "along its normal, so that these, which move or are moved against, cannot give way",
+    ),
+    "a negative gap": (BLOCKS + CONTACT + "gap = -1e-3\n" + LOADING, "interference = true"),
+    "a stage of no load": (
+        BLOCKS + CONTACT + stage("top = 1.0, tpo = 2.0"),
+        "a factor for 'tpo', but there is no load, no change of temperature and no motion",
+    ),
+    "a stage of what does not move": (
+        BLOCKS + CONTACT + stage("top = 1.0, bottom = 2.0"),
+        "a factor for 'bottom', but there is no load, no change of temperature and no motion",
+    ),
+    "a stage of a load and a motion": (
+        BLOCKS + CONTACT + PLANE + stage("top = 1.0"),
+        "which is a load, or a temperature, as well as a motion",
+    ),
+    "a move in no stage": (
+        BLOCKS + CONTACT + PLANE + 'name = "punch"\n' + stage("top = 1.0"),
+        "the motion of 'punch' is in no stage",
+    ),
+    "two stages of one place": (
+        BLOCKS
+        + moved("lower_top", "0.1")
+        + 'name = "a"\n'
+        + moved("lower_top", "0.1")
+        + 'name = "b"\n'
+        + CONTACT
+        + stage("top = 1.0, a = 1.0, b = 2.0"),
+        "'a' and 'b' hold the same nodes along z",
+    ),
+    "more levels than can be": (
+        BLOCKS + CONTACT + stage("top = 1.0") + "steps = 1000000000000\n",
+        "steps = 1000000000000 is no number of levels",
+    ),
+    "a value that is no number": (
+        BLOCKS + CONTACT + moved("top", '"far"') + LOADING,
+        "value = 'far' cannot be used",
+    ),
+    "a limit of bodies that harden": (
+        BLOCKS.replace('law = "von-mises"', 'law = "von-mises-hardening"\nisotropic = 1.0')
+        + CONTACT
+        + LIMIT,
+        "hardens, so that bodies carry any load",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", REFUSED)
+def test_one_sentence(
+    fault: str, comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, part = REFUSED[fault]
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
+    assert main(["check", str(case)]) == BAD_INPUT
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert comm.rank == 0 or err == ""
+    err = comm.bcast(err)
+    assert part in err
+    assert err.startswith("perfplast: ")
+    assert err.count("\n") == 1
+    assert err.count("case.toml") == 1

@@ -1,0 +1,203 @@
+"""Stages that move supports, rigid surfaces and obstacles: cycles by hand, contact that opens."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import (
+    AugmentedLagrangian,
+    Contact,
+    Hardening,
+    InputError,
+    LoadingHistory,
+    Newton,
+    Plane,
+    Pressure,
+    RigidSurface,
+    Stage,
+    Support,
+    Temperature,
+    VonMises,
+    WorkNewton,
+    load_path,
+    stage_path,
+)
+from perfplast_fenicsx.arrays import Floats
+from tests.solvers.test_stages import (
+    EXPANSION,
+    HARD,
+    ISOTROPIC,
+    KINEMATIC,
+    ROLLERS,
+    SHARP,
+    STEEL,
+    YIELD,
+    YOUNG,
+    bar,
+    solved,
+)
+
+AT_YIELD = YIELD / YOUNG
+DOWN = (0.0, 0.0, -1.0)
+PRESS = Support("top", "z", -1.0, constant=False, name="press")
+PUNCH = Plane("top", (0.0, 0.0, 2.0), DOWN, move=DOWN, name="punch")
+
+
+def strained(body: VonMises | Hardening, strains: Floats) -> Floats:
+    """Stress of a bar at given strains, one after the other."""
+    isotropic, kinematic = getattr(body, "isotropic", 0.0), getattr(body, "kinematic", 0.0)
+    plastic = accumulated = 0.0
+    found = []
+    for strain in strains:
+        trial = body.young * (strain - plastic) - kinematic * plastic
+        beyond = max(0.0, abs(trial) - body.yield_stress - isotropic * accumulated)
+        flow = beyond / (body.young + isotropic + kinematic)
+        plastic, accumulated = plastic + flow * np.sign(trial), accumulated + flow
+        found.append(body.young * (strain - plastic))
+    return np.array(found)
+
+
+def halves(tops: list[float]) -> Floats:
+    """Values half way to each of them, and there."""
+    return np.column_stack([np.convolve([0.0, *tops], [0.5, 0.5], "valid"), tops]).ravel()
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("body", [STEEL, ISOTROPIC, KINEMATIC])
+def test_a_given_strain_goes_forth_and_back(body: VonMises | Hardening) -> None:
+    """±2ε_y by a support; its force is on file by its name."""
+    supports = [*ROLLERS, Support("top", "z", -2.0, constant=False, name="press")]
+    problem = bar(body, supports=supports, loads=[])
+    tops = [2.0, -2.0, 2.0, 0.0]
+    levels = solved(problem, [Stage({"press": top * AT_YIELD}, 2) for top in tops])
+    strains = halves(tops) * AT_YIELD
+    for level, strain, stress in zip(levels, strains, strained(body, strains), strict=True):
+        report = level.report
+        assert report.factors["press"] == pytest.approx(strain, rel=1e-12, abs=1e-15)
+        assert report.driving_forces["press"] == pytest.approx(2 * stress, abs=1e-9 * YIELD)
+        assert report.reactions["support press"] == pytest.approx([0, 0, -stress], abs=1e-6)
+        assert report.reactions["support bottom"] == pytest.approx([0, 0, stress], abs=1e-6)
+
+
+@pytest.mark.mpi3
+def test_a_punch_is_withdrawn_and_comes_back() -> None:
+    """Where it is withdrawn contact opens; it closes again where the bar stayed short."""
+    contacts = [Contact("lower_top", "upper_bottom")]
+    problem = bar(ISOTROPIC, loads=[], ties=[], contacts=contacts, obstacles=[PUNCH])
+    strokes = [3.0, 1.0, 2.0, 2.8, 4.0]
+    stages = [Stage({"punch": stroke * 2 * AT_YIELD}, 2) for stroke in strokes]
+    plastic, apart = 0.0, []
+    for level, stroke in zip(solved(problem, stages), halves(strokes), strict=True):
+        room = YIELD + HARD * plastic
+        stress = max(0.0, YOUNG * (stroke * AT_YIELD - plastic))
+        if stress > room:
+            flow = (stress - room) / (YOUNG + HARD)
+            plastic, stress = plastic + flow, stress - YOUNG * flow
+        report = level.report
+        assert report.driving_forces["punch"] == pytest.approx(stress, abs=1e-9 * YIELD)
+        assert report.reactions["obstacle punch"] == pytest.approx([0, 0, -stress], abs=1e-6)
+        if stress == 0:
+            apart.append(stroke)
+        else:
+            assert report.active_contacts == problem.num_pairs
+    assert apart == pytest.approx([1.0, 1.5])
+
+
+def test_by_both_algorithms() -> None:
+    """Perfectly plastic blocks that touch, pushed and released, by ALG1 and ALG2."""
+    found = []
+    for method in (Newton, AugmentedLagrangian):
+        contacts = [Contact("lower_top", "upper_bottom")]
+        problem = bar(STEEL, loads=[], ties=[], contacts=contacts, obstacles=[PUNCH])
+        stages = [Stage({"punch": stroke * 2 * AT_YIELD}) for stroke in (3.0, 1.0, 2.5, 2.2)]
+        levels = list(stage_path(method(problem), LoadingHistory(problem, stages)))
+        assert all(level.report.converged for level in levels)
+        found.append([level.report.driving_forces["punch"] for level in levels])
+    assert found[0] == pytest.approx(YIELD * np.array([1.0, 0.0, 0.5, 0.2]), abs=1e-6)
+    assert found[1] == pytest.approx(found[0], abs=1e-5 * YIELD)
+
+
+def test_loads_motions_and_heat_have_factors_of_their_own() -> None:
+    """The blocks know nothing of each other: one is pushed, the other heated between planes."""
+    heat = AT_YIELD / EXPANSION
+    problem = bar(
+        STEEL,
+        supports=[
+            *ROLLERS,
+            Support("upper_bottom", "z"),
+            Support("lower_top", "z", -1.0, constant=False, name="press"),
+        ],
+        initial=[Temperature("lower", heat, "heat")],
+        ties=[],
+    )
+    stages = [
+        Stage({"press": 0.5 * AT_YIELD}),
+        Stage({"push": 0.6 * YIELD, "heat": 1.0}, 2),
+        Stage({"press": 0.0, "heat": 0.25, "push": 0.0}, 2),
+    ]
+    strains = np.array([0.5, 1.0, 1.5, 0.875, 0.25]) * AT_YIELD
+    pushes = np.array([0.0, 0.3, 0.6, 0.3, 0.0]) * YIELD
+    levels = solved(problem, stages)
+    for level, push, stress in zip(levels, pushes, strained(STEEL, strains), strict=True):
+        assert level.report.driving_forces["press"] == pytest.approx(stress, abs=1e-6)
+        assert level.report.works["push"] == pytest.approx(push / YOUNG, abs=1e-12)
+
+
+@pytest.mark.mpi3
+def test_a_punch_drags_and_drags_back() -> None:
+    """Tresca's friction resists slip either way, and counts it from where the stage began."""
+    rough = replace(PUNCH, move=(1.0, 0.0, -1.0), tresca=1.0)
+    problem = bar(STEEL, loads=[], supports=[Support("bottom")], obstacles=[rough])
+    levels = solved(problem, [Stage({"punch": stroke}) for stroke in (1e-3, 0.9e-3, 1e-3)])
+    sideways = [level.report.reactions["obstacle punch"][0] for level in levels]
+    assert sideways == pytest.approx([1.0, -1.0, 1.0], rel=0.03)  # some slip is along y
+
+
+@pytest.mark.mpi3
+def test_a_rigid_end_is_turned_and_turned_back() -> None:
+    """Elastic: the moment follows the angle, and nothing is left."""
+    turned = RigidSurface("top", rotation=(0.0, 0.0, 1.0), constant=False, name="wrench")
+    problem = bar(STEEL, loads=[], supports=[Support("bottom")], rigid=[turned])
+    levels = solved(problem, [Stage({"wrench": angle}) for angle in (1e-4, -2e-4, 0.0)])
+    moments = [level.report.driving_forces["wrench"] for level in levels]
+    assert moments[0] > 0
+    assert moments[1:] == pytest.approx([-2 * moments[0], 0.0], abs=1e-9 * moments[0])
+
+
+def test_loads_and_motions_that_grow_together() -> None:
+    """Without stages, ζ multiplies both; no work can then be prescribed."""
+    supports = [
+        *ROLLERS,
+        Support("upper_bottom", "z"),
+        Support("lower_top", "z", -1.0, constant=False),
+    ]
+    problem = bar(STEEL, supports=supports, ties=[], bodies=STEEL)
+    for level in load_path(Newton(problem, SHARP), AT_YIELD * np.array([0.5, 0.9])):
+        assert level.report.driving_force == pytest.approx(YOUNG * level.report.zeta, rel=1e-9)
+        assert level.report.alpha == pytest.approx(level.report.zeta / YOUNG, rel=1e-9)
+    with pytest.raises(InputError, match="ζ moves supports or obstacles, so that it cannot"):
+        WorkNewton(problem)
+
+
+@pytest.mark.parametrize(
+    ("supports", "factors", "message"),
+    [
+        ([PRESS], {"pres": 1.0}, "no motion of this name; did you mean 'press'"),
+        ([PRESS], {}, "the motion of 'press' is in no stage, so that it would never take"),
+        ([Support("top", "z", -1.0)], {"top": 1.0}, "'top', which is constant"),
+        (
+            [PRESS, replace(PRESS, name="other")],
+            {"press": 1.0, "other": 1.0},
+            "'press' and 'other' hold the same nodes along z, which stages could move apart",
+        ),
+        ([replace(PRESS, name="push")], {"push": 1.0}, "'push', which is a load, .* as well as"),
+    ],
+)
+def test_names_that_do_not_fit(
+    supports: list[Support], factors: dict[str, float], message: str
+) -> None:
+    side = Pressure("upper_bottom", 1.0, "push", constant="push" not in factors)
+    problem = bar(STEEL, supports=[*ROLLERS, *supports], loads=[side])
+    with pytest.raises(InputError, match=message):
+        LoadingHistory(problem, [Stage(factors)])
