@@ -35,8 +35,7 @@ SPLITTINGS = (20, 80, 320)
 """So many steps of splitting each time that places still stick and slip in turn."""
 
 SETTLED = 1e-9
-"""Distance from the law of friction, relative to the largest force, that is none; what linear
-solves leave is none either."""
+"""Distance from the law of friction, relative to the largest force, that is none."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +148,7 @@ class FrictionProgram:
             worst = np.array([off.max(initial=0), largest.max(initial=0)])
             comm.Allreduce(MPI.IN_PLACE, worst, MPI.MAX)
             changes = comm.allreduce(int((following.sticks != slip.sticks).sum()))
-            settled = changes == 0 and worst[0] <= max(SETTLED, asked.rtol) * worst[1]
+            settled = changes == 0 and worst[0] <= SETTLED * worst[1]
             slip, active = following, step.active
             if settled or not exact:
                 break
