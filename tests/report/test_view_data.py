@@ -81,8 +81,11 @@ def test_numbers_that_are_not_finite_are_left_out_of_ranges(
             file["VTKHDF/CellData/yield_ratio"][...] = np.nan
             file["VTKHDF/PointData/displacement"][::2] = np.inf
     MPI.COMM_WORLD.barrier()
-    data = view_data(ResultReader(folder)).data
+    view = view_data(ResultReader(folder))
+    data = view.data
     assert data is not None
+    assert ["utilisation" in text for text in view.remarks].count(True) == 1
+    assert not any("von Mises" in text for text in view.remarks)
     json.dumps(data, allow_nan=False)
     assert data["states"][-1]["fields"]["yield_ratio"]["high"] == pytest.approx(0.0)
     assert 0 < data["states"][-1]["largest"] < np.inf
