@@ -24,6 +24,12 @@ COLUMNS = (
     *(("duality gap", 11), ("seconds", 8), ("left", 0)),
 )
 
+SHOWN = (
+    *("zeta", "alpha", "plastic_fraction", "active_contacts", "contact_pairs", "duality_gap"),
+    *("seconds", "converged"),
+)
+"""What is read of each level."""
+
 log = logging.getLogger(__name__)
 
 
@@ -77,10 +83,16 @@ class Follower:
     def _summary(self) -> dict[str, Any]:
         path = self.folder / "summary.json"
         try:
-            summary: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            summary = json.loads(path.read_text(encoding="utf-8"))
+            keys = {"planned": summary["planned"], "limit": summary["limit"]}
+            steps = [{key: step[key] for key in SHOWN} for step in summary["steps"]]
+        except (KeyError, TypeError) as error:
+            raise InputError(
+                f"'{path}' lacks {error}, so it is of another version; run the case again."
+            ) from error
         except (OSError, ValueError) as error:
             raise InputError(f"'{path}' cannot be read ({error}); run the case again.") from error
-        return summary
+        return keys | {"steps": steps}
 
     def _show(self, summary: dict[str, Any]) -> None:
         """Show the levels that have come, and draw."""
@@ -88,10 +100,10 @@ class Follower:
         for number, step in enumerate(steps[self._shown :], start=self._shown + 1):
             seconds = [one["seconds"] for one in steps[:number]]
             cells = (
-                *(number, f"{step['zeta']:.6g}", f"{step['alpha']:.6g}"),
-                f"{step['plastic_fraction']:.1%}",
+                *(number, _told(step["zeta"], ".6g"), _told(step["alpha"], ".6g")),
+                _told(step["plastic_fraction"], ".1%"),
                 f"{step['active_contacts']}/{step['contact_pairs']}",
-                *(f"{step['duality_gap']:.1e}", f"{step['seconds']:.2f}"),
+                *(_told(step["duality_gap"], ".1e"), _told(step["seconds"], ".2f")),
                 remaining(summary["planned"], seconds),
             )
             pairs = zip(cells, COLUMNS, strict=True)
@@ -128,6 +140,11 @@ class Follower:
         cause = next((a for a in ("interrupted by", "ended by", "ended: ") if a in before[-1]), "")
         how = f" ({before[-1][before[-1].index(cause) :]})" if cause else ""
         return f"The run has ended{how}, with {levels}."
+
+
+def _told(number: float | None, digits: str) -> str:
+    """A number; one that is not finite is null on file."""
+    return "none" if number is None else f"{number:{digits}}"
 
 
 def _number(bound: float | None) -> str:

@@ -44,6 +44,8 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
         raise InputError(f"perfplast {chosen.command} takes no PETSc options; leave out '--'.")
     if chosen.command == "run" and chosen.restart and chosen.force:
         raise InputError("--restart goes on from results and --force replaces them; give one.")
+    if chosen.command == "plot" and not chosen.wait >= 0:  # nor is NaN a time
+        raise InputError(f"--wait must be a time of 0 s or more, not {chosen.wait:g}.")
     set_petsc_options(petsc)
     return chosen
 

@@ -128,11 +128,15 @@ class ResultReader:
     @cached_property
     def limit(self) -> StoredLimit | None:
         """The limit load, where it has been found."""
-        found = self._json("summary.json").get("limit")
+        found = self.summary.limit
         if not found:
             return None
-        body = found.get("body") or {}
-        return StoredLimit(found["lower"], found["estimate"], found["upper"], body)
+
+        def stored(_: Path) -> StoredLimit:
+            body = found.get("body") or {}
+            return StoredLimit(float(found["lower"]), found["estimate"], found["upper"], body)
+
+        return self.read("summary.json", stored)
 
     @cached_property
     def reports(self) -> list[LevelReport]:

@@ -50,7 +50,7 @@ def curve_of(
     reports: Sequence[LevelReport], limit: StoredLimit | None, driven: bool, unit: str
 ) -> Curve | None:
     """The curve of a run; None where it has no two points."""
-    solved = [report for report in reports if report.converged]
+    solved = [a for a in reports if a.converged and math.isfinite(a.alpha)]
     if not solved:
         return None
     words = [f"step {number}" for number in range(1, len(solved) + 1)]
@@ -71,7 +71,8 @@ def curve_of(
     zetas = [report.zeta for report in solved]
     if driven:
         forces = [report.driving_force for report in solved]
-        return Curve("ζ, how far it is moved", "driving force", [Line("", zetas, forces, words)])
+        name = f"driving force (work for each 1 of ζ, {unit})" if unit else "driving force"
+        return Curve("ζ, how far it is moved", name, [Line("", zetas, forces, words)])
     alphas = [report.alpha for report in solved]
     line = Line("", [0.0, *alphas], [0.0, *zetas], ["no load", *words])
     band, band_words = _bounds(limit)

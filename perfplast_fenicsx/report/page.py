@@ -49,7 +49,7 @@ def page_of(reader: ResultReader, view: View) -> str:
         case=_case(summary, words),
         again=_again(summary),
         version=escape(summary.version),
-        data=json.dumps(view.data).replace("<", "\\u003c"),
+        data=json.dumps(view.data, allow_nan=False).replace("<", "\\u003c"),
         script="\n".join(_asset(f"{name}.js") for name in SCRIPTS),
     )
 
@@ -88,7 +88,8 @@ def _levels(reader: ResultReader) -> str:
     if not reader.reports:
         return ""
     good, fair, _ = GRADES
-    table = level_table(reader.reports, reader.scene.driven)
+    units = [reader.summary.units.get(kind, "") for kind in ("work", "length")]
+    table = level_table(reader.reports, reader.scene.driven, *units)
     note = (
         f"<p>Each solved step is checked anew: <b>energy</b>, that no other state has less;"
         f" <b>forces</b>, that all are in balance; <b>contact</b>, that bodies push where they"

@@ -35,7 +35,8 @@ def write_report(folder: str | Path, output: str | Path | None = None) -> Path:
     target = Path(output) if output else reader.path / NAME
     if target.is_dir():
         raise InputError(f"the report '{target}' is a folder; give -o the name of a file.")
-    page = page_of(reader, view_data(reader))
+    view = view_data(reader)
+    page = reader.read("summary.json", lambda _: page_of(reader, view))
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         replace(target, page.encode())

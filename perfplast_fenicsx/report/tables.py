@@ -42,12 +42,16 @@ def judged(certificate: float) -> str:
     )
 
 
-def level_table(reports: Sequence[LevelReport], driven: bool) -> str:
-    """A row for each level."""
+def level_table(
+    reports: Sequence[LevelReport], driven: bool, unit_of_work: str = "", unit_of_length: str = ""
+) -> str:
+    """A row for each level; units stand in brackets where they are known."""
     staged = any(report.stage for report in reports)
     rubs = any(report.friction_dissipation or report.slipping for report in reports)
     heads = ["step", *(["stage"] if staged else []), "ζ", "driving force" if driven else "work α"]
-    heads += ["plastic", "contacts that push", "largest displacement", "solved", "energy", "forces"]
+    heads[-1] += _bracket("" if driven else unit_of_work)
+    heads += ["plastic", "contacts that push", f"largest displacement{_bracket(unit_of_length)}"]
+    heads += ["solved", "energy", "forces"]
     heads += ["contact", *(["friction"] if rubs else []), "seconds"]
     rows = []
     for number, report in enumerate(reports, start=1):
@@ -70,8 +74,7 @@ def level_table(reports: Sequence[LevelReport], driven: bool) -> str:
 
 def reaction_table(reactions: Mapping[str, Sequence[float]], axes: str, unit: str) -> str:
     """A row for each load, support, obstacle and contact."""
-    bracket = f" ({escape(unit)})" if unit else ""
-    heads = ["exerted on the bodies by", *(f"{axis}{bracket}" for axis in axes)]
+    heads = ["exerted on the bodies by", *(f"{axis}{_bracket(unit)}" for axis in axes)]
     largest = max((abs(a) for forces in reactions.values() for a in forces), default=0.0)
 
     def shown(force: float) -> str:
@@ -81,6 +84,10 @@ def reaction_table(reactions: Mapping[str, Sequence[float]], axes: str, unit: st
         [escape(name), *(shown(force) for force in forces)] for name, forces in reactions.items()
     ]
     return table(heads, rows)
+
+
+def _bracket(unit: str) -> str:
+    return f" ({escape(unit)})" if unit else ""
 
 
 def pairs(rows: Iterable[tuple[str, str]]) -> str:

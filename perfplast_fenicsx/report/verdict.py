@@ -4,7 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
+from perfplast_fenicsx.problem.report import LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 Mark = Literal["proven", "found", "open"]
@@ -94,7 +96,8 @@ def _of_levels(reader: ResultReader) -> Verdict:
     reports, driven = reader.reports, reader.scene.driven
     solved = [report for report in reports if report.converged]
     if not reports:
-        return Verdict("open", "No level is solved yet: the run has not come that far.", [])
+        sentence = "Nothing is solved yet: the run is at its first step, or was stopped there."
+        return Verdict("open", sentence, [])
     last = reports[-1]
     details = []
     if solved:
@@ -110,11 +113,14 @@ def _of_levels(reader: ResultReader) -> Verdict:
     if _coulomb(reader.summary.given):
         details.append("With Coulomb's friction a step may have other solutions than this one.")
     if not last.converged:
-        before = f"The bodies carry ζ = {solved[-1].zeta:.6g} on this mesh, but" if solved else "At"
-        at = f" at ζ = {last.zeta:.6g}" if solved else f" ζ = {last.zeta:.6g}"
-        return Verdict(
-            "open", f"{before}{at} no solution was found.", [f"Why: {last.reason}.", *details]
-        )
+        at = f"at ζ = {last.zeta:.6g} no solution was found"
+        sentence = f"{_so_far(solved[-1], driven)}, but {at}." if solved else f"A{at[1:]}."
+        return Verdict("open", sentence, [f"Why: {last.reason}.", *details])
+    if _stopped(reader.summary, len(reports)):
+        planned = reader.summary.planned
+        what = f"{len(reports)} of {planned} steps are" if planned else "the limit load is not"
+        sentence = f"{_so_far(last, driven)}; {what} found, and the run goes on or was stopped."
+        return Verdict("open", sentence, details)
     if last.stage:
         stages = len({report.stage for report in reports if report.stage})
         many = "stages" if stages > 1 else "stage"
@@ -130,6 +136,20 @@ def _of_levels(reader: ResultReader) -> Verdict:
         count = f"All {len(reports)} load levels are" if len(reports) > 1 else "The load level is"
         sentence = f"{count} solved: on this mesh the bodies carry the loads up to ζ = {top:.6g}."
     return Verdict("found", sentence, details)
+
+
+def _so_far(last: LevelReport, driven: bool) -> str:
+    """What the last solved level shows."""
+    if driven or last.stage:
+        return f"All is solved up to ζ = {last.zeta:.6g}"
+    return f"The bodies carry ζ = {last.zeta:.6g} on this mesh"
+
+
+def _stopped(summary: Summary, levels: int) -> bool:
+    """Whether levels that were to come are missing, or a limit load that was looked for."""
+    if summary.planned is not None:
+        return levels < summary.planned
+    return bool(summary.case)  # a Python program says nothing of what it plans
 
 
 def _coulomb(given: Mapping[str, Any]) -> bool:

@@ -79,6 +79,12 @@ def view_data(reader: ResultReader, room: int = ROOM) -> View:
     states = [packer.level(reader.levels[number]) for number in chosen[:-1]] + newest
     data |= {"states": states + mechanism}
     data["fields"] = _offered(data["states"], units)
+    for one in data["fields"]:
+        if not one.pop("whole"):
+            remarks.append(
+                f"Some numbers of '{one['label']}' are not finite; the smallest of the others is"
+                " shown there."
+            )
     return View(data, remarks)
 
 
@@ -134,15 +140,18 @@ class _Packer:
             if self.kept and one.name not in self.kept:
                 continue
             values = one.values[self.order] if one.at == "cells" else one.values
+            seen = values[np.isfinite(values)]  # JSON has no word for the others
             fields[one.name] = {
                 "at": one.at,
-                "low": float(values.min(initial=np.inf)),
-                "high": float(values.max(initial=-np.inf)),
+                "low": float(seen.min()) if seen.size else 0.0,
+                "high": float(seen.max()) if seen.size else 0.0,
+                "whole": seen.size == values.size,
                 "values": pack_numbers(values),
             }
+        lengths = np.linalg.norm(state.motion.astype(np.float64), axis=1)
         return {
             "motion": [pack_numbers(axis) for axis in state.motion.T],
-            "largest": float(np.linalg.norm(state.motion, axis=1).max(initial=0.0)),
+            "largest": float(lengths[np.isfinite(lengths)].max(initial=0.0)),
             "fields": fields,
         }
 
@@ -161,6 +170,7 @@ def _offered(states: list[dict[str, Any]], units: Mapping[str, str]) -> list[dic
                 "unit": words.unit,
                 "low": min(0.0, *(a["low"] for a in of_levels)),
                 "high": max(a["high"] for a in of_levels),
+                "whole": all(a["whole"] for a in of_levels),
             }
         )
     return offered

@@ -1,6 +1,7 @@
 """``perfplast plot --follow``: levels are shown and drawn as they come, until the run is over."""
 
 import io
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -78,6 +79,38 @@ def test_no_folder(
     if comm.rank == 0:
         assert (out, err.count("\n")) == ("", 1)
         assert "no results" in err
+
+
+@pytest.mark.parametrize("seconds", ["nan", "-1"])
+def test_what_is_no_time_to_wait(
+    seconds: str, comm: MPI.Intracomm, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["plot", "--follow", f"--wait={seconds}", str(tmp_path)]) == BAD_INPUT
+    if comm.rank == 0:
+        assert "--wait must be a time of 0 s or more" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("summary", "part"),
+    [({"steps": []}, "lacks 'planned'"), ([], "lacks"), ("{", "cannot be read")],
+)
+def test_results_of_another_version(summary: object, part: str, tmp_path: Path) -> None:
+    text = summary if isinstance(summary, str) else json.dumps(summary)
+    (tmp_path / "summary.json").write_text(text)
+    (tmp_path / "run.log").touch()
+    follower = Follower(tmp_path, Terminal(MPI.COMM_SELF, io.StringIO()), lambda: None, wait=0.0)
+    with pytest.raises(InputError, match=part):
+        follower.follow()
+
+
+def test_numbers_that_are_null_on_file(tmp_path: Path) -> None:
+    step = growing_folder.STEP | {"zeta": 10.0, "alpha": None, "duality_gap": None}
+    summary = {"steps": [step], "planned": 1, "limit": None}
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    (tmp_path / "run.log").touch()
+    stream = io.StringIO()
+    Follower(tmp_path, Terminal(MPI.COMM_SELF, stream), lambda: None, wait=0.0).follow()
+    assert stream.getvalue().splitlines()[1].split()[:3] == ["1", "10", "none"]
 
 
 def test_a_run_that_has_ended(

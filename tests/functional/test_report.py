@@ -59,6 +59,12 @@ def test_the_run_writes_it(
     assert summary["case"]["text"] in page.replace("&quot;", '"')
 
 
+def change(folder: Path, **values: Any) -> None:
+    """Put other values into ``summary.json``."""
+    path = folder / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | values))
+
+
 @pytest.mark.parametrize(
     ("spoil", "more", "part"),
     [
@@ -66,6 +72,8 @@ def test_the_run_writes_it(
         (lambda path: (path / "scene.json").unlink(), [], "has no scene.json"),
         (lambda path: (path / "summary.json").write_text("{"), [], "cannot be read"),
         (lambda path: (path / "summary.json").write_text("{}"), [], "'title' is missing"),
+        (lambda path: change(path, mesh={}), [], "summary.json' cannot be read (cells)"),
+        (lambda path: change(path, limit={"lower": 1.0}), [], "cannot be read (estimate)"),
         (lambda path: (path / "fields/level_0002.vtkhdf").write_text("a"), [], "cannot be read"),
         (lambda path: (path / "model.json").touch(), [], "has model.json, so its results are"),
         (lambda path: None, ["-o", "/dev/null/a.html"], "cannot be written"),

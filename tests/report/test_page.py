@@ -82,6 +82,9 @@ def test_levels_that_failed_have_no_certificates() -> None:
     assert first.count("mark ") == 5
     assert second.count("mark bad") == second.count("mark ") == 1
     assert "no solution" in second
+    told = level_table([report(1.0)], False, "kN m", "m")
+    assert "work α (kN m)" in told
+    assert "largest displacement (m)" in told
 
 
 def test_forces_of_rounding_are_none() -> None:
@@ -109,6 +112,8 @@ def test_a_curve() -> None:
     assert (x[1] - x[0]) * 2 == pytest.approx(x[2] - x[1], abs=0.3)
     assert y[0] - y[1] == pytest.approx(y[1] - y[2], abs=0.3)
     assert curve_of(reports[2:], None, False, "") is None
+    endless = [*reports, report(3.0, alpha=np.inf, **plain)]
+    assert curve_of(endless, StoredLimit(2.0, 2.1, 2.2, {}), False, "J") == curve
     staged = curve_of([report(1.0), report(2.0)], None, False, "")
     assert staged is not None
     assert [line.name for line in staged.lines] == ["water"]

@@ -14,9 +14,16 @@ from tests.io.results.test_result_folder import report
 WHY = ["lower bound: none was sought"]
 
 
-def of_levels(*reports: LevelReport, driven: bool = False, **given: Any) -> Verdict:
+def of_levels(
+    *reports: LevelReport,
+    driven: bool = False,
+    planned: int | None = None,
+    case: bool = False,
+    **given: Any,
+) -> Verdict:
     scene = Scene("", driven=driven)
-    summary = SimpleNamespace(given=given, units={})
+    case_file = {"file": "a.toml"} if case else {}
+    summary = SimpleNamespace(given=given, units={}, planned=planned, case=case_file)
     reader = SimpleNamespace(limit=None, reports=reports, scene=scene, summary=summary)
     return verdict_on(reader)  # type: ignore[arg-type]
 
@@ -67,6 +74,22 @@ def test_levels() -> None:
     assert failed.details[0] == "Why: it fell."
     alone = of_levels(plain(8.0, converged=False))
     assert alone.sentence == "At ζ = 8 no solution was found."
+
+
+def test_runs_that_have_not_come_to_their_end() -> None:
+    ended = of_levels(plain(4.0), plain(8.0), planned=2, case=True)
+    assert (ended.mark, ended.sentence[:3]) == ("found", "All")
+    stopped = of_levels(plain(4.0), plain(8.0), planned=5, case=True)
+    assert stopped.mark == "open"
+    assert stopped.sentence == (
+        "The bodies carry ζ = 8 on this mesh; 2 of 5 steps are found, and the run goes on or was"
+        " stopped."
+    )
+    search = of_levels(plain(4.0), case=True)
+    assert search.mark == "open"
+    assert "the limit load is not found" in search.sentence
+    moved = of_levels(plain(1.0), plain(2.0, converged=False), driven=True)
+    assert moved.sentence == "All is solved up to ζ = 1, but at ζ = 2 no solution was found."
 
 
 def test_motions_histories_and_friction() -> None:

@@ -1,7 +1,12 @@
 """What of results goes into a page, and what is left out of a large one."""
 
+import json
+import shutil
+from pathlib import Path
+
 from mpi4py import MPI
 
+import h5py
 import numpy as np
 import pytest
 
@@ -64,6 +69,26 @@ def test_the_view_is_that_of_the_results(reader: ResultReader) -> None:
     assert list(offered)[:2] == ["stress", "yield_ratio"]
     assert (offered["stress"]["unit"], offered["displacement"]["unit"]) == ("MPa", "mm")
     assert offered["stress"]["low"] == pytest.approx(0.0)
+
+
+def test_numbers_that_are_not_finite_are_left_out_of_ranges(
+    reader: ResultReader, shared_tmp_path: Path
+) -> None:
+    folder = shared_tmp_path / "spoilt"
+    if MPI.COMM_WORLD.rank == 0:
+        shutil.copytree(reader.path, folder)
+        with h5py.File(folder / reader.levels[-1].file, "r+", locking=False) as file:
+            file["VTKHDF/CellData/yield_ratio"][...] = np.nan
+            file["VTKHDF/PointData/displacement"][::2] = np.inf
+    MPI.COMM_WORLD.barrier()
+    view = view_data(ResultReader(folder))
+    data = view.data
+    assert data is not None
+    assert ["utilisation" in text for text in view.remarks].count(True) == 1
+    assert not any("von Mises" in text for text in view.remarks)
+    json.dumps(data, allow_nan=False)
+    assert data["states"][-1]["fields"]["yield_ratio"]["high"] == pytest.approx(0.0)
+    assert 0 < data["states"][-1]["largest"] < np.inf
 
 
 def test_a_large_run_loses_levels_then_fields_then_the_view(reader: ResultReader) -> None:
