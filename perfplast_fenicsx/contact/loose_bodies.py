@@ -24,8 +24,8 @@ WEAK = 0.02
 looked at."""
 
 ASLANT = 0.35
-"""Where not one of them takes up more than this share (its sine) of the motion of its place, the
-motion is loose."""
+"""Where not one of them takes up more than this share (its sine) of the motion of its place, or of
+all places on average, the motion is loose."""
 
 STILL = 1e-3
 """Places that move less than so, relative to all of them, are on the axis of a rotation."""
@@ -96,7 +96,8 @@ def _weak(comm: MPI.Intracomm, rows: Floats, motions: Floats) -> list[Floats]:
     for v in vectors.T[shares <= WEAK]:
         size = np.sqrt(v @ moved @ v / count)
         speed = np.linalg.norm(motions @ v, axis=1)
-        resisted = (np.abs(rows @ v) > ASLANT * speed) & (speed > STILL * size)
+        taken_up = np.abs(rows @ v)
+        resisted = taken_up > ASLANT * np.where(speed > STILL * size, np.minimum(speed, size), size)
         if not comm.allreduce(bool(resisted.any()), MPI.LOR):
             weak.append(v)
     return weak

@@ -12,13 +12,13 @@ STEPS = [
 
 
 @pytest.mark.parametrize(
-    ("zeta", "driven", "words"),
+    ("zeta", "grows", "words"),
     [
-        (2.0, False, "at ζ = 2, it is above the limit load: J_ζ fell from -1 to -50"),
-        (-2.0, False, "at ζ = -2, it is below the lower limit load: J_ζ fell"),
-        (0.0, False, "the constant loads alone are above what the bodies carry: at ζ = 0"),
-        (2.0, True, "the constant loads alone are above what the bodies carry: at ζ = 2"),
+        (2.0, True, "at ζ = 2, it is above the limit load: J_ζ fell from -1 to -50"),
+        (-2.0, True, "at ζ = -2, it is below the lower limit load: J_ζ fell"),
+        (0.0, True, "the constant loads alone are above what the bodies carry: at ζ = 0"),
+        (2.0, False, "the constant loads alone are above what the bodies carry: at ζ = 2"),
     ],
 )
-def test_which_limit(zeta: float, driven: bool, words: str) -> None:
-    assert words in above_limit(zeta, STEPS, driven)
+def test_which_limit(zeta: float, grows: bool, words: str) -> None:
+    assert words in above_limit(zeta, STEPS, grows)
