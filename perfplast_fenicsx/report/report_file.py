@@ -49,7 +49,8 @@ def write_report(folder: str | Path, output: str | Path | None = None) -> Path:
 def report_on(folder: "ResultFolder") -> Path | None:
     """Write the report of a run into its folder. Collective.
 
-    Where it cannot be written a warning is logged on rank 0: a report is no reason to stop.
+    Where it cannot be written, rank 0 logs why, a fault with its traceback: a report is no reason to
+    stop.
 
     Returns:
         The file, on every rank alike; None if there is none.
@@ -58,6 +59,8 @@ def report_on(folder: "ResultFolder") -> Path | None:
     if folder.comm.rank == 0:
         try:
             found = write_report(folder.path)
-        except Exception as error:  # the other ranks wait
+        except InputError as error:
             log.warning("%s", error)
+        except Exception:  # the other ranks wait
+            log.exception("no report was written, by a fault of the program")
     return folder.comm.bcast(found)
