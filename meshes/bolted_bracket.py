@@ -24,8 +24,8 @@ SHANK, HEAD, HEAD_HEIGHT = 6.0, 10.0, 8.0
 PLACES = [(y, z) for y in (-40.0, 40.0) for z in (-40.0, 40.0)]
 """Of the bolts (mm)."""
 
-PRODUCT = re.compile(r"Open CASCADE STEP translator [\d.]+ 1\.(\d+)")
-"""What OpenCASCADE calls the parts of a file."""
+PRODUCT = re.compile(r"Open CASCADE STEP translator [\d.]+ \d+\.(\d+)")
+"""What OpenCASCADE calls the parts of a file, which it numbers in each process."""
 
 
 def write_bolted_bracket(path: str | Path) -> None:

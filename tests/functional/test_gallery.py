@@ -74,3 +74,12 @@ def test_press_fit(shared_tmp_path: Path) -> None:
     at_rest = run_small(shared_tmp_path, "press_fit")["steps"][0]
     (force,) = [f for name, f in at_rest["reactions"].items() if name.startswith("contact")]
     assert [abs(component) for component in force] == pytest.approx([pressure * c] * 2, rel=1e-3)
+
+
+def test_parts_have_names_in_each_file_of_a_process(tmp_path: Path) -> None:
+    texts = []
+    for name in ("first.step", "second.step"):
+        write_bolted_bracket(tmp_path / name)
+        texts.append((tmp_path / name).read_text(encoding="ascii"))
+    for text in texts:
+        assert all(f"PRODUCT('{part}'" in text for part in ("wall", "bracket", "bolt_1", "nut_4"))
