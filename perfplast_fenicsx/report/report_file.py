@@ -49,8 +49,8 @@ def write_report(folder: str | Path, output: str | Path | None = None) -> Path:
 def report_on(folder: "ResultFolder") -> Path | None:
     """Write the report of a run into its folder. Collective.
 
-    Where it cannot be written, rank 0 logs why, a fault with its traceback: a report is no reason to
-    stop.
+    Where it cannot be written, rank 0 logs why, a fault with its traceback: a report is no reason
+    to stop.
 
     Returns:
         The file, on every rank alike; None if there is none.
