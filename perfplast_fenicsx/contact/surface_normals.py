@@ -18,6 +18,12 @@ from perfplast_fenicsx.parallel import Exchange
 SHARP = np.cos(np.radians(40.0))
 """Facets at a node whose normals have a smaller cosine belong to different faces."""
 
+ASKEW = np.sqrt([1.0, 2.0, 3.0])
+"""A direction to which facets of few bodies are symmetric."""
+
+ALIKE = 9
+"""Decimal places to which facets are compared: those in one plane differ by rounding."""
+
 
 @dataclass(frozen=True)
 class FaceNodes:
@@ -132,10 +138,19 @@ def faces_of(V: fem.FunctionSpace, facets: SurfaceFacets) -> tuple[FaceNodes, Fa
 
 
 def _faces(node: Longs, normals: Floats) -> Longs:
-    """Number of the face of each row among those of its node; rows are sorted by node."""
+    """Number of the face of each row among those of its node.
+
+    A face is all that differs by less than 40° from one of its facets. Where facets are coarse it
+    matters which: the one that lies flattest to a direction, so that neither ranks nor the side of a
+    contact matter.
+    """
     face = np.full(len(node), -1)
+    place = np.empty(len(node), dtype=np.int64)
+    steepness = np.round((normals @ ASKEW[: normals.shape[1]]) ** 2, ALIKE)
+    place[np.lexsort((steepness, node))] = np.arange(len(node))
     number = 0
     while (left := np.flatnonzero(face < 0)).size:
+        left = left[np.argsort(place[left])]
         _, first, inverse = np.unique(node[left], return_index=True, return_inverse=True)
         seed = normals[left[first]][inverse]
         alike = np.einsum("ni,ni->n", seed, normals[left]) >= SHARP

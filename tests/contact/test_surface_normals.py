@@ -9,7 +9,7 @@ import pytest
 
 from meshes.corner_seat import write_corner_seat
 from meshes.thick_sphere import write_thick_sphere
-from perfplast_fenicsx.contact.surface_normals import face_nodes
+from perfplast_fenicsx.contact.surface_normals import _faces, face_nodes
 from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from perfplast_fenicsx.problem.spaces import make_spaces
 from tests.checks import largest
@@ -71,3 +71,16 @@ def test_a_corner_in_the_plane_has_two_normals(read: Read, comm: MPI.Intracomm) 
         found = np.concatenate(comm.allgather(faces.normal[in_corner]))
         order = np.argsort(side * found[:, 0])
         assert found[order] == pytest.approx(np.array([[0.0, side], [side, 0.0]]))
+
+
+def test_where_faces_end_depends_neither_on_the_order_nor_on_the_side() -> None:
+    """Coarse facets around a node, each near to the next one: which is asked first decides."""
+    turned = np.radians(37.0 * np.arange(8))
+    normals = np.stack([np.cos(turned), np.sin(turned), np.full(8, 0.2)], axis=1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    nodes = np.zeros(8, dtype=np.int64)
+    faces = _faces(nodes, normals)
+    assert 1 < len(np.unique(faces)) < 8
+    for order in np.random.default_rng(2).permuted(np.tile(np.arange(8), (20, 1)), axis=1):
+        assert np.array_equal(_faces(nodes, normals[order]), faces[order])
+    assert np.array_equal(_faces(nodes, -normals), faces)
