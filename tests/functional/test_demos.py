@@ -41,6 +41,8 @@ def test_script(
     capsys: pytest.CaptureFixture[str],
     shared_tmp_path: Path,
 ) -> None:
+    if script.parent != FOLDER and comm.size == 1:
+        pytest.skip("cases of the verification are tested once, on several ranks")
     results = shared_tmp_path / "results"
     if comm.rank == 0:  # of a first run, which the second one replaces
         results.mkdir()

@@ -230,7 +230,6 @@ def test_the_base_is_fine(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     assert solved(comm, path) == "solved"
 
 
-@pytest.mark.mpi3
 def test_case_files(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) -> None:
     """Wrong keys, types and values; most are refused without a mesh."""
 
@@ -297,7 +296,6 @@ def broken_values(draw: st.DrawFn) -> str:
     return document(table)
 
 
-@pytest.mark.mpi3
 def test_extreme_values_are_solved_or_refused(
     comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally
 ) -> None:
@@ -510,7 +508,6 @@ def test_output_folders(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally
     tally.show("output folders that cannot be")
 
 
-@pytest.mark.mpi3
 def test_result_folders(
     comm: MPI.Intracomm,
     shared_tmp_path: Path,

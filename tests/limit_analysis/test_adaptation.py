@@ -42,7 +42,6 @@ def count(tagged_mesh: TaggedMesh) -> int:
     return number
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("punch", [False, True])
 def test_footing(punch: bool, shared_tmp_path: Path) -> None:
     told: list[Round] = []

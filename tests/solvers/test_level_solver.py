@@ -22,7 +22,6 @@ from tests.models import PUNCH_LIMIT, l_plate_problem, punch_problem, two_blocks
 from tests.solvers.levels import SERIAL, TIGHT, TWO_BLOCKS_LIMIT, converged, stress_distance
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(
     ("build", "zetas"),
     [

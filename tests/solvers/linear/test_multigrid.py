@@ -23,7 +23,6 @@ from tests.solvers.linear.systems import (
 TIGHT = NewtonOptions(tolerance=1e-10)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(
     ("make", "levels", "most"),
     [
@@ -75,7 +74,6 @@ def test_iterations_hardly_grow_as_the_mesh_is_refined(multigrid: None) -> None:
     assert counts[1] <= 20
 
 
-@pytest.mark.mpi3
 def test_flow_makes_fewer_iterations_where_coarse_spaces_follow_it(
     multigrid: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
