@@ -24,8 +24,12 @@ from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.sparse_rows import Entries, entries_of, matrix_of_entries, unknowns
 from perfplast_fenicsx.errors import InputError, raise_together
 
-LONGEST_CHAIN = 8
+LONGEST_CHAIN = 60
 """Replaced unknowns may refer to replaced unknowns of other nodes, at most this many in a row."""
+
+FADED = 1e-16
+"""Where they refer to each other in a ring, as around an edge at which three bodies meet, this much
+of a displacement is nothing."""
 
 
 @dataclass(frozen=True)
@@ -200,14 +204,17 @@ def _choose(comm: MPI.Intracomm, host: Ints, coefficient: Floats) -> tuple[Longs
 
 
 def _resolve(Q: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """T with T = Q + P T: the sum of P^k Q, which ends as chains of contact do. Collective."""
+    """T with T = Q + P T: the sum of P^k Q. Collective.
+
+    It ends as chains of contact do, or fades where normals around a ring turn.
+    """
     T, term = Q.copy(), Q
     for _ in range(LONGEST_CHAIN):
         following = P.matMult(term)
         if term is not Q:
             term.destroy()
         term = following
-        if term.norm() == 0:
+        if term.norm(PETSc.NormType.NORM_INFINITY) <= FADED:
             term.destroy()
             return T
         T.axpy(1.0, term)

@@ -130,6 +130,31 @@ def test_any_rows_become_bounds(seed: int, comm: MPI.Intracomm) -> None:
 
 
 @pytest.mark.mpi3
+def test_rows_in_a_ring_fade_where_normals_turn(comm: MPI.Intracomm) -> None:
+    """Three nodes at the place where three bodies meet, each the guest of the one before."""
+    V = make_spaces(stacked_blocks(comm, 1).mesh, 1).V
+    first, owned = V.dofmap.index_map.local_range[0], V.dofmap.index_map.size_local
+    host = np.array([k for k in range(3) if 0 <= k - first < owned], dtype=np.int64)
+    every, normal = np.arange(len(host)), (np.eye(3) + 0.2)[host]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    constraints = make_constraints(
+        V,
+        (host - first).astype(np.int32),
+        np.zeros(len(host)),
+        normal,
+        np.zeros(len(host), dtype=np.int32),
+        [(every, host, normal), (every, (host + 1) % 3, -normal)],
+    )
+    fixed = np.zeros((owned + V.dofmap.index_map.num_ghosts, 3), bool)
+    basis = make_basis(V, constraints, fixed)
+    assert_inverse(basis)
+    y, u = basis.T.createVecs()
+    y.setRandom(PETSc.Random().create(comm))
+    basis.T.mult(y, u)
+    assert constraints.jumps(u) == pytest.approx(y.array[basis.index], abs=1e-12)
+
+
+@pytest.mark.mpi3
 def test_rows_in_a_ring_are_refused(comm: MPI.Intracomm) -> None:
     """Each node of the first two is the other's guest, along the same normal."""
     V = make_spaces(stacked_blocks(comm, 1).mesh, 1).V
