@@ -15,7 +15,15 @@ class Viewer {
     this.share = 1; // of the enlarged motion
     this.phase = 1; // of a mechanism that moves
     new ResizeObserver(() => this.redraw()).observe(canvas);
-    window.addEventListener("resize", () => this.redraw()); // its pixels may be smaller
+    window.addEventListener("resize", () => this.redraw());
+    this.watchPixels();
+  }
+
+  /** Redraw whenever the pixels of the screen become smaller or larger, as on another screen. */
+  watchPixels() {
+    const now = matchMedia(`(resolution: ${window.devicePixelRatio}dppx)`);
+    const changed = () => { this.watchPixels(); this.redraw(); };
+    now.addEventListener("change", changed, { once: true });
   }
 
   static async of(canvas, data, changed) {
