@@ -20,7 +20,7 @@ from perfplast_fenicsx.cli.run_log import logged_to_console
 from perfplast_fenicsx.cli.signals import leave_pipes_to_python
 from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
-from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.first_case import Glued
 from perfplast_fenicsx.io.case.case import read_case
 from perfplast_fenicsx.io.case.load_words import meaning
@@ -110,14 +110,15 @@ def follow(comm: MPI.Intracomm, results: str, output: str | None, wait: float) -
     Raises:
         InputError: If none come in that time.
     """
-    terminal, fault = Terminal(comm), None
-    if comm.rank == 0:
+    terminal = Terminal(comm)
+
+    def watch() -> None:
         try:
             Follower(Path(results), terminal, lambda: plot(results, output), wait).follow()
-        except InputError as error:
-            fault = str(error)
-        terminal.clear()
-    raise_together(comm, fault)
+        finally:
+            terminal.clear()
+
+    on_rank0(comm, watch)
     return SOLVED
 
 
@@ -133,18 +134,19 @@ def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) ->
     Raises:
         InputError: If there are no results, or nothing can be drawn.
     """
-    terminal, fault = Terminal(comm), None
-    if comm.rank == 0:
+    terminal = Terminal(comm)
+
+    def write() -> None:
         terminal.status("drawing")
         try:
             if command == "report":
                 terminal.say(str(write_report(results, output)))
             else:
                 {"plot": plot, "animate": animate}[command](results, output, terminal.say)
-        except InputError as error:
-            fault = str(error)
-        terminal.clear()
-    raise_together(comm, fault)
+        finally:
+            terminal.clear()
+
+    on_rank0(comm, write)
     return SOLVED
 
 

@@ -7,11 +7,13 @@ collective call.
 
 import difflib
 import math
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:  # what reads results for pictures starts no MPI
     from mpi4py import MPI
+
+T = TypeVar("T")
 
 LONGEST_MESSAGE = 3000
 """Characters of a message; of a longer one the middle is left out."""
@@ -99,6 +101,29 @@ def raise_together(comm: "MPI.Intracomm", message: str | None) -> None:
     found = [text for text in comm.allgather(message) if text is not None]
     if found:
         raise InputError(found[0])
+
+
+def on_rank0(comm: "MPI.Intracomm", action: Callable[[], T]) -> T | None:
+    """Do on rank 0 what may find bad input, which every rank then raises. Collective.
+
+    Args:
+        comm: The ranks.
+        action: What to do; it communicates with no other rank.
+
+    Returns:
+        What it returned on rank 0, None on the others.
+
+    Raises:
+        InputError: That of the action, on every rank.
+    """
+    result, fault = None, None
+    if comm.rank == 0:
+        try:
+            result = action()
+        except InputError as error:
+            fault = str(error)
+    raise_together(comm, fault)
+    return result
 
 
 def nearest(word: object, known: Iterable[str]) -> str:

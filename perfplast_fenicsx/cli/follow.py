@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from perfplast_fenicsx.cli.remaining import next_level, remaining
-from perfplast_fenicsx.cli.terminal import Terminal
+from perfplast_fenicsx.cli.terminal import Terminal, number
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.run_lock import ENDED, is_held
 
@@ -97,10 +97,10 @@ class Follower:
     def _show(self, summary: dict[str, Any]) -> None:
         """Show the levels that have come, and draw."""
         steps = summary["steps"]
-        for number, step in enumerate(steps[self._shown :], start=self._shown + 1):
-            seconds = [one["seconds"] for one in steps[:number]]
+        for count, step in enumerate(steps[self._shown :], start=self._shown + 1):
+            seconds = [one["seconds"] for one in steps[:count]]
             cells = (
-                *(number, _told(step["zeta"], ".6g"), _told(step["alpha"], ".6g")),
+                *(count, _told(step["zeta"], ".6g"), _told(step["alpha"], ".6g")),
                 _told(step["plastic_fraction"], ".1%"),
                 f"{step['active_contacts']}/{step['contact_pairs']}",
                 *(_told(step["duality_gap"], ".1e"), _told(step["seconds"], ".2f")),
@@ -134,7 +134,8 @@ class Follower:
             return f"The run was killed, with {levels}; --restart {self.folder} goes on."
         limit, failed = summary["limit"], [a for a in summary["steps"] if not a["converged"]]
         if limit is not None:
-            levels += f"; limit load between {limit['lower']:.6g} and {_number(limit['upper'])}"
+            levels += f"; limit load between {limit['lower']:.6g}"
+            levels += f" and {number(limit['upper'], 'none found')}"
         if failed:
             levels += f"; no solution at zeta = {failed[-1]['zeta']:.6g}"
         cause = next((a for a in ("interrupted by", "ended by", "ended: ") if a in before[-1]), "")
@@ -142,10 +143,6 @@ class Follower:
         return f"The run has ended{how}, with {levels}."
 
 
-def _told(number: float | None, digits: str) -> str:
+def _told(value: float | None, digits: str) -> str:
     """A number; one that is not finite is null on file."""
-    return "none" if number is None else f"{number:{digits}}"
-
-
-def _number(bound: float | None) -> str:
-    return "none found" if bound is None else f"{bound:.6g}"
+    return "none" if value is None else f"{value:{digits}}"

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.cli.terminal import Terminal
-from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.first_case import Glued, first_case
 from perfplast_fenicsx.geometry.kept_mesh import make_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
@@ -49,16 +49,17 @@ def mesh(
     Raises:
         InputError: If the file cannot be meshed, or the folder has a case file already.
     """
-    terminal, fault = Terminal(comm), None
-    if comm.rank == 0:
+    terminal = Terminal(comm)
+
+    def meshed() -> Survey:
         terminal.status(f"meshing {source}")
         try:
-            survey = _mesh(Path(source), Path(output), options, material, glued, force)
-        except InputError as error:
-            fault = str(error)
-        terminal.clear()
-    raise_together(comm, fault)
-    if comm.rank == 0:
+            return _mesh(Path(source), Path(output), options, material, glued, force)
+        finally:
+            terminal.clear()
+
+    survey = on_rank0(comm, meshed)
+    if survey is not None:
         terminal.say(describe(survey))
         case = Path(output) / CASE
         written = [name for name in (MESH, PICTURE, CASE) if (Path(output) / name).exists()]

@@ -14,7 +14,7 @@ from dolfinx.io.utils import cell_perm_gmsh, distribute_entity_data
 from dolfinx.mesh import CellType, Mesh, MeshTags, create_mesh, meshtags_from_entities
 
 from perfplast_fenicsx.arrays import Ints, Longs
-from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.mesh.gmsh_reader import GmshMesh, read_msh
 from perfplast_fenicsx.mesh.kinematics import KINDS, ON_AXIS, Kinematics
 from perfplast_fenicsx.parallel import bounding_box
@@ -135,14 +135,7 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) ->
         InputError: On every rank, for what :func:`gmsh_reader.read_msh` refuses,
             cells without a name, and named facets that are not facets of cells.
     """
-    data: GmshMesh | None = None
-    fault: str | None = None
-    if comm.rank == 0:
-        try:
-            data = read_msh(path, gdim)
-        except InputError as error:
-            fault = str(error)
-    raise_together(comm, fault)
+    data: GmshMesh | None = on_rank0(comm, lambda: read_msh(path, gdim))
     without_arrays = comm.bcast(data.without_arrays() if data else None)
     data = data or without_arrays
     gdim = data.gdim

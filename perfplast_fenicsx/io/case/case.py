@@ -16,7 +16,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.contact.tie import Tie
-from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.loading_checks import check_loading
 from perfplast_fenicsx.io.case.loading_options import (
@@ -200,14 +200,8 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
             a wrong type or outside their range.
     """
     path = Path(path)
-    text, fault = "", None
-    if comm.rank == 0:
-        try:
-            text = read_text(path)
-        except InputError as error:
-            fault = str(error)
-    raise_together(comm, fault)
-    return _case(path, comm.bcast(text))
+    text: str = comm.bcast(on_rank0(comm, lambda: read_text(path)))
+    return _case(path, text)
 
 
 def _case(path: Path, text: str) -> Case:

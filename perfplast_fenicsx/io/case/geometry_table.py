@@ -5,7 +5,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.kept_mesh import keep_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
@@ -37,13 +37,8 @@ class GeometryFile:
         Raises:
             InputError: If the file cannot be read or meshed.
         """
-        fault, mesh = None, case.with_suffix(".msh")
-        if comm.rank == 0:
-            try:
-                keep_mesh(case.parent / self.file, mesh, self.options)
-            except InputError as error:
-                fault = str(error)
-        raise_together(comm, fault)
+        mesh = case.with_suffix(".msh")
+        on_rank0(comm, lambda: keep_mesh(case.parent / self.file, mesh, self.options))
         return read_gmsh(comm, mesh)
 
 
