@@ -170,7 +170,7 @@ def test_thick_sphere(read: Read) -> None:
 
 
 def test_press_fit_of_tubes(read: Read) -> None:
-    """Radii 1, 1.5, 2.5, interference ζ, E 2e5, ν 0.3, plane strain: by Lamé 46.514332 for 1.5e-3."""
+    """Radii 1, 1.5, 2.5, overlap ζ, E 2e5, ν 0.3, plane strain: by Lamé 46.514332 for 1.5e-3."""
     tubes = read(write_ring, outer=2.5, height=0.3, interface=1.5, size=0.3).turned()
     steel = VonMises(2e5, 0.3, 1e3)
     problem = Problem(
