@@ -21,6 +21,7 @@ CASES = (
     "thick_tube",
     "axisymmetry",
     "autofrettage",
+    "tension_and_shear",
     "strip_footing",
     "rigid_footing",
     "torsion",
