@@ -4,7 +4,7 @@ import time
 from dataclasses import dataclass
 
 from perfplast_fenicsx.cli.run_log import RunLog
-from perfplast_fenicsx.cli.signals import Interrupts
+from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.system_info import petsc_options, versions
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.io.case.case import Case
@@ -82,7 +82,7 @@ class Recorder:
         summary.case = {"file": str(case.path), "text": case.text}
         summary.surroundings = {"versions": versions(), "petsc_options": petsc_options()}
         self._announce()
-        run.interrupts.check()
+        self._heed_signals()
         self._solving = time.perf_counter()
 
     def plan(self, levels: int) -> None:
@@ -103,7 +103,7 @@ class Recorder:
         """
         self._run.terminal.iteration(record)
         self._run.journal.iteration(record)
-        self._run.interrupts.check()
+        self._heed_signals()
 
     def interior(self, step: InteriorStep) -> None:
         """Show and log a step of the interior point method; a monitor of it. Collective.
@@ -113,7 +113,7 @@ class Recorder:
         """
         self._run.terminal.interior(step)
         self._run.journal.interior(step)
-        self._run.interrupts.check()
+        self._heed_signals()
 
     def mesh(self, round_: Round) -> None:
         """Show and log the bounds on a mesh of several; a monitor of these. Collective.
@@ -123,7 +123,7 @@ class Recorder:
         """
         self._run.terminal.mesh(round_)
         self._run.journal.mesh(round_)
-        self._run.interrupts.check()
+        self._heed_signals()
 
     def level(self, level: Level, search: Search | None = None) -> None:
         """Write a level, and a checkpoint if it is solved. Collective.
@@ -150,7 +150,7 @@ class Recorder:
                 self._run.checkpoints.write(now)
         self._solving = time.perf_counter()
         self._announce()
-        self._run.interrupts.check()
+        self._heed_signals()
 
     def limit(
         self,
@@ -180,6 +180,15 @@ class Recorder:
     def elapsed(self) -> float:
         """Wall time of the run, with what it has gone on from (s)."""
         return time.perf_counter() - self._began
+
+    def _heed_signals(self) -> None:
+        """End the run where a signal has come; the results say which. Collective."""
+        try:
+            self._run.interrupts.check()
+        except Interrupted as interrupted:
+            self.results.summary.interrupted = str(interrupted)
+            self.results.write()
+            raise
 
     def _announce(self) -> None:
         direct = self._run.method == LimitMethod.INTERIOR_POINT

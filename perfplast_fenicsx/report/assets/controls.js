@@ -10,8 +10,8 @@ function drawAxes(camera) {
   const colours = ["#9c1c1c", "#14592f", "#1f4f8a"];
   part("axes").innerHTML = names.map((name, k) => {
     const [x, y] = [34 * u[k], -34 * v[k]];
-    return `<g opacity="${w[k] < -0.3 ? 0.5 : 1}"><line x2="${x}" y2="${y}" stroke="${colours[k]}"` +
-      ` stroke-width="3"/><text x="${1.25 * x}" y="${1.25 * y + 5}" fill="${colours[k]}"` +
+    return `<g><line x2="${x}" y2="${y}" stroke="${colours[k]}"` +
+      ` stroke-width="${w[k] < -0.3 ? 1.5 : 3}"/><text x="${1.25 * x}" y="${1.25 * y + 5}" fill="${colours[k]}"` +
       ` text-anchor="middle">${name}</text></g>`;
   }).join("");
 }

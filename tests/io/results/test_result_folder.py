@@ -48,6 +48,7 @@ SUMMARY_KEYS = [
     "peak_memory_mb",
     "units",
     "planned",
+    "interrupted",
 ]
 
 
