@@ -1,5 +1,6 @@
 """What is written and shown of a run, level by level; where a run that was ended goes on."""
 
+import logging
 import time
 from dataclasses import dataclass
 
@@ -19,6 +20,8 @@ from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMetho
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -182,10 +185,16 @@ class Recorder:
         return time.perf_counter() - self._began
 
     def _heed_signals(self) -> None:
-        """End the run where a signal has come; the results say which. Collective."""
+        """End the run where a signal has come; log and results say which. Collective."""
         try:
             self._run.interrupts.check()
         except Interrupted as interrupted:
+            direct = self._run.method == LimitMethod.INTERIOR_POINT
+            told = "nothing is lost; begin anew" if direct else "what is solved is on file; go on"
+            log.warning(
+                "interrupted by %s, %s with: perfplast run %s --restart %s",
+                *(interrupted, told, self._run.case.path, self._run.folder.path),
+            )
             self.results.summary.interrupted = str(interrupted)
             self.results.write()
             raise
