@@ -1,11 +1,10 @@
 """What is written and shown of a run, level by level; where a run that was ended goes on."""
 
-import logging
 import time
 from dataclasses import dataclass
 
 from perfplast_fenicsx.cli.run_log import RunLog
-from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
+from perfplast_fenicsx.cli.signals import Interrupts
 from perfplast_fenicsx.cli.system_info import petsc_options, versions
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.io.case.case import Case
@@ -20,8 +19,6 @@ from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMetho
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -85,7 +82,7 @@ class Recorder:
         summary.case = {"file": str(case.path), "text": case.text}
         summary.surroundings = {"versions": versions(), "petsc_options": petsc_options()}
         self._announce()
-        self._heed_signals()
+        run.interrupts.check()
         self._solving = time.perf_counter()
 
     def plan(self, levels: int) -> None:
@@ -106,7 +103,7 @@ class Recorder:
         """
         self._run.terminal.iteration(record)
         self._run.journal.iteration(record)
-        self._heed_signals()
+        self._run.interrupts.check()
 
     def interior(self, step: InteriorStep) -> None:
         """Show and log a step of the interior point method; a monitor of it. Collective.
@@ -116,7 +113,7 @@ class Recorder:
         """
         self._run.terminal.interior(step)
         self._run.journal.interior(step)
-        self._heed_signals()
+        self._run.interrupts.check()
 
     def mesh(self, round_: Round) -> None:
         """Show and log the bounds on a mesh of several; a monitor of these. Collective.
@@ -126,7 +123,7 @@ class Recorder:
         """
         self._run.terminal.mesh(round_)
         self._run.journal.mesh(round_)
-        self._heed_signals()
+        self._run.interrupts.check()
 
     def level(self, level: Level, search: Search | None = None) -> None:
         """Write a level, and a checkpoint if it is solved. Collective.
@@ -153,7 +150,7 @@ class Recorder:
                 self._run.checkpoints.write(now)
         self._solving = time.perf_counter()
         self._announce()
-        self._heed_signals()
+        self._run.interrupts.check()
 
     def limit(
         self,
@@ -183,21 +180,6 @@ class Recorder:
     def elapsed(self) -> float:
         """Wall time of the run, with what it has gone on from (s)."""
         return time.perf_counter() - self._began
-
-    def _heed_signals(self) -> None:
-        """End the run where a signal has come; log and results say which. Collective."""
-        try:
-            self._run.interrupts.check()
-        except Interrupted as interrupted:
-            direct = self._run.method == LimitMethod.INTERIOR_POINT
-            told = "nothing is lost; begin anew" if direct else "what is solved is on file; go on"
-            log.warning(
-                "interrupted by %s, %s with: perfplast run %s --restart %s",
-                *(interrupted, told, self._run.case.path, self._run.folder.path),
-            )
-            self.results.summary.interrupted = str(interrupted)
-            self.results.write()
-            raise
 
     def _announce(self) -> None:
         direct = self._run.method == LimitMethod.INTERIOR_POINT

@@ -103,6 +103,13 @@ def run(
             try:
                 status = _solve(context, solver, stages)
             except Interrupted as interrupted:
+                told = (
+                    "what is solved is on file; go on" if solver else "nothing is lost; begin anew"
+                )
+                log.warning(
+                    "interrupted by %s, %s with: perfplast run %s --restart %s",
+                    *(interrupted, told, path, output),
+                )
                 status = interrupted.status
             if report and (page := report_on(folder)) is not None:
                 terminal.say(f"Report: {page}")

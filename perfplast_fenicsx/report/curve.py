@@ -170,9 +170,11 @@ def ticks(low: float, high: float, most: int = 7) -> list[float]:
 
 
 def far_ticks(near: float, top: float) -> list[float]:
-    """0 and powers of ten, from about ``near`` to ``top``."""
+    """0 and powers of ten, from about ``near`` to ``top``; of few of them, numbers between."""
     first, last = math.ceil(math.log10(near)), math.floor(math.log10(top))
-    return [0.0, *(10.0**power for power in range(first, last + 1))]
+    steps = (1, 2, 5) if last - first < 2 else (1,)
+    found = [step * 10.0**power for power in range(first - 1, last + 1) for step in steps]
+    return [0.0, *(a for a in found if near <= a * (1 + 1e-9) and a <= top * (1 + 1e-9))]
 
 
 def _axis(far: float) -> Callable[[float], float]:

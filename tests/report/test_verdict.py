@@ -24,10 +24,10 @@ def of_levels(
 ) -> Verdict:
     scene = Scene("", driven=driven)
     case_file = {"file": "a.toml"} if case else {}
-    summary = SimpleNamespace(
-        given=given, units={}, planned=planned, case=case_file, interrupted=interrupted
+    summary = SimpleNamespace(given=given, units={}, planned=planned, case=case_file)
+    reader = SimpleNamespace(
+        limit=None, reports=reports, scene=scene, summary=summary, interrupted=interrupted
     )
-    reader = SimpleNamespace(limit=None, reports=reports, scene=scene, summary=summary)
     return verdict_on(reader)  # type: ignore[arg-type]
 
 

@@ -26,7 +26,6 @@ class Summary:
         units: The unit of each quantity (:meth:`units.Units.table`); nothing of a Python program
             without a scene.
         planned: Levels of the whole run; None where it chooses them as it goes.
-        interrupted: The signal that has ended the run, such as ``SIGTERM``; empty if none has.
     """
 
     title: str
@@ -45,7 +44,6 @@ class Summary:
     peak_memory_mb: float = 0.0
     units: dict[str, str] = field(default_factory=dict)
     planned: int | None = None
-    interrupted: str = ""
 
 
 def to_json(value: Any) -> str:

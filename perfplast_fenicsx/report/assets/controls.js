@@ -134,7 +134,7 @@ function connect(viewer) {
     ",": () => step(-1), ".": () => step(1), p: play, h: hide, a: all,
   });
   const first = states.findIndex((state) => state.mechanism);
-  viewer.field = fields[0] ?? null;
+  viewer.field = fields.find((field) => field.name in data.states.at(-1).fields) ?? null;
   part("field").value = viewer.field?.name ?? "";
   say("Click a body to see its name.");
   return go(first < 0 ? states.length - 1 : first).then(() => canvas.setAttribute("data-ready", ""));

@@ -48,7 +48,6 @@ SUMMARY_KEYS = [
     "peak_memory_mb",
     "units",
     "planned",
-    "interrupted",
 ]
 
 
