@@ -147,7 +147,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         " DIR/case.msh and DIR/case.toml, in which materials, supports and loads are to be filled"
         " in. Lengths are in mm for STEP files.",
     )
-    mesh.add_argument("geometry", metavar="FILE", help=".step, .stp, .brep, .iges, .igs or .geo")
+    mesh.add_argument("geometry", metavar="DRAWING", help=".step, .stp, .brep, .iges, .igs or .geo")
     mesh.add_argument("-o", "--output", metavar="DIR", required=True, help="folder to write to")
     mesh.add_argument("--size", metavar="H", type=float, help="largest edge length")
     mesh.add_argument(
@@ -240,7 +240,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     )
     report.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
     report.add_argument(
-        "-o", "--output", metavar="FILE", help="the page (default: DIR/report.html)"
+        "-o", "--output", metavar="PAGE", help="the page (default: DIR/report.html)"
     )
 
     materials = commands.add_parser(

@@ -58,7 +58,7 @@ def run(
         terminal: What is shown.
         log_level: What is in ``run.log`` beside what always is (:class:`run_log.RunLog`).
         restart: Go on from the last level that is solved in the folder.
-        report: Write ``report.html`` at the end.
+        report: Write ``report.html`` at the end, also where a signal is what ends the run.
 
     Returns:
         :data:`SOLVED`, :data:`NO_SOLUTION` where a level has none, or the status of an interrupt.
@@ -102,9 +102,6 @@ def run(
             )
             try:
                 status = _solve(context, solver, stages)
-                if report and (page := report_on(folder)) is not None:
-                    terminal.say(f"Report: {page}")
-                return status
             except Interrupted as interrupted:
                 told = (
                     "what is solved is on file; go on" if solver else "nothing is lost; begin anew"
@@ -113,7 +110,10 @@ def run(
                     "interrupted by %s, %s with: perfplast run %s --restart %s",
                     *(interrupted, told, path, output),
                 )
-                return interrupted.status
+                status = interrupted.status
+            if report and (page := report_on(folder)) is not None:
+                terminal.say(f"Report: {page}")
+            return status
 
 
 def _on_friction(problem: Problem) -> list[str]:

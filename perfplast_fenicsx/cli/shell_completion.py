@@ -4,7 +4,12 @@ import argparse
 import os
 from typing import Any
 
-ENDINGS = {"CASE.toml": ("toml",), "FILE": ("gif", "webp")}
+ENDINGS = {
+    "CASE.toml": ("toml",),
+    "DRAWING": ("step", "stp", "brep", "iges", "igs", "geo"),
+    "FILE": ("gif", "webp"),
+    "PAGE": ("html",),
+}
 """Of the files that arguments name, by metavar."""
 
 FOLDERS = ("DIR", "FOLDER")

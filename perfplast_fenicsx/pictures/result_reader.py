@@ -7,6 +7,7 @@ does not disturb it. HDF5's locks are not used, since some file systems have non
 import csv
 import dataclasses
 import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -119,6 +120,14 @@ class ResultReader:
     def summary(self) -> Summary:
         """The content of ``summary.json``."""
         return convert(self._json("summary.json"), Summary, str(self.path / "summary.json"))
+
+    @cached_property
+    def interrupted(self) -> str:
+        """The signal that has ended the run, such as SIGTERM; empty if none has."""
+        log = self.path / "run.log"
+        text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
+        signal = re.search(r"WARNING interrupted by (\w+)", "\n".join(text.splitlines()[-2:]))
+        return signal[1] if signal else ""
 
     @property
     def scene(self) -> Scene:

@@ -10,9 +10,33 @@ from perfplast_fenicsx.pictures.result_reader import StoredLimit
 from perfplast_fenicsx.problem.report import LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
-WIDTH, HEIGHT, LEFT, BOTTOM, EDGE = 640, 360, 72, 46, 14
+BOTTOM, EDGE = 46, 14
 COLOURS = ("#1f5a99", "#a34700", "#1b6e3c", "#7a3b8f", "#5b5b00", "#9c1c3a")
 MARKS = ("circle", "square", "diamond")
+DASHES = ("", "8 4", "2 3")
+"""Of curves: three with each, so that none differ by their colour alone."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """What is drawn on; its lengths are pixels where it has room.
+
+    Attributes:
+        name: Class of the drawing, by which the page chooses.
+        width: Of all.
+        height: Of all.
+        left: Room for the numbers of the axis at the left.
+        most: Numbers along x.
+    """
+
+    name: str
+    width: int
+    height: int
+    left: int
+    most: int
+
+
+WIDE, NARROW = Sheet("wide", 640, 360, 72, 7), Sheet("narrow", 358, 300, 62, 4)
 
 
 @dataclass(frozen=True)
@@ -90,8 +114,9 @@ def _bounds(limit: StoredLimit | None) -> tuple[tuple[float, float] | None, str]
     return None if limit.upper is None else (limit.lower, limit.upper), "limit load of the mesh"
 
 
-def to_svg(curve: Curve) -> str:
+def to_svg(curve: Curve, sheet: Sheet = WIDE) -> str:
     """The drawing, with a text for those who do not see it."""
+    left, right, foot = sheet.left, sheet.width - EDGE, sheet.height - BOTTOM
     x_of = _axis(curve.far)
     xs = [x_of(a) for line in curve.lines for a in line.x] + [0.0]
     ys = [a for line in curve.lines for a in line.y] + [0.0, *(curve.band or ())]
@@ -100,39 +125,37 @@ def to_svg(curve: Curve) -> str:
     def place(x: float, y: float) -> tuple[float, float]:
         across = (x_of(x) - x_low) / (x_high - x_low)
         up = (y - y_low) / (y_high - y_low)
-        tall = HEIGHT - BOTTOM - EDGE
-        return LEFT + across * (WIDTH - LEFT - EDGE), HEIGHT - BOTTOM - up * tall
+        return left + across * (right - left), foot - up * (foot - EDGE)
 
     top = max(max(line.x) for line in curve.lines)
-    right, foot = WIDTH - EDGE, HEIGHT - BOTTOM
-    parts = []
-    for x in far_ticks(curve.far, top) if curve.far else ticks(x_low, x_high):
+    parts = [_frame(left, right, foot)]
+    for x in far_ticks(curve.far, top) if curve.far else ticks(x_low, x_high, sheet.most):
         at, _ = place(x, y_low)
         parts.append(f'<path class="grid" d="M{at:.1f} {EDGE}V{foot}"/>')
         parts.append(f'<text x="{at:.1f}" y="{foot + 16}" class="mid">{x:.6g}</text>')
     for y in ticks(y_low, y_high):
         _, at = place(0.0, y)
-        parts.append(f'<path class="grid" d="M{LEFT} {at:.1f}H{right}"/>')
-        parts.append(f'<text x="{LEFT - 6}" y="{at + 4:.1f}" class="end">{y:.6g}</text>')
+        parts.append(f'<path class="grid" d="M{left} {at:.1f}H{right}"/>')
+        parts.append(f'<text x="{left - 6}" y="{at + 4:.1f}" class="end">{y:.6g}</text>')
     if curve.band is not None:
         (_, low), (_, high) = (place(0.0, a) for a in curve.band)
         tall = max(low - high, 2.0)
         parts.append(
-            f'<rect class="band" x="{LEFT}" y="{high:.1f}" width="{WIDTH - LEFT - EDGE}"'
-            f' height="{tall:.1f}"/><text x="{LEFT + 8}" y="{high - 5:.1f}">{curve.band_words}:'
+            f'<rect class="band" x="{left}" y="{high:.1f}" width="{right - left}"'
+            f' height="{tall:.1f}"/><text x="{left + 8}" y="{high - 5:.1f}">{curve.band_words}:'
             f" {rounded_down(curve.band[0])} to {rounded_up(curve.band[1])}</text>"
         )
     for number, line in enumerate(curve.lines):
-        parts.append(_drawn(line, number, place))
+        parts.append(_drawn(line, number, place, left))
     parts.append(
-        f'<text class="mid" x="{(LEFT + WIDTH) / 2}" y="{HEIGHT - 8}">'
+        f'<text class="mid" x="{(left + right) / 2}" y="{sheet.height - 8}">'
         f"{escape(curve.x_label)}</text>"
-        f'<text class="mid" transform="translate(16 {HEIGHT / 2 - 16}) rotate(-90)">'
+        f'<text class="mid" transform="translate(16 {(foot + EDGE) / 2}) rotate(-90)">'
         f"{escape(curve.y_label)}</text>"
     )
     words = f"{curve.y_label} over {curve.x_label}; the numbers are in the table of levels"
     return (
-        f'<svg class="curve" viewBox="0 0 {WIDTH} {HEIGHT}" role="img"'
+        f'<svg class="curve {sheet.name}" viewBox="0 0 {sheet.width} {sheet.height}" role="img"'
         f' aria-label="{escape(words)}">{"".join(parts)}</svg>'
     )
 
@@ -147,9 +170,11 @@ def ticks(low: float, high: float, most: int = 7) -> list[float]:
 
 
 def far_ticks(near: float, top: float) -> list[float]:
-    """0 and powers of ten, from about ``near`` to ``top``."""
+    """0 and powers of ten, from about ``near`` to ``top``; of few of them, numbers between."""
     first, last = math.ceil(math.log10(near)), math.floor(math.log10(top))
-    return [0.0, *(10.0**power for power in range(first, last + 1))]
+    steps = (1, 2, 5) if last - first < 2 else (1,)
+    found = [step * 10.0**power for power in range(first - 1, last + 1) for step in steps]
+    return [0.0, *(a for a in found if near <= a * (1 + 1e-9) and a <= top * (1 + 1e-9))]
 
 
 def _axis(far: float) -> Callable[[float], float]:
@@ -164,20 +189,30 @@ def _range(values: Sequence[float]) -> tuple[float, float]:
     return low - room * (low < 0), high + room
 
 
-def _drawn(line: Line, number: int, place: Callable[[float, float], tuple[float, float]]) -> str:
+def _frame(left: int, right: int, foot: int) -> str:
+    """The axes at the left and below."""
+    return f'<path class="frame" d="M{left} {EDGE}V{foot}H{right}"/>'
+
+
+def _drawn(
+    line: Line, number: int, place: Callable[[float, float], tuple[float, float]], left: int
+) -> str:
     """A curve with a mark at each point, whose words are shown below the mouse."""
     colour, shape = COLOURS[number % len(COLOURS)], MARKS[number % len(MARKS)]
     points = [place(x, y) for x, y in zip(line.x, line.y, strict=True)]
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-    parts = [f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="2"/>']
+    dash = DASHES[number // len(MARKS) % len(DASHES)]
+    stroke = f'fill="none" stroke="{colour}" stroke-width="2" stroke-dasharray="{dash}"'
+    parts = [f'<polyline points="{path}" {stroke}/>']
     told = zip(points, line.words, line.x, line.y, strict=True)
     for (x, y), words, value_x, value_y in told:
         title = f"<title>{escape(words)}: {value_y:.6g} at {value_x:.6g}</title>"
         parts.append(_mark(shape, x, y, colour, title))
     if line.name:
-        at_x, at_y = LEFT + 12, EDGE + 18 + 18 * number
+        at_x, at_y = left + 24, EDGE + 18 + 18 * number
+        parts.append(f'<path d="M{at_x - 16} {at_y}h32" {stroke}/>')
         parts.append(_mark(shape, at_x, at_y, colour, ""))
-        parts.append(f'<text x="{at_x + 12}" y="{at_y + 4}">{escape(line.name)}</text>')
+        parts.append(f'<text x="{at_x + 22}" y="{at_y + 4}">{escape(line.name)}</text>')
     return "".join(parts)
 
 

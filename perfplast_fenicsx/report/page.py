@@ -8,7 +8,7 @@ from string import Template
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
-from perfplast_fenicsx.report.curve import curve_of, to_svg
+from perfplast_fenicsx.report.curve import NARROW, curve_of, to_svg
 from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import GRADES, TIGHT, level_table, pairs, reaction_table
 from perfplast_fenicsx.report.verdict import Verdict, verdict_on
@@ -33,7 +33,7 @@ def page_of(reader: ResultReader, view: View) -> str:
         view: What is shown of the bodies.
 
     Raises:
-        InputError: If the results cannot be read.
+        InputError: If a file of the results cannot be read.
     """
     summary, scene = reader.summary, reader.scene
     staged = any(step.get("stage") for step in summary.steps)
@@ -82,7 +82,9 @@ def _view(view: View) -> str:
 def _curve(reader: ResultReader) -> str:
     unit = reader.summary.units.get("work", "")
     curve = curve_of(reader.reports, reader.limit, reader.scene.driven, unit)
-    return _section("curve", "The curve", "" if curve is None else to_svg(curve))
+    return _section(
+        "curve", "The curve", "" if curve is None else to_svg(curve) + to_svg(curve, NARROW)
+    )
 
 
 def _levels(reader: ResultReader) -> str:

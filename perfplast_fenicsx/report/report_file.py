@@ -8,6 +8,7 @@ from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.page import page_of
+from perfplast_fenicsx.report.stored_summary import check_summary
 from perfplast_fenicsx.report.view_data import view_data
 
 if TYPE_CHECKING:
@@ -35,8 +36,8 @@ def write_report(folder: str | Path, output: str | Path | None = None) -> Path:
     target = Path(output) if output else reader.path / NAME
     if target.is_dir():
         raise InputError(f"the report '{target}' is a folder; give -o the name of a file.")
-    view = view_data(reader)
-    page = reader.read("summary.json", lambda _: page_of(reader, view))
+    check_summary(reader)
+    page = page_of(reader, view_data(reader))
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         replace(target, page.encode())

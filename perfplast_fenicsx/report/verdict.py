@@ -97,6 +97,8 @@ def _of_levels(reader: ResultReader) -> Verdict:
     solved = [report for report in reports if report.converged]
     if not reports:
         sentence = "Nothing is solved yet: the run is at its first step, or was stopped there."
+        if signal := reader.interrupted:
+            sentence = f"Nothing is solved: the run was interrupted ({signal}) at its first step."
         return Verdict("open", sentence, [])
     last = reports[-1]
     details = []
@@ -119,7 +121,9 @@ def _of_levels(reader: ResultReader) -> Verdict:
     if _stopped(reader.summary, len(reports)):
         planned = reader.summary.planned
         what = f"{len(reports)} of {planned} steps are" if planned else "the limit load is not"
-        sentence = f"{_so_far(last, driven)}; {what} found, and the run goes on or was stopped."
+        signal = reader.interrupted
+        state = f"was interrupted ({signal})" if signal else "goes on or was stopped"
+        sentence = f"{_so_far(last, driven)}; {what} found, and the run {state}."
         return Verdict("open", sentence, details)
     if last.stage:
         stages = len({report.stage for report in reports if report.stage})

@@ -19,7 +19,9 @@ LINES = {
     "perfplast run x --log-level ": {"debug", "info", "warning", "error"},
     "perfplast run ": {"case.toml", "results/"},
     "perfplast plot ": {"results/"},
+    "perfplast mesh ": {"part.step", "results/"},
     "perfplast animate results -o ": {"old.gif", "results/"},
+    "perfplast report results -o ": {"page.html", "results/"},
 }
 """What has been typed, and all words without dashes, or all words, that fit."""
 
@@ -53,7 +55,7 @@ def test_completion(comm: MPI.Intracomm, tmp_path: Path) -> None:
     pytest.importorskip("argcomplete")
     if comm.size > 1:
         pytest.skip("a program that uses MPI cannot start another")
-    for name in ("case.toml", "notes.txt", "old.gif"):
+    for name in ("case.toml", "notes.txt", "old.gif", "page.html", "part.step"):
         (tmp_path / name).touch()
     (tmp_path / "results").mkdir()
     done = subprocess.run(

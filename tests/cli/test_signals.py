@@ -120,7 +120,7 @@ def test_one_rank_is_ended_and_others_go_on(whole: tuple[Path, Path], tmp_path: 
     assert status != SOLVED
     assert len(path_of(folder)) == 5
 
-    run = Run(2, Moment(3, ranks=(1,)), tmp_path, case, "--restart", folder)
+    run = Run(2, Moment(3, ranks=(1,)), tmp_path, case, "--restart", folder, "--report")
     (rank,) = run.wait()
     os.kill(rank, signal.SIGTERM)
     status, err = run.ended()
@@ -128,6 +128,8 @@ def test_one_rank_is_ended_and_others_go_on(whole: tuple[Path, Path], tmp_path: 
     assert f"perfplast run {case} --restart {folder}" in err
     assert "Traceback" not in err
     assert len(path_of(folder)) == 5 + 3  # the level that had been solved is kept
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "8 of 16 steps are found, and the run was interrupted (SIGTERM)." in page
 
     assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
     same_path(folder, whole[1])

@@ -18,7 +18,7 @@ GALLERY = Path(__file__).resolve().parents[2] / "docs" / "gallery"
 COARSE = {
     "bolted_bracket": {
         "size = 12.0": "size = 40.0\ncurvature = 4",
-        "bracket = 7.0": "bracket = 40.0",
+        "bracket = 5.0": "bracket = 40.0",
         "degree = 2": "degree = 1",
     },
     "lug": {"size = 5.0": "size = 9.0\ncurvature = 6"},

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED
 from tests.functional.test_command_line import CASE, one_line, write
 
 PATIENCE = 120
@@ -71,9 +71,13 @@ def change(folder: Path, **values: Any) -> None:
         (shutil.rmtree, [], "does not exist; give the DIR of perfplast run"),
         (lambda path: (path / "scene.json").unlink(), [], "has no scene.json"),
         (lambda path: (path / "summary.json").write_text("{"), [], "cannot be read"),
-        (lambda path: (path / "summary.json").write_text("{}"), [], "'title' is missing"),
-        (lambda path: change(path, mesh={}), [], "summary.json' cannot be read (cells)"),
-        (lambda path: change(path, limit={"lower": 1.0}), [], "cannot be read (estimate)"),
+        (
+            lambda path: (path / "summary.json").write_text("{}"),
+            [],
+            "cannot be read (Object missing",
+        ),
+        (lambda path: change(path, mesh={}), [], "summary.json' cannot be read (Object missing"),
+        (lambda path: change(path, limit={"lower": 1.0}), [], "cannot be read (Object missing"),
         (lambda path: (path / "fields/level_0002.vtkhdf").write_text("a"), [], "cannot be read"),
         (lambda path: (path / "model.json").touch(), [], "has model.json, so its results are"),
         (lambda path: None, ["-o", "/dev/null/a.html"], "cannot be written"),
@@ -95,6 +99,24 @@ def test_what_cannot_be_reported(
     comm.barrier()
     assert main(["report", str(folder), *more]) == BAD_INPUT
     assert part in one_line(comm, capsys)
+
+
+def test_a_fault_of_the_program_is_told_as_one(
+    results: Path,
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    if comm.size > 1:
+        pytest.skip("a fault of the program ends all ranks")
+
+    def faulty(_: object) -> None:
+        raise KeyError("cells")
+
+    monkeypatch.setattr("perfplast_fenicsx.report.page.verdict_on", faulty)
+    assert main(["report", str(results), "-o", str(results / "other.html")]) == FAULT
+    assert "KeyError: 'cells'" in capsys.readouterr().err
+    assert not (results / "other.html").exists()
 
 
 @pytest.fixture
@@ -218,6 +240,8 @@ def test_in_a_browser(results: Path, browser: Any) -> None:
     page.wait("innerWidth === 390")
     assert page("document.documentElement.scrollWidth") <= 390
     page.wait("document.getElementById('canvas').width === 2 * canvas.clientWidth")
+    height = "document.querySelector('.curve.narrow text').getBoundingClientRect().height"
+    assert page(height) > 11
     narrow = page.pixels()
     assert 0.05 < (narrow.min(axis=2) < 250).mean() < 0.95
 

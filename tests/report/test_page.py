@@ -9,7 +9,7 @@ import pytest
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.result_reader import StoredLimit
 from perfplast_fenicsx.report.case_words import CaseWords
-from perfplast_fenicsx.report.curve import curve_of, far_ticks, ticks, to_svg
+from perfplast_fenicsx.report.curve import NARROW, curve_of, far_ticks, ticks, to_svg
 from perfplast_fenicsx.report.field_words import words_of
 from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import grade, level_table, pairs, reaction_table
@@ -115,6 +115,9 @@ def test_a_curve() -> None:
     assert (x[1] - x[0]) * 2 == pytest.approx(x[2] - x[1], abs=0.3)
     assert y[0] - y[1] == pytest.approx(y[1] - y[2], abs=0.3)
     assert curve_of(reports[2:], None, False, "") is None
+    narrow = to_svg(curve, NARROW)
+    assert narrow.count("<circle") == 3
+    assert max(float(x) for x in re.findall(r'cx="([\d.]+)"', narrow)) <= NARROW.width
     endless = [*reports, report(3.0, alpha=np.inf, **plain)]
     assert curve_of(endless, StoredLimit(2.0, 2.1, 2.2, {}), False, "J") == curve
     staged = curve_of([report(1.0), report(2.0)], None, False, "")
@@ -130,6 +133,7 @@ def test_a_curve_that_goes_far_is_shown_near_its_start() -> None:
     x = [float(a) for a in re.findall(r'cx="([\d.]+)"', to_svg(curve))]
     assert x[1] - x[0] > 0.1 * (x[-1] - x[0])
     assert far_ticks(1.0, 1000.0) == pytest.approx([0, 1, 10, 100, 1000])
+    assert far_ticks(0.03, 0.9) == pytest.approx([0, 0.05, 0.1, 0.2, 0.5])
 
 
 @pytest.mark.parametrize(("low", "high"), [(0, 1), (-3, 7e6), (-1e-9, 0), (99, 101)])

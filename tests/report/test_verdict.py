@@ -19,12 +19,15 @@ def of_levels(
     driven: bool = False,
     planned: int | None = None,
     case: bool = False,
+    interrupted: str = "",
     **given: Any,
 ) -> Verdict:
     scene = Scene("", driven=driven)
     case_file = {"file": "a.toml"} if case else {}
     summary = SimpleNamespace(given=given, units={}, planned=planned, case=case_file)
-    reader = SimpleNamespace(limit=None, reports=reports, scene=scene, summary=summary)
+    reader = SimpleNamespace(
+        limit=None, reports=reports, scene=scene, summary=summary, interrupted=interrupted
+    )
     return verdict_on(reader)  # type: ignore[arg-type]
 
 
@@ -85,6 +88,9 @@ def test_runs_that_have_not_come_to_their_end() -> None:
         "The bodies carry ζ = 8 on this mesh; 2 of 5 steps are found, and the run goes on or was"
         " stopped."
     )
+    killed = of_levels(plain(4.0), plain(8.0), planned=5, case=True, interrupted="SIGTERM")
+    assert killed.sentence.endswith("found, and the run was interrupted (SIGTERM).")
+    assert "interrupted (SIGINT) at its first" in of_levels(interrupted="SIGINT").sentence
     search = of_levels(plain(4.0), case=True)
     assert search.mark == "open"
     assert "the limit load is not found" in search.sentence

@@ -10,8 +10,8 @@ function drawAxes(camera) {
   const colours = ["#9c1c1c", "#14592f", "#1f4f8a"];
   part("axes").innerHTML = names.map((name, k) => {
     const [x, y] = [34 * u[k], -34 * v[k]];
-    return `<g opacity="${w[k] < -0.3 ? 0.5 : 1}"><line x2="${x}" y2="${y}" stroke="${colours[k]}"` +
-      ` stroke-width="3"/><text x="${1.25 * x}" y="${1.25 * y + 5}" fill="${colours[k]}"` +
+    return `<g><line x2="${x}" y2="${y}" stroke="${colours[k]}"` +
+      ` stroke-width="${w[k] < -0.3 ? 1.5 : 3}"/><text x="${1.25 * x}" y="${1.25 * y + 5}" fill="${colours[k]}"` +
       ` text-anchor="middle">${name}</text></g>`;
   }).join("");
 }
@@ -134,7 +134,7 @@ function connect(viewer) {
     ",": () => step(-1), ".": () => step(1), p: play, h: hide, a: all,
   });
   const first = states.findIndex((state) => state.mechanism);
-  viewer.field = fields[0] ?? null;
+  viewer.field = fields.find((field) => field.name in data.states.at(-1).fields) ?? null;
   part("field").value = viewer.field?.name ?? "";
   say("Click a body to see its name.");
   return go(first < 0 ? states.length - 1 : first).then(() => canvas.setAttribute("data-ready", ""));

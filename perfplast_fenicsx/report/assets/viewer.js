@@ -1,6 +1,7 @@
 // The bodies at a step: what is shown, how it is turned, and what is picked.
 
 const ENLARGED = 0.12; // the largest motion, as a share of the size of the bodies
+const COLLAPSING = 0.06; // that of a mechanism, which may be of a small part
 
 class Viewer {
   constructor(canvas, data, mesh, changed) {
@@ -37,7 +38,8 @@ class Viewer {
   get enlargement() {
     const alike = this.data.states.filter((a) => a.mechanism === this.state.mechanism);
     const largest = Math.max(...alike.map((a) => a.largest));
-    return largest > 0 ? (ENLARGED * this.data.size) / largest : 0;
+    const share = this.state.mechanism ? COLLAPSING : ENLARGED;
+    return largest > 0 ? (share * this.data.size) / largest : 0;
   }
 
   /** Show a state; of several that are asked for the last one. */

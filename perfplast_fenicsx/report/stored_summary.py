@@ -1,0 +1,124 @@
+"""What the page needs of ``summary.json``, looked at before a page is made of it.
+
+So a fault behind this is one of the program, and not of a file.
+"""
+
+from pathlib import Path
+from typing import Any, NotRequired, TypedDict
+
+import msgspec
+
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+
+
+class _Mesh(TypedDict):
+    cells: int
+    vertices: int
+    dofs: int
+
+
+class _Model(TypedDict):
+    kind: str
+    axes: str
+    forces: str
+
+
+class _Material(TypedDict):
+    kind: str
+    body: NotRequired[Any]
+
+
+class _Support(TypedDict):
+    on: str
+    components: str
+    value: float
+    constant: bool
+
+
+class _Rigid(TypedDict):
+    on: str
+    displacement: list[float]
+    rotation: Any
+
+
+class _Load(TypedDict):
+    kind: str
+    on: str
+    value: Any
+    constant: bool
+
+
+class _Initial(TypedDict):
+    kind: str
+    on: str
+
+
+class _Contact(TypedDict):
+    primary: str
+    secondary: str
+    gap: float | str | None
+
+
+class _Obstacle(TypedDict):
+    kind: str
+    on: str
+
+
+class _Tie(TypedDict):
+    primary: str
+    secondary: str
+
+
+class _Given(TypedDict, total=False):
+    materials: dict[str, _Material]
+    supports: list[_Support]
+    loads: list[_Load]
+    contacts: list[_Contact]
+    obstacles: list[_Obstacle]
+    initial: list[_Initial]
+    ties: list[_Tie]
+    rigid: list[_Rigid]
+
+
+class _Step(TypedDict):
+    converged: bool
+    zeta: float
+    reactions: dict[str, list[float]]
+
+
+class _Body(TypedDict):
+    lower: float | None
+    upper: float | None
+    why_not: list[str]
+    meshes: list[Any]
+
+
+class _Limit(TypedDict):
+    levelled_off: bool
+    reason: str
+    body: NotRequired[_Body | None]
+
+
+class _Summary(TypedDict):
+    mesh: _Mesh
+    model: _Model
+    given: _Given
+    surroundings: dict[str, Any]
+    steps: list[_Step]
+    limit: _Limit | None
+
+
+def check_summary(reader: ResultReader) -> None:
+    """Look whether ``summary.json`` has what the page says.
+
+    Raises:
+        InputError: If it has not.
+    """
+
+    def check(path: Path) -> None:
+        try:
+            msgspec.json.decode(path.read_bytes(), type=_Summary)
+        except msgspec.DecodeError as error:
+            raise ValueError(error) from error
+
+    reader.read("summary.json", check)

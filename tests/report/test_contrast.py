@@ -1,0 +1,82 @@
+"""Colours of the page by the Web Content Accessibility Guidelines 2.2, 1.4.3 and 1.4.11."""
+
+import re
+from importlib import resources
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx.report.curve import COLOURS, DASHES, MARKS
+
+TEXT, MARK = 4.5, 3.0
+"""Least contrasts, of text and of what is drawn."""
+
+CSS = resources.files("perfplast_fenicsx.report").joinpath("assets/page.css").read_text("utf-8")
+NAMES = dict(re.findall(r"--(\w+): (#\w{6})", CSS))
+PAPERS = (NAMES["paper"], NAMES["wash"])
+
+
+def luminance(colour: str) -> float:
+    """As the guidelines define it; of "#rrggbb" or "#rgb"."""
+    digits = colour[1:] if len(colour) == 7 else "".join(2 * digit for digit in colour[1:])
+    share = np.array(list(bytes.fromhex(digits))) / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def contrast(a: str, b: str) -> float:
+    low, high = sorted((luminance(a), luminance(b)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def used(kind: str) -> list[tuple[str, str]]:
+    """Rules and the colours that they give to properties of a kind."""
+    plain = re.sub(r"var\(--(\w+)\)", lambda found: NAMES[found[1]], CSS)
+    found = []
+    for rule, body in re.findall(r"([^{}]+)\{([^{}]*)\}", plain):
+        for colour in re.findall(rf"(?:^|[;\s])(?:{kind}):[^;]*?(#\w+)", body):
+            found.append((f"{rule.strip()} on {ground(body)}", colour))
+    return found
+
+
+def ground(body: str) -> str:
+    """The background of a rule, or that of the page."""
+    own = re.search(r"background: (#\w+)", body)
+    return own[1] if own else "paper"
+
+
+def test_the_measure() -> None:
+    assert contrast("#000", "#ffffff") == pytest.approx(21)
+    assert contrast("#767676", "#fff") == pytest.approx(4.54, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("kind", "least"),
+    [
+        ("color", TEXT),
+        ("border|border-left|border-bottom|border-left-color|outline|stroke|accent-color", MARK),
+    ],
+)
+def test_colours_of_the_style_sheet(kind: str, least: float) -> None:
+    found = used(kind)
+    assert len(found) >= 8
+    for rule, colour in found:
+        own = rule.rsplit(" on ", 1)[1]
+        for paper in PAPERS if own == "paper" else (own,):
+            assert contrast(colour, paper) >= least, (rule, colour)
+
+
+def test_colours_of_curves_and_axes() -> None:
+    axes = resources.files("perfplast_fenicsx.report").joinpath("assets/controls.js")
+    (listed,) = re.findall(r"colours = (\[.*\]);", axes.read_text("utf-8"))
+    letters = re.findall(r"#\w{6}", listed)
+    assert len(letters) == 3
+    for colour in letters:
+        assert contrast(colour, NAMES["paper"]) >= TEXT
+    for colour in COLOURS:
+        assert contrast(colour, NAMES["paper"]) >= MARK
+
+
+def test_curves_differ_by_more_than_their_colours() -> None:
+    told = {(MARKS[k % len(MARKS)], DASHES[k // len(MARKS) % len(DASHES)]) for k in range(9)}
+    assert len(told) == 9
