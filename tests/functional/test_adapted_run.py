@@ -8,10 +8,12 @@ from mpi4py import MPI
 import pytest
 
 from meshes.strip_footing import write_strip_footing
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx import Support
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import SOLVED
+from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.proof import check
-from tests.models import write_case
+from tests.models import STEEL, case_text, write_case
 
 CASE = """
 [mesh]
@@ -58,3 +60,53 @@ def test_adapted_run(
         assert proven[kind].proven == pytest.approx(body[kind], rel=1e-9)
     if comm.rank == 0:
         assert f"Mesh {last['number']}: {last['cells']} cells, lower bound" in out
+
+
+ADAPT = "adapt = { until = 0.2, cells = 800 }"
+BOUNDS = '[loading]\ncontrol = "bounds"\n'
+CONTACT = '[[contact]]\nprimary = "lower_top"\nsecondary = "upper_bottom"\n'
+ROLLERS = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
+
+
+def stacked(supports: list[Support], contact: str = CONTACT) -> str:
+    """Two blocks, one on the other, of a builder's mesh that is to be adapted."""
+    steel = dict.fromkeys(("lower", "upper"), STEEL)
+    text = case_text({"builder": "stacked_blocks", "n": 1}, steel, supports)
+    return text.replace("[mesh]\n", f"[mesh]\n{ADAPT}\n") + contact + BOUNDS
+
+
+TUBE = (
+    CASE[: CASE.index("[[support]]")].replace("ground", "tube")
+    + '[[support]]\non = "x0"\ncomponents = "x"\n[[support]]\non = "y0"\ncomponents = "y"\n'
+    + '[[load]]\non = "inner"\npressure = 1.0\n'
+    + BOUNDS
+)
+REFUSED = {
+    "nothing holds a body": (
+        stacked(ROLLERS, contact=""),
+        "can move as a rigid body (translation in",
+    ),
+    "nothing holds it along y": (stacked([ROLLERS[0], ROLLERS[2]]), "supports nor contact hold it"),
+    "lifted off": (
+        stacked(ROLLERS).replace("pressure = 1.0", "pressure = -1.0"),
+        "no stress can carry the loads: they move bodies off what holds them",
+    ),
+    "curved cells": (TUBE, "[mesh]: adapt: cells are curved, and only straight ones can be"),
+}
+
+
+@pytest.mark.parametrize("fault", REFUSED)
+def test_refused_in_one_sentence(
+    fault: str, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
+) -> None:
+    text, part = REFUSED[fault]
+    if comm.rank == 0 and text is TUBE:
+        write_thick_tube(shared_tmp_path / "tube.msh", size=0.5, order=2)
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "results")]) == BAD_INPUT
+    err = capsys.readouterr().err
+    assert comm.rank == 0 or err == ""
+    err = comm.bcast(err)
+    assert part in err
+    assert err.startswith("perfplast: case.toml")
+    assert err.count("\n") == 1
