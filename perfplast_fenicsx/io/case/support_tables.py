@@ -53,6 +53,8 @@ class RigidSurfaceTable:
             bar that is twisted so by its end may warp there.
         constant: As for supports.
         name: As for supports.
+        held: Those of the letters x, y, z along which a surface that is free cannot move, as at a
+            plane of symmetry; it then does not turn either.
     """
 
     on: str
@@ -62,6 +64,7 @@ class RigidSurfaceTable:
     components: str = AXES
     constant: bool | None = None
     name: str = ""
+    held: str = ""
 
     def surface(self, driven: bool) -> RigidSurface:
         """The surface, where motions follow the load factor, or do not.
@@ -72,7 +75,7 @@ class RigidSurfaceTable:
         constant = _stays(self.constant, driven, f"the rigid surface '{self.on}'")
         turn: Turn = () if self.rotation is None else self.rotation
         motion = (self.displacement or (), turn, self.components, constant)
-        return RigidSurface(self.on, self.point, *motion, self.name)
+        return RigidSurface(self.on, self.point, *motion, self.name, self.held)
 
 
 def _stays(constant: bool | None, driven: bool, what: str) -> bool:
