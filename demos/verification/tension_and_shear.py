@@ -32,6 +32,7 @@ from perfplast_fenicsx import (
     Elastic,
     Flow,
     Hardening,
+    Level,
     LoadingHistory,
     Newton,
     Problem,
@@ -42,8 +43,10 @@ from perfplast_fenicsx import (
     Traction,
     stage_path,
 )
-from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
 from perfplast_fenicsx.mesh import Box, Surface, structured_mesh
+from perfplast_fenicsx.pictures import draw
+from perfplast_fenicsx.problem import Prescribed
 
 TITLE = "Tension and shear"
 YOUNG, TANGENT = 195000.0, 1930.0
@@ -91,8 +94,8 @@ def cube_and_pad(comm: MPI.Intracomm) -> TaggedMesh:
 
 def strains(
     comm: MPI.Intracomm, material: Hardening, stages: Sequence[Stage]
-) -> tuple[list[npt.NDArray[np.float64]], int, int]:
-    """ε_xx and ε_xy at the end of each stage, unknowns and linear solves. Collective.
+) -> tuple[list[npt.NDArray[np.float64]], Problem, list[Level]]:
+    """ε_xx and ε_xy at the end of each stage, the problem and its levels. Collective.
 
     The strains are the works of loads of 1 on a cube of side 1.
     """
@@ -109,7 +112,7 @@ def strains(
     ends = np.cumsum([stage.steps for stage in stages]) - 1
     works = [levels[end].report.works for end in ends]
     found = [np.array([work["tension"], work["shear"] / 2]) for work in works]
-    return found, problem.num_dofs, sum(level.report.linear_solves for level in levels)
+    return found, problem, levels
 
 
 # %%
@@ -129,14 +132,18 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         if coarse and "guide B" in expected:
             continue
         began = time.perf_counter()
-        found, dofs, solves = strains(comm, material, stages)
+        found, problem, levels = strains(comm, material, stages)
+        solves = sum(level.report.linear_solves for level in levels)
         seconds = time.perf_counter() - began
         for place, values in expected.items():
             allowed = MORE_STEPS if place.startswith("guide") else SAME_STEPS
             computed = found["ABC".index(place[-1])]
             for name, one, value in zip(("ε_xx", "ε_xy"), computed, values, strict=True):
-                about = (case, f"{name} at {place}", "P1", 1.0, dofs)
+                about = (case, f"{name} at {place}", "P1", 1.0, problem.num_dofs)
                 rows.append(Row(*about, float(one), value, allowed, solves, seconds))
+    scene, by = Scene(TITLE, LOADS), Prescribed.LOAD_FACTOR
+    ResultWriter(folder, problem, scene, Newton.method, prescribed=by).write(levels[-1])
+    draw(folder)
     return rows
 
 

@@ -42,7 +42,7 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
         problem: The bodies and their contact, on straight cells.
         velocity: Its ghosts up to date.
     """
-    if problem.constraints.in_mean or problem.num_tied:
+    if problem.constraints.in_mean or problem.given.ties:
         return [IN_MEAN]
     if not problem.num_pairs:
         return []

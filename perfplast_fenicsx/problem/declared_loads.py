@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from petsc4py import PETSc
 
+import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
@@ -46,11 +47,17 @@ def declared_loads(
     if not (driven or strained or loads):
         raise InputError("no load is given, so nothing can be increased; give at least one load.")
     free = [surface.on for surface in rigid if surface.free]
+    straight = [surface.on for surface in rigid if surface.held]
     for load in loads:
         if isinstance(load, Force) and load.on not in free:
             raise InputError(
                 f"the force on '{load.on}' acts on no rigid surface that is free to move; declare"
                 " it rigid, without a motion, or give a traction."
+            )
+        if isinstance(load, Force) and np.any(load.moment) and load.on in straight:
+            raise InputError(
+                f"the force on '{load.on}' has a moment, but that surface is held in part, and so"
+                " does not turn; leave the moment out, or held."
             )
     dead, live = (work_vector(V, tagged_mesh, part) for part in (constant, growing))
     case = LoadCase.of(dead, live, bcs)

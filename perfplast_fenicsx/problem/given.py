@@ -29,5 +29,6 @@ class Given:
 
     @property
     def holding(self) -> list[Support | RigidSurface]:
-        """Supports, and rigid surfaces whose motion is known."""
-        return [*self.supports, *(surface for surface in self.rigid if not surface.free)]
+        """Supports, and rigid surfaces whose motion is known, be it in part."""
+        known = (surface for surface in self.rigid if surface.held or not surface.free)
+        return [*self.supports, *known]

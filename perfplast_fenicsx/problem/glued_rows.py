@@ -48,11 +48,13 @@ def glued_rows(
     glued = tied_rows(V, tagged_mesh, ties, fixed)
     for part in displacement:
         check_moved_ties(V, glued, part)
-    if rigid and tagged_mesh.axisymmetric:
-        raise InputError(
-            f"the surface '{rigid[0].on}' is to move as a rigid body, which in axisymmetry is a"
-            " support with components = 'y' and a value; give that instead."
-        )
+    for surface in rigid if tagged_mesh.axisymmetric else ():
+        if not (surface.free and surface.held == "x"):
+            raise InputError(
+                f"the surface '{surface.on}' is to move as a rigid body, which in axisymmetry it"
+                " does along the axis alone; give held = 'x', or instead of it a support with"
+                " components = 'y' and a value."
+            )
     taken = fixed.copy()
     taken[glued.host, np.argmax(glued.normal, axis=1)] = True
     parts = rigid_rows(V, tagged_mesh, rigid, taken)

@@ -168,6 +168,11 @@ def rigid_rows(
     parts: list[Constraints] = []
     for surface in surfaces:
         if not surface.free:
+            if surface.held:
+                raise InputError(
+                    f"the rigid surface '{surface.on}' has held = '{surface.held}' beside a known"
+                    " motion; leave one of them out."
+                )
             continue
         if surface.components != AXES:
             raise InputError(
@@ -176,7 +181,9 @@ def rigid_rows(
             )
         leaders = find_leaders(V, tagged_mesh, surface.on)
         nodes = surface_nodes_of(V, tagged_mesh, surface.on)
-        held = taken[nodes].any()
+        known = surface.axes(gdim) if surface.held else []
+        free = [axis for axis in range(gdim) if axis not in known]
+        held = taken[nodes][:, free].any()
         raise_together(
             V.mesh.comm,
             f"the rigid surface '{surface.on}' shares nodes with a support, a tie or another rigid"
@@ -185,7 +192,10 @@ def rigid_rows(
             else None,
         )
         taken[fem.locate_dofs_topological(V, gdim - 1, tagged_mesh.facets(surface.on))] = True
-        parts.append(_rows(V, leaders, nodes, len(parts)))
+        if known:
+            parts.append(_rows_of_slide(V, leaders.number[0], nodes, free, len(parts)))
+        else:
+            parts.append(_rows(V, leaders, nodes, len(parts)))
     return parts
 
 
@@ -212,6 +222,22 @@ def _rows(V: fem.FunctionSpace, leaders: Leaders, nodes: Ints, number: int) -> C
         (every, np.full(len(every), leader), -led[:, place])
         for place, leader in enumerate(leaders.number)
     ]
+    host = nodes[of_node].astype(np.int32)
+    surface = np.full(len(host), number, dtype=np.int32)
+    return make_constraints(V, host, np.zeros(len(host)), along, surface, terms)
+
+
+def _rows_of_slide(
+    V: fem.FunctionSpace, leader: np.int64, nodes: Ints, free: Sequence[int], number: int
+) -> Constraints:
+    """Of each node its components that are free: they are those of one leader. Collective."""
+    gdim = V.mesh.geometry.dim
+    numbers = V.dofmap.index_map.local_to_global(nodes)
+    others = np.flatnonzero(numbers != leader)
+    of_node = np.repeat(others, len(free))
+    along = np.tile(np.eye(gdim)[list(free)], (len(others), 1))
+    every = np.arange(len(of_node))
+    terms = [(every, numbers[of_node], along), (every, np.full(len(every), leader), -along)]
     host = nodes[of_node].astype(np.int32)
     surface = np.full(len(host), number, dtype=np.int32)
     return make_constraints(V, host, np.zeros(len(host)), along, surface, terms)

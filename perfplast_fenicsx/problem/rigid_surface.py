@@ -31,6 +31,8 @@ class RigidSurface:
         constant: Whether the motion is the same at any load factor; otherwise ζ multiplies it, or a
             factor of stages.
         name: What results and stages call it; that of its surface without it.
+        held: Those of the letters x, y, z along which a surface that is free cannot move, as at a
+            plane of symmetry; it then does not turn either.
     """
 
     on: str
@@ -40,6 +42,7 @@ class RigidSurface:
     components: str = AXES
     constant: bool = True
     name: str = ""
+    held: str = ""
 
     @property
     def free(self) -> bool:
@@ -53,7 +56,7 @@ class RigidSurface:
 
     def axes(self, gdim: int) -> list[int]:
         """Indices of the components that it holds, in a mesh of dimension ``gdim``."""
-        return Support(self.on, self.components).axes(gdim)
+        return Support(self.on, self.held if self.free else self.components).axes(gdim)
 
     def motion(self, x: Floats) -> Floats:
         """Displacement of points (length), for ζ = 1; both of shape (n, gdim).

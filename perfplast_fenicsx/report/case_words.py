@@ -72,8 +72,7 @@ class CaseWords:
         """Each held surface, and how."""
         rows = []
         for support in self._given.get("supports", []):
-            names = dict(zip(AXES, self._axes, strict=False))
-            along = ", ".join(names[a] for a in support["components"] if a in names)
+            along = self._letters(support["components"])
             text = f"held in {along}"
             if support["value"]:
                 text = f"moved by {self.number(support['value'], 'length')} in {along}"
@@ -82,6 +81,8 @@ class CaseWords:
         for rigid in self._given.get("rigid", []):
             moved = rigid["displacement"] or rigid["rotation"]
             how = "moves as given" if moved else "is free to move"
+            if rigid.get("held"):
+                how = f"moves without turning, held in {self._letters(rigid['held'])}"
             rows.append((rigid["on"], f"rigid, {how}"))
         return rows
 
@@ -127,6 +128,11 @@ class CaseWords:
         else:
             text = plain(value)
         return f"{text} {self._units.get(kind, '')}".rstrip()
+
+    def _letters(self, components: str) -> str:
+        """Components by the letters of the model's axes."""
+        names = dict(zip(AXES, self._axes, strict=False))
+        return ", ".join(names[a] for a in components if a in names)
 
     def _friction(self, place: Table) -> str:
         if place.get("tresca"):

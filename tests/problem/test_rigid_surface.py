@@ -9,6 +9,7 @@ import pytest
 from dolfinx import fem
 
 from meshes.footing import write_footing
+from meshes.ring import write_ring
 from perfplast_fenicsx import (
     Contact,
     Force,
@@ -127,19 +128,69 @@ def test_loaded_or_moved(gdim: int, degree: int) -> None:
     assert largest(loaded.comm, gap) < 1e-6 * size
 
 
+@pytest.mark.parametrize("gdim", [2, 3])
+def test_held_across_planes_of_symmetry(gdim: int) -> None:
+    """Pressed along the planes that it shares nodes with; so moved, it answers with the force."""
+    sides = [Support(f"upper_{axis}0", axis) for axis in "xyz"[: gdim - 1]]
+
+    def pressed(loads: list[Force], **motion: Any) -> Problem:
+        return Problem(
+            blocks_apart(MPI.COMM_WORLD, *COUNTS[gdim]),
+            {"lower": STEEL, "upper": STEEL},
+            [Support("bottom"), *sides],
+            loads,
+            [Contact("lower_top", "upper_bottom")],
+            rigid=[RigidSurface("top", **motion)],
+        )
+
+    force = Force("top", FORCE[gdim])
+    level = Newton(problem := pressed([force], held="xyz"[: gdim - 1]), TIGHT).solve(1.2)
+    check(level)
+    aside = np.sum([level.report.reactions[name] for name in problem.support_names[1:]], axis=0)
+    assert abs(aside[-1]) < 1e-9 * np.abs(FORCE[gdim]).max()
+    shift = level.state.alpha / FORCE[gdim][-1]
+    moved = {"displacement": np.eye(gdim)[-1] * shift, "constant": False}
+    again = Newton(pressed([], **moved), TIGHT).solve(1.0)
+    check(again)
+    found = again.report.reactions["rigid surface top"]
+    assert found[-1] == pytest.approx(1.2 * FORCE[gdim][-1], rel=1e-6)
+    gap = level.state.u.x.array - again.state.u.x.array
+    assert largest(problem.comm, gap) < 1e-6 * largest(problem.comm, level.state.u.x.array)
+
+
+def test_a_disc_is_pressed_along_the_axis(read: Read) -> None:
+    """The force is that of the full turn; a support that is moved so answers with it."""
+    disc = read(write_ring, inner=0.0, outer=1.0, size=0.5).turned()
+    held, force = [Support("bottom", "y")], [Force("top", (0.0, -500.0))]
+
+    def problem(supports: list[Support], loads: list[Force], *rigid: RigidSurface) -> Problem:
+        materials = {"ring": STEEL}
+        return Problem(disc, materials, [*held, *supports], loads, degree=2, rigid=rigid)
+
+    loaded = Newton(problem([], force, RigidSurface("top", held="x")), TIGHT).solve(1.0)
+    check(loaded)
+    shift = Support("top", "y", loaded.state.alpha / -500.0, constant=False, name="along")
+    moved = Newton(problem([Support("top", "x"), shift], []), TIGHT).solve(1.0)
+    check(moved)
+    assert moved.report.reactions["support along"][1] == pytest.approx(-500.0, rel=1e-6)
+    for rigid in (RigidSurface("top"), RigidSurface("top", held="y")):
+        with pytest.raises(InputError, match="along the axis alone"):
+            problem([], force, rigid)
+
+
 @pytest.fixture
 def ground(read: Read) -> TaggedMesh:
     return read(write_footing, size=1.0)
 
 
-def footing(ground: TaggedMesh, across: float, moment: float) -> Problem:
+def footing(ground: TaggedMesh, across: float, moment: float, held: str = "") -> Problem:
     return Problem(
         ground,
         {"ground": STEEL},
         [Support("bottom"), Support("sides", "x")],
         [Force("footing", (across, -1.0), moment)],
         degree=2,
-        rigid=[RigidSurface("footing")],
+        rigid=[RigidSurface("footing", held=held)],
     )
 
 
@@ -148,6 +199,8 @@ def test_footings(ground: TaggedMesh) -> None:
     central = limit_load(footing(ground, 0.0, 0.0), 1e-3)
     prandtl = (2 + np.pi) * STEEL.yield_stress / np.sqrt(3) * 2
     assert prandtl < central.lower < 1.07 * prandtl  # the mesh is coarse
+    straight = limit_load(footing(ground, 0.0, 0.0, held="x"), 1e-3)
+    assert straight.estimate == pytest.approx(central.estimate, rel=1e-3)
     one, other = (limit_load(footing(ground, sign * 0.2, sign * 0.2), 1e-3) for sign in (1, -1))
     assert one.lower == pytest.approx(other.lower, rel=1e-8)
     assert one.upper == pytest.approx(other.upper, rel=1e-8)
@@ -167,6 +220,10 @@ def test_footings(ground: TaggedMesh) -> None:
         ([RigidSurface("top", rotation=0.1)], [Force("top", (0.0, -1.0))], "no rigid surface that"),
         ([RigidSurface("top")], [Force("top", (0.0, 1.0, 0.0))], "value of the force on 'top'"),
         ([RigidSurface("top")], [Force("top", (0.0, 1.0), (1.0, 0.0))], "moment of the force"),
+        ([RigidSurface("top", held="x")], [Force("top", (0.0, 1.0), 1.0)], "does not turn"),
+        ([RigidSurface("top", rotation=0.1, held="x")], [], "beside a known motion"),
+        ([RigidSurface("bottom", held="x")], [], "'bottom' shares nodes with a support"),
+        ([RigidSurface("top", held="z")], [], "not a choice of the letters in 'xy'"),
     ],
 )
 def test_what_is_refused(rigid: list[RigidSurface], loads: list[Force], words: str) -> None:

@@ -56,6 +56,8 @@ class RigidSurfaceTable:
             bar that is twisted so by its end may warp there.
         constant: As for supports.
         name: As for supports.
+        held: Those of the letters x, y, z along which a surface that is free cannot move, as at a
+            plane of symmetry; it then does not turn either.
     """
 
     on: str
@@ -65,6 +67,7 @@ class RigidSurfaceTable:
     components: str = AXES
     constant: bool | None = None
     name: str = ""
+    held: str = ""
 
     def surface(self, driven: bool) -> RigidSurface:
         """The surface, where motions follow the load factor, or do not.
@@ -75,7 +78,7 @@ class RigidSurfaceTable:
         constant = _stays(self.constant, driven, f"the rigid surface '{self.on}'")
         turn: Turn = () if self.rotation is None else self.rotation
         motion = (self.displacement or (), turn, self.components, constant)
-        return RigidSurface(self.on, self.point, *motion, self.name)
+        return RigidSurface(self.on, self.point, *motion, self.name, self.held)
 
 
 def read_contact(table: Table, moved: Callable[[str, str], bool], place: str) -> Contact:

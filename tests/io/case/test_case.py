@@ -317,6 +317,8 @@ def test_a_rigid_surface(read: Read, comm: MPI.Intracomm) -> None:
     force = "force = [0, 0, -1]\nmoment = [0.1, 0, 0]\npoint = [2, 0.5, 2]"
     case = read(replaced("[solve]", f"{RIGID}[solve]").replace("traction = [0.0, 0, -1.0]", force))
     assert case.rigid == [RigidSurface("top", [])]
+    held = replaced("[solve]", f"{RIGID}held = 'xy'\n[solve]")
+    assert read(held).rigid == [RigidSurface("top", [], held="xy")]
     assert case.loads == [Force("top", [0, 0, -1], [0.1, 0, 0], [2, 0.5, 2])]
     assert case.problem(comm).loads.grows()
     turned = f"{RIGID}rotation = [0, 0, 1]\ncomponents = 'xy'\n[[contact]]"
