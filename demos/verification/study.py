@@ -232,11 +232,11 @@ def costs(rows: Sequence[Row]) -> list[str]:
     """What limit loads took that were found directly, one line for each case."""
     lines = []
     found = [row for row in rows if row.factorisations is not None]
-    for case, group in groupby(found, key=lambda row: row.case):
-        solves, factors = zip(*((row.solves, row.factorisations) for row in group), strict=True)
-        lines.append(
-            f"limit loads, {case}: {_span(factors)} factorisations, {_span(solves)} linear solves"
-        )
+    for case in dict.fromkeys(row.case for row in found):
+        own = [row for row in found if row.case == case]
+        factors = _span([row.factorisations or 0 for row in own])
+        solves = _span([row.solves for row in own])
+        lines.append(f"limit loads, {case}: {factors} factorisations, {solves} linear solves")
     return lines
 
 
