@@ -30,7 +30,7 @@ class ContactSolver(Protocol):
         room: Floats,
         active: PairFlags,
         rtol: float,
-        exact: bool = True,
+        most_sets: int | None = None,
         work: float | None = None,
         given: Held = NOTHING_HELD,
         first: float = 0.0,

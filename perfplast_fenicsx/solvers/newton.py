@@ -20,8 +20,8 @@ from perfplast_fenicsx.solvers.active_set.contact_qp import ContactStep
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton_options import (
     NewtonOptions,
-    exact_active_set,
     forcing,
+    most_sets,
     regularisation,
 )
 from perfplast_fenicsx.solvers.progress import Step
@@ -104,16 +104,17 @@ def newton_direction(
     iterate = solver.iterate
     operator, gradient, room = iterate.operator(rho), iterate.gradient(zeta), iterate.room()
     rtol = forcing(history[-1].increment if history else 1.0, options.tolerance)
-    exact = exact_active_set(options, history)
+    sets = most_sets(options, history)
     if not history:
         iterate.first_force = float(gradient.norm(PETSc.NormType.NORM_INFINITY))
     if solver.friction is None:
         solver.program.set_operator(operator)
         first = iterate.first_force
-        return solver.program.solve(gradient, room, active, rtol, exact, work, first=first)
+        return solver.program.solve(gradient, room, active, rtol, sets, work, first=first)
     solver.friction.set_operator(operator)
     jumps, slip = iterate.jumps(), iterate.slip
-    found = solver.friction.solve(gradient, room, active, jumps, slip, rtol, exact, work)
+    sets = sets if sets == 1 else None  # linearisations are searched to the end, or not at all
+    found = solver.friction.solve(gradient, room, active, jumps, slip, rtol, sets, work)
     iterate.slip = found.slip
     return found.step
 

@@ -47,8 +47,8 @@ class NewtonOptions:
         tolerance: Bound of this criterion, between 0 and 1; a damped step does not end the
             iteration.
         active_set: "exact" solves each contact quadratic program to its end; "once" updates the
-            active set once in a Newton step; "adaptive" does so too, but goes on to the end after
-            a damped step and after :data:`PATIENCE` steps.
+            active set once in a Newton step; "adaptive" does so too, but up to :data:`FEW_SETS`
+            times after a damped step, and goes on to the end after :data:`PATIENCE` steps.
         max_iterations: Most Newton steps of a level, at least 1.
         contact_solver: "active-set" searches for the closed pairs, with one linear system for each
             set; "tfeti" cuts the bodies into subdomains and solves for the forces between them
@@ -131,15 +131,22 @@ PATIENCE = 10
 """After so many steps of a level an adaptive active set is determined exactly in each."""
 
 
-def exact_active_set(options: NewtonOptions, history: Sequence[Iteration]) -> bool:
-    """Whether the next step solves its contact quadratic program to the end.
+FEW_SETS = 4
+"""With so many active sets a step behind a damped one is solved at most."""
+
+
+def most_sets(options: NewtonOptions, history: Sequence[Iteration]) -> int | None:
+    """With how many active sets the next step may be solved; None until its set is right.
 
     One update a step costs one linear system, and near the solution it is the right one. A damped
-    step tells that the model behind it was poor, many steps that the sets may go in circles.
+    step tells that the model behind it was poor; the last few of thousands of pairs can wait for
+    the step after. Many steps tell that the sets may go in circles.
     """
     if options.active_set != "adaptive":
-        return options.active_set == "exact"
-    return len(history) >= PATIENCE or any(record.beta < 1 for record in history[-1:])
+        return None if options.active_set == "exact" else 1
+    if len(history) >= PATIENCE:
+        return None
+    return FEW_SETS if any(record.beta < 1 for record in history[-1:]) else 1
 
 
 def forcing(increment: float, tolerance: float) -> float:

@@ -178,11 +178,11 @@ class WorkNewton(LevelSolver):
         iterate.begin(None)
         self.program.set_operator(iterate.operator(1.0))
         gradient, active = iterate.gradient(1.0), closed <= 0
-        unit = self.program.solve(gradient, closed, active, rtol, exact=rounds is None)
+        unit = self.program.solve(gradient, closed, active, rtol, None if rounds is None else 1)
         for _ in range(rounds or 0):
             if unit.settled:
                 break
-            unit = self.program.solve(gradient, closed, unit.active, rtol, exact=False)
+            unit = self.program.solve(gradient, closed, unit.active, rtol, most_sets=1)
         iterate.aim(unit.delta)
         iterate.advance(1.0)
         overstress = iterate.fields.largest_overstress()

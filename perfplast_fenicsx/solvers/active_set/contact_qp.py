@@ -87,7 +87,7 @@ class ContactProgram:
         room: Floats,
         active: PairFlags,
         rtol: float,
-        exact: bool = True,
+        most_sets: int | None = None,
         work: float | None = None,
         given: Held = NOTHING_HELD,
         first: float = 0.0,
@@ -99,7 +99,7 @@ class ContactProgram:
             room: How far each pair hosted here may still close, shape (num_pairs,).
             active: Active set to begin with.
             rtol: Relative tolerance of the linear solves.
-            exact: Go on until the active set is right; otherwise solve once.
+            most_sets: Solve with no more sets of held pairs; None to go on until one is right.
             work: ℓᵀδ if it is prescribed, where ℓ are the loads.
             given: Unknowns that are held at values.
             first: Largest force where the level began.
@@ -112,12 +112,8 @@ class ContactProgram:
         solution = self._equality.minimise(model, active, self._delta)
         if not self._contact:
             return self._step(solution, active, True)
-        if not exact:
-            wrong = self._wrong(solution)
-            settled = not self._comm.allreduce(int(wrong.sum()))
-            step = self._step(solution, active ^ wrong, settled)
-            self._push_back(solution)
-            return step
+        if most_sets is not None:
+            return self._approach(solution, most_sets)
         solution, circling = self._search(solution)
         settled = circling is None
         if circling is not None:
@@ -172,6 +168,18 @@ class ContactProgram:
         least = ROUNDING * solution.delta.norm(PETSc.NormType.NORM_INFINITY)
         wrong: PairFlags = np.where(solution.held, pull > solution.force_tolerance, excess > least)
         return wrong
+
+    def _approach(self, solution: Solution, most_sets: int) -> ContactStep:
+        """Solve with so many sets at most, and push back what penetrates. Collective."""
+        while True:
+            wrong = self._wrong(solution)
+            settled = not self._comm.allreduce(int(wrong.sum()))
+            if settled or solution.solves >= most_sets:
+                break
+            solution = self._equality.correct(solution, solution.held ^ wrong)
+        step = self._step(solution, solution.held ^ wrong, settled)
+        self._push_back(solution)
+        return step
 
     def _search(self, solution: Solution) -> tuple[Solution, PairFlags | None]:
         """Go on from the held pairs until none is wrong. Collective.

@@ -88,7 +88,7 @@ class FrictionProgram:
         jumps: Floats,
         slip: Slip,
         rtol: float,
-        exact: bool = True,
+        most_sets: int | None = None,
         work: float | None = None,
     ) -> FrictionStep:
         """Solve the contact QP with friction. Collective.
@@ -100,25 +100,28 @@ class FrictionProgram:
             jumps: Tangential jumps s at δ = 0, shape (num_places, gdim − 1).
             slip: Linearisation to begin with.
             rtol: Relative tolerance of the linear solves.
-            exact: Go on until active set and linearisation are right; otherwise solve once.
+            most_sets: Solve with one linearisation, and no more sets of held pairs; None to go on
+                until both are right.
             work: ℓᵀδ if it is prescribed, where ℓ are the loads.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.
         """
         asked = _Asked(r, room, jumps, rtol, work)
-        found = self._linearise(asked, active, slip, exact)
-        for steps in SPLITTINGS if exact else ():
+        found = self._linearise(asked, active, slip, most_sets)
+        for steps in SPLITTINGS if most_sets is None else ():
             if found.step.settled or not found.turns:
                 break
             begun = found.step.iterations
             slip, active, iterations = self._split(asked, found.step, steps)
-            found = self._linearise(asked, active, slip, exact)
+            found = self._linearise(asked, active, slip, most_sets)
             iterations += begun + found.step.iterations
             found = replace(found, step=replace(found.step, iterations=iterations))
         return found
 
-    def _linearise(self, asked: _Asked, active: PairFlags, slip: Slip, exact: bool) -> FrictionStep:
+    def _linearise(
+        self, asked: _Asked, active: PairFlags, slip: Slip, most_sets: int | None
+    ) -> FrictionStep:
         """Solve for one linearisation after the other until they end, or one. Collective."""
         assert self._operator is not None and self._stiffness is not None
         friction, k, comm, jumps = (
@@ -135,7 +138,7 @@ class FrictionProgram:
             self._program.set_operator(self._operator)
             held = Held(friction.unknowns(slip.sticks), -jumps[self._there(slip)])
             step = self._program.solve(
-                self._r, asked.room, active, asked.rtol, exact, asked.work, held
+                self._r, asked.room, active, asked.rtol, most_sets, asked.work, held
             )
             iterations += step.iterations
             after = jumps + friction.jumps(step.delta)
@@ -150,7 +153,7 @@ class FrictionProgram:
             changes = comm.allreduce(int((following.sticks != slip.sticks).sum()))
             settled = changes == 0 and worst[0] <= SETTLED * worst[1]
             slip, active = following, step.active
-            if settled or not exact:
+            if settled or most_sets is not None:
                 break
         settled = settled and step.settled
         return FrictionStep(
@@ -172,7 +175,7 @@ class FrictionProgram:
         for _ in range(steps):
             asked.r.copy(self._r)
             splitting.add_gradient(asked.jumps, 1.0, self._r)
-            step = self._program.solve(self._r, asked.room, active, asked.rtol, True, asked.work)
+            step = self._program.solve(self._r, asked.room, active, asked.rtol, None, asked.work)
             splitting.follow(asked.jumps + friction.jumps(step.delta), 1.0)
             active, iterations = step.active, iterations + step.iterations
         return splitting.slip(), active, iterations

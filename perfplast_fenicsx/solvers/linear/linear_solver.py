@@ -194,7 +194,9 @@ class LinearSolver:
         self._setup.due = False
         if self.direct:
             self._setup.excess += outcome.iterations - 1
-        elif not correction:
+        elif correction:
+            self._setup.note_correction(outcome.iterations, rtol)
+        else:
             self._setup.note(outcome.iterations, rtol)
             self._rate = iterations_a_digit(outcome.iterations, rtol)
             if outcome.solved:

@@ -32,6 +32,12 @@ class SetUp:
         self.rate = self.rate or self.usual or iterations_a_digit(iterations, rtol)
         self.excess += iterations + self.rate * float(np.log10(rtol))
 
+    def note_correction(self, iterations: int, rtol: float) -> None:
+        """Count the solve for a small part of a solution, where full ones tell what is usual."""
+        usual = self.rate or self.usual
+        if usual:
+            self.excess += iterations + usual * float(np.log10(rtol))
+
 
 def iterations_a_digit(iterations: int, rtol: float) -> float:
     """Krylov iterations that a decimal digit took."""

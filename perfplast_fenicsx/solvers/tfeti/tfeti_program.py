@@ -113,7 +113,7 @@ class TfetiProgram:
         room: Floats,
         active: PairFlags,
         rtol: float,
-        exact: bool = True,
+        most_sets: int | None = None,
         work: float | None = None,
         given: Held = NOTHING_HELD,
         first: float = 0.0,
@@ -125,7 +125,7 @@ class TfetiProgram:
             room: How far each pair hosted here may still close, shape (num_pairs,).
             active: Closed pairs to begin with.
             rtol: Relative tolerance.
-            exact: Of no use here: which pairs are closed is always right.
+            most_sets: Of no use here: which pairs are closed is always right.
             work: ℓᵀδ if it is prescribed, where ℓ are the loads.
             given: Nothing, as there is no friction here.
             first: Largest force where the level began.

@@ -62,7 +62,7 @@ def test_the_conditions_of_optimality_hold(case: Case) -> None:
 def test_one_set_is_solved_with_unless_it_must_be_exact(case: Case) -> None:
     program, active, iterations = case.program, case.first, 0
     while True:
-        step = program.solve(case.r, case.room, active, RTOL, exact=False, work=case.work)
+        step = program.solve(case.r, case.room, active, RTOL, most_sets=1, work=case.work)
         assert step.iterations == 1
         rounding = 1e-14 * step.delta.norm(PETSc.NormType.NORM_INFINITY)
         assert (step.delta.array_r[case.problem.basis.index] <= case.room + rounding).all()
@@ -72,6 +72,20 @@ def test_one_set_is_solved_with_unless_it_must_be_exact(case: Case) -> None:
         active = step.active
     exact = program.solve(case.r, case.room, case.first, RTOL, work=case.work)
     assert iterations == exact.iterations
+    assert (step.active == exact.active).all()
+
+
+def test_sets_are_tried_until_there_have_been_enough(case: Case) -> None:
+    program, few = case.program, 2
+    exact = program.solve(case.r, case.room, case.first, RTOL, work=case.work)
+    assert exact.iterations > few
+    step = program.solve(case.r, case.room, case.first, RTOL, most_sets=few, work=case.work)
+    assert (step.iterations, step.settled) == (few, False)
+    rounding = 1e-14 * step.delta.norm(PETSc.NormType.NORM_INFINITY)
+    assert (step.delta.array_r[case.problem.basis.index] <= case.room + rounding).all()
+    enough = exact.iterations
+    step = program.solve(case.r, case.room, case.first, RTOL, most_sets=enough, work=case.work)
+    assert step.settled
     assert (step.active == exact.active).all()
 
 

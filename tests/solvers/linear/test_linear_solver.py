@@ -244,6 +244,16 @@ def test_the_cost_of_a_set_up_is_counted_against_its_first_full_solve() -> None:
     assert setup.excess == pytest.approx(5.0)
 
 
+def test_corrections_wear_a_set_up_where_it_is_known_what_is_usual() -> None:
+    setup = SetUp()
+    setup.note_correction(51, 2e-4)
+    assert setup.excess == pytest.approx(0.0)
+    setup = SetUp(usual=3.0)
+    setup.note_correction(51, 1e-4)
+    assert setup.excess == pytest.approx(39.0)
+    assert setup.rate == pytest.approx(0.0)
+
+
 def test_a_set_up_that_only_corrections_saw_new_is_measured_by_the_one_before() -> None:
     setup = SetUp(usual=3.0, kept=True)
     setup.note(34, 1e-3)
