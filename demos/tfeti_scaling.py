@@ -16,11 +16,14 @@
 
 # %%
 import argparse
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from mpi4py import MPI
+
+import numpy as np
 
 from perfplast_fenicsx import (
     Contact,
@@ -50,7 +53,13 @@ GROWTH = 1.3
 
 
 def blocks(comm: MPI.Intracomm, cubes: tuple[int, int, int], n: int) -> TaggedMesh:
-    """Two bodies of unit cubes, each with n cells along its edge."""
+    """Two bodies of unit cubes, each with n cells along its edge; ranks get whole cubes."""
+    each = math.prod(cubes)
+    steps = np.array([1, cubes[0], cubes[0] * cubes[1]])  # body by body, as they lie in z
+
+    def rank_of(middles: np.ndarray) -> np.ndarray:
+        return (np.floor(middles).astype(np.int32) @ steps) * comm.size // (2 * each)
+
     length, width, height = (float(number) for number in cubes)
     counts = (cubes[0] * n, cubes[1] * n, cubes[2] * n)
     return structured_mesh(
@@ -65,6 +74,7 @@ def blocks(comm: MPI.Intracomm, cubes: tuple[int, int, int], n: int) -> TaggedMe
             Surface("upper_bottom", ("upper",), lambda x: x[2] == height),
             Surface("lower_top", ("lower",), lambda x: x[2] == height),
         ],
+        rank_of,
     )
 
 
