@@ -194,6 +194,12 @@ GOALS = (
         0.5,
     ),
     Goal(
+        "memory of Total FETI over a factorisation's, bolted 270 thousand unknowns, 2 ranks",
+        ("bolted_tfeti_250k",),
+        lambda jobs: _memory(jobs, "2 ranks, T-FETI") / _memory(jobs, "2 ranks, direct solver"),
+        0.6,
+    ),
+    Goal(
         "growth of CG iterations per solve, two blocks n = 8 to 38, same works",
         ("growth",),
         lambda jobs: jobs["n = 38"]["iterations_per_solve"] / jobs["n = 8"]["iterations_per_solve"],
