@@ -7,6 +7,8 @@
 # of every other at once: so the number of products with the dual operator hardly depends on how
 # many there are, as long as each has as many cells (H/h).
 #
+# The ranks get whole cubes: the products are those of the cubes, however many ranks there are.
+#
 # In plastic flow it does depend: the tangent of a cube that flows has, besides its rigid motions,
 # others that cost next to nothing, and the coarse problem knows nothing of them.
 #
@@ -118,9 +120,9 @@ class Row:
 
 def row(comm: MPI.Intracomm, subdomains: int, n: int) -> Row:
     declared = problem(comm, subdomains, n)
-    elastic = solved(declared, max(subdomains, 2 * comm.size), ELASTIC).report
+    elastic = solved(declared, subdomains, ELASTIC).report
     zeta = plastic_load(declared)
-    flowing = solved(declared, max(subdomains, 2 * comm.size), zeta).report
+    flowing = solved(declared, subdomains, zeta).report
     assert elastic.plastic_cells == 0
     assert flowing.plastic_fraction >= PLASTIC
     counts = (elastic.linear_iterations, flowing.linear_iterations)
