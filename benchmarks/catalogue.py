@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 CASE = ("-m", "benchmarks.case")
 LIMIT = ("-m", "benchmarks.limit")
+TERMS = ("-m", "benchmarks.terms")
 
 REFERENCES = {
     ("l_plate", 2): 111.49381284,
@@ -159,6 +160,10 @@ GROUPS = {
     "punch_64": Group("punch, 931 686 unknowns", (case("punch", 64, ranks=2),), rounds=1),
     "l_plate_4": Group("plate, level 2, 19 215 unknowns", plate(4)),
     "l_plate_8": Group("plate, level 3, 133 947 unknowns", plate(8)),
+    "terms": Group(
+        "a level with constant load, given motion and history beside one without, 19 215 unknowns",
+        (Job("1 rank", (*TERMS, "--n", "2", "--degree", "2")),),
+    ),
     "p2_contact": Group(
         "two blocks, quadratic elements, 84 966 unknowns",
         (

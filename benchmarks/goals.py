@@ -200,6 +200,12 @@ GOALS = (
         0.6,
     ),
     Goal(
+        "a level with constant load, given motion and history over one without",
+        ("terms",),
+        lambda jobs: float(jobs["1 rank"]["ratio"]),
+        1.1,
+    ),
+    Goal(
         "growth of CG iterations per solve, two blocks n = 8 to 38, same works",
         ("growth",),
         lambda jobs: jobs["n = 38"]["iterations_per_solve"] / jobs["n = 8"]["iterations_per_solve"],

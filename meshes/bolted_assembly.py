@@ -20,6 +20,7 @@ import gmsh
 
 from meshes.apart import write_apart
 from meshes.command_line import mesh_parser, write_from
+from meshes.joints import Solid, fragment, joints
 from meshes.naming import interface, name
 from meshes.shapes import add_box
 from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
@@ -50,9 +51,6 @@ ROUND = 10
 
 X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
-Solid = tuple[int, int]
-"""Dimension and tag of a volume."""
-
 
 def write_bolted_assembly(
     path: str | Path,
@@ -79,11 +77,11 @@ def write_bolted_assembly(
         for number, (side, y) in enumerate(places, start=1):
             parts[f"bolt_{number}"] = _bolt(side * (INNER + UPRIGHT + (FOOT - UPRIGHT) / 2), y)
         parts["rod"] = _rod()
-        bodies = _fragment(parts)
+        bodies = fragment(parts)
         gmsh.write(str(Path(path).with_suffix(".step")))
         name(3, bodies)
         ends = [tag for x in (-LENGTH / 2, LENGTH / 2) for tag in on_plane(2, 0, x)]
-        name(2, {"ends": ends, "grip": _grip(bodies["rod"])} | _joints(bodies))
+        name(2, {"ends": ends, "grip": _grip(bodies["rod"])} | joints(bodies))
 
         if apart:
             finer = {"bracket": apart, "bolt": apart**2}
@@ -164,35 +162,6 @@ def _hexagon(centre: Sequence[float], axis: Sequence[float], radius: float, heig
     extruded = occ.extrude([(2, face)], *(height * component for component in axis))
     occ.remove([(2, face)])
     return next(entity for entity in extruded if entity[0] == 3)
-
-
-def _fragment(parts: dict[str, list[Solid]]) -> dict[str, list[int]]:
-    """Cut the bodies along each other; where two overlap, the later one has what both had.
-
-    Returns:
-        The tags of the volumes by name.
-    """
-    occ = gmsh.model.occ
-    solids = [solid for own in parts.values() for solid in own]
-    _, images = occ.fragment(solids, [])
-    occ.synchronize()
-    owner: dict[int, str] = {}
-    places = iter(images)
-    for label, own in parts.items():
-        for _ in own:
-            owner.update({tag: label for _, tag in next(places)})
-    return {label: [tag for tag, body in owner.items() if body == label] for label in parts}
-
-
-def _joints(bodies: dict[str, list[int]]) -> dict[str, list[int]]:
-    """The faces that two bodies share, numbered by pair of bodies."""
-    owner = {tag: body for body, tags in bodies.items() for tag in tags}
-    joints: dict[tuple[str, ...], list[int]] = {}
-    for tag in interface(2):
-        both = tuple(sorted({owner[solid] for solid in gmsh.model.getAdjacencies(2, tag)[0]}))
-        if len(both) == 2:
-            joints.setdefault(both, []).append(tag)
-    return {f"joint_{k}": tags for k, tags in enumerate(joints.values(), start=1)}
 
 
 def _grip(rod: list[int]) -> list[int]:

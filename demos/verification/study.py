@@ -27,7 +27,7 @@ from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
 from perfplast_fenicsx.pictures import draw
 from perfplast_fenicsx.problem import Prescribed
 
-MOST_FACTORISATIONS = 35
+MOST_FACTORISATIONS, MOST_SOLVES = 35, 80
 """Of the interior point method."""
 
 
@@ -72,8 +72,10 @@ class Row:
 
     @property
     def right(self) -> bool:
-        """Whether the error and the number of factorisations are allowed."""
-        if (self.factorisations or 0) > MOST_FACTORISATIONS:
+        """Whether the error, and the work where a limit load was found directly, are allowed."""
+        if self.factorisations is not None and (
+            self.factorisations > MOST_FACTORISATIONS or self.solves > MOST_SOLVES
+        ):
             return False
         if self.allowed is None:
             return True
@@ -224,6 +226,23 @@ def orders(rows: Sequence[Row]) -> list[float]:
                 math.log(abs(coarse.error / fine.error)) / math.log(coarse.size / fine.size)
             )
     return found
+
+
+def costs(rows: Sequence[Row]) -> list[str]:
+    """What limit loads took that were found directly, one line for each case."""
+    lines = []
+    found = [row for row in rows if row.factorisations is not None]
+    for case, group in groupby(found, key=lambda row: row.case):
+        solves, factors = zip(*((row.solves, row.factorisations) for row in group), strict=True)
+        lines.append(
+            f"limit loads, {case}: {_span(factors)} factorisations, {_span(solves)} linear solves"
+        )
+    return lines
+
+
+def _span(counts: Sequence[int]) -> str:
+    low, high = min(counts), max(counts)
+    return f"{low}" if low == high else f"{low} to {high}"
 
 
 def run(title: str, study: Study, argv: Sequence[str] | None = None) -> None:

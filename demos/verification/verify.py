@@ -11,7 +11,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from demos.verification.study import HEADING, Row, rates, solve
+from demos.verification.study import HEADING, Row, costs, rates, solve
 from perfplast_fenicsx.cli import Terminal
 
 CASES = (
@@ -21,6 +21,7 @@ CASES = (
     "thick_tube",
     "axisymmetry",
     "autofrettage",
+    "tension_and_shear",
     "strip_footing",
     "rigid_footing",
     "torsion",
@@ -33,6 +34,7 @@ CASES = (
     "hertz_sphere",
     "meshed_apart",
     "towers",
+    "assemblies",
     "body_bounds",
     "bounds_in_space",
     "bound_costs",
@@ -57,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     for name in arguments.only:
         study = import_module(f"demos.verification.{name}").study
         rows += solve(comm, study, Path(arguments.output) / name, arguments.coarse, terminal)
-    terminal.say("\n" + "\n".join(rates(rows)))
+    terminal.say("\n" + "\n".join([*rates(rows), *costs(rows)]))
     wrong = sum(not row.right for row in rows)
     checked = sum(row.allowed is not None for row in rows)
     terminal.say(f"\n{checked} numbers checked, {wrong} wrong; pictures in {arguments.output}.")

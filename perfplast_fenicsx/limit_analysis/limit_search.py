@@ -29,6 +29,9 @@ from perfplast_fenicsx.solvers.load_stepping import Reached, work_path
 from perfplast_fenicsx.solvers.newton_options import NewtonOptions
 from perfplast_fenicsx.solvers.work_newton import WorkNewton
 
+CLOSER = 0.1
+"""Tolerance of a level, relative to that of the limit load."""
+
 
 def limit_load(
     problem: Problem,
@@ -125,6 +128,7 @@ def _chosen(method: str | None, problem: Problem, follows: bool) -> LimitMethod:
 def limit_options(rtol: float) -> dict[str, Any]:
     """Options of the Newton methods that suit a limit load with a relative tolerance.
 
-    Displacements grow without bound, so that increments relative to them say little.
+    Displacements grow without bound, so that increments relative to them say little. What a level
+    leaves to be desired has to be small beside the distance of the bounds: ζ is one of them.
     """
-    return {"stopping": "stress", "tolerance": min(rtol, 1e-3)}
+    return {"stopping": "stress", "tolerance": CLOSER * min(rtol, 1e-3)}

@@ -141,21 +141,33 @@ class ViscousFlow:
         Raises:
             NoFlow: If nothing is left of it.
         """
-        problem, left = self._problem, self._inadmissible()
+        left, slowed = self._inadmissible(), np.inf
         for _ in range(MOST_ITERATIONS):
             if left <= EXACT:
                 break
-            for multiplier, ascent in self._multipliers:
-                ascent.interpolate(multiplier)
-            assemble_force(self._force, self._force_form, problem.bcs)
-            self._force.axpy(1.0, problem.loads.dead)
-            self._solve(self._force, self._rest)
-            self._combine()
+            self._ascend(1.0)
             before, left = left, self._inadmissible()
-            if not left < before / 2:
+            if left < before / 2:
+                continue
+            if not left < min(before, slowed / 2):
                 raise NoFlow("no velocity is admissible: nothing can flow, or the elements lock")
+            slowed = left
+            self._ascend(1 / (1 - left / before))  # all such steps to come at once
+            left = self._inadmissible()
         else:
             raise NoFlow("the flow does not become admissible")
+
+    def _ascend(self, stretch: float) -> None:
+        """Let the multipliers rise by so many times what is inadmissible, and flow. Collective."""
+        problem = self._problem
+        for multiplier, ascent in self._multipliers:
+            here = multiplier.x.array.copy()
+            ascent.interpolate(multiplier)
+            multiplier.x.array[:] = here + stretch * (multiplier.x.array - here)
+        assemble_force(self._force, self._force_form, problem.bcs)
+        self._force.axpy(1.0, problem.loads.dead)
+        self._solve(self._force, self._rest)
+        self._combine()
 
     def dead_work(self) -> float:
         """L₀(v). Collective."""

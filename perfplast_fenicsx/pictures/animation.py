@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
+from perfplast_fenicsx.pictures.acting import acting
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.field_figure import deformation_scale, in_words, level_caption
 from perfplast_fenicsx.pictures.figure_panels import compose, panels
@@ -47,8 +48,7 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
     path = [None, *(level.report for level in levels)]
     shown = panels(surfaces, scene.units, middle=False)
     scale = deformation_scale(surfaces)
-    zetas = [report.zeta if report else 0.0 for report in path]
-    renderer = Renderer(surfaces, scene, scale, PIXELS, zetas)
+    renderer = Renderer(surfaces, scene, scale, PIXELS, acting(path))
     frames = []
     for number, report in enumerate(path):
 

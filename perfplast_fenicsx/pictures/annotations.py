@@ -34,20 +34,27 @@ class Arrows:
     vectors: Floats
 
 
-def load_arrows(surface: Surface, points: Floats, loads: Sequence[Traction | Pressure]) -> Arrows:
+def load_arrows(
+    surface: Surface,
+    points: Floats,
+    loads: Sequence[Traction | Pressure],
+    shares: Sequence[float] | Floats = (),
+) -> Arrows:
     """Arrows of all loads, spread over their surfaces: they end there, or pull at it.
 
     Args:
         surface: With a mark ``load i`` for each load.
         points: Where the surface's points are drawn.
         loads: What acts.
+        shares: How long the arrows of each are, from −1 to 1; all are 1 without.
     """
     starts, vectors = [np.zeros((0, 3))], [np.zeros((0, 3))]
     for i, load in enumerate(loads):
         chosen = np.flatnonzero(surface.marks[f"load {i}"])
         directions = _directions(load, surface, chosen)
         acts = directions.any(axis=1)
-        if not acts.any():
+        share = float(shares[i]) if len(shares) else 1.0
+        if not (acts.any() and share):
             continue
         chosen, directions = chosen[acts], directions[acts]
         normals, facets = surface.normals[chosen], surface.facets[chosen]
@@ -56,7 +63,7 @@ def load_arrows(surface: Surface, points: Floats, loads: Sequence[Traction | Pre
         weights, facet = _spread(surface.points[facets], spacing)
         ends = np.einsum("nc,nci->ni", weights, points[facets[facet]])
         d = directions[facet] / np.linalg.norm(directions[facet], axis=1, keepdims=True)
-        d *= ARROW * surface.size
+        d *= ARROW * surface.size * share
         pushes = np.einsum("ni,ni->", d, normals[facet]) < 0
         starts.append(ends - d * pushes)
         vectors.append(d)
@@ -110,7 +117,7 @@ class Obstacles:
 
 
 def sample_obstacles(
-    surface: Surface, points: Floats, obstacles: Sequence[Obstacle], travel: float = 0.0
+    surface: Surface, points: Floats, obstacles: Sequence[Obstacle], travels: Sequence[float] = ()
 ) -> Obstacles:
     """Find out where obstacles are in the neighbourhood of the bodies.
 
@@ -118,7 +125,7 @@ def sample_obstacles(
         surface: The bodies.
         points: Where the surface's points are drawn.
         obstacles: Those that fit the mesh.
-        travel: How much of their ``move`` they are drawn away from where they begin.
+        travels: How much of its ``move`` each is drawn away from where it begins; none without.
     """
     gdim = 2 if surface.plane else 3
     both = np.concatenate([points, surface.points])[:, :gdim]
@@ -128,7 +135,11 @@ def sample_obstacles(
     axes = [np.linspace(low[i], high[i], SAMPLES[gdim]) for i in range(gdim)]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     shape = (*x.shape[:-1], 1)[:3]
-    moves = [travel * move_of(obstacle, gdim) for obstacle in obstacles]
+    travels = travels or [0.0] * len(obstacles)
+    moves = [
+        travel * move_of(obstacle, gdim)
+        for travel, obstacle in zip(travels, obstacles, strict=True)
+    ]
     distances = [
         obstacle.towards(x.reshape(-1, gdim) - move)[0]
         for obstacle, move in zip(obstacles, moves, strict=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from perfplast_fenicsx.io.case.scene import Scene
+from perfplast_fenicsx.pictures.acting import Acting
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.figure_panels import compose, panels
 from perfplast_fenicsx.pictures.picture_file import replace_picture
@@ -26,7 +27,7 @@ def draw_fields(
     caption: str,
     path: Path,
     largest_dissipation: float | None = None,
-    zeta: float = 0.0,
+    state: Acting | None = None,
 ) -> None:
     """Draw deformed bodies with plastic zone, displacement, contact pressure, slip and friction.
 
@@ -39,7 +40,7 @@ def draw_fields(
         path: The png file.
         largest_dissipation: Of all cells; for mechanisms alone, where the ``dissipation`` is shown
             instead of the displacement.
-        zeta: Load factor, which obstacles move with.
+        state: What acts, which arrows and obstacles follow; by default as for ζ = 0.
 
     Raises:
         OSError: If the file cannot be written.
@@ -47,7 +48,7 @@ def draw_fields(
     shown = panels([surface], scene.units, largest_dissipation)
     wanted = SHOWN_DEFORMATION if largest_dissipation is None else SHOWN_MECHANISM
     scale = deformation_scale([surface], wanted)
-    renderer = Renderer([surface], scene, scale, PIXELS, [zeta])
+    renderer = Renderer([surface], scene, scale, PIXELS, [state or Acting()])
     images = [renderer.draw(0, panel) for panel in shown]
     words = (scene.title, f"{caption},   {in_words(scale)}{scene.view}")
     replace_picture(path, compose(shown, images, words))

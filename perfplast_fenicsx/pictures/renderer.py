@@ -13,6 +13,7 @@ import pyvista as pv
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.io.case.scene import Scene
+from perfplast_fenicsx.pictures.acting import Acting, shares
 from perfplast_fenicsx.pictures.annotations import best_view, load_arrows, sample_obstacles
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.figure_panels import Panel, hue
@@ -55,7 +56,7 @@ class Renderer:
         scene: Scene,
         scale: float,
         pixels: tuple[int, int],
-        zetas: Sequence[float] = (0.0,),
+        states: Sequence[Acting] = (Acting(),),
     ) -> None:
         """Set the scene.
 
@@ -64,21 +65,29 @@ class Renderer:
             scene: What is around the bodies.
             scale: Of the displacements.
             pixels: Width and height of each image.
-            zetas: Load factors of the frames, which obstacles move with.
+            states: What acts in the frames, which arrows and obstacles follow.
         """
         self._skin = skin = frames[-1]
         self._pixels, self._flat, self._size = pixels, skin.plane, skin.size
         self._frames = np.array([a.points + scale * a.at_points["displacement"] for a in frames])
         # of the same facets in all frames, so that arrows move with the bodies and do not jump
-        self._arrows = [load_arrows(skin, moved, scene.on_surfaces) for moved in self._frames]
+        lengths = shares(states, scene.on_surfaces)
+        self._arrows = [
+            load_arrows(skin, moved, scene.on_surfaces, lengths[number])
+            for number, moved in enumerate(self._frames)
+        ]
         self._view = np.array(best_view(skin))
         self._axis = _axis(skin) if scene.axisymmetric else None
         bodies = range(len(skin.names))
         self._sharp = [] if self._flat else [self._sharp_edges(body) for body in bodies]
-        moving = any(len(obstacle.move) for obstacle in scene.obstacles)
-        travels = [scale * zeta if moving else 0.0 for zeta in zetas]
-        parts = {travel: self._obstacles_at(scene, travel) for travel in set(travels)}
-        self._obstacles = [parts[travel] for travel in travels]
+        travels = [
+            tuple(
+                scale * state.of_obstacle(one) if len(one.move) else 0.0 for one in scene.obstacles
+            )
+            for state in states
+        ]
+        parts = {each: self._obstacles_at(scene, each) for each in set(travels)}
+        self._obstacles = [parts[each] for each in travels]
 
     def __repr__(self) -> str:
         return f"Renderer({self._skin!r}, {len(self._frames)} frames)"
@@ -155,9 +164,11 @@ class Renderer:
             lifted = points + np.array([0, 0, layer * IN_FRONT * self._size])
             plotter.add_mesh(_mesh(lifted, skin.facets[chosen]), lighting=False, **paint)
 
-    def _obstacles_at(self, scene: Scene, travel: float) -> list[tuple[pv.DataSet, Paint]]:
-        """All obstacles, so much of their moves away from where they begin."""
-        near = sample_obstacles(self._skin, self._frames.reshape(-1, 3), scene.obstacles, travel)
+    def _obstacles_at(
+        self, scene: Scene, travels: Sequence[float]
+    ) -> list[tuple[pv.DataSet, Paint]]:
+        """All obstacles, each so much of its move away from where it begins."""
+        near = sample_obstacles(self._skin, self._frames.reshape(-1, 3), scene.obstacles, travels)
         return [
             part
             for distances in near.distances

@@ -67,10 +67,11 @@ def _levels(reader: ResultReader, target: Path) -> Iterator[str]:
     report = levels[-1].report
     surface = reader.surface(levels[-1])
     with _drawing(target / "fields.png") as path:
+        from perfplast_fenicsx.pictures.acting import acting
         from perfplast_fenicsx.pictures.field_figure import draw_fields, level_caption
 
         caption = level_caption(report, scene.driven, unit)
-        draw_fields(surface, scene, caption, path, zeta=report.zeta)
+        draw_fields(surface, scene, caption, path, state=acting([report])[0])
     yield str(path)
 
 

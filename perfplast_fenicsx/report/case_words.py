@@ -19,7 +19,8 @@ NUMBERS = {
     "young": ("Young's modulus", "stress"),
     "poisson": ("Poisson's ratio", ""),
     "yield_stress": ("yield stress", "stress"),
-    "modulus": ("hardening modulus", "stress"),
+    "isotropic": ("isotropic hardening", "stress"),
+    "kinematic": ("kinematic hardening", "stress"),
     "expansion": ("thermal expansion", ""),
 }
 
@@ -41,9 +42,20 @@ LOADS = {
 class CaseWords:
     """Says what was given."""
 
-    def __init__(self, given: Table, units: Mapping[str, str], axes: str) -> None:
-        """Take what ``summary.json`` says: ``given``, ``units``, and the ``axes`` of its model."""
+    def __init__(
+        self, given: Table, units: Mapping[str, str], axes: str, staged: bool = False
+    ) -> None:
+        """Take what ``summary.json`` says.
+
+        Args:
+            given: What the problem was made of.
+            units: Of numbers by kind.
+            axes: Letters of the model's axes.
+            staged: Whether there are stages, with a factor for each name.
+        """
         self._given, self._units, self._axes = given, units, axes
+        self._times = "times its factor" if staged else "times ζ"
+        self._full = "in full all the time" if staged else "in full at any ζ"
 
     def bodies(self) -> list[Row]:
         """Each body's name, and its material."""
@@ -65,7 +77,7 @@ class CaseWords:
             text = f"held in {along}"
             if support["value"]:
                 text = f"moved by {self.number(support['value'], 'length')} in {along}"
-                text += "" if support["constant"] else ", times ζ"
+                text += "" if support["constant"] else f", {self._times}"
             rows.append((support["on"], text))
         for rigid in self._given.get("rigid", []):
             moved = rigid["displacement"] or rigid["rotation"]
@@ -78,7 +90,7 @@ class CaseWords:
         rows = []
         for load in self._given.get("loads", []):
             words, unit = LOADS.get(load["kind"], (load["kind"], ""))
-            how = "in full at any ζ" if load["constant"] else "times ζ"
+            how = self._full if load["constant"] else self._times
             name = f"{load['name']}: " if load.get("name") else ""
             rows.append((load["on"], f"{name}{words} {self.number(load['value'], unit)}, {how}"))
         for first in self._given.get("initial", []):
@@ -100,7 +112,7 @@ class CaseWords:
         for obstacle in self._given.get("obstacles", []):
             text = f"rigid {obstacle['kind']}, {self._friction(obstacle)}"
             if any(obstacle.get("move") or ()):
-                text += f", moves by {self.number(obstacle['move'], 'length')} times ζ"
+                text += f", moves by {self.number(obstacle['move'], 'length')} {self._times}"
             rows.append((obstacle.get("name") or obstacle["on"], text))
         for tie in self._given.get("ties", []):
             rows.append((f"{tie['primary']} – {tie['secondary']}", "glued together"))

@@ -36,7 +36,8 @@ def page_of(reader: ResultReader, view: View) -> str:
         InputError: If the results cannot be read.
     """
     summary, scene = reader.summary, reader.scene
-    words = CaseWords(summary.given, summary.units, summary.model["axes"])
+    staged = any(step.get("stage") for step in summary.steps)
+    words = CaseWords(summary.given, summary.units, summary.model["axes"], staged)
     template = Template(_asset("page.html"))
     return template.substitute(
         title=escape(scene.title or "A run"),

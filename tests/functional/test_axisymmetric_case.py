@@ -63,6 +63,10 @@ def test_forces_are_told_to_be_of_the_full_turn(
             "Forces of the full turn (r: outwards, summed all around; z: along the axis) (N) at"
             in out
         )
+    assert main(["info", str(case)]) == SOLVED
+    out, _ = capsys.readouterr()
+    if comm.rank == 0:
+        assert "those of the full turn" in out
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
     assert summary["model"]["kind"] == "axisymmetric"
     assert summary["model"]["axes"] == "rz"

@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import pytest
 
-from benchmarks import case, limit
+from benchmarks import case, limit, terms
 from benchmarks.catalogue import GROUPS
 from benchmarks.elastic import Elasticity
 from benchmarks.goals import GOALS, Goal
@@ -45,6 +45,19 @@ def test_a_limit_load_is_measured(comm: MPI.Intracomm, shared_tmp_path: Path) ->
     assert not is_wrong(record)
     assert record["lower"] <= record["upper"] <= record["lower"] * 1.001
     assert f"{record['E_path']:.1f}" in report({"bolted_limit": {"a job": [record]}})
+
+
+def test_a_level_with_all_terms_is_measured(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    output = shared_tmp_path / "record.json"
+    terms.main(["--n", "1", "--repeats", "1", "-o", str(output)])
+    comm.Barrier()
+    record = json.loads(output.read_text(encoding="utf-8"))
+    assert not is_wrong(record)
+    assert record["newton_iterations"] > 1
+    (goal,) = (goal for goal in GOALS if goal.groups == ("terms",))
+    results = {"terms": {"1 rank": [record]}}
+    assert goal.measured(results) == record["ratio"] > 0
+    assert goal.text in report(results)
 
 
 def test_goals_name_groups_and_are_judged() -> None:

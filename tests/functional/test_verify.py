@@ -10,7 +10,7 @@ from mpi4py import MPI
 import pytest
 
 from demos.verification import verify
-from demos.verification.study import Row, line, orders, rates
+from demos.verification.study import Row, costs, line, orders, rates
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 
 ROW = Row("a case", "limit load", "P2", 0.1, 100, 1.01, 1.0, 0.02, 10, 0.5)
@@ -29,6 +29,9 @@ ROW = Row("a case", "limit load", "P2", 0.1, 100, 1.01, 1.0, 0.02, 10, 0.5)
         ({"computed": 1e-3, "exact": 0.0}, True),
         ({"computed": -0.03, "exact": 0.0}, False),
         ({"computed": -1.01, "exact": -1.0}, True),
+        ({"factorisations": 36}, False),
+        ({"factorisations": 30, "solves": 81}, False),
+        ({"solves": 81}, True),
     ],
 )
 def test_a_number_is_right_within_what_is_allowed(changes: dict[str, float], right: bool) -> None:
@@ -43,6 +46,13 @@ def test_orders_of_convergence() -> None:
     assert orders([replace(ROW, size=h, computed=1.0) for h in (0.4, 0.2)]) == []
     (text,) = rates([*rows, replace(ROW, case="another")])
     assert text.endswith("a case, limit load, P2: 2.00, 2.00")
+
+
+def test_what_limit_loads_took() -> None:
+    taken = [(9, 24), (10, 31), (None, 90)]
+    rows = [replace(ROW, factorisations=factors, solves=solves) for factors, solves in taken]
+    (text,) = costs(rows)
+    assert text == "limit loads, a case: 9 to 10 factorisations, 24 to 31 linear solves"
 
 
 @pytest.mark.parametrize("computed", [1.0, 2.0])

@@ -8,8 +8,10 @@ import pytest
 from perfplast_fenicsx.contact.obstacles import Cylinder, Obstacle, Plane, Sphere
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.mesh.sample_meshes import build
+from perfplast_fenicsx.pictures.acting import acting, shares
 from perfplast_fenicsx.pictures.annotations import load_arrows, sample_obstacles
 from perfplast_fenicsx.problem.loads import Pressure, Traction
+from tests.io.results.test_result_folder import report
 from tests.pictures.skins import skin, square
 
 NEARBY: dict[str, list[Obstacle]] = {
@@ -73,6 +75,32 @@ def test_an_obstacle_is_drawn_where_it_has_moved_to() -> None:
     surface = skin(square(MPI.COMM_SELF), Scene(""))
     floor = Plane("side", (0.0, 0.0), (0.0, 1.0), move=(0.3, 0.2))
     near, moved = (
-        sample_obstacles(surface, surface.points, [floor], travel) for travel in (0.0, 0.5)
+        sample_obstacles(surface, surface.points, [floor], travels) for travels in ((), (0.5,))
     )
     assert np.allclose(moved.distances[0], near.distances[0] - 0.1)
+
+
+def test_arrows_and_obstacles_follow_the_factors_of_stages() -> None:
+    loads = [Pressure("side", 1.0, name="push"), Pressure("side", 1.0, constant=True)]
+    floor = Plane("side", (0.0, 0.0), (0.0, 1.0), move=(0.3, 0.2), name="floor")
+    reports = [
+        report(zeta, plastic_cells=0, factors={"push": push, "floor": moved})
+        for zeta, push, moved in ((1.0, -4.0, 0.1), (2.0, 2.0, -0.3))
+    ]
+    states = acting([None, *reports])
+    assert [state.of_obstacle(floor) for state in states] == [0.0, 0.1, -0.3]
+    assert shares(states, loads) == pytest.approx(np.array([[0, 1], [-1, 1], [0.5, 1]]))
+    surface = skin(square(MPI.COMM_SELF), Scene("", loads))
+    whole, half, none = (
+        load_arrows(surface, surface.points, loads[:1], [share]) for share in (1.0, -0.5, 0.0)
+    )
+    assert np.allclose(half.vectors, -0.5 * whole.vectors)
+    assert len(whole.starts) > 5
+    assert len(none.starts) == 0
+
+
+def test_without_stages_the_load_factor_decides() -> None:
+    load, floor = Pressure("side", 1.0), Plane("side", (0.0, 0.0), (0.0, 1.0), move=(0.3, 0.2))
+    states = acting([None, report(-2.0, plastic_cells=0, factors={})])
+    assert [state.of_obstacle(floor) for state in states] == [0.0, -2.0]
+    assert [state.of_load(load) for state in states] == [1.0, -1.0]

@@ -19,7 +19,7 @@ from tests.io.results.test_result_folder import report
 GIVEN: dict[str, Any] = {
     "materials": {
         "a<b": {"kind": "von-mises", "young": 2e5, "yield_stress": 300.0, "expansion": 0.0},
-        "c": {"kind": "Flow", "body": {"kind": "Soft", "modulus": 5.0, "odd_one": 7}},
+        "c": {"kind": "Flow", "body": {"kind": "Soft", "isotropic": 5.0, "odd_one": 7}},
     },
     "supports": [
         {"on": "left", "components": "xz", "value": 0.0, "constant": True},
@@ -45,7 +45,7 @@ def test_the_case_in_words() -> None:
             "elastic, perfectly plastic (von Mises): Young's modulus 200000 MPa, yield stress 300"
             " MPa",
         ),
-        ("c", "Soft; remembers plastic flow: hardening modulus 5 MPa, odd one 7"),
+        ("c", "Soft; remembers plastic flow: isotropic hardening 5 MPa, odd one 7"),
     ]
     held, moved = words.supports()
     assert held == ("left", "held in r")
@@ -62,6 +62,9 @@ def test_the_case_in_words() -> None:
     ]
     assert words.number([1, -0.0], "force") == "(1, 0) N/mm"
     assert CaseWords(GIVEN, {}, "xy").number(2.0, "force") == "2"
+    staged = CaseWords(GIVEN, {}, "rz", staged=True)
+    assert "times ζ" not in str(staged.loads() + staged.supports() + staged.contacts())
+    assert "times its factor" in str(staged.loads())
     assert "&lt;" in pairs(words.bodies())
 
 

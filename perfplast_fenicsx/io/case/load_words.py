@@ -53,8 +53,21 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
         told.append(f"{'A factor of 1' if case.stages else 'zeta = 1'} is {', '.join(live)}.")
     elif case.scene.driven:
         told.append("zeta = 1 is the motion of supports and obstacles as the case gives it.")
+    elsewhere = dict.fromkeys(name for stage in case.stages for name in stage.factors)
+    others = [
+        repr(name)
+        for name in elsewhere
+        if name not in {load.name or load.on for load in case.loads}
+    ]
+    if others:
+        told.append(f"A factor of 1 of {', '.join(others)} is what the case gives there.")
     if dead:
         told.append(f"At any load factor there is {', '.join(dead)}.")
+    if case.scene.axisymmetric:
+        told.append(
+            "Forces and works of results are those of the full turn; pressures, tractions and body"
+            " forces are for each area and volume."
+        )
     if units.in_words():
         told.append(f"Units: {units.in_words(whole)}.")
     return told

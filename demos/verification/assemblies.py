@@ -1,0 +1,76 @@
+# %% [markdown]
+# # Assemblies drawn at random
+#
+# One to three blocks in a row against a wall, most of them with a round pin, and a lid on top: two
+# to six bodies without friction, of steels drawn at random. The last block and the lid are pressed,
+# and pins are pulled one way or the other, so that they part from their bores. Nobody knows the
+# limit loads. A loading by work and the interior point method know nothing of each other: each
+# brackets the limit load of the mesh, and the brackets must meet.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/assemblies.py
+
+# %%
+import random
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+from demos.verification.study import Row, mesh, run
+from demos.verification.towers import TOLERANCE, both_ways
+from meshes.assembly import write_assembly
+from perfplast_fenicsx import BodyForce, Contact, Pressure, Problem, Support, TaggedMesh, VonMises
+from perfplast_fenicsx.io import ResultFolder, Scene
+from perfplast_fenicsx.pictures import draw
+from perfplast_fenicsx.problem import Load
+
+TITLE = "Assemblies"
+ASSEMBLIES, FEW = range(20), (5,)
+SUPPORTS = [Support("x0", "x"), Support("y0", "y"), Support("z0", "z")]
+
+
+def loads_of(tagged_mesh: TaggedMesh, number: int) -> list[Load]:
+    """What presses and pulls an assembly, drawn at random."""
+    drawn = random.Random(number)
+    loads: list[Load] = [Pressure("end", 1.0)]
+    if "top" in tagged_mesh.surfaces:
+        loads.append(Pressure("top", drawn.uniform(0.0, 1.0)))
+    pins = [body for body in sorted(tagged_mesh.volumes) if body.startswith("pin")]
+    return loads + [BodyForce(pin, (drawn.uniform(-5.0, 5.0), 0.0, 0.0)) for pin in pins]
+
+
+def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
+    """An assembly of steels drawn at random; ζ is the pressure on the last block."""
+    drawn = random.Random(number)
+    ranges = ((70e3, 210e3), (0.2, 0.35), (200.0, 500.0))  # Young, Poisson, yield stress
+    bodies = sorted(tagged_mesh.volumes)
+    materials = {body: VonMises(*(drawn.uniform(*r) for r in ranges)) for body in bodies}
+    loads = loads_of(tagged_mesh, number)
+    sides: dict[str, list[str]] = {}
+    for surface in sorted(tagged_mesh.surfaces):
+        if "_joint_" in surface:
+            sides.setdefault(surface.split("_joint_")[1], []).append(surface)
+    contacts = [Contact(one, other) for one, other in sides.values()]
+    return Problem(tagged_mesh, materials, SUPPORTS, loads, contacts, degree=2)
+
+
+# %%
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Limit loads by both methods. Collective."""
+    rows = []
+    for number in FEW if coarse else ASSEMBLIES:
+        problem = problem_of(mesh(folder, write_assembly, number=number), number)
+        found, estimate = both_ways(problem)
+        rows.append(found.row(f"assembly {number}", 0.45, estimate, TOLERANCE))
+    found.write(folder, Scene(f"Assembly {number}", loads_of(problem.tagged_mesh, number), []))
+    draw(folder)
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()

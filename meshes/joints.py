@@ -1,0 +1,49 @@
+"""Bodies of gmsh's current model that are cut along each other, and the faces between them."""
+
+from collections.abc import Mapping, Sequence
+
+import gmsh
+
+from meshes.naming import interface
+
+Solid = tuple[int, int]
+"""Dimension (3) and tag."""
+
+
+def fragment(parts: Mapping[str, Sequence[Solid]]) -> dict[str, list[int]]:
+    """Cut bodies along each other; where two overlap, the later one has what both had.
+
+    Args:
+        parts: The solids of each body.
+
+    Returns:
+        The tags of the volumes by name.
+    """
+    occ = gmsh.model.occ
+    solids = [solid for own in parts.values() for solid in own]
+    _, images = occ.fragment(solids, [])
+    occ.synchronize()
+    owner: dict[int, str] = {}
+    places = iter(images)
+    for label, own in parts.items():
+        for _ in own:
+            owner.update({tag: label for _, tag in next(places)})
+    return {label: [tag for tag, body in owner.items() if body == label] for label in parts}
+
+
+def joints(bodies: Mapping[str, Sequence[int]]) -> dict[str, list[int]]:
+    """The faces that two bodies share, numbered by pair of bodies.
+
+    Args:
+        bodies: The tags of the volumes by name.
+
+    Returns:
+        Tags of faces by name: ``joint_1`` and so on.
+    """
+    owner = {tag: body for body, tags in bodies.items() for tag in tags}
+    found: dict[tuple[str, ...], list[int]] = {}
+    for tag in interface(2):
+        both = tuple(sorted({owner[solid] for solid in gmsh.model.getAdjacencies(2, tag)[0]}))
+        if len(both) == 2:
+            found.setdefault(both, []).append(tag)
+    return {f"joint_{k}": tags for k, tags in enumerate(found.values(), start=1)}
