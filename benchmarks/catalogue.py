@@ -196,6 +196,11 @@ GROUPS = {
         (case("bolted", 19, "--degree", "2", ranks=2),),
         rounds=1,
     ),
+    "bolted_apart": Group(
+        "the assembly of bodies that were meshed apart: mortar contact",
+        (case("bolted_apart", 2, "--degree", "2"),),
+        rounds=1,
+    ),
     "bolted_limit": Group(
         "its limit load to 1e-3, 269 529 unknowns",
         (limit("bolted", 11, "--degree", "2", ranks=2),),

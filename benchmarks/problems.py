@@ -84,9 +84,9 @@ def _l_plate(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
     )
 
 
-def _bolted(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
+def _bolted(comm: MPI.Intracomm, n: int, degree: int, apart: float | None = None) -> Problem:
     """Brackets bolted onto a plate; ζ is the traction on the grip of the rod between them."""
-    assembly = _assembly(comm, n, glued=False)
+    assembly = _assembly(comm, n, glued=False, apart=apart)
     sides: dict[str, list[str]] = {}
     for surface in sorted(assembly.surfaces):
         if "_joint_" in surface:
@@ -110,13 +110,18 @@ def _pulled(assembly: TaggedMesh, contacts: list[Contact], degree: int) -> Probl
     )
 
 
-def _assembly(comm: MPI.Intracomm, n: int, glued: bool) -> TaggedMesh:
+def _bolted_apart(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
+    """The same of bodies that were meshed apart, with mortar contact."""
+    return _bolted(comm, n, degree, apart=1.3)
+
+
+def _assembly(comm: MPI.Intracomm, n: int, glued: bool, apart: float | None = None) -> TaggedMesh:
     """The bolted assembly with ``n`` elements on the length of a bracket's foot. Collective."""
     folder = Path(comm.bcast(mkdtemp() if comm.rank == 0 else ""))
     path = folder / "assembly.msh"
     try:
         if comm.rank == 0:
-            write_bolted_assembly(path, FOOT / n, glued=glued)
+            write_bolted_assembly(path, FOOT / n, glued=glued, apart=apart)
         return read_gmsh(comm, path)
     finally:
         if comm.rank == 0:
@@ -128,4 +133,5 @@ MODELS = {
     "punch": Model(_punch, (450.0,), 2, PUNCH_METAL, [Support("punch_bottom", "z")]),
     "l_plate": Model(_l_plate, (1.0,), 1, STEEL),
     "bolted": Model(_bolted, (0.5, 1.0, 3.0), 1, STEEL, glued=_glued),
+    "bolted_apart": Model(_bolted_apart, (0.5, 1.0, 3.0), 1, STEEL, glued=_glued),
 }

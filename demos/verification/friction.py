@@ -11,6 +11,10 @@
 #   it is twice as wide, the limit load grows with m from 2k to the 2.4277 k of glued platens.
 # - A block of the weight G on a slope with tan α = 0.1 is pushed up it by a horizontal force F, and
 #   slides at F/G = (tan α + μ)/(1 − μ tan α) (NAFEMS, benchmark CGS-4, with μ = 0.3).
+# - A block of 80 mm by 40 mm, half of it, is pressed on a floor from above by 50 N/mm² and from its
+#   sides by 150 N/mm², E = 130 GPa, ν = 0.2, μ = 1: near the corner it lifts off, beside that it
+#   slips, and it sticks in the middle. Code_Aster's test SSNV128 gives from other programs that the
+#   corner moves by 0.0286 mm along the floor.
 # - Two long cylinders of one material, pressed on each other by P and aside by Q < μP, stick within
 #   |x| ≤ c = b √(1 − Q/(μP)) and slip outside (C. Cattaneo, 1938; K. L. Johnson, Contact Mechanics,
 #   chapter 7). Half planes stand for the cylinders, with the gap x²/(2R) between them. 2c is the
@@ -173,6 +177,54 @@ def slope(comm: MPI.Intracomm) -> list[Row]:
 
 
 # %% [markdown]
+# ## On a floor
+
+
+# %%
+def floor(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """How far the corner of a block moves. Collective."""
+    length, size = 40.0, 2.5 if coarse else 1.25
+    tagged_mesh = mesh(
+        folder,
+        write_facing_blocks,
+        left=-length,
+        right=0.0,
+        below=0.1 * length,
+        above=length,
+        fine=size,
+        size=size,
+    )
+    problem = Problem(
+        tagged_mesh,
+        {"lower": Elastic(130e9, 0.2), "upper": Elastic(130e3, 0.2)},
+        [Support("bottom"), Support("right", "x")],
+        [Pressure("top", 50.0), Pressure("left", 150.0)],
+        [Contact(*SEAM, coulomb=1.0)],
+        degree=2,
+    )
+    began, solver = time.perf_counter(), Newton(problem)
+    level = solver.solve(1.0)
+    u = level.state.u.x.array.reshape(-1, 2)
+    x = problem.V.tabulate_dof_coordinates()
+    at_corner = np.hypot(x[:, 0] + length, x[:, 1]) < 1e-6 * length
+    moved = problem.comm.allreduce(float(u[at_corner, 0].max(initial=0)), MPI.MAX)
+    return [
+        Row(
+            case="block on a floor, Coulomb",
+            quantity="displacement of the corner",
+            element="P2",
+            size=size,
+            dofs=problem.num_dofs,
+            computed=moved if level.report.converged else math.nan,
+            exact=0.0286,
+            allowed=5e-3,
+            solves=solver.linear.solves,
+            seconds=time.perf_counter() - began,
+        )
+    ]
+
+
+# %% [markdown]
 # ## Stick within slip
 
 
@@ -240,6 +292,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     return [
         *slides(comm, coarse),
         *slope(comm),
+        *floor(folder, coarse),
         *cattaneo(folder, coarse),
         *platens(folder, coarse),
     ]

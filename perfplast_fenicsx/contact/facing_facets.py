@@ -7,13 +7,16 @@ from mpi4py import MPI
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.contact.facet_pairing import rendezvous
 from perfplast_fenicsx.contact.mortar_integrals import Integrals, integrate
 from perfplast_fenicsx.contact.surface_facets import Facets
 
 REACH = 0.1
 """Facets are first looked for in distances of this share of the size of both surfaces."""
+
+WHOLE = 1 - 1e-9
+"""A facet of which this share is covered is covered in whole."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,8 @@ def facing_facets(
 
     The reach is doubled until anything is found and, if that is asked for, host facets that have
     found nothing go on searching. In front of them alone: what lies farther behind them than the
-    first reach that found anything is no overlap of bodies.
+    first reach that found anything is no overlap of bodies. Those that are covered in part look
+    as much farther as surfaces that face each other can lean apart along them.
 
     Args:
         comm: The ranks.
@@ -55,32 +59,43 @@ def facing_facets(
     """
     parts: list[Facing] = []
     reach, behind = REACH * size, np.inf
+    lean = 3 * sum(comm.allreduce(_radius(facets), MPI.MAX) for facets in (hosts, guests))
     while True:
-        here, there = rendezvous(comm, hosts, guests, reach)
+        here, there = rendezvous(comm, hosts, guests, reach + lean)
         found = integrate(here, there, reach, around, min(reach, behind))
         covered = found.covered > 0
+        partly = covered & onward & (found.d.sum(axis=1) < WHOLE * found.full.sum(axis=1))
+        if partly.any():
+            more = integrate(here[partly], there, reach + lean, around, min(reach, behind))
+            parts.append(Facing(here[partly], there, more))
         some, alone = comm.allreduce(np.array([covered.sum(), (~covered).sum()]))
-        last = reach > size or not alone or (not onward and (some or parts))
+        last = reach > size or not alone or (not onward and some)
+        done = ~partly if last else covered & ~partly
+        parts.append(Facing(here[done], there, _of(found, done)))
         if last:
-            parts.append(Facing(here, there, found))
             return _joined(parts)
         if some:
-            parts.append(Facing(here[covered], there, _of(found, covered)))
             hosts, behind = here[~covered], min(reach, behind)
         reach *= 2
 
 
-def _of(found: Integrals, covered: np.ndarray) -> Integrals:
-    """The integrals of covered host facets, numbered anew."""
-    number = np.cumsum(covered) - 1
+def _radius(facets: Facets) -> float:
+    """Largest distance of a point of this rank's facets from its facet's centre."""
+    apart = facets["x"] - facets["x"].mean(axis=1, keepdims=True)
+    return float(np.linalg.norm(apart, axis=2).max(initial=0))
+
+
+def _of(found: Integrals, some: PairFlags) -> Integrals:
+    """The integrals of some host facets, numbered anew."""
+    number, kept = np.cumsum(some) - 1, some[found.host]
     return Integrals(
-        number[found.host],
-        found.guest,
-        found.M,
-        found.d[covered],
-        found.full[covered],
-        found.covered[covered],
-        found.on_guest,
+        number[found.host[kept]],
+        found.guest[kept],
+        found.M[kept],
+        found.d[some],
+        found.full[some],
+        found.covered[some],
+        found.on_guest[some],
     )
 
 
@@ -98,6 +113,6 @@ def _joined(parts: list[Facing]) -> Facing:
             np.concatenate([one.d for one in found]),
             np.concatenate([one.full for one in found]),
             np.concatenate([one.covered for one in found]),
-            sum(one.on_guest for one in found),
+            np.concatenate([one.on_guest for one in found]),
         ),
     )

@@ -49,7 +49,7 @@ class Integrals:
         d: ∫Ñ_i over the covered part of each host facet, shape (num_hosts, nodes).
         full: ∫Ñ_i over the whole of it, same shape.
         covered: Covered length or area of each host facet, shape (num_hosts,).
-        on_guest: The same part as measured on the guest.
+        on_guest: The same part as measured on the guest, same shape.
     """
 
     host: Longs
@@ -58,7 +58,7 @@ class Integrals:
     d: Floats
     full: Floats
     covered: Floats
-    on_guest: float
+    on_guest: Floats
 
 
 def own_basis(gdim: int, count: int) -> Floats:
@@ -92,7 +92,7 @@ def integrate(
     first, second = candidates(host, guest, reach, reach if behind is None else behind)
     count, each = hosts["node"].shape
     mass, d, covered = np.zeros((count, each, each)), np.zeros((count, each)), np.zeros(count)
-    keys, products, on_guest = [], [], 0.0
+    keys, products, on_guest = [], [], np.zeros(count)
     for chunk in _chunks(first):
         part = _products(hosts, guests, host, guest, first[chunk], second[chunk], around)
         keys.append(part.pair)
@@ -132,7 +132,7 @@ class _Products:
     mass: Floats
     d: Floats
     covered: Floats
-    on_guest: float
+    on_guest: Floats
 
 
 def _products(
@@ -170,7 +170,7 @@ def _products(
         _at(e, len(hosts), turned @ own),
         _at(e, len(hosts), weighted.sum(axis=1)),
         _at(e, len(hosts), area),
-        float((area / cosine).sum()),
+        _at(e, len(hosts), area / cosine),
     )
 
 

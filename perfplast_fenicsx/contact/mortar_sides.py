@@ -134,7 +134,7 @@ def _side(
         comm, host.facets, guest.facets, extent(comm, corners), kinematics.around, onward
     )
     here, there, found = facing.hosts, facing.guests, facing.found
-    covered = comm.allreduce(np.array([found.covered.sum(), found.on_guest]))
+    covered = comm.allreduce(np.array([found.covered.sum(), found.on_guest.sum()]))
     return Side(
         host,
         guest,

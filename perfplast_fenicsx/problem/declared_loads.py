@@ -35,7 +35,7 @@ def declared_loads(
         loads: What acts.
         bcs: Supports.
         rigid: Surfaces that forces may act on.
-        driven: Whether ζ moves supports or obstacles: there may then be no load.
+        driven: Whether ζ moves supports, obstacles or overlaps: there may then be no load.
         strained: Whether there is an initial strain: there may then be no load either.
 
     Raises:

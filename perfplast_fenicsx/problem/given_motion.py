@@ -1,4 +1,4 @@
-"""What is moved by a given way: u_D of supports, and what that and moving obstacles do to contact.
+"""What moves by a given way: u_D of supports, obstacles, overlaps, and what they do to contact.
 
 All is linear in the load factor ζ, which multiplies all that is not constant.
 """
@@ -30,6 +30,8 @@ class GivenMotion:
         slide: Jumps in the jump basis at which, beside this motion, nothing has slipped (length),
             constant and times ζ, shape (2, num_places, gdim − 1).
         obstacles: How far each obstacle moves for ζ = 1 (length), shape (num_obstacles, gdim).
+        overlap: How much more the bodies of each pair overlap by themselves for ζ = 1 (length),
+            shape (num_pairs,).
         moves_supports: Whether u_D is ever anything but 0.
         driven: Whether ζ moves anything.
         parts: What stages move by a name, for its factor 1; none without stages.
@@ -39,6 +41,7 @@ class GivenMotion:
     gap: Floats
     slide: Floats
     obstacles: Floats
+    overlap: Floats
     moves_supports: bool
     driven: bool
     parts: Mapping[str, "GivenMotion"] = field(default_factory=dict)
@@ -71,7 +74,7 @@ def given_motion(
     constraints: Constraints,
     sliding: Constraints,
     friction: Friction,
-    num_contacts: int,
+    contacts: Sequence[Contact],
     obstacles: Sequence[Obstacle],
 ) -> GivenMotion:
     """Put together what moves. Collective.
@@ -82,7 +85,7 @@ def given_motion(
         constraints: The rows of contacts and, behind them, of obstacles.
         sliding: The rows of jumps along surfaces that rub.
         friction: Its places.
-        num_contacts: How many contacts there are.
+        contacts: Pairs of surfaces, some of which may overlap more and more.
         obstacles: What surfaces cannot penetrate.
 
     Raises:
@@ -90,12 +93,14 @@ def given_motion(
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     moves = np.array([move_of(obstacle, gdim) for obstacle in obstacles]).reshape(-1, gdim)
-    number = constraints.surface - num_contacts
+    number = constraints.surface - len(contacts)
     moving = (number >= 0) & (number < len(moves))
     of_surface = np.zeros((len(number), gdim))
     of_surface[moving] = moves[number[moving]]
     opened = np.sum(constraints.normal * of_surface, axis=1)
-    gap = np.stack([constraints.gap, opened])
+    rests = np.array([a.constant for a in contacts] + [True] * len(obstacles), dtype=np.bool_)
+    overlap = np.where(rests[constraints.surface], 0.0, np.maximum(-constraints.gap, 0.0))
+    gap = np.stack([constraints.gap + overlap, opened - overlap])
     dragged = np.einsum("nij,nj->ni", friction.direction, of_surface[friction.pair])
     slide = np.stack([np.zeros_like(dragged), dragged])
     moved = [comm.allreduce(bool(part.any()), MPI.LOR) for part in displacement]
@@ -105,4 +110,6 @@ def given_motion(
             u.x.array[:] = part.ravel()
             gap[i] -= constraints.jumps(u.x.petsc_vec)
             slide[i][friction.index >= 0] -= sliding.jumps(u.x.petsc_vec)
-    return GivenMotion(displacement, gap, slide, moves, any(moved), moved[1] or bool(moves.any()))
+    grows = comm.allreduce(bool(overlap.any()), MPI.LOR)
+    driven = moved[1] or grows or bool(moves.any())
+    return GivenMotion(displacement, gap, slide, moves, overlap, any(moved), driven)

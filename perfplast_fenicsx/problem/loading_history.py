@@ -45,7 +45,8 @@ class LoadingHistory:
             InputError: If the stages do not fit loads and motions.
         """
         given = problem.given
-        check_stages(stages, given.loads, given.initial, [*given.holding, *given.obstacles])
+        movers = [*given.holding, *given.obstacles, *given.contacts]
+        check_stages(stages, given.loads, given.initial, movers)
         self.problem, self.stages = problem, tuple(stages)
         problem.in_stages = True
         names = dict.fromkeys(name for stage in stages for name in stage.factors)

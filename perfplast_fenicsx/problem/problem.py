@@ -83,7 +83,7 @@ class Problem:
         ties: The equations B u = 0 of ties and rigid surfaces, with rows like those of contact.
         num_tied: How many there are on all ranks together.
         has_gaps: Whether any pair is open at first.
-        interferes: Whether any gap is negative.
+        interferes: Whether any gap is negative at ζ = 0.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
         sliding: The rows of jumps along surfaces that rub.
         friction: What resists these.
@@ -271,7 +271,6 @@ class Problem:
         self.contact_tags = tuple(sorted({tagged_mesh.surfaces[name] for name in named}))
         self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
-        self.interferes: bool = self.comm.allreduce(bool((self.constraints.gap < 0).any()), MPI.LOR)
         told = (contacts, obstacles, self.given.ties)
         self.sliding, friction = tangential_rows(V, self.constraints, *told, taken)
         held = stacked(V, [self.sliding, self.ties])
@@ -289,8 +288,9 @@ class Problem:
     def _motion(self, displacement: Floats) -> GivenMotion:
         """What moves. Collective."""
         V, (contacts, obstacles) = self.V, (self.given.contacts, self.given.obstacles)
-        rows = (self.constraints, self.sliding, self.friction, len(contacts))
-        motion = given_motion(V, displacement, *rows, obstacles)
+        rows = (self.constraints, self.sliding, self.friction)
+        motion = given_motion(V, displacement, *rows, contacts, obstacles)
+        self.interferes: bool = self.comm.allreduce(bool((motion.gap[0] < 0).any()), MPI.LOR)
         if motion.moves_supports or motion.driven:
             known = (self.constraints, self.fixed, displacement)
             check_moved_surfaces(V, self.tagged_mesh, motion.moves(contacts, obstacles), *known)

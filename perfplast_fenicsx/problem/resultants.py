@@ -113,7 +113,8 @@ def resultants(
 
     def driven(motion: GivenMotion) -> float:
         moved = comm.allreduce(float(np.sum(reaction * motion.displacement[1][: len(reaction)])))
-        return moved + float(np.sum(pushing * motion.obstacles))
+        spread = comm.allreduce(float(contact @ motion.overlap))
+        return moved + spread + float(np.sum(pushing * motion.obstacles))
 
     told = {name: [float(number) for number in force] for name, force in forces.items()}
     by_name = {name: driven(part) for name, part in problem.motion.parts.items()}

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.errors import InputError, check_magnitude, nearest
 from perfplast_fenicsx.problem.initial_strain import Initial, Temperature
@@ -14,8 +15,8 @@ from perfplast_fenicsx.problem.supports import Support
 MOST_STEPS = 1_000_000
 """Of a stage. Times nearer to each other could not be told apart."""
 
-Mover = Support | RigidSurface | Obstacle
-"""What may move by a given way."""
+Mover = Support | RigidSurface | Obstacle | Contact
+"""What may move by a given way, such as the overlap of a contact."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,8 @@ def follows(mover: Mover) -> bool:
     """Whether ζ, or a factor of stages, multiplies its motion."""
     if isinstance(mover, Support | RigidSurface):
         return mover.moves and not mover.constant
+    if isinstance(mover, Contact):
+        return not mover.constant
     return any(mover.move)
 
 
@@ -77,7 +80,7 @@ def check_stages(
         stages: One after the other.
         loads: What acts.
         initial: Temperatures among them.
-        movers: Supports, rigid surfaces and obstacles.
+        movers: Supports, rigid surfaces, obstacles and contacts.
 
     Raises:
         InputError: If a stage names something else than loads and motions that are not constant,
@@ -88,13 +91,14 @@ def check_stages(
     moved = {called(one) for one in movers if follows(one)}
     names = loaded | warmed | moved
     still = {called(a) for a in movers if isinstance(a, Support | RigidSurface) and a.moves}
+    still |= {called(a) for a in movers if isinstance(a, Contact) and a.interference}
     constant = {called(load) for load in loads if load.constant} | still - names
     named = [(number, name) for number, stage in enumerate(stages, 1) for name in stage.factors]
     for number, name in named:
         if name in constant:
             raise InputError(
                 f"stage {number} has a factor for '{name}', which is constant; leave the factor"
-                " out, or constant = true."
+                " out, or give it constant = false."
             )
         if name not in names:
             raise InputError(

@@ -1,4 +1,4 @@
-"""What stages move: supports, rigid surfaces and obstacles, each by the factor of its name."""
+"""What stages move: supports, rigid surfaces, obstacles and overlaps, each by its name's factor."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -28,15 +28,17 @@ def named_motions(problem: Problem) -> dict[str, GivenMotion]:
     _, values, holder = known_displacements(V, problem.tagged_mesh, supports)
     _check_parted(problem, supports, values[1] != 0, holder)
     followers = [called(one) if follows(one) else None for one in supports]
-    names = [*followers, *(called(one) for one in given.obstacles if follows(one))]
-    rows = (problem.constraints, problem.sliding, problem.friction, len(given.contacts))
+    others = (*given.obstacles, *given.contacts)
+    names = [*followers, *(called(one) for one in others if follows(one))]
+    rows = (problem.constraints, problem.sliding, problem.friction)
     parts = {}
     for name in dict.fromkeys(name for name in names if name is not None):
         mine = np.array([*(follower == name for follower in followers), False])  # -1: nobody's
         moved = np.where(mine[holder], values[1], 0.0)
         obstacles = [a if called(a) == name else replace(a, move=()) for a in given.obstacles]
+        contacts = [a if called(a) == name else replace(a, constant=True) for a in given.contacts]
         both = np.stack([np.zeros_like(moved), moved])
-        parts[name] = given_motion(V, both, *rows, obstacles)
+        parts[name] = given_motion(V, both, *rows, contacts, obstacles)
     return parts
 
 
@@ -57,19 +59,21 @@ def in_stage(
     displacement = np.stack([constant.displacement[0], np.zeros_like(constant.displacement[0])])
     gap = np.stack([constant.gap[0], np.zeros_like(constant.gap[0])])
     slide = np.stack([constant.slide[0], np.zeros_like(constant.slide[0])])
-    obstacles = np.zeros_like(constant.obstacles)
+    obstacles, overlap = np.zeros_like(constant.obstacles), np.zeros_like(constant.overlap)
     for name, part in parts.items():
         both = np.array([first[name], rate[name]])
         displacement += np.multiply.outer(both, part.displacement[1])
         gap += np.multiply.outer(both, part.gap[1])
         slide += np.multiply.outer(both, part.slide[1])
         obstacles += rate[name] * part.obstacles
+        overlap += rate[name] * part.overlap
     return replace(
         constant,
         displacement=displacement,
         gap=gap,
         slide=slide,
         obstacles=obstacles,
+        overlap=overlap,
         parts=parts,
     )
 

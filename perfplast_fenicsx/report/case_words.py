@@ -107,6 +107,8 @@ class CaseWords:
         for contact in self._given.get("contacts", []):
             gap = contact["gap"]
             text = "gap as measured" if gap is None else f"gap {self.number(gap, 'length')}"
+            if not contact.get("constant", True):
+                text += f", of which an overlap is {self._times}"
             where = f"{contact['primary']} – {contact['secondary']}"
             rows.append((where, f"contact, {self._friction(contact)}, {text}"))
         for obstacle in self._given.get("obstacles", []):

@@ -55,8 +55,8 @@ class WorkNewton(LevelSolver):
             )
         if problem.motion.driven:
             raise InputError(
-                "ζ moves supports or obstacles, so that it cannot follow from a work of the loads;"
-                " let them be constant, or prescribe load factors."
+                "ζ moves supports, obstacles or overlaps, so that it cannot follow from a work of"
+                " the loads; let them be constant, or prescribe load factors."
             )
         self.options = options or NewtonOptions()
         super().__init__(

@@ -35,8 +35,21 @@ def test_a_step_in_the_other_surface(
     np.testing.assert_allclose(found.covered[before], areas[before], rtol=1e-12)
     np.testing.assert_allclose(found.covered[beyond], found_far * areas[beyond], rtol=1e-12)
     assert comm.allreduce(int(beyond.sum()))
-    total = comm.allreduce(np.array([found.covered.sum(), found.on_guest]))
+    total = comm.allreduce(np.array([found.covered.sum(), found.on_guest.sum()]))
     assert total[0] == pytest.approx(total[1], rel=1e-12)
     weights = np.zeros_like(found.d)
     np.add.at(weights, found.host, found.M.sum(axis=2))
     assert weights == pytest.approx(found.d, abs=1e-12)
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("slope", [0.2, 0.5])
+def test_surfaces_that_lean_away_are_covered_in_whole(comm: MPI.Intracomm, slope: float) -> None:
+    """Wherever the first reach ends, the facets there are covered beyond it."""
+    hosts, guests = grid((5, 5), 0.0, 1, 1, 1.0), grid((9, 9), 0.0, 1, 2, -1.0)
+    guests["x"][..., 2] += slope * (guests["x"][..., 0] + 1)
+    mine = slice(comm.rank, None, comm.size)
+    given = (np.sqrt(8.0), KINDS["space"].around, True)
+    facing = facing_facets(comm, hosts[mine], guests[mine], *given)
+    assert comm.allreduce(len(facing.hosts)) == len(hosts)
+    np.testing.assert_allclose(facing.found.covered, area(facing.hosts["x"]), rtol=1e-12)

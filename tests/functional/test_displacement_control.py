@@ -55,8 +55,24 @@ pictures = false
 """
 
 
-def test_first_yield_and_growing_strokes(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    case = read_case(write_case(comm, shared_tmp_path / "case.toml", CASE), comm)
+FIT = (
+    CASE[: CASE.index("[[obstacle]]")]
+    + """gap = -1.0
+interference = true
+constant = false
+[[support]]
+on = "top"
+components = "z"
+"""
+    + CASE[CASE.index("[loading]") :]
+)
+
+
+@pytest.mark.parametrize("text", [CASE, FIT])
+def test_first_yield_and_growing_strokes(
+    text: str, comm: MPI.Intracomm, shared_tmp_path: Path
+) -> None:
+    case = read_case(write_case(comm, shared_tmp_path / "case.toml", text), comm)
     solver = Newton(case.problem(comm))
     values = np.array(stroke(solver, 6e-3))
     first = YIELD * HEIGHT / YOUNG

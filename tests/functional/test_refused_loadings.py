@@ -48,6 +48,18 @@ REFUSED = {
         "along its normal, so that these, which move or are moved against, cannot give way",
     ),
     "a negative gap": (BLOCKS + CONTACT + "gap = -1e-3\n" + LOADING, "interference = true"),
+    "an overlap that nothing makes grow": (
+        BLOCKS + CONTACT + "gap = -1e-3\ninterference = true\nconstant = false\n" + LOADING,
+        "'upper_bottom' has constant = false, but nothing moves it: control = 'displacement' does",
+    ),
+    "no overlap that could grow": (
+        BLOCKS + CONTACT + "constant = false\n" + LOADING,
+        "has constant = false, but no overlap that could grow",
+    ),
+    "a stage of an overlap that is constant": (
+        BLOCKS + CONTACT + 'interference = true\nname = "fit"\n' + stage("top = 1.0, fit = 1.0"),
+        "a factor for 'fit', which is constant",
+    ),
     "a stage of no load": (
         BLOCKS + CONTACT + stage("top = 1.0, tpo = 2.0"),
         "a factor for 'tpo', but there is no load, no change of temperature and no motion",

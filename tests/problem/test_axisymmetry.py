@@ -170,22 +170,27 @@ def test_thick_sphere(read: Read) -> None:
 
 
 def test_press_fit_of_tubes(read: Read) -> None:
-    """Radii 1, 1.5, 2.5, interference 1.5e-3, E 2e5, ν 0.3, plane strain: 46.514332 by Lamé."""
+    """Radii 1, 1.5, 2.5, overlap ζ, E 2e5, ν 0.3, plane strain: by Lamé 46.514332 for 1.5e-3."""
     tubes = read(write_ring, outer=2.5, height=0.3, interface=1.5, size=0.3).turned()
     steel = VonMises(2e5, 0.3, 1e3)
     problem = Problem(
         tubes,
         {"inner_ring": steel, "outer_ring": steel},
         [Support("bottom", "y"), Support("top", "y")],
-        [Pressure("inner", 1.0)],
-        [Contact("inner_ring_seam", "outer_ring_seam", -1.5e-3, interference=True)],
+        contacts=[Contact("inner_ring_seam", "outer_ring_seam", -1.0, True, constant=False)],
         degree=2,
     )
-    level = Newton(problem, TIGHT).solve(0.0)
-    assert abs(level.report.duality_gap) < 1e-11
-    force, axial = level.report.reactions["contact inner_ring_seam outer_ring_seam"]
-    assert force == pytest.approx(-46.514332 * 2 * math.pi * 1.5 * 0.3, rel=2e-3)
-    assert abs(axial) < 1e-9
+    forces = []
+    for overlap in (0.5e-3, 1.5e-3):
+        level = Newton(problem, TIGHT).solve(overlap)
+        assert abs(level.report.duality_gap) < 1e-11
+        force, axial = level.report.reactions["contact inner_ring_seam outer_ring_seam"]
+        exact = 46.514332 / 1.5e-3 * overlap * 2 * math.pi * 1.5 * 0.3
+        assert force == pytest.approx(-exact, rel=2e-3)
+        assert level.report.driving_force == pytest.approx(-force, rel=1e-9)
+        assert abs(axial) < 1e-9
+        forces.append(force)
+    assert forces[1] == pytest.approx(3 * forces[0], rel=1e-9)
 
 
 @pytest.mark.mpi3

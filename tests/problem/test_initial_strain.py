@@ -1,6 +1,7 @@
 """Temperature, initial stress, interference: by hand, and all terms of the duality gap at once."""
 
 from functools import cache
+from typing import Any
 
 from mpi4py import MPI
 
@@ -103,6 +104,50 @@ def test_a_press_fit(method: type, overlap: float) -> None:
     assert level.report.equilibrium < 1e-8
     force = level.contact_forces.sum()
     assert MPI.COMM_WORLD.allreduce(force) == pytest.approx(pushed(level), rel=1e-8)
+
+
+def fitted(gap: float | str, formulation: Any) -> Problem:
+    """Two blocks between rollers, one of which becomes too high as ζ grows."""
+    contact = Contact("lower_top", "upper_bottom", gap, True, formulation, constant=False)
+    supports = [*ROLLERS, Support("top", "z")]
+    return Problem(blocks(), {"lower": STEEL, "upper": STEEL}, supports, contacts=[contact])
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize(
+    ("method", "formulation"), [(Newton, None), (Newton, "mortar"), (AugmentedLagrangian, None)]
+)
+def test_a_press_fit_that_grows(method: type, formulation: Any) -> None:
+    """ζ is the overlap, and the driving force its force: linear below yield, and 0 at ζ = 0."""
+    loose = method is AugmentedLagrangian
+    options = AugmentedLagrangianOptions(tolerance=1e-12) if loose else TIGHT
+    solver = method(fitted(-1.0, formulation), options)
+    for overlap in (0.0, 5e-4, 1e-3, 4e-3):
+        level = solver.solve(overlap)
+        assert level.report.converged, level.report.reason
+        stress = min(YOUNG * overlap / HEIGHT, YIELD)
+        assert level.report.driving_force == pytest.approx(stress, rel=1e-8, abs=1e-8)
+        assert level.report.reactions["support top"][2] == pytest.approx(-stress, abs=1e-6)
+        assert level.report.equilibrium < 1e-8
+        assert abs(level.report.duality_gap) < 1e-11
+
+
+def test_where_bodies_are_apart_no_overlap_grows() -> None:
+    """Its energy grows by the driving force, and the gap beside it is as it was."""
+    problem = fitted("2e-3*(x - 0.6)", None)
+    given = problem.constraints.gap
+    solver = Newton(problem, TIGHT)
+    levels = [solver.solve(zeta) for zeta in (1.0, 1.01, 1.02)]
+    for level in levels:
+        expected = np.where(given < 0, level.state.zeta * given, given)
+        assert problem.motion.gap_at(level.state.zeta) == pytest.approx(expected)
+        assert abs(level.report.duality_gap) < 1e-11
+        assert 0 < level.report.active_contacts < problem.num_pairs
+    energies = [level.iterations[-1].energy for level in levels]
+    force = levels[1].report.driving_force
+    assert (energies[2] - energies[0]) / 0.02 == pytest.approx(force, rel=1e-6)
+    with pytest.raises(InputError, match="no overlap that could grow"):
+        Contact("lower_top", "upper_bottom", constant=False)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -4,10 +4,11 @@ from mpi4py import MPI
 
 import pytest
 
-from perfplast_fenicsx import Plane, Problem, Support, Tie, Traction
+from meshes.corner_seat import write_corner_seat
+from perfplast_fenicsx import Contact, Plane, Pressure, Problem, Support, Tie, Traction
 from perfplast_fenicsx.problem.left_out import left_out
 from tests.contact.blocks_apart import blocks_apart
-from tests.models import STEEL
+from tests.models import STEEL, Read
 
 
 def glued(comm: MPI.Intracomm, hosts: str, on: str, normal: tuple[float, float]) -> Problem:
@@ -33,3 +34,18 @@ def test_a_node_that_follows_a_tie_is_told_of(comm: MPI.Intracomm) -> None:
 def test_nodes_that_cannot_rub_are_told_of(comm: MPI.Intracomm) -> None:
     (told,) = left_out(glued(comm, "secondary", "bottom", (0.0, 1.0)))
     assert told.startswith("1 of the 4 nodes that rub at 'bottom' have no friction")
+
+
+@pytest.mark.mpi3
+def test_a_node_at_an_edge_is_told_of(read: Read) -> None:
+    """It has a normal on each face, and no direction along both."""
+    problem = Problem(
+        read(write_corner_seat, dim=2, size=0.5),
+        {"block": STEEL, "seat": STEEL},
+        [Support("seat_bottom", "y"), Support("seat_left", "x")],
+        [Pressure("top", 2.0), Pressure("right", 1.0)],
+        [Contact("block_corner", "seat_corner", tresca=1.0)],
+    )
+    (told,) = left_out(problem)
+    assert "nodes that rub at 'seat_corner' have no friction: they are at an edge" in told
+    assert problem.num_pairs - problem.friction.count == int(told.split()[0]) == 2

@@ -104,6 +104,20 @@ def test_a_punch_is_withdrawn_and_comes_back() -> None:
     assert apart == pytest.approx([1.0, 1.5])
 
 
+@pytest.mark.mpi3
+def test_an_overlap_grows_and_shrinks() -> None:
+    """Blocks between planes press each other by the factor, flow, and come apart again."""
+    fit = Contact("lower_top", "upper_bottom", -1.0, True, constant=False, name="fit")
+    supports = [*ROLLERS, Support("top", "z")]
+    problem = bar(ISOTROPIC, supports=supports, loads=[], ties=[], contacts=[fit])
+    tops = [2.0, 1.5, 0.5]
+    levels = solved(problem, [Stage({"fit": 2 * top * AT_YIELD}, 2) for top in tops])
+    stresses = np.maximum(strained(ISOTROPIC, halves(tops) * AT_YIELD), 0.0)
+    for level, stress in zip(levels, stresses, strict=True):
+        assert level.report.driving_forces["fit"] == pytest.approx(stress, abs=1e-9 * YIELD)
+        assert level.report.reactions["support bottom"] == pytest.approx([0, 0, stress], abs=1e-6)
+
+
 def test_by_both_algorithms() -> None:
     """Perfectly plastic blocks that touch, pushed and released, by ALG1 and ALG2."""
     found = []
@@ -176,7 +190,7 @@ def test_loads_and_motions_that_grow_together() -> None:
     for level in load_path(Newton(problem, SHARP), AT_YIELD * np.array([0.5, 0.9])):
         assert level.report.driving_force == pytest.approx(YOUNG * level.report.zeta, rel=1e-9)
         assert level.report.alpha == pytest.approx(level.report.zeta / YOUNG, rel=1e-9)
-    with pytest.raises(InputError, match="ζ moves supports or obstacles, so that it cannot"):
+    with pytest.raises(InputError, match="ζ moves supports, obstacles or overlaps"):
         WorkNewton(problem)
 
 

@@ -30,7 +30,11 @@ from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
 from perfplast_fenicsx.io.case.method_table import read_method
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
-from perfplast_fenicsx.io.case.support_tables import RigidSurfaceTable, SupportTable
+from perfplast_fenicsx.io.case.support_tables import (
+    RigidSurfaceTable,
+    SupportTable,
+    read_contact,
+)
 from perfplast_fenicsx.io.case.tables import (
     Document,
     ElementOptions,
@@ -244,14 +248,14 @@ def _case(path: Path, text: str) -> Case:
         plate = convert(surface, RigidSurfaceTable, where)
         with at(where):
             rigid.append(plate.surface(moved(plate.name, plate.on)))
-    touching = [convert(contact, Contact, where) for where, contact in contacts]
-    strained = bool(initial) or any(contact.interference for contact in touching)
+    touching = [read_contact(contact, moved, where) for where, contact in contacts]
+    strained = bool(initial) or any(a.interference and a.constant for a in touching)
     with at(name):
         materials = remembering(materials, loading)
         if isinstance(loading, StageControl):
-            check_stages(loading.stages, loads, initial, [*held, *rigid, *obstacles])
+            check_stages(loading.stages, loads, initial, [*held, *rigid, *obstacles, *touching])
     with at(place):
-        check_loading(loading, loads, [*held, *rigid], obstacles, strained)
+        check_loading(loading, loads, [*held, *rigid], obstacles, touching, strained)
     mesh = read_mesh(top.mesh, top.geometry, name)
     model = convert(top.model, ModelOptions, f"{name}, [model]")
     if model.kind == "axisymmetric" and isinstance(loading, BoundsControl):

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.loading_options import (
@@ -16,7 +17,7 @@ from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
 from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.rigid_surface import RigidSurface
-from perfplast_fenicsx.problem.stage import follows
+from perfplast_fenicsx.problem.stage import Mover, follows
 from perfplast_fenicsx.problem.supports import Support
 
 
@@ -25,6 +26,7 @@ def check_loading(
     loads: Sequence[Load],
     supports: Sequence[Support | RigidSurface],
     obstacles: Sequence[Obstacle],
+    contacts: Sequence[Contact],
     strained: bool,
 ) -> None:
     """Refuse loads and motions that do not go with the control.
@@ -34,16 +36,17 @@ def check_loading(
         loads: What acts.
         supports: What holds or moves the bodies.
         obstacles: What surfaces cannot penetrate.
-        strained: Whether bodies are strained at first, or interference is meant.
+        contacts: Some of which may overlap more and more.
+        strained: Whether bodies are strained at first, or overlap so.
 
     Raises:
         InputError: Naming what does not fit.
     """
     if isinstance(loading, DisplacementControl):
-        _check_driven(loads, supports, obstacles)
+        _check_driven(loads, (*supports, *obstacles, *contacts))
         return
     staged = isinstance(loading, StageControl)
-    moving = any(follows(mover) for mover in (*supports, *obstacles))
+    moving = any(follows(mover) for mover in (*supports, *obstacles, *contacts))
     if not loads and not (staged and (strained or moving)):
         raise InputError("no load is given; add a [[load]] table.")
     for obstacle in obstacles:
@@ -64,11 +67,7 @@ def check_loading(
         )
 
 
-def _check_driven(
-    loads: Sequence[Load],
-    supports: Sequence[Support | RigidSurface],
-    obstacles: Sequence[Obstacle],
-) -> None:
+def _check_driven(loads: Sequence[Load], movers: Sequence[Mover]) -> None:
     """Refuse loads that grow, and motions of which there are none."""
     for load in loads:
         if not load.constant:
@@ -76,10 +75,11 @@ def _check_driven(
                 f"control = 'displacement' moves supports and obstacles, but the load on"
                 f" '{load.on}' is to grow; give it constant = true, or control = 'load'."
             )
-    if not any(follows(mover) for mover in (*supports, *obstacles)):
+    if not any(follows(mover) for mover in movers):
         raise InputError(
             "control = 'displacement' moves nothing; give a [[support]] a value, an [[obstacle]]"
-            " a move, or a [[rigid_surface]] a displacement or rotation."
+            " a move, a [[rigid_surface]] a displacement or rotation, or a [[contact]] with"
+            " interference constant = false."
         )
 
 

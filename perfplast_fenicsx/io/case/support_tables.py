@@ -1,8 +1,11 @@
-"""What may stand in ``[[support]]`` and ``[[rigid_surface]]``, which hold or move the bodies."""
+"""What may hold or move the bodies: ``[[support]]``, ``[[rigid_surface]]``, ``[[contact]]``."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.schema import Table, at, convert
 from perfplast_fenicsx.problem.rigid_surface import RigidSurface, Turn
 from perfplast_fenicsx.problem.supports import AXES, Support
 
@@ -75,8 +78,30 @@ class RigidSurfaceTable:
         return RigidSurface(self.on, self.point, *motion, self.name)
 
 
+def read_contact(table: Table, moved: Callable[[str, str], bool], place: str) -> Contact:
+    """A contact, whose overlap may follow the load factor.
+
+    Args:
+        table: Its keys.
+        moved: See :func:`loading_table.moved_by`.
+        place: Where it stands, for messages.
+
+    Raises:
+        InputError: If keys are wrong, or it is to follow where none does.
+    """
+    contact = convert(table, Contact, place)
+    with at(place):
+        what = f"the contact of '{contact.primary}' and '{contact.secondary}'"
+        _stays(contact.constant, moved(contact.name, contact.on), what)
+    return contact
+
+
 def _stays(constant: bool | None, driven: bool, what: str) -> bool:
-    """Whether what is moved keeps its place at any load factor."""
+    """Whether what is moved keeps its place at any load factor, where motions follow it or do not.
+
+    Raises:
+        InputError: If it is to follow where none does.
+    """
     if not driven and constant is False:
         raise InputError(
             f"{what} has constant = false, but nothing moves it: control = 'displacement' does,"
