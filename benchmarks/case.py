@@ -33,6 +33,7 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.io.results.result_folder import peak_memory
 from perfplast_fenicsx.profiling import PHASES, seconds
 from perfplast_fenicsx.solvers.linear.linear_solver import DIRECT, MULTIGRID
+from perfplast_fenicsx.solvers.newton_options import CONTACT_SOLVERS
 
 SOLVERS = {"default": {}, "multigrid": MULTIGRID, "direct": DIRECT}
 
@@ -68,7 +69,8 @@ class Run:
         """Load the compiled forms by a run of the smallest size."""
         problem = self.model.problem(self.comm, self.model.smallest, self.arguments.degree)
         zeta = self.model.levels[0] / 2
-        Newton(problem, NewtonOptions(max_iterations=2)).solve(zeta)
+        options = NewtonOptions(max_iterations=2, contact_solver=self.arguments.contact_solver)
+        Newton(problem, options).solve(zeta)
         if self.arguments.units:
             self._elasticity(problem, self.model.smallest).measure()
         del problem
@@ -91,7 +93,10 @@ class Run:
         units = self._units(problem, arguments.units and 1)
         self.lap()
         method = WorkNewton if arguments.works else Newton
-        solver = method(problem, NewtonOptions(tolerance=arguments.tolerance))
+        options = NewtonOptions(
+            tolerance=arguments.tolerance, contact_solver=arguments.contact_solver
+        )
+        solver = method(problem, options)
         parts["solver"] = self.lap()
         values = arguments.works or arguments.levels or self.model.levels
         levels = list(load_path(solver, values, self.stepped))
@@ -107,6 +112,7 @@ class Run:
             "ranks": self.comm.size,
             "dofs": problem.num_dofs,
             "solver": solver.linear.name,
+            "contact_solver": arguments.contact_solver,
             "libraries": libraries(),
             **_path_record(levels, parts, phases),
             **_unit_record(units, levels, parts["path"]),
@@ -225,6 +231,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--levels", type=float, nargs="+", help="instead of the model's own")
     parser.add_argument("--works", type=float, nargs="+", help="works α instead of loads (ALG3)")
     parser.add_argument("--solver", choices=SOLVERS, default="default")
+    parser.add_argument("--contact-solver", choices=CONTACT_SOLVERS, default=CONTACT_SOLVERS[0])
     parser.add_argument("--tolerance", type=float, default=1e-8)
     parser.add_argument("--units", type=int, default=3, help="how often E is measured")
     parser.add_argument("--cold", action="store_true", help="without a run that warms up")

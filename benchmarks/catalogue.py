@@ -60,6 +60,15 @@ def case(
     return Job(label, command, ranks, reference=REFERENCES.get((model, n)))
 
 
+def one_level(n: int) -> tuple[Job, ...]:
+    """The bolted assembly at its first level, by factorisations and by Total FETI, on 2 ranks."""
+    options = ("--degree", "2", "--levels", "0.5", "--units", "0")
+    return (
+        case("bolted", n, *options, ranks=2, solver="direct"),
+        case("bolted", n, *options, "--contact-solver", "tfeti", ranks=2, name="2 ranks, T-FETI"),
+    )
+
+
 def limit(model: str, n: int, *options: str, ranks: int) -> Job:
     """A search for a limit load by the program."""
     return Job(f"limit load, {plural(ranks)}", (*LIMIT, model, "--n", str(n), *options), ranks)
@@ -177,6 +186,11 @@ GROUPS = {
             case("bolted", 11, "--degree", "2", ranks=2),
         ),
     ),
+    "bolted_tfeti_40k": Group(
+        "one elastic level by Total FETI, against active sets that factorise, 41 979 unknowns",
+        one_level(2),
+    ),
+    "bolted_tfeti_250k": Group("the same, 269 529 unknowns", one_level(11), rounds=1),
     "bolted_1m": Group(
         "the same, 1 001 616 unknowns",
         (case("bolted", 19, "--degree", "2", ranks=2),),

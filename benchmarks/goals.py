@@ -194,6 +194,12 @@ GOALS = (
         0.5,
     ),
     Goal(
+        "memory of Total FETI over a factorisation's, bolted 270 thousand unknowns, 2 ranks",
+        ("bolted_tfeti_250k",),
+        lambda jobs: _memory(jobs, "2 ranks, T-FETI") / _memory(jobs, "2 ranks, direct solver"),
+        0.6,
+    ),
+    Goal(
         "a level with constant load, given motion and history over one without",
         ("terms",),
         lambda jobs: float(jobs["1 rank"]["ratio"]),

@@ -14,7 +14,6 @@ return value), whose checks stop one rank and leave the others waiting.
 from collections.abc import Callable
 from typing import Any
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -90,14 +89,13 @@ def create_vector(V: fem.FunctionSpace) -> PETSc.Vec:
     return vector
 
 
-def stay(comm: MPI.Intracomm, count: int) -> Callable[..., Any]:
-    """A partitioner that leaves the cells on the ranks that give them.
+def sent_to(ranks: Ints) -> Callable[..., Any]:
+    """A partitioner that sends cells to given ranks.
 
     What it returns is a C++ object: that of ``adjacencylist`` up to 0.9, a member of it later.
 
     Args:
-        comm: The ranks.
-        count: Cells given by this one.
+        ranks: Of the cells that this rank gives.
     """
-    ranks: Any = adjacencylist(np.full((count, 1), comm.rank, dtype=np.int32))
-    return lambda *_: getattr(ranks, "_cpp_object", ranks)
+    lists: Any = adjacencylist(ranks.astype(np.int32)[:, None])
+    return lambda *_: getattr(lists, "_cpp_object", lists)

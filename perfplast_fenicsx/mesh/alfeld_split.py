@@ -15,7 +15,7 @@ from dolfinx import la
 from dolfinx.mesh import create_mesh, meshtags
 
 from perfplast_fenicsx.arrays import Ints, Longs
-from perfplast_fenicsx.compat import stay
+from perfplast_fenicsx.compat import sent_to
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import corners
@@ -67,7 +67,7 @@ def alfeld_split(tagged_mesh: TaggedMesh) -> AlfeldSplit:
         "Lagrange", topology.cell_name(), 1, shape=(mesh.geometry.dim,), dtype=x.dtype
     )
     cells = nodes.reshape(-1, tdim + 1)
-    here = stay(comm, len(cells))
+    here = sent_to(np.full(len(cells), comm.rank))
     split = create_mesh(comm, cells, x=x, e=ufl.Mesh(element), partitioner=here)
     parents: Ints = ((split.topology.original_cell_index - first_cell) // (tdim + 1)).astype(
         np.int32

@@ -19,8 +19,8 @@ import numpy.typing as npt
 import ufl
 from dolfinx.mesh import create_mesh, locate_entities_boundary, meshtags
 
-from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.compat import geometry_dofmap, sent_to
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.machine_memory import has_memory
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
@@ -98,7 +98,10 @@ class Surface:
 
 
 def structured_mesh(
-    comm: MPI.Intracomm, boxes: Sequence[Box], surfaces: Sequence[Surface]
+    comm: MPI.Intracomm,
+    boxes: Sequence[Box],
+    surfaces: Sequence[Surface],
+    rank_of: Callable[[Floats], Ints] | None = None,
 ) -> TaggedMesh:
     """Mesh boxes that share no vertices, and name their surfaces. Collective.
 
@@ -109,18 +112,19 @@ def structured_mesh(
         comm: Communicator of the mesh, which gets no ghost cells.
         boxes: The bodies.
         surfaces: Their named surfaces, which must not overlap.
+        rank_of: Ranks of cells by their middles, shape (num_cells, 3); DOLFINx's partitioner
+            decides where there is none.
 
     Raises:
         InputError: If the mesh would not fit into the memory of the machines.
     """
     _check_size(comm, boxes)
     first_vertices = np.cumsum([0] + [box.num_vertices for box in boxes])
-    cells = [
-        first + box.tetrahedra(cubes)
-        for box, cubes, first in zip(
-            boxes, _shares(comm, [box.num_cubes for box in boxes]), first_vertices[:-1], strict=True
-        )
+    tetrahedra = [
+        box.tetrahedra(cubes)
+        for box, cubes in zip(boxes, _shares(comm, [box.num_cubes for box in boxes]), strict=True)
     ]
+    cells = [first + own for first, own in zip(first_vertices[:-1], tetrahedra, strict=True)]
     points = [
         box.points(vertices)
         for box, vertices in zip(
@@ -128,7 +132,12 @@ def structured_mesh(
         )
     ]
     domain = ufl.Mesh(basix.ufl.element("Lagrange", "tetrahedron", 1, shape=(3,)))
-    mesh = create_mesh(comm, np.concatenate(cells), x=np.concatenate(points), e=domain)
+    partitioner = None
+    if rank_of is not None:
+        corners = [box.points(own.ravel()) for box, own in zip(boxes, tetrahedra, strict=True)]
+        partitioner = sent_to(rank_of(np.concatenate(corners).reshape(-1, 4, 3).mean(axis=1)))
+    x = np.concatenate(points)
+    mesh = create_mesh(comm, np.concatenate(cells), x=x, e=domain, partitioner=partitioner)
 
     nodes = mesh.geometry.input_global_indices[geometry_dofmap(mesh)[:, 0]]
     bodies = np.searchsorted(first_vertices, nodes, side="right").astype(np.int32)

@@ -14,7 +14,7 @@ Monitor = Callable[[Iteration], None]
 CONTACT_SOLVERS = ("active-set", "tfeti")
 """What solves the contact quadratic program of a step."""
 
-UNKNOWNS_EACH = {2: 4000, 3: 2000}
+UNKNOWNS_EACH = {2: 4000, 3: 6000}
 """Displacement unknowns of a subdomain, by dimension, where users say nothing."""
 
 

@@ -78,7 +78,7 @@ def _near(V: fem.FunctionSpace, unknowns: npt.NDArray[np.bool_]) -> npt.NDArray[
     index_map = V.dofmap.index_map
     nodes = la.vector(index_map, 1, dtype=np.int64)
     owned = index_map.size_local
-    nodes.array[:owned] = unknowns.reshape(owned, -1).any(axis=1)
+    nodes.array[:owned] = unknowns.reshape(owned, V.dofmap.index_map_bs).any(axis=1)
     nodes.scatter_forward()
     cells = V.dofmap.list
     near = np.unique(cells[nodes.array[cells].any(axis=1)])

@@ -86,7 +86,7 @@ class CoarseProblem:
 
     def motion(self, amplitudes: Floats) -> Floats:
         """R α on the torn unknowns of this rank."""
-        own = amplitudes[self._here].reshape(self._pieces.count, -1)
+        own = amplitudes[self._here].reshape(self._pieces.count, self._motions.shape[1])
         each = np.repeat(own, np.diff(self._pieces.ends), axis=0)
         return np.einsum("nim,nm->ni", self._pieces.motions, each).ravel()
 

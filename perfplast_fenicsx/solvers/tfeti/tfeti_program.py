@@ -7,11 +7,11 @@ Supports are rows too, so that the stiffness of each piece has its rigid motions
 on the multipliers: whatever pairs are closed, the same factors serve.
 
 First the dual is solved on the face of the step before: closed pairs are equalities, open ones left
-out. Where that leaves bounds or gaps violated, SMALBE-M and MPRGP find the face.
+out. Pairs that are wrong by more than what is left of jumps are opened or closed, and so on; where
+that goes in circles or lets a body free, SMALBE-M and MPRGP find the face.
 """
 
-from dataclasses import dataclass
-
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -21,6 +21,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactStep
 from perfplast_fenicsx.solvers.active_set.equality_qp import NOTHING_HELD, ROUNDING, Held
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
+from perfplast_fenicsx.solvers.tfeti.asked import Asked
 from perfplast_fenicsx.solvers.tfeti.dual_operator import DualOperator
 from perfplast_fenicsx.solvers.tfeti.gluing import make_gluing
 from perfplast_fenicsx.solvers.tfeti.preconditioners import DirichletPreconditioner
@@ -32,40 +33,16 @@ from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
 MOST_PRODUCTS = 3000
 """A dual that has not been solved with so many products with F never will be."""
 
-MOST_FACES = 8
-"""So many faces are tried; the last one is told as it is."""
+MOST_EXCHANGES, MOST_SEARCHES = 20, 8
+"""So many faces are found by opening and closing wrong pairs, and by SMALBE-M behind them."""
 
 FIRST, SHARPER = 1e-3, 1e-2
-"""Relative tolerance by which a face is found at first, and its factor for each further one."""
+"""Relative tolerance by which faces are judged or found at first; its factor for further ones."""
 
 BETTER, BEST = 0.3, 1e-3
 """Jumps are solved for anew to this share of what nodal forces ask for, at most by that factor."""
 
-
 MOVES = "a body can move as a rigid one, as where bodies lose all contact: no closed pair holds it"
-
-
-@dataclass(frozen=True)
-class Asked:
-    """A contact QP.
-
-    Attributes:
-        r: Gradient at δ = 0, in the jump basis.
-        f: The forces −r on torn unknowns.
-        room: Of each pair, shape (num_pairs,).
-        work: ℓᵀδ in units of the border; None if it is not prescribed.
-        accuracy: Norm of nodal forces that may be left out of balance.
-        noise: Contact forces that decide nothing.
-        rtol: Relative tolerance.
-    """
-
-    r: PETSc.Vec
-    f: Floats
-    room: Floats
-    work: float | None
-    accuracy: float
-    noise: float
-    rtol: float
 
 
 class TfetiProgram:
@@ -135,22 +112,33 @@ class TfetiProgram:
         """
         asked = self._ask(r, room, active, rtol, work, first)
         self._forget()
-        closed, faces, tolerance = active, 0, FIRST
+        closed, searches = active, 0
         search: TornProgram | None = None
+        seen: list[PairFlags] = []
         while True:
-            faces += 1
-            wrong = self._on_face(asked, closed)
+            seen.append(closed)
+            last = searches == MOST_SEARCHES
+            wrong = self._on_face(asked, closed, given=last)
             settled = wrong is not None and not self._comm.allreduce(int(wrong.sum()))
-            if settled or faces == MOST_FACES:
+            if settled or last:
                 break
+            if not searches and wrong is not None and self._new(closed ^ wrong, seen):
+                closed = closed ^ wrong
+                continue
             search = search or self._search(asked)
             self._in_force(np.ones_like(active), asked)
-            self._run(search, tolerance)
-            tolerance *= SHARPER
+            self._run(search, FIRST * SHARPER**searches)
+            searches += 1
             closed = search.multipliers()[self._dual.contact] > 0
         if wrong is None:
             raise LinearFailure(MOVES)
-        return self._step(asked, closed, settled, faces)
+        return self._step(asked, closed, settled, len(seen))
+
+    def _new(self, closed: PairFlags, seen: list[PairFlags]) -> bool:
+        """Whether a face may be tried next. Collective."""
+        again = np.array([(earlier == closed).all() for earlier in seen], dtype=np.int32)
+        self._comm.Allreduce(MPI.IN_PLACE, again, MPI.MIN)
+        return len(seen) < MOST_EXCHANGES and not again.any()
 
     def response(
         self, load: PETSc.Vec, held: PairFlags, rtol: float, given: Held = NOTHING_HELD
@@ -173,7 +161,7 @@ class TfetiProgram:
         self._r.scale(-1)
         asked = self._ask(self._r, np.zeros(len(held)), held, rtol, None, 0.0)
         self._forget(np.zeros(len(held)))
-        if self._on_face(asked, held) is None:
+        if self._on_face(asked, held, given=True) is None:
             raise LinearFailure(MOVES)
         self._delta.array[self._index[held]] = 0
         return self._delta
@@ -246,8 +234,13 @@ class TfetiProgram:
                 " bodies off each other or everything flows plastically"
             )
 
-    def _on_face(self, asked: Asked, closed: PairFlags) -> PairFlags | None:
+    def _on_face(self, asked: Asked, closed: PairFlags, given: bool = False) -> PairFlags | None:
         """Solve for δ with these pairs closed and the others without force. Collective.
+
+        Args:
+            asked: The contact QP.
+            closed: Pairs.
+            given: Whether they stay as they are; otherwise δ is rough where some are wrong.
 
         Returns:
             Pairs that are not as they ought to be; None if a body moves freely.
@@ -259,22 +252,29 @@ class TfetiProgram:
             return None
         start = self.multipliers.copy()
         start[self._dual.contact] *= closed
-        free = np.full(self._dual.size, -np.inf)
-        program, rtol = self._program(asked, closed, free, start), asked.rtol
+        program = self._program(asked, closed, np.full(self._dual.size, -np.inf), start)
+        rtol = asked.rtol if given else max(asked.rtol, FIRST)
         while True:
             self._run(program, rtol)
             self.multipliers = program.multipliers()
             self._bodies.glue(program.displacement(self.multipliers), self._delta)
             left = self._left(asked, closed)
             if left <= asked.accuracy or program.at_rounding(rtol):
-                break
+                return self._wrong(asked, closed, 0.0)
+            if not given:
+                wrong = self._wrong(asked, closed, rtol)
+                if self._comm.allreduce(int(wrong.sum())):
+                    return wrong
             rtol *= max(BETTER * asked.accuracy / left, BEST)
+
+    def _wrong(self, asked: Asked, closed: PairFlags, margin: float) -> PairFlags:
+        """Pairs that are wrong by more than a share of the largest force or jump. Collective."""
         forces = self.multipliers[self._dual.contact] / self._length
+        largest = self._comm.allreduce(float(np.abs(forces).max(initial=0)), MPI.MAX)
         excess = self._delta.array_r[self._index] - asked.room
-        largest = self._delta.norm(PETSc.NormType.NORM_INFINITY)
-        least = max(ROUNDING, asked.rtol) * largest
-        wrong: PairFlags = np.where(closed, forces < -asked.noise, excess > least)
-        return wrong
+        least = max(ROUNDING, asked.rtol, margin) * self._delta.norm(PETSc.NormType.NORM_INFINITY)
+        noise = max(asked.noise, margin * largest)
+        return np.asarray(np.where(closed, forces < -noise, excess > least))
 
     def _left(self, asked: Asked, closed: PairFlags) -> float:
         """Norm of the nodal forces that δ leaves out of balance. Collective."""

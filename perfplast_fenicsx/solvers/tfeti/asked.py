@@ -1,0 +1,30 @@
+"""What Total FETI is asked for in one step, and how well."""
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+from perfplast_fenicsx.arrays import Floats
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A contact QP.
+
+    Attributes:
+        r: Gradient at δ = 0, in the jump basis.
+        f: The forces −r on torn unknowns.
+        room: Of each pair, shape (num_pairs,).
+        work: ℓᵀδ in units of the border; None if it is not prescribed.
+        accuracy: Norm of nodal forces that may be left out of balance.
+        noise: Contact forces that decide nothing.
+        rtol: Relative tolerance.
+    """
+
+    r: PETSc.Vec
+    f: Floats
+    room: Floats
+    work: float | None
+    accuracy: float
+    noise: float
+    rtol: float
