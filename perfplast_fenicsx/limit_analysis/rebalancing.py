@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+from petsc4py import PETSc
+
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
@@ -13,6 +15,9 @@ BALANCED = 1e-13
 
 MOST_CORRECTIONS = 5
 
+MOST_RELEASES = 3
+"""So often forces that pull are let go of."""
+
 LEAST = 1e-6
 """Share of the largest contact force that one of zero changes with."""
 
@@ -21,20 +26,35 @@ def rebalance(iteration: InteriorIteration) -> None:
     """Bring an iterate into equilibrium by the least change of its stress. Collective.
 
     It takes a factorisation. Contact forces change in proportion to their size, so that small ones
-    stay positive. Yield sets may be left. Where no factorisation is to be had, nothing is
-    changed.
+    stay positive. Where equilibrium leaves a force nothing but zero, what is left of the iteration
+    may still make it pull; such forces are zero then, and the rest is balanced without them. Yield
+    sets may be left. Where no factorisation is to be had, nothing is changed.
     """
     program, now = iteration.program, iteration.now
     uniform: Floats = np.ones(len(program.weights))
     largest = max(program.comm.allgather(float(now.forces.max(initial=0))))
     springs = program.springs * (now.forces / (largest or 1.0) + LEAST)
-    try:
-        program.assemble(uniform, uniform, np.zeros_like(now.deviator))
-        program.stiffness.add_at_jumps(springs)
-        program.stiffness.factorise()
-    except SingularStiffness:
-        return
     correction = program.create_vector()
+    try:
+        for _ in range(MOST_RELEASES):
+            program.assemble(uniform, uniform, np.zeros_like(now.deviator))
+            program.stiffness.add_at_jumps(springs)
+            program.stiffness.factorise()
+            _balance(iteration, springs, correction)
+            pulls = iteration.now.forces < 0
+            if not program.comm.allreduce(int(pulls.sum())):
+                break
+            springs[pulls] = 0.0
+            iteration.now = replace(iteration.now, forces=np.maximum(iteration.now.forces, 0.0))
+    except SingularStiffness:
+        pass
+    finally:
+        correction.destroy()
+
+
+def _balance(iteration: InteriorIteration, springs: Floats, correction: PETSc.Vec) -> None:
+    """Correct stress and contact forces with the factors that there are. Collective."""
+    program = iteration.program
     for _ in range(MOST_CORRECTIONS):
         if iteration.unbalanced() <= BALANCED:
             break
@@ -51,4 +71,3 @@ def rebalance(iteration: InteriorIteration) -> None:
             S=S,
             forces=now.forces - springs * correction.array_r[program.jumps],
         )
-    correction.destroy()

@@ -20,7 +20,8 @@ from tests.random_bodies import problem_of, stack, write_stack
 
 COMM = MPI.COMM_WORLD
 EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
-SEEDS = [(seed, 3 if seed % 5 == 4 else 2) for seed in range(int(10 * EFFORT))]
+SEEDS = [(seed, 3 if seed % 5 == 4 else 2) for seed in sorted({*range(int(10 * EFFORT)), 20})]
+"""In number 20 equilibrium leaves one contact force nothing but zero."""
 
 
 @pytest.mark.parametrize(("seed", "dim"), SEEDS)
