@@ -98,8 +98,9 @@ def given_motion(
     of_surface = np.zeros((len(number), gdim))
     of_surface[moving] = moves[number[moving]]
     opened = np.sum(constraints.normal * of_surface, axis=1)
-    rests = np.array([a.constant for a in contacts] + [True] * len(obstacles), dtype=np.bool_)
-    overlap = np.where(rests[constraints.surface], 0.0, np.maximum(-constraints.gap, 0.0))
+    growing = np.flatnonzero([not a.constant for a in contacts])
+    grow = np.isin(constraints.surface, growing)
+    overlap = np.where(grow, np.maximum(-constraints.gap, 0.0), 0.0)
     gap = np.stack([constraints.gap + overlap, opened - overlap])
     dragged = np.einsum("nij,nj->ni", friction.direction, of_surface[friction.pair])
     slide = np.stack([np.zeros_like(dragged), dragged])
