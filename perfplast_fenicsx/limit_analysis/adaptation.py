@@ -32,7 +32,7 @@ space their neighbours are divided as well, and theirs."""
 VALENCE = 24
 """Cells that meet at least, in the end, at points where the stress depends on the direction."""
 
-FEWER = 4
+FEWER = 6
 """How often the part is halved where the finer mesh would have too many cells."""
 
 
