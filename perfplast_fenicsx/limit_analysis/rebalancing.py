@@ -15,8 +15,8 @@ BALANCED = 1e-13
 
 MOST_CORRECTIONS = 5
 
-MOST_RELEASES = 3
-"""So often forces that pull are let go of."""
+MOST_ROUNDS = 4
+"""So often it is balanced, and forces that pull are let go of between."""
 
 LEAST = 1e-6
 """Share of the largest contact force that one of zero changes with."""
@@ -28,27 +28,30 @@ def rebalance(iteration: InteriorIteration) -> None:
     It takes a factorisation. Contact forces change in proportion to their size, so that small ones
     stay positive. Where equilibrium leaves a force nothing but zero, what is left of the iteration
     may still make it pull; such forces are zero then, and the rest is balanced without them. Yield
-    sets may be left. Where no factorisation is to be had, nothing is changed.
+    sets may be left. Where no factorisation is to be had, or forces pull to the end, what was last
+    in equilibrium is left, or nothing changed.
     """
-    program, now = iteration.program, iteration.now
+    program, balanced = iteration.program, iteration.now
     uniform: Floats = np.ones(len(program.weights))
-    largest = max(program.comm.allgather(float(now.forces.max(initial=0))))
-    springs = program.springs * (now.forces / (largest or 1.0) + LEAST)
+    largest = max(program.comm.allgather(float(balanced.forces.max(initial=0))))
+    springs = program.springs * (balanced.forces / (largest or 1.0) + LEAST)
     correction = program.create_vector()
     try:
-        for _ in range(MOST_RELEASES):
-            program.assemble(uniform, uniform, np.zeros_like(now.deviator))
+        for _ in range(MOST_ROUNDS):
+            program.assemble(uniform, uniform, np.zeros_like(balanced.deviator))
             program.stiffness.add_at_jumps(springs)
             program.stiffness.factorise()
             _balance(iteration, springs, correction)
-            pulls = iteration.now.forces < 0
+            balanced = iteration.now
+            pulls = balanced.forces < 0
             if not program.comm.allreduce(int(pulls.sum())):
                 break
             springs[pulls] = 0.0
-            iteration.now = replace(iteration.now, forces=np.maximum(iteration.now.forces, 0.0))
+            iteration.now = replace(balanced, forces=np.maximum(balanced.forces, 0.0))
     except SingularStiffness:
         pass
     finally:
+        iteration.now = balanced
         correction.destroy()
 
 

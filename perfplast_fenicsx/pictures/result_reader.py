@@ -126,7 +126,8 @@ class ResultReader:
         """The signal that has ended the run, such as SIGTERM; empty if none has."""
         log = self.path / "run.log"
         text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
-        signal = re.search(r"WARNING interrupted by (\w+)", "\n".join(text.splitlines()[-2:]))
+        last = text[text.rfind(" PETSc options: ") :]  # which the header of each run ends with
+        signal = re.search(r"WARNING interrupted by (\w+)", last)
         return signal[1] if signal else ""
 
     @property

@@ -47,14 +47,23 @@ def declared_loads(
     if not (driven or strained or loads):
         raise InputError("no load is given, so nothing can be increased; give at least one load.")
     free = [surface.on for surface in rigid if surface.free]
-    straight = [surface.on for surface in rigid if surface.held]
+    straight = {surface.on: surface for surface in rigid if surface.held}
     for load in loads:
         if isinstance(load, Force) and load.on not in free:
             raise InputError(
                 f"the force on '{load.on}' acts on no rigid surface that is free to move; declare"
                 " it rigid, without a motion, or give a traction."
             )
-        if isinstance(load, Force) and np.any(load.moment) and load.on in straight:
+        if not isinstance(load, Force) or load.on not in straight:
+            continue
+        surface = straight[load.on]
+        value = fitting(f"value of the force on '{load.on}'", load.value, V.mesh.geometry.dim)
+        if not np.delete(value, surface.axes(V.mesh.geometry.dim)).any():
+            raise InputError(
+                f"the force on '{load.on}' acts only along {surface.held}, where that surface is"
+                " held; give it a component along which the surface is free, or leave it out."
+            )
+        if np.any(load.moment):
             raise InputError(
                 f"the force on '{load.on}' has a moment, but that surface is held in part, and so"
                 " does not turn; leave the moment out, or held."

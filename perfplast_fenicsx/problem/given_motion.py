@@ -16,6 +16,7 @@ from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.friction import Friction
 from perfplast_fenicsx.contact.obstacles import Obstacle, move_of
+from perfplast_fenicsx.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ def given_motion(
         obstacles: What surfaces cannot penetrate.
 
     Raises:
-        InputError: If a move does not fit the mesh.
+        InputError: If a move does not fit the mesh, or nothing overlaps that is to grow.
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     moves = np.array([move_of(obstacle, gdim) for obstacle in obstacles]).reshape(-1, gdim)
@@ -101,6 +102,14 @@ def given_motion(
     growing = np.flatnonzero([not a.constant for a in contacts])
     grow = np.isin(constraints.surface, growing)
     overlap = np.where(grow, np.maximum(-constraints.gap, 0.0), 0.0)
+    for i in growing:
+        most = float(overlap[constraints.surface == i].max(initial=0))
+        if not comm.allreduce(most, MPI.MAX) > 0:
+            raise InputError(
+                f"the contact of '{contacts[i].primary}' and '{contacts[i].secondary}' has"
+                " constant = false, but no node that is free to give way overlaps; give a negative"
+                " gap, or leave constant out."
+            )
     gap = np.stack([constraints.gap + overlap, opened - overlap])
     dragged = np.einsum("nij,nj->ni", friction.direction, of_surface[friction.pair])
     slide = np.stack([np.zeros_like(dragged), dragged])

@@ -55,7 +55,18 @@ class RigidSurface:
         return bool(np.any(self.displacement) or np.any(self.rotation))
 
     def axes(self, gdim: int) -> list[int]:
-        """Indices of the components that it holds, in a mesh of dimension ``gdim``."""
+        """Indices of the components that it holds, in a mesh of dimension ``gdim``.
+
+        Raises:
+            InputError: If letters are none of its axes.
+        """
+        if self.free and (
+            set(self.held) - set(AXES[:gdim]) or len(set(self.held)) < len(self.held)
+        ):
+            raise InputError(
+                f"held = '{self.held}' of the rigid surface '{self.on}' is not a choice of the"
+                f" letters in '{AXES[:gdim]}'; write for instance held = 'x'."
+            )
         return Support(self.on, self.held if self.free else self.components).axes(gdim)
 
     def motion(self, x: Floats) -> Floats:

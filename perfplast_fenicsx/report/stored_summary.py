@@ -3,6 +3,7 @@
 So a fault behind this is one of the program, and not of a file.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
 
@@ -25,7 +26,7 @@ class _Model(TypedDict):
 
 class _Material(TypedDict):
     kind: str
-    body: NotRequired[Any]
+    body: NotRequired[dict[str, Any] | None]
 
 
 class _Support(TypedDict):
@@ -39,6 +40,7 @@ class _Rigid(TypedDict):
     on: str
     displacement: list[float]
     rotation: Any
+    held: NotRequired[str]
 
 
 class _Load(TypedDict):
@@ -51,6 +53,8 @@ class _Load(TypedDict):
 class _Initial(TypedDict):
     kind: str
     on: str
+    change: NotRequired[Any]
+    stress: NotRequired[Any]
 
 
 class _Contact(TypedDict):
@@ -62,6 +66,7 @@ class _Contact(TypedDict):
 class _Obstacle(TypedDict):
     kind: str
     on: str
+    move: NotRequired[list[float] | None]
 
 
 class _Tie(TypedDict):
@@ -99,13 +104,36 @@ class _Limit(TypedDict):
     body: NotRequired[_Body | None]
 
 
+class _Case(TypedDict, total=False):
+    file: str
+    text: str
+
+
+class _Surroundings(TypedDict, total=False):
+    versions: dict[str, str]
+    petsc_options: str
+
+
 class _Summary(TypedDict):
     mesh: _Mesh
     model: _Model
     given: _Given
-    surroundings: dict[str, Any]
+    case: _Case
+    surroundings: _Surroundings
     steps: list[_Step]
     limit: _Limit | None
+
+
+def _missing(summary: _Summary) -> Iterator[str]:
+    """What is needed where something else is."""
+    if 0 < len(summary["case"]) < len(_Case.__annotations__):
+        yield "file, or text, of the case"
+    for material in summary["given"].get("materials", {}).values():
+        if material["kind"] == "Flow" and "kind" not in (material.get("body") or {}):
+            yield "kind of a material that remembers"
+    for first in summary["given"].get("initial", []):
+        if ("change" if first["kind"] == "temperature" else "stress") not in first:
+            yield f"change, or stress, on {first['on']}"
 
 
 def check_summary(reader: ResultReader) -> None:
@@ -117,8 +145,10 @@ def check_summary(reader: ResultReader) -> None:
 
     def check(path: Path) -> None:
         try:
-            msgspec.json.decode(path.read_bytes(), type=_Summary)
+            summary = msgspec.json.decode(path.read_bytes(), type=_Summary)
         except msgspec.DecodeError as error:
             raise ValueError(error) from error
+        for what in _missing(summary):
+            raise ValueError(f"it has no {what}")
 
     reader.read("summary.json", check)

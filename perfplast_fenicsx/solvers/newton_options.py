@@ -47,8 +47,9 @@ class NewtonOptions:
         tolerance: Bound of this criterion, between 0 and 1; a damped step does not end the
             iteration.
         active_set: "exact" solves each contact quadratic program to its end; "once" updates the
-            active set once in a Newton step; "adaptive" does so too, but up to :data:`FEW_SETS`
-            times after a damped step, and goes on to the end after :data:`PATIENCE` steps.
+            active set once in a Newton step; "adaptive" does so too, but up to four
+            times after a damped step (without friction; with it to the end), and goes on to the
+            end behind the tenth step.
         max_iterations: Most Newton steps of a level, at least 1.
         contact_solver: "active-set" searches for the closed pairs, with one linear system for each
             set; "tfeti" cuts the bodies into subdomains and solves for the forces between them

@@ -56,6 +56,13 @@ REFUSED = {
         BLOCKS + CONTACT + "constant = false\n" + LOADING,
         "has constant = false, but no overlap that could grow",
     ),
+    "an overlap of nothing that is to grow": (
+        BLOCKS
+        + CONTACT
+        + 'gap = 1e-3\ninterference = true\nconstant = false\nname = "fit"\n'
+        + stage("top = 1.0, fit = 1.0"),
+        "has constant = false, but no node that is free to give way overlaps",
+    ),
     "a stage of an overlap that is constant": (
         BLOCKS + CONTACT + 'interference = true\nname = "fit"\n' + stage("top = 1.0, fit = 1.0"),
         "a factor for 'fit', which is constant",

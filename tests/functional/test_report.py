@@ -78,6 +78,18 @@ def change(folder: Path, **values: Any) -> None:
         ),
         (lambda path: change(path, mesh={}), [], "summary.json' cannot be read (Object missing"),
         (lambda path: change(path, limit={"lower": 1.0}), [], "cannot be read (Object missing"),
+        (lambda path: change(path, case={"file": "a"}), [], "it has no file, or text, of the case"),
+        (lambda path: change(path, surroundings={"versions": 1}), [], "cannot be read (Expected"),
+        (
+            lambda path: change(path, given={"initial": [{"kind": "temperature", "on": "a"}]}),
+            [],
+            "it has no change, or stress, on a)",
+        ),
+        (
+            lambda path: change(path, given={"materials": {"a": {"kind": "Flow"}}}),
+            [],
+            "it has no kind of a material that remembers",
+        ),
         (lambda path: (path / "fields/level_0002.vtkhdf").write_text("a"), [], "cannot be read"),
         (lambda path: (path / "model.json").touch(), [], "has model.json, so its results are"),
         (lambda path: None, ["-o", "/dev/null/a.html"], "cannot be written"),

@@ -223,7 +223,8 @@ def test_footings(ground: TaggedMesh) -> None:
         ([RigidSurface("top", held="x")], [Force("top", (0.0, 1.0), 1.0)], "does not turn"),
         ([RigidSurface("top", rotation=0.1, held="x")], [], "beside a known motion"),
         ([RigidSurface("bottom", held="x")], [], "'bottom' shares nodes with a support"),
-        ([RigidSurface("top", held="z")], [], "not a choice of the letters in 'xy'"),
+        ([RigidSurface("top", held="z")], [], "held = 'z' of the rigid surface 'top' is not"),
+        ([RigidSurface("top", held="x")], [Force("top", (1.0, 0.0))], "acts only along x, where"),
     ],
 )
 def test_what_is_refused(rigid: list[RigidSurface], loads: list[Force], words: str) -> None:

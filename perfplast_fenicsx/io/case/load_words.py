@@ -52,7 +52,9 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
     if live:
         told.append(f"{'A factor of 1' if case.stages else 'zeta = 1'} is {', '.join(live)}.")
     elif case.scene.driven:
-        told.append("zeta = 1 is the motion of supports and obstacles as the case gives it.")
+        told.append(
+            "zeta = 1 is the motion of supports, obstacles and overlaps as the case gives it."
+        )
     elsewhere = dict.fromkeys(name for stage in case.stages for name in stage.factors)
     others = [
         repr(name)
