@@ -5,7 +5,7 @@ import json
 import os
 import shutil
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from mpi4py import MPI
@@ -50,8 +50,11 @@ def path_of(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def same_path(one: Path, other: Path) -> None:
-    """The same levels, ζ and α to 1e-10, and the same fields."""
+def same_path(one: Path, other: Path, at_rest: Collection[str] = ()) -> None:
+    """The same levels, ζ and α to 1e-10, and the same fields.
+
+    Of steps at rest it is rounding which pairs touch, as none pushes, and what stress is left.
+    """
     rows, others = path_of(one), path_of(other)
     assert [row["step"] for row in rows] == [str(i + 1) for i in range(len(rows))]
     assert len(rows) == len(others)
@@ -59,7 +62,7 @@ def same_path(one: Path, other: Path) -> None:
         assert row["converged"] == expected["converged"]
         # on several ranks MUMPS adds as messages come: a step of rounding's size more or less
         assert abs(int(row["newton_iterations"]) - int(expected["newton_iterations"])) <= 1
-        assert row["active_contacts"] == expected["active_contacts"]
+        assert row["step"] in at_rest or row["active_contacts"] == expected["active_contacts"]
         for key in ("zeta", "alpha", "max_displacement"):
             assert float(row[key]) == pytest.approx(float(expected[key]), rel=1e-10, abs=1e-14)
     steps = [json.loads((f / "summary.json").read_text())["steps"] for f in (one, other)]
@@ -68,14 +71,14 @@ def same_path(one: Path, other: Path) -> None:
     assert [level["time"] for level in fields] == pytest.approx(
         [level["time"] for level in expected_fields], rel=1e-10
     )
-    solved = sum(row["converged"] == "True" for row in rows)
-    assert len(fields) == len(expected_fields) == solved
-    for level, expected_level in zip(fields, expected_fields, strict=True):
+    solved = [row["step"] for row in rows if row["converged"] == "True"]
+    for step, level, expected_level in zip(solved, fields, expected_fields, strict=True):
         assert level.keys() == expected_level.keys()
         assert level["level"] == expected_level["level"]
         assert level["prescribed"] == expected_level["prescribed"]
         for name in ("displacement", "stress", "Connectivity", "Points"):
-            size = np.abs(expected_level[name]).max()
+            scale = expected_fields if step in at_rest else [expected_level]
+            size = max(np.abs(one[name]).max() for one in scale)
             np.testing.assert_allclose(level[name], expected_level[name], atol=1e-8 * size)
 
 
