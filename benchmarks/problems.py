@@ -10,6 +10,7 @@ from tempfile import mkdtemp
 from mpi4py import MPI
 
 from meshes.bolted_assembly import FOOT, write_bolted_assembly
+from meshes.joints import sides
 from perfplast_fenicsx import (
     Contact,
     Pressure,
@@ -87,11 +88,8 @@ def _l_plate(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
 def _bolted(comm: MPI.Intracomm, n: int, degree: int, apart: float | None = None) -> Problem:
     """Brackets bolted onto a plate; ζ is the traction on the grip of the rod between them."""
     assembly = _assembly(comm, n, glued=False, apart=apart)
-    sides: dict[str, list[str]] = {}
-    for surface in sorted(assembly.surfaces):
-        if "_joint_" in surface:
-            sides.setdefault(surface.split("_joint_")[1], []).append(surface)
-    return _pulled(assembly, [Contact(one, other, 0.0) for one, other in sides.values()], degree)
+    contacts = [Contact(*pair, 0.0) for pair in sides(assembly.surfaces)]
+    return _pulled(assembly, contacts, degree)
 
 
 def _glued(comm: MPI.Intracomm, n: int, degree: int) -> Problem:

@@ -1,6 +1,6 @@
 """Bodies of gmsh's current model that are cut along each other, and the faces between them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import gmsh
 
@@ -47,3 +47,16 @@ def joints(bodies: Mapping[str, Sequence[int]]) -> dict[str, list[int]]:
         if len(both) == 2:
             found.setdefault(both, []).append(tag)
     return {f"joint_{k}": tags for k, tags in enumerate(found.values(), start=1)}
+
+
+def sides(surfaces: Iterable[str]) -> list[tuple[str, str]]:
+    """The two surfaces of each joint, which ``write_split`` has named after their bodies.
+
+    Args:
+        surfaces: All names of a mesh, such as ``plate_joint_1``.
+    """
+    found: dict[str, list[str]] = {}
+    for surface in sorted(surfaces):
+        if "_joint_" in surface:
+            found.setdefault(surface.split("_joint_")[1], []).append(surface)
+    return [(one, other) for one, other in found.values()]

@@ -16,9 +16,10 @@ from collections.abc import Sequence
 from mpi4py import MPI
 
 from demos.verification.study import Row, mesh, run
-from demos.verification.towers import TOLERANCE, both_ways
+from demos.verification.towers import TOLERANCE, both_ways, drawn_steels
 from meshes.assembly import write_assembly
-from perfplast_fenicsx import BodyForce, Contact, Pressure, Problem, Support, TaggedMesh, VonMises
+from meshes.joints import sides
+from perfplast_fenicsx import BodyForce, Contact, Pressure, Problem, Support, TaggedMesh
 from perfplast_fenicsx.io import ResultFolder, Scene
 from perfplast_fenicsx.pictures import draw
 from perfplast_fenicsx.problem import Load
@@ -40,16 +41,9 @@ def loads_of(tagged_mesh: TaggedMesh, number: int) -> list[Load]:
 
 def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
     """An assembly of steels drawn at random; ζ is the pressure on the last block."""
-    drawn = random.Random(number)
-    ranges = ((70e3, 210e3), (0.2, 0.35), (200.0, 500.0))  # Young, Poisson, yield stress
-    bodies = sorted(tagged_mesh.volumes)
-    materials = {body: VonMises(*(drawn.uniform(*r) for r in ranges)) for body in bodies}
+    materials = drawn_steels(sorted(tagged_mesh.volumes), number)
     loads = loads_of(tagged_mesh, number)
-    sides: dict[str, list[str]] = {}
-    for surface in sorted(tagged_mesh.surfaces):
-        if "_joint_" in surface:
-            sides.setdefault(surface.split("_joint_")[1], []).append(surface)
-    contacts = [Contact(one, other) for one, other in sides.values()]
+    contacts = [Contact(*pair) for pair in sides(tagged_mesh.surfaces)]
     return Problem(tagged_mesh, materials, SUPPORTS, loads, contacts, degree=2)
 
 

@@ -27,12 +27,17 @@ SUPPORTS = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
 LOADS = [Pressure("top", 1.0)]
 
 
+def drawn_steels(bodies: Sequence[str], number: int) -> dict[str, VonMises]:
+    """A steel for each body, drawn at random."""
+    drawn = random.Random(number)
+    ranges = ((70e3, 210e3), (0.2, 0.35), (200.0, 500.0))  # Young, Poisson, yield stress
+    return {body: VonMises(*(drawn.uniform(*r) for r in ranges)) for body in bodies}
+
+
 def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
     """A tower of steels drawn at random; ζ is the pressure on top."""
-    drawn = random.Random(number)
     count = len(tagged_mesh.volumes)
-    ranges = ((70e3, 210e3), (0.2, 0.35), (200.0, 500.0))  # Young, Poisson, yield stress
-    materials = {f"body_{i}": VonMises(*(drawn.uniform(*r) for r in ranges)) for i in range(count)}
+    materials = drawn_steels([f"body_{i}" for i in range(count)], number)
     contacts = [Contact(f"body_{i}_seam_{i}", f"body_{i + 1}_seam_{i}") for i in range(count - 1)]
     return Problem(tagged_mesh, materials, SUPPORTS, LOADS, contacts, degree=2)
 

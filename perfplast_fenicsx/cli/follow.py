@@ -14,7 +14,7 @@ from typing import Any
 from perfplast_fenicsx.cli.remaining import next_level, remaining
 from perfplast_fenicsx.cli.terminal import Terminal, number
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.results.run_lock import ENDED, is_held
+from perfplast_fenicsx.io.results.run_lock import ENDED, INTERRUPTED, is_held
 
 PERIOD = 0.5
 """Time between two looks (s)."""
@@ -138,7 +138,7 @@ class Follower:
             levels += f" and {number(limit['upper'], 'none found')}"
         if failed:
             levels += f"; no solution at zeta = {failed[-1]['zeta']:.6g}"
-        cause = next((a for a in ("interrupted by", "ended by", "ended: ") if a in before[-1]), "")
+        cause = next((a for a in (INTERRUPTED, "ended by", "ended: ") if a in before[-1]), "")
         how = f" ({before[-1][before[-1].index(cause) :]})" if cause else ""
         return f"The run has ended{how}, with {levels}."
 

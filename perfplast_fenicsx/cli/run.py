@@ -18,6 +18,7 @@ from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.io.results.run_lock import INTERRUPTED
 from perfplast_fenicsx.limit_analysis.adaptation import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body_bounds import bounds_of_mesh, limit_bounds
 from perfplast_fenicsx.limit_analysis.drucker import drucker_bounds
@@ -107,8 +108,8 @@ def run(
                     "what is solved is on file; go on" if solver else "nothing is lost; begin anew"
                 )
                 log.warning(
-                    "interrupted by %s, %s with: perfplast run %s --restart %s",
-                    *(interrupted, told, path, output),
+                    "%s %s, %s with: perfplast run %s --restart %s",
+                    *(INTERRUPTED, interrupted, told, path, output),
                 )
                 status = interrupted.status
             if report and (page := report_on(folder)) is not None:

@@ -18,7 +18,7 @@ from perfplast_fenicsx.cli.system_info import petsc_options, surroundings, versi
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.io.results.run_lock import ENDED, hold
+from perfplast_fenicsx.io.results.run_lock import BEGUN, ENDED, hold
 from perfplast_fenicsx.limit_analysis.adaptation import Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
@@ -122,7 +122,7 @@ class RunLog:
             log.info("%s: %s", name, text)
         for field in filter(lambda field: field.repr, dataclasses.fields(case)):
             log.info("case.%s: %s", field.name, getattr(case, field.name))
-        log.info("PETSc options: %s", petsc_options())
+        log.info("%s %s", BEGUN, petsc_options())
         for description in descriptions:
             log.info("%s", description)
 

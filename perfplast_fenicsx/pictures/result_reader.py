@@ -37,6 +37,7 @@ from perfplast_fenicsx.io.results.result_files import (
     SURFACE_TAGS,
     SURFACES,
 )
+from perfplast_fenicsx.io.results.run_lock import BEGUN, INTERRUPTED
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.boundary_surface import Skin, Surface, make_skin
 from perfplast_fenicsx.problem.report import LevelReport
@@ -126,8 +127,8 @@ class ResultReader:
         """The signal that has ended the run, such as SIGTERM; empty if none has."""
         log = self.path / "run.log"
         text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
-        last = text[text.rfind(" PETSc options: ") :]  # which the header of each run ends with
-        signal = re.search(r"WARNING interrupted by (\w+)", last)
+        last = text[text.rfind(f" {BEGUN} ") :]
+        signal = re.search(rf"WARNING {INTERRUPTED} (\w+)", last)
         return signal[1] if signal else ""
 
     @property

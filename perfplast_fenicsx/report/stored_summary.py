@@ -148,7 +148,7 @@ def check_summary(reader: ResultReader) -> None:
             summary = msgspec.json.decode(path.read_bytes(), type=_Summary)
         except msgspec.DecodeError as error:
             raise ValueError(error) from error
-        for what in _missing(summary):
+        if what := next(_missing(summary), None):
             raise ValueError(f"it has no {what}")
 
     reader.read("summary.json", check)

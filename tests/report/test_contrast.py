@@ -50,6 +50,14 @@ def test_the_measure() -> None:
     assert contrast("#767676", "#fff") == pytest.approx(4.54, abs=0.01)
 
 
+def test_words_and_areas_of_the_curve() -> None:
+    """Its words are filled, and so is the band between two bounds."""
+    found = dict(used("fill"))
+    assert set(found) == {".curve on paper", ".curve .band on paper"}
+    for colour in found.values():
+        assert contrast(colour, NAMES["paper"]) >= TEXT
+
+
 @pytest.mark.parametrize(
     ("kind", "least"),
     [

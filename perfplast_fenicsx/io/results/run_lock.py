@@ -11,6 +11,12 @@ from typing import IO
 ENDED = "ended after"
 """How the last line of the log begins where the run was not killed."""
 
+BEGUN = "PETSc options:"
+"""How a line begins that each run in the folder has, before anything is solved."""
+
+INTERRUPTED = "interrupted by"
+"""How the line begins that names the signal."""
+
 
 def hold(file: IO[str]) -> bool:
     """Lock a file until it is closed, together with others that do; False if it cannot be done."""
