@@ -25,12 +25,8 @@ from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.active_set.slip import Slip, slipping, stuck
+from perfplast_fenicsx.solvers.line_search import LONGEST, SLOPE_REDUCTION, shortened, stretched
 from perfplast_fenicsx.solvers.tangents import JumpTangent, MakeTangent
-
-SLOPE_REDUCTION = 1e-3
-"""The line search ends where |φ'(β)| is at most this share of |φ'(0)|."""
-
-MOST_BISECTIONS = 40
 
 ROUNDING = 1e-13
 """Slopes below this share of the terms they are the difference of are rounding noise."""
@@ -176,11 +172,15 @@ class Iterate:
         self.direction.update()
 
     @phase("line search")
-    def line_search(self, zeta: float) -> float:
+    def line_search(self, zeta: float, stretch: bool = False) -> float:
         """β = argmin over (0, 1] of J_ζ(u + β δu), by bisection on the monotone derivative.
 
         β = 1 is taken where the derivative there is not positive, or so small against the one at 0,
         or against the terms it is the difference of, that nothing is to be gained.
+
+        Args:
+            zeta: Load factor.
+            stretch: Whether to go on beyond β = 1 where J_ζ falls much there.
         """
         direction = self.direction
         load = self.problem.loads.work(direction.du.x.petsc_vec, zeta)
@@ -194,19 +194,21 @@ class Iterate:
         at_zero, at_one = slope(0.0), slope(1.0)
         enough = max(SLOPE_REDUCTION * abs(at_zero), noise)
         if at_one <= enough or at_zero >= -noise:
-            return 1.0
+            longest = self._longest() if stretch and at_zero < -noise else 1.0
+            return stretched(slope, at_zero, at_one, longest)
         if self.fields.stress_norm2() <= self.least_norm2():
             noise = ROUNDING * float(np.sqrt(self.fields.jagged_norm2() * direction.du_norm2()))
             if at_one <= noise:
                 return 1.0
-        low, high = 0.0, 1.0
-        for _ in range(MOST_BISECTIONS):
-            middle = (low + high) / 2
-            here = slope(middle)
-            if abs(here) <= enough:
-                return middle
-            low, high = (middle, high) if here < 0 else (low, middle)
-        return high
+        return shortened(slope, enough)
+
+    def _longest(self) -> float:
+        """How long the step may be with u + β δu in K_h; not stretched where surfaces rub."""
+        jump = self._delta_y.array_r[self.problem.basis.index]
+        closing = jump > 0
+        shares = self.room()[closing] / jump[closing]
+        most = 1.0 if self.problem.friction.count else LONGEST
+        return float(self.problem.comm.allreduce(shares.min(initial=most), MPI.MIN))
 
     def descends_until(self, work: float, zeta: float) -> bool:
         """Does J_ζ still fall along δu where L₀ + ζL₁ has grown to ``work``?

@@ -4,7 +4,8 @@ Section 3.1 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013): δu minimises
 
     ½⟨Σ^{o,ρ}(ε(u)) ε(δv), ε(δv)⟩ + ⟨Σ(ε(u)), ε(δv)⟩ − ζL(δv)   over u + δv ∈ K_h,
 
-then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu).
+then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu); beyond the paper, β goes on to 2
+where J_ζ still falls much at 1 and u + β δu stays in K_h.
 """
 
 from collections.abc import Sequence
@@ -64,7 +65,7 @@ class Newton(LevelSolver):
         rho = regularisation(options, history, iterate.lifted)
         found = newton_direction(self, options, zeta, active, history, rho)
         iterate.aim(found.delta)
-        beta = iterate.line_search(zeta) if options.damping else 1.0
+        beta = iterate.line_search(zeta, stretch=True) if options.damping else 1.0
         increment = iterate.take_step(beta, options.stopping, zeta)
         finished = increment < options.tolerance and found.settled and beta == 1
         if not history:
