@@ -25,7 +25,13 @@ from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.active_set.slip import Slip, slipping, stuck
-from perfplast_fenicsx.solvers.line_search import LONGEST, SLOPE_REDUCTION, shortened, stretched
+from perfplast_fenicsx.solvers.line_search import (
+    LONGEST,
+    SLOPE_REDUCTION,
+    STRETCHABLE,
+    shortened,
+    stretched,
+)
 from perfplast_fenicsx.solvers.tangents import JumpTangent, MakeTangent
 
 ROUNDING = 1e-13
@@ -184,14 +190,16 @@ class Iterate:
         """
         direction = self.direction
         load = self.problem.loads.work(direction.du.x.petsc_vec, zeta)
-        size2 = self.fields.stress_norm2() * direction.du_norm2()
-        noise = ROUNDING * max(float(np.sqrt(size2)), self._rubbing_size())
 
         def slope(beta: float) -> float:
             direction.beta.value = beta
             return direction.slope() - load + self._rubbing(beta)
 
         at_zero, at_one = slope(0.0), slope(1.0)
+        if -STRETCHABLE * abs(at_zero) <= at_one <= SLOPE_REDUCTION * abs(at_zero):
+            return 1.0
+        size2 = self.fields.stress_norm2() * direction.du_norm2()
+        noise = ROUNDING * max(float(np.sqrt(size2)), self._rubbing_size())
         enough = max(SLOPE_REDUCTION * abs(at_zero), noise)
         if at_one <= enough or at_zero >= -noise:
             longest = self._longest() if stretch and at_zero < -noise else 1.0

@@ -104,7 +104,7 @@ def newton_direction(
     """
     iterate = solver.iterate
     operator, gradient, room = iterate.operator(rho), iterate.gradient(zeta), iterate.room()
-    rtol = forcing(history[-1].increment if history else 1.0, options.tolerance)
+    rtol = forcing(history, options.tolerance)
     sets = most_sets(options, history)
     if not history:
         iterate.first_force = float(gradient.norm(PETSc.NormType.NORM_INFINITY))

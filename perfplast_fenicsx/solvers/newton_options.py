@@ -150,12 +150,14 @@ def most_sets(options: NewtonOptions, history: Sequence[Iteration]) -> int | Non
     return FEW_SETS if any(record.beta < 1 for record in history[-1:]) else 1
 
 
-def forcing(increment: float, tolerance: float) -> float:
+def forcing(history: Sequence[Iteration], tolerance: float) -> float:
     """Relative tolerance of the linear solves of the next step: loose far from the solution.
 
     Near it the tolerance follows the last increment, so that steps stay quadratic. What a solve
     leaves is its tolerance times the increment, and need not be less than a hundredth of the wanted
-    accuracy.
+    accuracy; increments are expected to fall on as they did in the last step.
     """
-    enough = 1e-2 * tolerance / max(increment, tolerance)
-    return min(1e-3, max(1e-2 * increment, enough, 1e-11))
+    before, last = ([1.0, 1.0] + [record.increment for record in history])[-2:]
+    expected = last * min(1.0, last / before) if before > 0 else last
+    enough = 1e-2 * tolerance / max(expected, tolerance)
+    return min(1e-3, max(1e-2 * last, enough, 1e-11))

@@ -51,7 +51,8 @@ class Krylov:
     def set_matrix(self, operator: ContactOperator, held: Ints) -> None:
         """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
         self._matrix = operator.matrix
-        self._blocked = blocked(self._matrix, self._blocked)
+        source = operator.matrix if operator.changed else operator.stiffness
+        self._blocked = blocked(source, self._blocked)
         self.attach()
 
     def attach(self) -> None:

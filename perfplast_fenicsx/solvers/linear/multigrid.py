@@ -33,6 +33,10 @@ MULTIGRID = {
 }
 
 
+WORTH = {1: 24, 2: 12}
+"""Iterations that a set-up costs, by the degree of elements: those of linear ones are cheap."""
+
+
 class Multigrid:
     """A Krylov method with smoothed aggregation in the jump basis.
 
@@ -41,11 +45,10 @@ class Multigrid:
         worth: Krylov iterations that a set-up costs about as much as.
     """
 
-    worth = 12
-
     def __init__(self, problem: Problem) -> None:
         """Create the solver; aggregates follow with the first operator. Collective."""
         self._problem = problem
+        self.worth = WORTH[problem.degree]
         self._krylov = Krylov(problem.comm, MULTIGRID)
         self.name = self._krylov.name
         self._spaces: CoarseSpaces | None = None
