@@ -13,8 +13,8 @@ SLOPE_REDUCTION = 1e-3
 
 MOST_BISECTIONS = 40
 
-LONGEST = 2.0
-"""A step is stretched to so many times its length at most."""
+LONGEST = 1.5
+"""A step is stretched to so many times its length at most; twice is too far where bodies bend."""
 
 STRETCHABLE = 0.1
 """A step is stretched where at least this share of φ'(0) is left at its end, and until no more is:

@@ -4,7 +4,7 @@ Section 3.1 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013): δu minimises
 
     ½⟨Σ^{o,ρ}(ε(u)) ε(δv), ε(δv)⟩ + ⟨Σ(ε(u)), ε(δv)⟩ − ζL(δv)   over u + δv ∈ K_h,
 
-then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu); beyond the paper, β goes on to 2
+then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu); beyond the paper, β goes on to 1.5
 where J_ζ still falls much at 1 and u + β δu stays in K_h.
 """
 

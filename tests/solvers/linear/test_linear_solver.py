@@ -193,7 +193,7 @@ def test_a_set_up_is_kept_until_it_has_cost_more_than_another(
     assert not solver.hold(index[1:])
     assert solver.setups == 1
     solver.solve(loads(problem), problem.create_vector(), 1e-8)
-    monkeypatch.setattr(Multigrid, "worth", -100)
+    monkeypatch.setattr(solver._method, "worth", -100)
     assert solver.hold(index)
     assert solver.setups == 2
 
