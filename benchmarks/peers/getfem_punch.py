@@ -85,9 +85,9 @@ def make_bodies(n: int) -> tuple[Body, Body]:
     return base, make_body(*box(n // 2, (0, 0, 1), 1 / n), symmetry)
 
 
-def make_model(base: Body, punch: Body, pressure: float, n: int) -> gf.Scene:
+def make_model(base: Body, punch: Body, pressure: float, n: int) -> gf.Model:
     """The problem as bricks."""
-    model = gf.Scene("real")
+    model = gf.Model("real")
     model.add_initialized_data("lambda", [YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))])
     model.add_initialized_data("mu", [YOUNG / (2 * (1 + POISSON))])
     model.add_initialized_data("sigma_y", [YIELD])
