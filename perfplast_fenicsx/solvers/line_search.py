@@ -28,14 +28,7 @@ def shortened(slope: Slope, enough: float) -> float:
         slope: φ'.
         enough: |φ'| that counts as zero.
     """
-    low, high = 0.0, 1.0
-    for _ in range(MOST_BISECTIONS):
-        middle = (low + high) / 2
-        here = slope(middle)
-        if abs(here) <= enough:
-            return middle
-        low, high = (middle, high) if here < 0 else (low, middle)
-    return high
+    return _bisected(slope, 0.0, 1.0, enough)
 
 
 def stretched(slope: Slope, at_zero: float, at_one: float, longest: float) -> float:
@@ -50,13 +43,15 @@ def stretched(slope: Slope, at_zero: float, at_one: float, longest: float) -> fl
     enough = STRETCHABLE * abs(at_zero)
     if longest <= 1 or at_one >= -enough:
         return 1.0
-    low, high = 1.0, longest
-    if slope(high) <= 0:
-        return high
+    return longest if slope(longest) <= 0 else _bisected(slope, 1.0, longest, enough)
+
+
+def _bisected(slope: Slope, low: float, high: float, enough: float) -> float:
+    """β between two, at which φ' is negative and positive, where it is zero."""
     for _ in range(MOST_BISECTIONS):
         middle = (low + high) / 2
         here = slope(middle)
         if abs(here) <= enough:
             return middle
         low, high = (middle, high) if here < 0 else (low, middle)
-    return low
+    return high

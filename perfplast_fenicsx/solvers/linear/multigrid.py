@@ -32,7 +32,6 @@ MULTIGRID = {
     "mg_coarse_redundant_pc_type": "cholesky",
 }
 
-
 WORTH = {1: 24, 2: 12}
 """Iterations that a set-up costs, by the degree of elements: those of linear ones are cheap."""
 
