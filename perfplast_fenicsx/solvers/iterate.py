@@ -25,13 +25,7 @@ from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.active_set.slip import Slip, slipping, stuck
-from perfplast_fenicsx.solvers.line_search import (
-    LONGEST,
-    SLOPE_REDUCTION,
-    STRETCHABLE,
-    shortened,
-    stretched,
-)
+from perfplast_fenicsx.solvers.line_search import LONGEST, step_length
 from perfplast_fenicsx.solvers.tangents import JumpTangent, MakeTangent
 
 ROUNDING = 1e-13
@@ -179,10 +173,7 @@ class Iterate:
 
     @phase("line search")
     def line_search(self, zeta: float, stretch: bool = False) -> float:
-        """β = argmin over (0, 1] of J_ζ(u + β δu), by bisection on the monotone derivative.
-
-        β = 1 is taken where the derivative there is not positive, or so small against the one at 0,
-        or against the terms it is the difference of, that nothing is to be gained.
+        """β along δu, from the derivative of J_ζ(u + β δu); see :func:`line_search.step_length`.
 
         Args:
             zeta: Load factor.
@@ -195,20 +186,16 @@ class Iterate:
             direction.beta.value = beta
             return direction.slope() - load + self._rubbing(beta)
 
-        at_zero, at_one = slope(0.0), slope(1.0)
-        if -STRETCHABLE * abs(at_zero) <= at_one <= SLOPE_REDUCTION * abs(at_zero):
-            return 1.0
-        size2 = self.fields.stress_norm2() * direction.du_norm2()
-        noise = ROUNDING * max(float(np.sqrt(size2)), self._rubbing_size())
-        enough = max(SLOPE_REDUCTION * abs(at_zero), noise)
-        if at_one <= enough or at_zero >= -noise:
-            longest = self._longest() if stretch and at_zero < -noise else 1.0
-            return stretched(slope, at_zero, at_one, longest)
-        if self.fields.stress_norm2() <= self.least_norm2():
-            noise = ROUNDING * float(np.sqrt(self.fields.jagged_norm2() * direction.du_norm2()))
-            if at_one <= noise:
-                return 1.0
-        return shortened(slope, enough)
+        return step_length(slope, self._noise, self._longest if stretch else None)
+
+    def _noise(self) -> tuple[float, float]:
+        """Rounding errors of slopes: of the terms of their sum, and of the strains in them."""
+        stress, change = self.fields.stress_norm2(), self.direction.du_norm2()
+        terms = max(float(np.sqrt(stress * change)), self._rubbing_size())
+        strains = 0.0
+        if stress <= self.least_norm2():
+            strains = float(np.sqrt(self.fields.jagged_norm2() * change))
+        return ROUNDING * terms, ROUNDING * max(terms, strains)
 
     def _longest(self) -> float:
         """How long the step may be with u + β δu in K_h; not stretched where surfaces rub."""

@@ -21,27 +21,43 @@ STRETCHABLE = 0.1
 cells that yield spread from step to step, so that each falls short of the solution."""
 
 
-def shortened(slope: Slope, enough: float) -> float:
-    """β in (0, 1) where φ' vanishes, for φ'(0) < 0 < φ'(1). Collective.
+def step_length(
+    slope: Slope,
+    noise: Callable[[], tuple[float, float]],
+    longest: Callable[[], float] | None = None,
+) -> float:
+    """β = argmin over (0, 1] of the energy, or up to ``longest`` where it falls on much at 1.
+
+    β = 1 is taken where φ' is not positive there, or so small against φ'(0), or against what it is
+    the difference of, that nothing is to be gained. Collective.
 
     Args:
         slope: φ'.
-        enough: |φ'| that counts as zero.
+        noise: Rounding errors of φ' as a sum, and of that with what it is a sum of; asked only
+            where they decide.
+        longest: How long the step may be; None for no longer than 1.
     """
-    return _bisected(slope, 0.0, 1.0, enough)
+    at_zero, at_one = slope(0.0), slope(1.0)
+    if -STRETCHABLE * abs(at_zero) <= at_one <= SLOPE_REDUCTION * abs(at_zero):
+        return 1.0
+    of_sum, of_all = noise()
+    enough = max(SLOPE_REDUCTION * abs(at_zero), of_sum)
+    if at_one > max(enough, of_all) and at_zero < -of_sum:
+        return _bisected(slope, 0.0, 1.0, enough)
+    if longest is None or at_zero >= -of_all or at_one >= -STRETCHABLE * abs(at_zero):
+        return 1.0
+    return stretched(slope, STRETCHABLE * abs(at_zero), longest())
 
 
-def stretched(slope: Slope, at_zero: float, at_one: float, longest: float) -> float:
-    """β ≥ 1 up to which the energy goes on falling much, for φ'(0) < 0. Collective.
+def stretched(slope: Slope, enough: float, longest: float) -> float:
+    """β ≥ 1 up to which the energy goes on falling much, for φ'(1) < -``enough``. Collective.
 
     Args:
         slope: φ'.
-        at_zero: φ'(0).
-        at_one: φ'(1).
+        enough: |φ'| where the step may end.
         longest: How long the step may be.
     """
-    enough = STRETCHABLE * abs(at_zero)
-    if longest <= 1 or at_one >= -enough:
+    if longest <= 1:
         return 1.0
     return longest if slope(longest) <= 0 else _bisected(slope, 1.0, longest, enough)
 

@@ -4,28 +4,50 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import Newton
-from perfplast_fenicsx.solvers.line_search import LONGEST, STRETCHABLE, shortened, stretched
+from perfplast_fenicsx.solvers.line_search import LONGEST, SLOPE_REDUCTION, STRETCHABLE, step_length
 from tests.models import l_plate_problem
 
 
+def exact() -> tuple[float, float]:
+    return 0.0, 0.0
+
+
+def noisy() -> tuple[float, float]:
+    return 1e-3, 10.0
+
+
+def longest() -> float:
+    return LONGEST
+
+
+def falls_on(beta: float) -> float:
+    return beta**2 - 2.0
+
+
 def test_a_step_is_shortened_to_where_the_energy_is_least() -> None:
-    assert shortened(lambda beta: beta**2 - 0.09, 1e-9) == pytest.approx(0.3, abs=1e-8)
+    beta = step_length(lambda b: b**2 - 0.09, exact, longest)
+    assert abs(beta**2 - 0.09) <= SLOPE_REDUCTION * 0.09
 
 
 def test_a_step_is_stretched_where_the_energy_falls_on() -> None:
-    def slope(beta: float) -> float:
-        return beta**2 - 2.0
-
-    beta = stretched(slope, slope(0.0), slope(1.0), LONGEST)
+    beta = step_length(falls_on, exact, longest)
     assert beta > 1
-    assert abs(slope(beta)) <= STRETCHABLE * 2.0
-    blocked = stretched(slope, slope(0.0), slope(1.0), 1.0)
-    assert blocked == pytest.approx(1.0)
-    assert stretched(lambda b: b - 10.0, -10.0, -9.0, 1.5) == pytest.approx(1.5)
+    assert abs(falls_on(beta)) <= STRETCHABLE * 2.0
+    assert step_length(lambda b: b - 10.0, exact, longest) == pytest.approx(LONGEST)
 
 
-def test_a_step_that_ends_near_the_least_energy_is_taken_as_it_is() -> None:
-    assert stretched(lambda b: b - 1.05, -1.05, -0.05, LONGEST) == pytest.approx(1.0)
+def test_a_step_is_not_stretched_where_nothing_is_gained_or_it_may_not_be() -> None:
+    for slope, noise, most in (
+        (falls_on, exact, None),
+        (falls_on, exact, lambda: 0.7),
+        (falls_on, noisy, longest),
+        (lambda b: b - 1.05, exact, longest),
+    ):
+        assert step_length(slope, noise, most) == pytest.approx(1.0)
+
+
+def test_a_step_is_not_shortened_for_rounding_errors() -> None:
+    assert step_length(lambda b: b**2 - 0.09, noisy, longest) == pytest.approx(1.0)
 
 
 def test_steps_of_yielding_bodies_are_stretched_and_the_last_one_is_not() -> None:
