@@ -27,7 +27,7 @@ from perfplast_fenicsx.solvers.linear.set_up import SetUp, iterations_a_digit
 DIRECT_LIMIT = {2: 300_000, 3: 40_000}
 """Up to so many unknowns, by dimension, a sparse Cholesky factorisation is the quicker one."""
 
-FEW_ITERATIONS = 30
+FEW_ITERATIONS = 50
 """A solve by multigrid in no more Krylov iterations is not compared with a factorisation."""
 
 SAME = 1e-9
