@@ -46,10 +46,10 @@ def step_length(
         return _bisected(slope, 0.0, 1.0, enough)
     if longest is None or at_zero >= -of_all or at_one >= -STRETCHABLE * abs(at_zero):
         return 1.0
-    return stretched(slope, STRETCHABLE * abs(at_zero), longest())
+    return _stretched(slope, STRETCHABLE * abs(at_zero), longest())
 
 
-def stretched(slope: Slope, enough: float, longest: float) -> float:
+def _stretched(slope: Slope, enough: float, longest: float) -> float:
     """β ≥ 1 up to which the energy goes on falling much, for φ'(1) < -``enough``. Collective.
 
     Args:

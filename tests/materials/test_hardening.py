@@ -10,7 +10,7 @@ It goes through everything that the package's laws go through. In Hencky's form,
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import ClassVar
 
@@ -242,6 +242,19 @@ def test_bodies_of_three_laws(degree: int) -> None:
         cells = problem.tagged_mesh.cells(name)
         assert np.allclose(fields["yield_ratio"].x.array[cells], ratio, rtol=1e-9)
         assert np.allclose(fields["plastic"].x.array[cells], float(material is METAL), rtol=1e-9)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_newton_converges_quadratically(degree: int) -> None:
+    """By its own steps, none of them stretched: the constant depends on the way to the solution."""
+    problem = bending(METAL, degree)
+    level = Newton(problem, replace(SHARP, damping=False)).solve(250.0)
+    check(level)
+    assert 0.02 < level.report.plastic_fraction < 0.9
+    assert level.report.newton_iterations <= 10
+    sizes = [step.increment for step in level.iterations if step.increment > 1e-9]
+    for before, after in pairwise(sizes[-3:]):
+        assert after < 50 * before**2
 
 
 @pytest.mark.parametrize("degree", [1, 2])
