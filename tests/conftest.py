@@ -13,8 +13,7 @@ from tests.models import Read
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the marks, and what holds the ranks together."""
-    config.addinivalue_line("markers", "mpi3: part of the small choice that also runs on 3 ranks")
+    """Register what holds the ranks together, and the marks that it knows."""
     config.pluginmanager.import_plugin("tests.parallel_plugin")
 
 

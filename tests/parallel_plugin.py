@@ -38,7 +38,9 @@ NAMES = ("passed", "skipped", "failed")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the hooks, most of which one rank alone does not need."""
+    """Register marks, and the hooks, most of which one rank alone does not need."""
+    config.addinivalue_line("markers", "mpi3: also runs on three ranks")
+    config.addinivalue_line("markers", "serial: cannot depend on ranks; runs on one alone")
     if config.pluginmanager.has_plugin("watchdog"):
         return
     config.pluginmanager.register(Watchdog(), "watchdog")
@@ -79,6 +81,12 @@ class Together:
         self._timer: threading.Timer | None = None
         faulthandler.register(signal.SIGUSR1, file=self._stack)
         self._comm.barrier()
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """What cannot depend on ranks has its turn on one."""
+        marked = [item for item in items if item.get_closest_marker("serial")]
+        self._config.hook.pytest_deselected(items=marked)
+        items[:] = [item for item in items if not item.get_closest_marker("serial")]
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_finish(self, session: pytest.Session) -> None:

@@ -6,6 +6,8 @@ import pytest
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.formulas import ARGUMENTS, FUNCTIONS, LONGEST, evaluate
 
+pytestmark = pytest.mark.serial
+
 X = np.array([[0.0, 0.0, 0.0], [0.5, -1.0, 2.0], [3.0, 0.25, -0.125]])
 x, y, z = X.T
 

@@ -5,6 +5,8 @@ import pytest
 
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.mark.parametrize(
     ("value", "down", "up"),

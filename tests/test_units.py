@@ -5,6 +5,8 @@ import pytest
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.units import SYSTEMS, Units
 
+pytestmark = pytest.mark.serial
+
 NEWTONS = {"N": 1.0, "kN": 1e3, "MN": 1e6}
 
 

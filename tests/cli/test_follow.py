@@ -20,13 +20,9 @@ from perfplast_fenicsx.io.results.run_lock import hold, is_held
 from tests.cli import growing_folder
 from tests.models import STEEL, punch_case, write_case
 
+pytestmark = pytest.mark.serial
+
 ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture
-def alone(comm: MPI.Intracomm) -> None:
-    if comm.size > 1:
-        pytest.skip("a program that uses MPI cannot start another")
 
 
 def follow(folder: Path, end: str) -> tuple[list[str], int]:
@@ -50,7 +46,6 @@ def follow(folder: Path, end: str) -> tuple[list[str], int]:
     return stream.getvalue().splitlines(), drawn
 
 
-@pytest.mark.usefixtures("alone")
 def test_a_run_that_ends(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     lines, drawn = follow(tmp_path / "results", "by itself")
     heads, *levels, end = lines
@@ -63,7 +58,6 @@ def test_a_run_that_ends(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> No
     assert "no ink" in caplog.text  # and goes on
 
 
-@pytest.mark.usefixtures("alone")
 def test_a_run_that_is_killed(tmp_path: Path) -> None:
     lines, drawn = follow(tmp_path / "results", "killed")
     assert drawn == 3

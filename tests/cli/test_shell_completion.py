@@ -12,6 +12,8 @@ import pytest
 from perfplast_fenicsx.cli.parser import make_parser
 from perfplast_fenicsx.cli.shell_completion import complete
 
+pytestmark = pytest.mark.serial
+
 LINES = {
     "perfplast ": {"run", "mesh", "check", "plot", "animate", "report", "materials", "info"},
     "perfplast re": {"report"},
@@ -51,10 +53,8 @@ print(json.dumps(found))
 """
 
 
-def test_completion(comm: MPI.Intracomm, tmp_path: Path) -> None:
+def test_completion(tmp_path: Path) -> None:
     pytest.importorskip("argcomplete")
-    if comm.size > 1:
-        pytest.skip("a program that uses MPI cannot start another")
     for name in ("case.toml", "notes.txt", "old.gif", "page.html", "part.step"):
         (tmp_path / name).touch()
     (tmp_path / "results").mkdir()

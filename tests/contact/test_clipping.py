@@ -14,6 +14,8 @@ from perfplast_fenicsx.contact.mortar_rows import mortar_rows
 from perfplast_fenicsx.contact.surface_facets import facet_type
 from perfplast_fenicsx.mesh.kinematics import KINDS
 
+pytestmark = pytest.mark.serial
+
 
 def grid(counts: tuple[int, int], turn: float, degree: int, seed: int, side: float) -> Floats:
     """Facets of a flat square of random triangles, turned about its centre."""

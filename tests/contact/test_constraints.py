@@ -113,7 +113,6 @@ def test_many_guests_become_bounds(pressed: Any, comm: MPI.Intracomm) -> None:
     assert largest(comm, (again - u).array) < 1e-13
 
 
-@pytest.mark.mpi3
 def test_forces_of_rows_are_in_balance(pressed: Any, comm: MPI.Intracomm) -> None:
     """Bᵀλ does no work on a rigid motion of both blocks: neither force nor moment is left."""
     problem = pressed(comm)
@@ -156,7 +155,6 @@ def test_blocks_that_do_not_match_are_pressed_together(pressed: Any, comm: MPI.I
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-6)
 
 
-@pytest.mark.mpi3
 def test_parts_are_joined_row_by_row(comm: MPI.Intracomm) -> None:
     """Rows of the second part follow those of the first on each rank, with all that they have."""
     tagged_mesh = unlike_blocks(comm)
@@ -182,7 +180,6 @@ def test_parts_are_joined_row_by_row(comm: MPI.Intracomm) -> None:
     assert both.normal[count:] == pytest.approx(-both.normal[:count])
 
 
-@pytest.mark.mpi3
 def test_no_parts_are_no_rows(comm: MPI.Intracomm) -> None:
     V = fem.functionspace(unlike_blocks(comm).mesh, ("P", 1, (3,)))
     none = joined(V, [])

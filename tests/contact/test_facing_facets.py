@@ -42,7 +42,6 @@ def test_a_step_in_the_other_surface(
     assert weights == pytest.approx(found.d, abs=1e-12)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("slope", [0.2, 0.5])
 def test_surfaces_that_lean_away_are_covered_in_whole(comm: MPI.Intracomm, slope: float) -> None:
     """Wherever the first reach ends, the facets there are covered beyond it."""

@@ -33,7 +33,6 @@ def cylinders(tagged_mesh: TaggedMesh, gap: float | str | None = None, degree: i
     )
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(("size", "degree"), [(0.03, 1), (0.03, 2), (0.006, 2)])
 def test_the_gap_of_mirror_images_is_twice_the_height(read: Read, size: float, degree: int) -> None:
     """Also where the mesh is much finer than the gap, and the nearest node is no partner."""

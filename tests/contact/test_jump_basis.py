@@ -129,7 +129,6 @@ def test_any_rows_become_bounds(seed: int, comm: MPI.Intracomm) -> None:
     assert len(np.unique(basis.index)) == len(basis.index) == len(constraints.host)
 
 
-@pytest.mark.mpi3
 def test_rows_in_a_ring_fade_where_normals_turn(comm: MPI.Intracomm) -> None:
     """Three nodes at the place where three bodies meet, each the guest of the one before."""
     V = make_spaces(stacked_blocks(comm, 1).mesh, 1).V
@@ -154,7 +153,6 @@ def test_rows_in_a_ring_fade_where_normals_turn(comm: MPI.Intracomm) -> None:
     assert constraints.jumps(u) == pytest.approx(y.array[basis.index], abs=1e-12)
 
 
-@pytest.mark.mpi3
 def test_rows_in_a_ring_are_refused(comm: MPI.Intracomm) -> None:
     """Each node of the first two is the other's guest, along the same normal."""
     V = make_spaces(stacked_blocks(comm, 1).mesh, 1).V

@@ -63,7 +63,6 @@ def test_gap_is_a_formula_on_the_primary_surface(read: Read) -> None:
         assert given == pytest.approx(1e-3 * SEAM**2, rel=1e-6)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("hosts", ["primary", "secondary"])
 def test_press_fit_of_tubes(read: Read, hosts: Any, comm: MPI.Intracomm) -> None:
     """Tubes that are made too large by δ, in plane strain; S. Timoshenko, J. N. Goodier 1970, § 28.

@@ -111,7 +111,6 @@ def partly_covered(gdim: int, degree: int, **contact: Any) -> Problem:
     return problem
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(
     ("gdim", "degree", "hosts"), list(product((2, 3), (1, 2), ("primary", "secondary")))
 )
@@ -138,7 +137,6 @@ def test_constant_pressure_on_part_of_a_surface(
     assert largest(comm, problem.constraints.shares.getValuesCSR()[2]) < 10
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("hosts", ["primary", "secondary"])
 def test_linear_pressure_between_quadratic_elements(hosts: Any, comm: MPI.Intracomm) -> None:
     """Bending patch in the plane: σ_yy = −(1 + 0.7x) and quadratic displacements, exactly."""

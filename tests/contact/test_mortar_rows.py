@@ -10,6 +10,8 @@ from perfplast_fenicsx.contact.mortar_rows import mortar_rows
 from perfplast_fenicsx.mesh.kinematics import KINDS
 from tests.contact.test_clipping import grid, number_nodes
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_host_has_its_share_in_its_own_row(degree: int) -> None:

@@ -43,7 +43,6 @@ def test_distances_and_directions_of_obstacles() -> None:
     assert gap == pytest.approx([1.0, 4.0])
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(
     ("obstacle", "words"),
     [

@@ -48,7 +48,6 @@ def test_a_body_that_can_move_is_refused(changes: dict[str, object], words: list
     assert_refused(lambda: touching_blocks(**changes), words)
 
 
-@pytest.mark.mpi3
 def test_an_open_contact_is_closed_at_first_where_it_alone_holds_a_body(
     comm: MPI.Intracomm,
 ) -> None:
@@ -57,7 +56,6 @@ def test_an_open_contact_is_closed_at_first_where_it_alone_holds_a_body(
     assert problem.first_active.all()
 
 
-@pytest.mark.mpi3
 def test_pairs_that_touch_are_closed_at_first(comm: MPI.Intracomm) -> None:
     problem = stack_problem(2, gap="0.1*x**2", comm=comm)
     touching = problem.constraints.gap < 1e-15
@@ -65,7 +63,6 @@ def test_pairs_that_touch_are_closed_at_first(comm: MPI.Intracomm) -> None:
     assert (problem.first_active == touching).all()
 
 
-@pytest.mark.mpi3
 def test_without_rows_the_upper_block_flies(comm: MPI.Intracomm) -> None:
     held, flying = stack_problem(1, comm=comm), ["rigid body", "translation in z"]
     V, rows = held.V, held.constraints

@@ -43,7 +43,6 @@ def test_nodes_on_the_edges_of_a_cube_have_a_normal_for_each_face(
     assert np.abs(faces.normal).sum(axis=1) == pytest.approx(1.0)
 
 
-@pytest.mark.mpi3
 def test_a_curved_surface_has_one_normal_at_each_node_and_curved_elements_a_better_one(
     read: Read, comm: MPI.Intracomm
 ) -> None:
@@ -60,7 +59,6 @@ def test_a_curved_surface_has_one_normal_at_each_node_and_curved_elements_a_bett
     assert errors[1] < errors[0] / 5
 
 
-@pytest.mark.mpi3
 def test_a_corner_in_the_plane_has_two_normals(read: Read, comm: MPI.Intracomm) -> None:
     tagged_mesh = read(write_corner_seat, dim=2, size=0.25)
     V = make_spaces(tagged_mesh.mesh, 2).V

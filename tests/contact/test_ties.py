@@ -39,7 +39,6 @@ def sheared(gdim: int, degree: int, **tie: Any) -> Problem:
     )
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(
     ("gdim", "degree", "hosts", "slope"),
     [
@@ -71,7 +70,6 @@ def test_uniform_tension_is_transmitted(
     assert largest(comm, u - expected) < 1e-12 * 100.0 / STEEL.young
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("degree", [1, 2])
 def test_matching_halves_are_one_mesh(degree: int, comm: MPI.Intracomm) -> None:
     """Glued or meshed in one piece: the same displacements, elastic and plastic."""
@@ -166,7 +164,6 @@ def test_supports_at_a_seam_are_told_their_own_forces(
     np.testing.assert_allclose(report.reactions["support x0"], np.zeros(gdim), atol=1e-9)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("degree", [1, 2])
 def test_glued_blocks_between_plates(degree: int, comm: MPI.Intracomm) -> None:
     """A support that moves and holds no node of the seam: stress E'd/H, and the reaction of it."""

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.serial
+
 SCRIPT = Path(__file__).parents[2] / "scripts" / "test"
 ALONE = """echo .
 echo '3 passed, 1 skipped in 1.20s (0:00:01)'"""

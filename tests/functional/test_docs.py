@@ -8,8 +8,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from mpi4py import MPI
-
 import pytest
 
 from docs import api_pages, case_reference, command_reference, commands
@@ -30,6 +28,8 @@ from perfplast_fenicsx.problem.stage import Stage
 from perfplast_fenicsx.solvers.methods import METHODS
 from perfplast_fenicsx.units import Units
 from tests.test_walls import BELOW
+
+pytestmark = pytest.mark.serial
 
 COARSE = {"prop --size 30": "prop --size 60"}
 """Of the tutorial's mesh."""
@@ -56,12 +56,6 @@ TABLES = {
     "[output]": [schemas.OutputOptions],
     "[units]": [Units],
 }
-
-
-def alone(comm: MPI.Intracomm) -> None:
-    """Skip what starts programs that use MPI, and what one rank can do."""
-    if comm.size > 1:
-        pytest.skip("on one rank alone")
 
 
 def tables(text: str) -> dict[str, str]:
@@ -150,10 +144,7 @@ def test_outputs_are_compared(shown: str, printed: str, equal: bool) -> None:
 @pytest.mark.parametrize(
     ("name", "count"), [("tutorial.md", 6), ("extending.md", 4), ("howto/loading.md", 2)]
 )
-def test_pages_do_what_they_show(
-    comm: MPI.Intracomm, tmp_path: Path, name: str, count: int
-) -> None:
-    alone(comm)
+def test_pages_do_what_they_show(tmp_path: Path, name: str, count: int) -> None:
     page = DOCS / name
     parts = list(commands.parts(page.read_text(encoding="utf-8")))
     assert sum(isinstance(part, commands.Command) for part in parts) == count
@@ -162,8 +153,7 @@ def test_pages_do_what_they_show(
     assert not faults, "\n".join([*faults, f"docs/commands.py docs/{name} --write refreshes it"])
 
 
-def test_site(comm: MPI.Intracomm, tmp_path: Path) -> None:
-    alone(comm)
+def test_site(tmp_path: Path) -> None:
     for module in ("sphinx", "myst_parser", "furo"):
         if not importlib.util.find_spec(module):
             pytest.skip(f"{module} is not installed")

@@ -60,7 +60,6 @@ def tube(
     )
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_tube_in_a_tube_bursts_where_one_tube_does(shared_tmp_path: Path, order: int) -> None:
     limit = limit_load(tube(shared_tmp_path, order=order), rtol=1e-4, method="path")

@@ -244,7 +244,6 @@ def test_case_files(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) ->
     assert tally.counts["refused"] > tally.counts.total() / 2
 
 
-@pytest.mark.mpi3
 def test_broken_text(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) -> None:
     """Bytes that are changed, cut, repeated or put in."""
     whole = document(BASE).encode()
@@ -349,7 +348,6 @@ def broken_mesh(lines: list[str], lot: random.Random) -> bytes:
     return "\n".join(lines).encode("latin1")
 
 
-@pytest.mark.mpi3
 def test_mesh_files(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) -> None:
     path = shared_tmp_path / "mesh.msh"
     if comm.rank == 0:
@@ -438,7 +436,6 @@ NAMES = [
 ]
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("command", ["check", "run", "mesh"])
 def test_path_names(
     command: str,

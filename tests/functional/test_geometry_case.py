@@ -96,7 +96,6 @@ APART = (
 )
 
 
-@pytest.mark.mpi3
 def test_meshed_together_and_apart(shared_tmp_path: Path) -> None:
     """A block between frictionless surfaces collapses at its yield stress, by any mesh."""
     together = limit_load(case_file(shared_tmp_path), shared_tmp_path / "together")

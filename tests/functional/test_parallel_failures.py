@@ -72,6 +72,22 @@ def test_waits():
     assert float(closing[1]) < 60
 
 
+@pytest.mark.parametrize(
+    ("ranks", "closing"), [(1, "2 failed in "), (2, "1 failed, 1 deselected in ")]
+)
+def test_what_is_serial_runs_on_one_rank_alone(tmp_path: Path, ranks: int, closing: str) -> None:
+    tests = """
+@pytest.mark.serial
+def test_alone():
+    assert comm.size == 0, "has run"
+
+def test_on_all():
+    assert comm.size == 0, "has run"
+"""
+    shown = run(tmp_path, tests, ranks=ranks)
+    assert any(line.startswith(closing) for line in shown.splitlines()), shown
+
+
 def test_one_rank_fails_and_the_run_goes_on(tmp_path: Path) -> None:
     shown = run(
         tmp_path,

@@ -113,6 +113,7 @@ def ended_after(monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm) -> Callabl
     return end
 
 
+@pytest.mark.mpi3
 @pytest.mark.parametrize("method", [pytest.param("newton", marks=pytest.mark.mpi3), *OTHERS])
 def test_a_run_goes_on(
     method: str,
@@ -143,7 +144,6 @@ def test_a_run_goes_on(
     same_path(parts, whole)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("method", ["newton", "work-newton"])
 def test_a_run_with_coulombs_friction_goes_on(
     method: str,
@@ -199,7 +199,6 @@ def test_a_search_for_the_limit_load_goes_on(
         comm.barrier()
 
 
-@pytest.mark.mpi3
 def test_a_cycle_goes_on(
     comm: MPI.Intracomm,
     shared_tmp_path: Path,

@@ -100,7 +100,6 @@ def assert_algorithms_agree(problem: Problem, zeta: float) -> None:
         assert largest(problem.comm, change) < 1e-8 * scale
 
 
-@pytest.mark.mpi3
 def test_all_algorithms_find_the_same_state_of_bodies_in_space(comm: MPI.Intracomm) -> None:
     assert_algorithms_agree(bent_blocks(comm), 75.0)
 
@@ -134,7 +133,6 @@ def test_bodies_in_space_on_one_rank_and_on_all(comm: MPI.Intracomm) -> None:
     assert_the_same_on_one_rank(bent_blocks(comm), bent_blocks(MPI.COMM_SELF), 75.0)
 
 
-@pytest.mark.mpi3
 def test_plane_strain_on_one_rank_and_on_all(read: Read, comm: MPI.Intracomm) -> None:
     def cylinder(comm: MPI.Intracomm) -> Problem:
         return pressed_cylinder(read(write_hertz_line, comm, contact_size=0.03, order=2))
@@ -145,7 +143,6 @@ def test_plane_strain_on_one_rank_and_on_all(read: Read, comm: MPI.Intracomm) ->
 # --- active sets ------------------------------------------------------------------------------
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("active_set", ["adaptive", "exact"])
 def test_a_uniform_pressure_leaves_nothing_at_vertices_and_is_found_soon(
     read: Read, active_set: Any
@@ -224,7 +221,6 @@ def blocks(comm: MPI.Intracomm, **changes: Any) -> Problem:
     return Problem(stacked_blocks(comm, 2), **(arguments | changes))
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_plane_is_a_flat_body_that_does_not_move(comm: MPI.Intracomm, degree: int) -> None:
     """A cantilever is bent against it; part of the contact opens."""
@@ -263,7 +259,6 @@ def test_a_stiff_body_is_nearly_a_plane(comm: MPI.Intracomm) -> None:
     assert on_body.report.alpha == pytest.approx(on_plane.report.alpha, rel=1e-5)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("method", [Newton, WorkNewton, AugmentedLagrangian])
 def test_a_body_that_hovers_falls_on_the_obstacle_that_alone_holds_it(
@@ -283,7 +278,6 @@ def test_a_body_that_hovers_falls_on_the_obstacle_that_alone_holds_it(
     assert recovery.resultants == pytest.approx(np.array([[0.0, 0.0, zeta]]), rel=1e-7, abs=1e-7)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_body_pulled_off_its_obstacle_has_no_equilibrium(
     comm: MPI.Intracomm, degree: int
@@ -321,7 +315,6 @@ def test_tube_in_a_rigid_round_hole(read: Read, degree: int) -> None:
     assert recovery.resultants == pytest.approx(np.array([[force, force]]), rel=error)
 
 
-@pytest.mark.mpi3
 def test_shell_in_a_hollow_sphere(read: Read) -> None:
     """Lamé's solution with u(b) = 0, held by symmetry and the obstacle alone along the axes."""
     material = Elastic(70e3, 0.3)
@@ -446,7 +439,6 @@ def test_closed_pairs_of_extreme_programs() -> None:
 # --- corners ----------------------------------------------------------------------------------
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("active_set", ["adaptive", "exact"])
 def test_a_block_that_slides_along_a_corner_needs_few_solves(read: Read, active_set: str) -> None:
     """Pairs are judged before they are pushed back, or their sets go in circles (limit 50.07)."""

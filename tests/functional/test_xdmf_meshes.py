@@ -38,7 +38,6 @@ def alpha(tagged_mesh: TaggedMesh) -> float:
     return level.state.alpha
 
 
-@pytest.mark.mpi3
 def test_a_mesh_by_way_of_xdmf_is_the_same(shared_tmp_path: Path) -> None:
     comm = MPI.COMM_WORLD
     tagged_mesh = two_blocks(comm, 2)

@@ -12,6 +12,8 @@ from perfplast_fenicsx.geometry import MeshingOptions
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from tests.geometry.files import pin_in_plate, survey_of, write
 
+pytestmark = pytest.mark.serial
+
 
 def named(folder: Path, *faces: NamedFace) -> dict[str, list[int]]:
     """Name free faces of the plate with a pin; the numbers of those with each name."""

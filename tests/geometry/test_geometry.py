@@ -19,6 +19,8 @@ from perfplast_fenicsx.geometry.survey import Body, Joint
 from perfplast_fenicsx.mesh import gmsh_session
 from tests.geometry.files import pin_in_plate, survey_of, write
 
+pytestmark = pytest.mark.serial
+
 FOREIGN = Path("/usr/share/opencascade/data")
 """What Debian's OpenCASCADE brings along."""
 
@@ -33,7 +35,6 @@ def nodes_in(mesh: Path) -> int:
     return int(MPI.COMM_WORLD.bcast(count))
 
 
-@pytest.mark.mpi3
 def test_bodies_joints_and_faces(shared_tmp_path: Path) -> None:
     step = write(shared_tmp_path / "pin.step", pin_in_plate)
     mesh = shared_tmp_path / "pin.msh"

@@ -1,6 +1,10 @@
 """What a meshing program was doing that took too long."""
 
+import pytest
+
 from perfplast_fenicsx.geometry.progress import last_of
+
+pytestmark = pytest.mark.serial
 
 MESHING = 'perfplast {"doing":"meshing","faces":{"1":"plate","7":"bolt"}}'
 FACE = "Info    : [ 40%] Meshing surface 7 (Plane, Frontal-Delaunay)"

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-from mpi4py import MPI
-
 import gmsh
 import matplotlib.image as mpimg
 import numpy as np
@@ -13,12 +11,12 @@ from perfplast_fenicsx.geometry import MeshingOptions, mesh_geometry
 from perfplast_fenicsx.mesh import gmsh_session
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_skin_and_picture(tmp_path: Path, dim: int) -> None:
     """Two squares or cubes side by side: all free faces are there, each with its number on it."""
-    if MPI.COMM_WORLD.size > 1:
-        pytest.skip("one process draws")
     geo, skin, picture = (tmp_path / name for name in ("two.brep", "skin.npz", "two.png"))
     if dim == 2:
         geo = geo.with_suffix(".geo")

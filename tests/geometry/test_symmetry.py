@@ -9,6 +9,8 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions
 from tests.geometry.files import survey_of, write
 
+pytestmark = pytest.mark.serial
+
 
 def mirrored() -> None:
     """A plate, a pin in its middle, and a block at each end."""
@@ -20,7 +22,6 @@ def mirrored() -> None:
     occ.addBox(6, -5, 2, 4, 10, 4)
 
 
-@pytest.mark.mpi3
 def test_a_quarter(shared_tmp_path: Path) -> None:
     step, mesh = write(shared_tmp_path / "a.step", mirrored), shared_tmp_path / "a.msh"
     options = MeshingOptions(size=4.0, curvature=20.0, symmetry={"x": 0.0, "y": 0.0})

@@ -126,7 +126,6 @@ def lattice(n: int) -> TaggedMesh:
     )
 
 
-@pytest.mark.mpi3
 def test_few_directions_at_the_end_of_a_load_limit_the_bound() -> None:
     """Three cells of 60° carry 2√3 k, whatever the mesh elsewhere; fans do away with it."""
     problem = Problem(
@@ -160,7 +159,6 @@ def adapted_blocks(comm: MPI.Intracomm, cells: int) -> AdaptiveBounds:
     return adaptive_bounds(problem, Adaptation(until=0.1, cells=cells), rtol=1e-3)
 
 
-@pytest.mark.mpi3
 def test_contact_in_space() -> None:
     """Cells of both bodies, and matching surfaces: else the next mesh has no problem."""
     cells = 160

@@ -30,7 +30,6 @@ def upper(bounds: BodyBounds) -> float:
     return bounds.upper.value
 
 
-@pytest.mark.mpi3
 def test_a_footing(shared_tmp_path: Path) -> None:
     told: list[InteriorStep] = []
     bounds = limit_bounds(footing(shared_tmp_path), monitor=told.append)
@@ -77,7 +76,6 @@ def quadratic_blocks() -> Problem:
     return Problem(problem.tagged_mesh, **vars(problem.given) | {"degree": 2})
 
 
-@pytest.mark.mpi3
 def test_tetrahedra_are_split() -> None:
     problem = quadratic_blocks()
     bounds = limit_bounds(problem, 1e-3)
@@ -131,7 +129,6 @@ def test_a_search_that_stalls_gives_the_bound_it_has(
     assert problem.loads.alpha(bounds.mechanism.x.petsc_vec) == pytest.approx(1)
 
 
-@pytest.mark.mpi3
 def test_a_search_in_space_that_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = quadratic_blocks()
     monkeypatch.setattr("perfplast_fenicsx.limit_analysis.interior_steps.MOST_STEPS", 8)

@@ -6,6 +6,8 @@ import pytest
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.centrality import NEAR, Products
 
+pytestmark = pytest.mark.serial
+
 MU = 2.0
 
 

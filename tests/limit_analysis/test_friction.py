@@ -108,7 +108,6 @@ def test_elastic_bodies_that_cannot_slip_carry_without_end() -> None:
     assert drucker_bounds(Problem(problem.tagged_mesh, **vars(given))).upper == math.inf
 
 
-@pytest.mark.mpi3
 def test_a_block_slides_up_a_slope(comm: MPI.Intracomm) -> None:
     """NAFEMS CGS-4: F/G = (tan α + μ)/(1 − μ tan α), whatever the elastic bodies are."""
     angle = math.atan(0.1)

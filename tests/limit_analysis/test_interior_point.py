@@ -128,7 +128,6 @@ def proven(problem: Problem, limit: DiscreteLimit, materials: Mapping[str, Mater
     return limit.estimate
 
 
-@pytest.mark.mpi3
 def test_a_punch_on_a_base() -> None:
     problem = punch_problem(4)
     found = proven(problem, interior_point(problem), {"base": PUNCH, "punch": PUNCH})
@@ -141,7 +140,6 @@ def test_a_plate_of_linear_elements() -> None:
     assert found == pytest.approx(1.299038, rel=1e-5)  # loading by α: 1.29901
 
 
-@pytest.mark.mpi3
 def test_a_footing_in_few_factorisations(shared_tmp_path: Path) -> None:
     problem = footing(shared_tmp_path)
     limit = interior_point(problem)
@@ -188,7 +186,6 @@ def test_a_block_on_a_rigid_plane(shared_tmp_path: Path, degree: int) -> None:
     )
 
 
-@pytest.mark.mpi3
 def test_blocks_in_space_in_contact() -> None:
     """The upper one lies partly open on the lower one."""
     materials: dict[str, Material] = {"lower": STEEL, "upper": STEEL}
@@ -241,6 +238,7 @@ def test_a_tolerance_is_reached_and_steps_are_told() -> None:
     assert f"{len(told)} steps" in repr(limit)
 
 
+@pytest.mark.mpi3
 @pytest.mark.parametrize(
     ("make", "share"),
     [

@@ -114,7 +114,6 @@ def test_what_petsc_made_is_destroyed(monkeypatch: pytest.MonkeyPatch, exact: fl
     assert prefixes[0].startswith("perfplast_bound_")
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("bend", [0.0, 0.3])
 def test_a_velocity_near_a_mechanism_gives_a_bound(bend: float) -> None:
     """Both blocks yield at the pressure 300; what is bent costs more."""

@@ -46,7 +46,6 @@ def test_shear_beside_a_free_side(comm: MPI.Intracomm) -> None:
     assert adapted.rounds[0].lower == pytest.approx(bounds.lower.value, rel=1e-8)
 
 
-@pytest.mark.mpi3
 def test_what_one_cell_carries_is_left_alone(comm: MPI.Intracomm) -> None:
     for load in (Pressure("top", 1.0), Traction("top", (0.0, -1.0))):
         problem = square(comm, load)

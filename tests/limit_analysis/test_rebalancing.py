@@ -13,6 +13,8 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis import rebalancing
 from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
 
+pytestmark = pytest.mark.serial
+
 
 @dataclass
 class Forces:

@@ -12,6 +12,8 @@ from perfplast_fenicsx.limit_analysis.second_order_cones import (
     quotient,
 )
 
+pytestmark = pytest.mark.serial
+
 
 def members(seed: int, num: int = 50, m: int = 4) -> npt.NDArray[np.float64]:
     """Random members, some of them close to the boundary."""

@@ -38,7 +38,6 @@ def places(tagged_mesh: TaggedMesh, given: Given, valence: int = MANY) -> set[tu
     }
 
 
-@pytest.mark.mpi3
 def test_the_end_of_a_load(read: Read) -> None:
     ground = read(write_strip_footing)
     footing = declared(GROUND, [Pressure("footing", 1.0)])

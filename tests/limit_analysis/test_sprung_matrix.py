@@ -11,7 +11,6 @@ from perfplast_fenicsx.limit_analysis.sprung_matrix import SprungMatrix
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 
 
-@pytest.mark.mpi3
 def test_after_a_singular_stiffness_the_next_one_is_factorised(comm: MPI.Intracomm) -> None:
     """PETSc itself would go on with the factors that MUMPS has not got."""
     matrix = PETSc.Mat().createAIJ(((4, None), (4, None)), nnz=1, comm=comm)

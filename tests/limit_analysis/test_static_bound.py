@@ -159,7 +159,6 @@ def is_frictionless(checked: Checked, chosen: np.ndarray) -> bool:
     return bool((np.abs(shear) < ROUNDING * scale).all() and (along < ROUNDING * scale).all())
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(("n", "expected"), [(4, 2.3952), (16, 2.41855)])
 def test_rough_platens(n: int, expected: float) -> None:
     problem = platens(n)
@@ -197,7 +196,6 @@ def test_bounds_of_irregular_meshes_enclose_the_limit(shake: float) -> None:
     assert upper.value < 1.05 * found.bound.value
 
 
-@pytest.mark.mpi3
 def test_a_pressed_strip_ends_in_three_cells(shared_tmp_path: Path) -> None:
     """At its end each cell has one stress, which bounds the load whatever the rest of the mesh."""
     problem = footing(shared_tmp_path)
@@ -207,7 +205,6 @@ def test_a_pressed_strip_ends_in_three_cells(shared_tmp_path: Path) -> None:
     assert 3.24 < found.bound.value / K < 2 * math.sqrt(3)
 
 
-@pytest.mark.mpi3
 def test_a_punch_in_contact(shared_tmp_path: Path) -> None:
     problem = footing(shared_tmp_path, punch=True)
     found = strict_lower_bound(problem)
@@ -275,7 +272,6 @@ def test_blocks_in_space() -> None:
     assert np.allclose(checked.tractions[seam], -opposite(checked, seam), atol=ROUNDING * 300)
 
 
-@pytest.mark.mpi3
 def test_cantilevers_in_contact() -> None:
     """Partly open; bounds of the same mesh enclose the limit load."""
     problem = Problem(
@@ -296,6 +292,7 @@ def test_cantilevers_in_contact() -> None:
     assert np.allclose(checked.tractions[seam], -opposite(checked, seam), atol=1e-5)
 
 
+@pytest.mark.mpi3
 @pytest.mark.parametrize(
     "make", [lambda comm: platens(4, 0.2, comm), lambda comm: punch_problem(2, comm=comm)]
 )
@@ -351,7 +348,6 @@ def quarters(comm: MPI.Intracomm) -> TaggedMesh:
     )
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("most", [2, 4])
 def test_an_iteration_that_ends_early_has_a_bound(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int

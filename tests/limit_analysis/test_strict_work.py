@@ -67,7 +67,6 @@ def test_the_rule_is_exact_for_linear_functions(tdim: int, n: int) -> None:
     assert np.allclose(shares @ points, 1 / (tdim + 1))
 
 
-@pytest.mark.mpi3
 def test_the_work_of_a_footing_from_above(shared_tmp_path: Path) -> None:
     problem = footing(shared_tmp_path)
     limit = interior_point(problem)

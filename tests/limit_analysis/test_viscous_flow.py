@@ -6,7 +6,6 @@ from perfplast_fenicsx.limit_analysis.viscous_flow import NoFlow, ViscousFlow
 from tests.models import stack_problem
 
 
-@pytest.mark.mpi3
 def test_after_bodies_that_resist_nothing_the_next_ones_flow() -> None:
     """PETSc itself would go on with the factors that MUMPS has not got."""
     problem = stack_problem(2)

@@ -7,6 +7,8 @@ from perfplast_fenicsx.materials import VonMises
 from perfplast_fenicsx.materials.common import MATERIALS, check_units, find
 from perfplast_fenicsx.units import SYSTEMS
 
+pytestmark = pytest.mark.serial
+
 
 def test_each_is_a_material_with_a_source() -> None:
     assert len({one.name for one in MATERIALS}) == len(MATERIALS)

@@ -8,6 +8,8 @@ import pytest
 from perfplast_fenicsx import Elastic, InputError
 from tests.materials.properties import Point, check_all, strains
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.mark.parametrize("gdim", [2, 3])
 @pytest.mark.parametrize("material", [Elastic(10.0, -0.3), Elastic(206900.0, 0.29)])

@@ -215,7 +215,6 @@ def test_uniaxial_stress_by_hand(degree: int) -> None:
     assert np.allclose(stress, zeta * np.array([0, 0, -1, 0, 0, 0]), atol=1e-8 * zeta)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("degree", [1, 2])
 def test_bodies_of_three_laws(degree: int) -> None:
     """Blocks on top of each other have each their share of the work.

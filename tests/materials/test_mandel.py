@@ -2,6 +2,7 @@
 
 from mpi4py import MPI
 
+import pytest
 import ufl
 from dolfinx import fem
 from dolfinx.mesh import create_unit_cube, create_unit_square
@@ -9,6 +10,8 @@ from dolfinx.mesh import create_unit_cube, create_unit_square
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.materials.mandel import deviator, tensor
 from perfplast_fenicsx.mesh.kinematics import KINDS
+
+pytestmark = pytest.mark.serial
 
 
 def test_mandel_products_are_tensor_products() -> None:

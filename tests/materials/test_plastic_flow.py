@@ -10,6 +10,8 @@ from perfplast_fenicsx.materials import Material
 from tests.materials.properties import Array, Point, check_all, deviator, strains
 from tests.models import STEEL
 
+pytestmark = pytest.mark.serial
+
 ISOTROPIC = Hardening(STEEL.young, STEEL.poisson, STEEL.yield_stress, isotropic=STEEL.young / 20)
 KINEMATIC = Hardening(STEEL.young, STEEL.poisson, STEEL.yield_stress, kinematic=STEEL.young / 20)
 BOTH = Hardening(STEEL.young, STEEL.poisson, STEEL.yield_stress, 2000.0, 5000.0)

@@ -8,6 +8,8 @@ import pytest
 from perfplast_fenicsx import InputError, VonMises
 from tests.materials.properties import Point, check_all, deviator, strains
 
+pytestmark = pytest.mark.serial
+
 STEEL = VonMises(206900.0, 0.29, 450.0)
 SOFT = VonMises(1000.0, 0.499, 2.0)
 

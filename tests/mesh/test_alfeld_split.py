@@ -67,7 +67,6 @@ def test_bodies_and_surfaces_stay(comm: MPI.Intracomm) -> None:
     assert np.allclose(cell_volumes(split), whole / 4)
 
 
-@pytest.mark.mpi3
 def test_inner_surfaces_stay(comm: MPI.Intracomm) -> None:
     built = punch(comm, 4)
     inside = locate_entities(built.mesh, 2, lambda x: np.isclose(x[2], 0.5))
@@ -82,7 +81,6 @@ def test_inner_surfaces_stay(comm: MPI.Intracomm) -> None:
     assert np.allclose(places[:, 2], 0.5)
 
 
-@pytest.mark.mpi3
 def test_a_plane_problem_on_the_split(read: Read) -> None:
     coarse = read(write_plate_with_hole, size=0.5)
     problem = plate(coarse)

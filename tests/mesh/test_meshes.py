@@ -133,7 +133,6 @@ def message(call: Callable[[], object]) -> str:
     return str(caught.value)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(("built", "volumes", "areas", "sizes"), BUILT)
 def test_builders(
     comm: MPI.Intracomm,
@@ -191,7 +190,6 @@ def cubes_by_hand(cubes: list[tuple[int, ...]]) -> list[tuple]:
     )
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("n", [1, 2])
 def test_exact_tetrahedra(comm: MPI.Intracomm, n: int) -> None:
     tagged_mesh = build(comm, "two_blocks", n=n)
@@ -245,7 +243,6 @@ def test_untagged_cells(comm: MPI.Intracomm) -> None:
     assert message(lower.check_tagged) == "6 cells belong to no named volume; name every body"
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("order", [1, 2])
 def test_wedge(comm: MPI.Intracomm, shared_tmp_path: Path, order: int) -> None:
     path = shared_tmp_path / "wedge.msh"
@@ -371,7 +368,6 @@ def test_bad_names_in_file(
     assert expected in message(lambda: read_gmsh(comm, path, gdim=2))
 
 
-@pytest.mark.mpi3
 def test_wrong_dimension(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     path = shared_tmp_path / "plane.msh"
     if comm.rank == 0:

@@ -132,7 +132,6 @@ def test_refined_mesh_does_not_depend_on_ranks(comm: MPI.Intracomm, read: Read) 
     np.testing.assert_allclose(middles(comm), middles(MPI.COMM_SELF), atol=1e-12)
 
 
-@pytest.mark.mpi3
 def test_angles_stay_bounded(comm: MPI.Intracomm, read: Read) -> None:
     tagged_mesh = read(write_strip_footing)
     least = quality(tagged_mesh)
@@ -142,7 +141,6 @@ def test_angles_stay_bounded(comm: MPI.Intracomm, read: Read) -> None:
     assert sizes(tagged_mesh).min(initial=0.0) < 1e-7
 
 
-@pytest.mark.mpi3
 def test_fan_doubles_the_cells_at_a_point(comm: MPI.Intracomm, read: Read) -> None:
     coarse = read(write_strip_footing)
     at = (1.0, 0.0)

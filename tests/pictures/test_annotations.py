@@ -14,6 +14,8 @@ from perfplast_fenicsx.problem.loads import Pressure, Traction
 from tests.io.results.test_result_folder import report
 from tests.pictures.skins import skin, square
 
+pytestmark = pytest.mark.serial
+
 NEARBY: dict[str, list[Obstacle]] = {
     "plane": [Sphere("side", (0.5, 0.5), 0.75, hollow=True), Plane("side", (0.0, -0.02), (0, 2))],
     "space": [

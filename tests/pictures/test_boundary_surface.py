@@ -3,6 +3,7 @@
 from mpi4py import MPI
 
 import numpy as np
+import pytest
 
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.io.case.scene import Scene
@@ -10,6 +11,8 @@ from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.pictures.boundary_surface import exterior, facet_tags
 from perfplast_fenicsx.problem.loads import Pressure
 from tests.pictures.skins import skin, square
+
+pytestmark = pytest.mark.serial
 
 
 def test_the_skin_is_whole_and_outward() -> None:

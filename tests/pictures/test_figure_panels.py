@@ -8,6 +8,8 @@ import pytest
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.units import Units
 
+pytestmark = pytest.mark.serial
+
 figure_panels = pytest.importorskip("perfplast_fenicsx.pictures.figure_panels")
 
 

@@ -6,6 +6,8 @@ import pytest
 
 from tests.io.results.test_result_folder import report
 
+pytestmark = pytest.mark.serial
+
 PNG = b"\x89PNG\r\n\x1a\n"
 
 

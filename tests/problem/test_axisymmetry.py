@@ -57,7 +57,6 @@ def discs(degree: int, upper: tuple[int, int] = FEW, **about: Any) -> Problem:
     )
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(
     ("degree", "upper", "hosts"),
     [(1, FEW, None), (2, FEW, None), *product((1, 2), (MORE,), ("primary", "secondary"))],
@@ -93,7 +92,6 @@ def test_constant_pressure_is_transmitted_to_the_axis(
     assert stress == pytest.approx(np.broadcast_to(np.diag([0, -100.0, 0]), stress.shape), abs=1e-8)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(("seed", "degree"), list(product(range(3), (1, 2))))
 def test_duality_gap_with_all_terms_at_once(seed: int, degree: int) -> None:
     """Dead and live loads, supports that move, e₀, gaps of both signs, yielding."""
@@ -151,7 +149,6 @@ def test_thick_tube_between_smooth_planes_and_its_limit(read: Read) -> None:
     assert limit.estimate == pytest.approx(known, rel=2e-3)
 
 
-@pytest.mark.mpi3
 def test_thick_sphere(read: Read) -> None:
     """Half a shell as a quarter of its section: what an octant in space has, and Hill's load."""
     shell = read(write_thick_tube, outer=2.0, size=0.2, order=2).turned()
@@ -193,7 +190,6 @@ def test_press_fit_of_tubes(read: Read) -> None:
     assert forces[1] == pytest.approx(3 * forces[0], rel=1e-9)
 
 
-@pytest.mark.mpi3
 def test_resultants_are_those_of_the_full_turn(read: Read) -> None:
     """Weight, and hydrostatic pressure around a ring: Archimedes' force."""
     ring = read(write_ring, inner=0.5, outer=1.5, height=0.8, size=0.4).turned()

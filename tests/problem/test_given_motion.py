@@ -57,7 +57,6 @@ def check(levels: Sequence[Level]) -> None:
         assert level.report.balance < 1e-10
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("by", ["plane", "support"])
 def test_a_block_with_free_sides(by: str, degree: int) -> None:
@@ -85,7 +84,6 @@ def test_a_block_with_free_sides(by: str, degree: int) -> None:
         assert report.zeta == stroke  # what was given, not computed
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("method", [Newton, AugmentedLagrangian])
 def test_a_punch_by_its_stroke_and_by_its_load(method: type) -> None:
     """A pressure moves the top by some way; the smooth top moved so far needs that force."""

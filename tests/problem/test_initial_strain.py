@@ -85,7 +85,6 @@ def pushed(level: Level) -> float:
     return -level.report.reactions["support top"][2]
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("change", [100.0, 200.0])
 def test_a_bar_that_is_heated_and_held(method: type, change: float) -> None:
@@ -113,7 +112,6 @@ def fitted(gap: float | str, formulation: Any) -> Problem:
     return Problem(blocks(), {"lower": STEEL, "upper": STEEL}, supports, contacts=[contact])
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(
     ("method", "formulation"), [(Newton, None), (Newton, "mortar"), (AugmentedLagrangian, None)]
 )
@@ -176,7 +174,6 @@ def test_initial_stress_that_is_in_equilibrium_stays() -> None:
     assert shear == pytest.approx(-7.0 * np.sqrt(2) / (2 * STEEL.shear))
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_every_term_of_the_duality_gap_counts(degree: int, seed: int) -> None:

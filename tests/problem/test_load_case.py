@@ -86,7 +86,6 @@ def test_loads_of_a_load_factor(both: Problem) -> None:
     assert LoadCase(both.create_vector(), both.loads.live).is_proportional()
 
 
-@pytest.mark.mpi3
 def test_gradient_is_the_derivative_of_the_energy(both: Problem, known: Level) -> None:
     iterate = Iterate(both)
     iterate.begin(known.state)
@@ -109,7 +108,6 @@ def test_gradient_is_the_derivative_of_the_energy(both: Problem, known: Level) -
     assert min(abs(dead), abs(ZETA / 2 * live)) > 1e-3 * abs(difference), "little is tested"
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("method", [Newton, AugmentedLagrangian, WorkNewton, BorderedNewton])
 def test_every_algorithm_finds_the_state_under_the_sum_of_both(
     both: Problem, known: Level, method: type

@@ -52,7 +52,6 @@ def along(axis: int) -> Callable[[np.ndarray], np.ndarray]:
     return lambda x: np.array([np.full_like(x[0], axis == i) for i in range(3)])
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("degree", [1, 2])
 def test_weight_of_blocks(degree: int) -> None:
     """The lower one weighs 25, the upper one 10 + 6(z − 1) a volume: 13 times ζ."""
@@ -65,7 +64,6 @@ def test_weight_of_blocks(degree: int) -> None:
     assert tilted == pytest.approx(-12.5 - 3 * (15 + 5), rel=1e-12)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("level", [10.0, 6.0])
 def test_water_in_front_of_a_wall(level: float) -> None:
     """Depth level − y on the side x = 0, 1 thick, of a plate whose hole ends below y = 1."""

@@ -76,7 +76,6 @@ def solve(problem: Problem, method: type, zeta: float) -> Level:
     return level
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("method", [Newton, AugmentedLagrangian])
 @pytest.mark.parametrize("strain", [-1e-3, -1.4e-3, -4e-3])
 def test_a_block_that_is_compressed(method: type, strain: float) -> None:
@@ -97,7 +96,6 @@ def test_a_block_that_is_compressed(method: type, strain: float) -> None:
         assert level.state.alpha == pytest.approx(wide, rel=1e-8)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_supports_that_move_and_a_load_at_once(method: type, degree: int) -> None:
@@ -110,7 +108,6 @@ def test_supports_that_move_and_a_load_at_once(method: type, degree: int) -> Non
     assert again.state.alpha == pytest.approx(level.state.alpha, rel=1e-6)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("method", [Newton, AugmentedLagrangian])
 @pytest.mark.parametrize("gap", [0.0, 3e-4])
 def test_a_contact_surface_that_moves_closes_the_gap(method: type, gap: float) -> None:

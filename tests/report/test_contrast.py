@@ -8,6 +8,8 @@ import pytest
 
 from perfplast_fenicsx.report.curve import COLOURS, DASHES, MARKS
 
+pytestmark = pytest.mark.serial
+
 TEXT, MARK = 4.5, 3.0
 """Least contrasts, of text and of what is drawn."""
 

@@ -16,6 +16,8 @@ from perfplast_fenicsx.report.packing import (
     size_of,
 )
 
+pytestmark = pytest.mark.serial
+
 
 def unpacked(packed: Packed) -> np.ndarray[Any, Any]:
     """What decode.js makes of it."""

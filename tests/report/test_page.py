@@ -16,6 +16,8 @@ from perfplast_fenicsx.report.tables import grade, level_table, pairs, reaction_
 from perfplast_fenicsx.units import Units
 from tests.io.results.test_result_folder import report
 
+pytestmark = pytest.mark.serial
+
 GIVEN: dict[str, Any] = {
     "materials": {
         "a<b": {"kind": "von-mises", "young": 2e5, "yield_stress": 300.0, "expansion": 0.0},

@@ -11,6 +11,8 @@ from perfplast_fenicsx.problem.report import LevelReport
 from perfplast_fenicsx.report.verdict import Verdict, verdict_on
 from tests.io.results.test_result_folder import report
 
+pytestmark = pytest.mark.serial
+
 WHY = ["lower bound: none was sought"]
 
 

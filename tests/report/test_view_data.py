@@ -22,6 +22,8 @@ from perfplast_fenicsx.report.view_data import chosen_levels, view_data
 from perfplast_fenicsx.units import Units
 from tests.report.test_packing import unpacked
 
+pytestmark = pytest.mark.serial
+
 STEEL = VonMises(206900.0, 0.29, 450.0)
 LOAD = Traction("top", (0.0, 0.0, -1.0))
 CONTACTS = [Contact("upper_bottom", "lower_top")]

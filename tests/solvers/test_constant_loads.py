@@ -77,7 +77,6 @@ def test_a_path_that_names_the_state_at_rest_has_it_once() -> None:
     assert [level.state.zeta for level in load_path(Newton(weighed), [0.0, 0.2])] == [0.0, 0.2]
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("method", METHODS)
 def test_constant_loads_that_nothing_carries(method: type) -> None:
     levels = list(load_path(method(plate(pulled(1.5))), [0.5, 1.0]))
@@ -87,7 +86,6 @@ def test_constant_loads_that_nothing_carries(method: type) -> None:
     assert "the constant loads alone are above what the bodies carry" in report.reason
 
 
-@pytest.mark.mpi3
 def test_both_limits_beside_a_constant_load() -> None:
     """Pulled by 0.4 of the limit, the plate carries 0.6 of it more, and −1.4."""
     known = limit()

@@ -98,7 +98,6 @@ def test_alg2_where_supports_hold_nodes_along_the_surface() -> None:
     assert uzawa.report.slipping == newton.report.slipping == problem.friction.count
 
 
-@pytest.mark.mpi3
 def test_a_sliding_block_is_resisted_alike_in_any_direction(comm: MPI.Intracomm) -> None:
     """It slides where the force aside is τ̄A; what turns is the direction of the load alone."""
     reached = []

@@ -34,7 +34,6 @@ def rings(comm: MPI.Intracomm) -> TaggedMesh:
     return replace(section, axisymmetric=True)
 
 
-@pytest.mark.mpi3
 def test_a_ring_slides_down_a_shaft(comm: MPI.Intracomm) -> None:
     """Where ζ times the face is τ̄ times the bore that rubs, 2π INNER high."""
     problem = Problem(
@@ -56,7 +55,6 @@ def test_a_ring_slides_down_a_shaft(comm: MPI.Intracomm) -> None:
     assert bounds.upper == pytest.approx(exact, rel=1e-5)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_ring_grows_on_another(comm: MPI.Intracomm, degree: int) -> None:
     """The upper one, pressed from inside and above, slips outwards; all places have the face."""

@@ -76,7 +76,6 @@ def test_a_line_is_not_followed_far() -> None:
     assert extrapolate(problem, two, two, 1.0) is two
 
 
-@pytest.mark.mpi3
 def test_the_first_level_counts_what_led_to_it() -> None:
     """The state near first yield, whose work has two digits."""
     solver = WorkNewton(two_blocks_problem(2), TIGHT)

@@ -48,7 +48,6 @@ def largest_component(problem: Problem, level: Level, body: str) -> float:
     return problem.comm.allreduce(float(np.abs(values).max(initial=0)), MPI.MAX)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(
     ("n", "alpha", "plastic_cells"),
     [(1, 83.228979667, 167), (2, 111.49381284, 1810), (4, 144.04255883, 16578)],
@@ -86,7 +85,6 @@ def test_punch_converges_below_its_limit_and_refuses_above() -> None:
     assert bad.iterations[-1].alpha > 10 * good.state.alpha
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("active_set", ["exact", "once"])
 def test_block_held_by_contact_alone(active_set: str) -> None:
     """Uniform uniaxial stress: exact for P1, contact patch test and semicoercive problem in one."""
@@ -103,7 +101,6 @@ def test_block_held_by_contact_alone(active_set: str) -> None:
     assert "above the limit load" in bad.report.reason
 
 
-@pytest.mark.mpi3
 def test_contact_pressure_is_the_applied_one() -> None:
     problem = stack_problem(2)
     [level] = solve(problem, 120.0)

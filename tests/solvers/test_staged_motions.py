@@ -63,7 +63,6 @@ def halves(tops: list[float]) -> Floats:
     return np.column_stack([np.convolve([0.0, *tops], [0.5, 0.5], "valid"), tops]).ravel()
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("body", [STEEL, ISOTROPIC, KINEMATIC])
 def test_a_given_strain_goes_forth_and_back(body: VonMises | Hardening) -> None:
     """±2ε_y by a support; its force is on file by its name."""
@@ -80,7 +79,6 @@ def test_a_given_strain_goes_forth_and_back(body: VonMises | Hardening) -> None:
         assert report.reactions["support bottom"] == pytest.approx([0, 0, stress], abs=1e-6)
 
 
-@pytest.mark.mpi3
 def test_a_punch_is_withdrawn_and_comes_back() -> None:
     """Where it is withdrawn contact opens; it closes again where the bar stayed short."""
     contacts = [Contact("lower_top", "upper_bottom")]
@@ -104,7 +102,6 @@ def test_a_punch_is_withdrawn_and_comes_back() -> None:
     assert apart == pytest.approx([1.0, 1.5])
 
 
-@pytest.mark.mpi3
 def test_an_overlap_grows_and_shrinks() -> None:
     """Blocks between planes press each other by the factor, flow, and come apart again."""
     fit = Contact("lower_top", "upper_bottom", -1.0, True, constant=False, name="fit")
@@ -168,7 +165,6 @@ def test_a_punch_drags_and_drags_back() -> None:
     assert sideways == pytest.approx([1.0, -1.0, 1.0], rel=0.03)  # some slip is along y
 
 
-@pytest.mark.mpi3
 def test_a_rigid_end_is_turned_and_turned_back() -> None:
     """Elastic: the moment follows the angle, and nothing is left."""
     turned = RigidSurface("top", rotation=(0.0, 0.0, 1.0), constant=False, name="wrench")

@@ -125,7 +125,6 @@ def test_a_restrained_bar_is_heated_and_cooled(degree: int) -> None:
         assert np.allclose(found, stress * np.array([0, 0, 1, 0, 0, 0]), rtol=0, atol=1e-9 * YIELD)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("body", [Elastic(YOUNG, 0.3), Flow(STEEL)])
 def test_nothing_is_left_of_an_elastic_load(body: Elastic | Flow) -> None:
     """All that is left is rounding, which is no measure of itself."""
@@ -137,7 +136,6 @@ def test_nothing_is_left_of_an_elastic_load(body: Elastic | Flow) -> None:
         assert np.allclose(found, stress * np.array([0, 0, -1, 0, 0, 0]), rtol=0, atol=1e-10)
 
 
-@pytest.mark.mpi3
 def test_contact_is_relieved_and_pushed_again() -> None:
     """No pair pushes where nothing is loaded, but they are where the next level begins."""
     contacts = [Contact("lower_top", "upper_bottom")]
@@ -148,7 +146,6 @@ def test_contact_is_relieved_and_pushed_again() -> None:
         assert level.report.works["push"] == pytest.approx(2 * strain, rel=1e-9)
 
 
-@pytest.mark.mpi3
 def test_more_than_is_carried_ends_the_stages() -> None:
     weight = Pressure("top", 0.9 * YIELD, "weight", constant=True)
     problem = bar(STEEL, loads=[weight, Pressure("top", 1.0)])

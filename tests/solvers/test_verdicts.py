@@ -5,6 +5,8 @@ import pytest
 from perfplast_fenicsx import Iteration
 from perfplast_fenicsx.solvers.verdicts import above_limit
 
+pytestmark = pytest.mark.serial
+
 STEPS = [
     Iteration(i, 1.0, alpha, -alpha, 0.1, 1.0, 0.0, 0.5, 0, 1, 0, 0.1)
     for i, alpha in enumerate((1.0, 50.0), start=1)

@@ -26,6 +26,8 @@ from perfplast_fenicsx.solvers.newton import Newton
 from perfplast_fenicsx.solvers.newton_options import NewtonOptions
 from perfplast_fenicsx.solvers.work_newton import BorderedNewton, WorkNewton
 
+pytestmark = pytest.mark.serial
+
 Read = Callable[[str], Case]
 
 BASE = """

@@ -16,6 +16,8 @@ from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction
 from perfplast_fenicsx.units import Units
 
+pytestmark = pytest.mark.serial
+
 SCENE = Scene(
     "A „title“",
     [Traction("top", [0.0, 0.0, -1.0]), BodyForce("upper", [0.0, 0.0, 1.0]), Pressure("left", 2.0)],

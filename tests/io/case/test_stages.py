@@ -12,6 +12,8 @@ from perfplast_fenicsx.io.case.case import Case, read_case
 from tests.io.case.test_case import assert_one_sentence
 from tests.models import write_case
 
+pytestmark = pytest.mark.serial
+
 BASE = """
 [mesh]
 builder = "stacked_blocks"

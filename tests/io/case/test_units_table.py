@@ -18,6 +18,8 @@ from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.units import Units
 from tests.models import case_text, write_case
 
+pytestmark = pytest.mark.serial
+
 LOADING = "[loading]\nvalues = [100.0]\n"
 WEIGHT = '[[load]]\non = "lower"\nbody_force = [0, 0, "-x"]\nconstant = true\n'
 

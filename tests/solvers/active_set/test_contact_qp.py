@@ -13,8 +13,6 @@ from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
 from tests.models import l_plate_problem, two_blocks_problem
 
-pytestmark = pytest.mark.mpi3
-
 RTOL = 1e-10
 
 
@@ -37,6 +35,7 @@ def case(request: pytest.FixtureRequest) -> Case:
     return Case(two_blocks_problem(3), request.param)
 
 
+@pytest.mark.mpi3
 def test_the_conditions_of_optimality_hold(case: Case) -> None:
     problem, index = case.problem, case.problem.basis.index
     step = case.program.solve(case.r, case.room, case.first, RTOL, work=case.work)

@@ -22,7 +22,6 @@ def loads(problem: Problem) -> PETSc.Vec:
     return border
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("work", [None, 0.02])
 @pytest.mark.parametrize("kind", ["mg", "cholesky"])
 def test_a_correction_is_as_good_as_a_solution(kind: str, work: float | None) -> None:
@@ -66,7 +65,6 @@ def test_a_correction_is_as_good_as_a_solution(kind: str, work: float | None) ->
     assert difference.norm() < 1e-4 * afresh.delta.norm()
 
 
-@pytest.mark.mpi3
 def test_a_correction_keeps_what_its_solution_was_allowed() -> None:
     problem = two_blocks_problem(2)
     program = EqualityProgram(problem, LinearSolver(problem))
@@ -86,7 +84,6 @@ def test_a_correction_keeps_what_its_solution_was_allowed() -> None:
     assert first.held.all(), "a solution should keep its flags, whatever becomes of the array"
 
 
-@pytest.mark.mpi3
 def test_what_is_right_already_is_left_alone() -> None:
     problem = two_blocks_problem(2)
     linear = LinearSolver(problem)
@@ -119,7 +116,6 @@ def test_held_pairs_have_the_jumps_they_are_given() -> None:
     np.testing.assert_allclose(given, jumps[held], rtol=1e-14)
 
 
-@pytest.mark.mpi3
 def test_no_solution_without_any_held_pair() -> None:
     """The blocks of the stack stand on each other, and nothing else keeps them."""
     problem = stack_problem(2)

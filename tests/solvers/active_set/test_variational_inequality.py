@@ -17,8 +17,6 @@ from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
 from tests.models import two_blocks_problem
 
-pytestmark = pytest.mark.mpi3
-
 
 class Case:
     """One contact QP of two blocks, with open and closed pairs, and its solution."""

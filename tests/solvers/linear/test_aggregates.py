@@ -17,8 +17,6 @@ from perfplast_fenicsx.problem.stiffness import Stiffness
 from perfplast_fenicsx.solvers.linear.aggregates import Aggregates, aggregate
 from tests.models import STEEL, two_blocks_problem
 
-pytestmark = pytest.mark.mpi3
-
 COMM = MPI.COMM_WORLD
 FEW = "perfplast_coarse_pc_gamg_coarse_eq_limit"
 
@@ -52,6 +50,7 @@ def levels(problem: Problem) -> list[Aggregates]:
         PETSc.Options().delValue(FEW)
 
 
+@pytest.mark.mpi3
 def test_each_level_is_coarser(problem: Problem, levels: list[Aggregates]) -> None:
     sizes = [COMM.allreduce(len(level.members)) for level in levels]
     sizes.append(COMM.allreduce(levels[-1].count))
@@ -77,6 +76,7 @@ def test_motions_are_orthonormal(problem: Problem, levels: list[Aggregates]) -> 
         assert COMM.allreduce((diagonal > 0.5).sum()) > 0.95 * COMM.allreduce(len(diagonal))
 
 
+@pytest.mark.mpi3
 def test_bodies_move_rigidly_and_in_the_given_way(
     problem: Problem, levels: list[Aggregates]
 ) -> None:

@@ -1,13 +1,11 @@
 """The operator in the jump basis."""
 
 import numpy as np
-import pytest
 
 from tests.models import two_blocks_problem
 from tests.solvers.linear.systems import elastic_operator
 
 
-@pytest.mark.mpi3
 def test_products_with_the_operator_are_those_with_its_matrix() -> None:
     problem = two_blocks_problem(3)
     operator = elastic_operator(problem)

@@ -7,8 +7,6 @@ from perfplast_fenicsx.solvers.linear.factorisation import Factorisation
 from tests.models import two_blocks_problem
 from tests.solvers.linear.systems import elastic_operator, loads
 
-pytestmark = pytest.mark.mpi3
-
 
 def test_factors_are_those_of_the_matrix_or_of_an_earlier_one(
     monkeypatch: pytest.MonkeyPatch,

@@ -7,8 +7,6 @@ from perfplast_fenicsx.solvers.linear.petsc_options import default
 from tests.models import two_blocks_problem
 from tests.solvers.linear.systems import elastic_operator, loads
 
-pytestmark = pytest.mark.mpi3
-
 JACOBI = {"ksp_type": "cg", "ksp_norm_type": "unpreconditioned", "pc_type": "jacobi"}
 
 

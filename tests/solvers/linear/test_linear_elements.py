@@ -11,9 +11,8 @@ from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
 from tests.models import STEEL
 from tests.solvers.linear.systems import elastic_operator, loads, quadratic_problem
 
-pytestmark = pytest.mark.mpi3
 
-
+@pytest.mark.mpi3
 def test_linear_motions_pass_both_ways_but_for_supports() -> None:
     problem = quadratic_problem()
     linear = LinearElements(problem)

@@ -33,7 +33,6 @@ def test_a_small_problem_is_solved_by_multigrid_too() -> None:
     assert level.report.converged
 
 
-@pytest.mark.mpi3
 def test_a_set_up_serves_corrections_too(multigrid: None) -> None:
     """Its first solve may be one, which says nothing of what a digit costs."""
     problem = two_blocks_problem(4)
@@ -91,7 +90,6 @@ def residual(solver: LinearSolver, b: PETSc.Vec, x: PETSc.Vec) -> float:
     return float(image.norm() / b.norm())
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(
     ("failures", "kept", "ways"),
     [
@@ -125,7 +123,6 @@ def test_what_fails_is_renewed_and_then_factorised(
     assert solver.iterations > before + 5 * failures
 
 
-@pytest.mark.mpi3
 def test_too_large_a_problem_is_not_factorised(
     solver: LinearSolver, problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -137,7 +134,6 @@ def test_too_large_a_problem_is_not_factorised(
     assert asked == ["Multigrid"]
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("kept", [True, False])
 def test_what_is_slow_is_improved_for_the_next_solve(
     solver: LinearSolver, problem: Problem, kept: bool, monkeypatch: pytest.MonkeyPatch
@@ -157,7 +153,6 @@ def test_what_is_slow_is_improved_for_the_next_solve(
     assert residual(solver, b, x) < 1.01e-8
 
 
-@pytest.mark.mpi3
 def test_multigrid_that_ends_too_early_gives_way(problem: Problem, multigrid: None) -> None:
     """By PETSc's own verdict."""
     with default("perfplast_ksp_max_it", "2"):
@@ -171,7 +166,6 @@ def test_multigrid_that_ends_too_early_gives_way(problem: Problem, multigrid: No
     assert solver.counts() == (1, 2, 3)
 
 
-@pytest.mark.mpi3
 def test_a_singular_system_has_a_reason() -> None:
     """The upper block has come off the lower one, and nothing keeps it."""
     problem = stack_problem(2)
@@ -184,7 +178,6 @@ def test_a_singular_system_has_a_reason() -> None:
         solver.solve(b, problem.create_vector(), 1e-8)
 
 
-@pytest.mark.mpi3
 def test_a_set_up_is_kept_until_it_has_cost_more_than_another(
     solver: LinearSolver, problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -198,7 +191,6 @@ def test_a_set_up_is_kept_until_it_has_cost_more_than_another(
     assert solver.setups == 2
 
 
-@pytest.mark.mpi3
 def test_factors_are_kept_while_few_unknowns_change(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = two_blocks_problem(4)
     index, b, x = problem.basis.index, loads(problem), problem.create_vector()
@@ -224,7 +216,6 @@ def test_factors_are_kept_while_few_unknowns_change(monkeypatch: pytest.MonkeyPa
     assert solver.setups == 4 or solver.iterations - before <= 4
 
 
-@pytest.mark.mpi3
 def test_a_factorisation_has_a_price(solver: LinearSolver, monkeypatch: pytest.MonkeyPatch) -> None:
     """By the analysis of the matrix, whose square root of operations per entry is some tens."""
     assert solver._price.fits
@@ -271,7 +262,6 @@ def asked(request: pytest.FixtureRequest) -> Iterator[dict[str, str]]:
         options.delValue("perfplast_" + key)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(
     ("asked", "name"),
     [

@@ -56,7 +56,6 @@ def test_multigrid_gives_what_a_factorisation_gives(
     assert iterations / solves < most
 
 
-@pytest.mark.mpi3
 def test_iterations_hardly_grow_as_the_mesh_is_refined(multigrid: None) -> None:
     """All contact closed, elastic bodies, relative residual 1e-8."""
     counts = []
@@ -112,7 +111,6 @@ def test_a_system_is_solved_to_its_tolerance(multigrid: None) -> None:
     method.destroy()
 
 
-@pytest.mark.mpi3
 def test_a_problem_without_aggregates_is_factorised(
     multigrid: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:

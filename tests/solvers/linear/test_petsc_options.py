@@ -13,6 +13,8 @@ from perfplast_fenicsx.solvers.linear.petsc_options import (
     solver_name,
 )
 
+pytestmark = pytest.mark.serial
+
 
 def test_a_default_option_gives_way_to_the_users_and_is_gone_afterwards() -> None:
     options = PETSc.Options()

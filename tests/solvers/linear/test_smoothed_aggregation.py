@@ -34,7 +34,6 @@ def test_coarse_spaces_hold_what_is_held(multigrid: None) -> None:
     np.testing.assert_allclose(_row_sizes(finest, index), before, rtol=1e-14)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("large", [10**9, 0], ids=["small", "large"])
 @pytest.mark.parametrize("flow", ["none", "some"])
 def test_coarse_spaces_have_the_motion_that_they_are_given(

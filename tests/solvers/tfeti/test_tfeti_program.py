@@ -84,7 +84,6 @@ def test_as_with_active_sets(make: Callable[[], Problem], zeta: float) -> None:
     assert other.report.max_penetration < 1e-12
 
 
-@pytest.mark.mpi3
 def test_optimality_of_the_dual() -> None:
     """Of bounds and all rows, by SMALBE alone, to 1e-10; forces of contact are not negative."""
     problem = two_blocks_problem(2)
@@ -119,7 +118,6 @@ def test_optimality_of_the_dual() -> None:
     assert slack[dual.contact].min(initial=0) >= -1e-10 * size
 
 
-@pytest.mark.mpi3
 def test_prescribed_work() -> None:
     problem = two_blocks_problem(2)
     levels = []
@@ -133,7 +131,6 @@ def test_prescribed_work() -> None:
     assert stress_distance(problem, one.state, other.state) < 1e-8
 
 
-@pytest.mark.mpi3
 def test_bodies_that_lose_all_contact() -> None:
     problem = touching_blocks(
         loads=[Traction("top", (0.0, 0.0, 1.0))],
@@ -149,7 +146,6 @@ def test_above_the_limit() -> None:
     assert "above the limit load" in level.report.reason
 
 
-@pytest.mark.mpi3
 def test_a_tangent_that_is_singular() -> None:
     """Without regularisation, a body that flows as a whole has no stiffness to factorise.
 
@@ -163,7 +159,6 @@ def test_a_tangent_that_is_singular() -> None:
     assert again.report.reason
 
 
-@pytest.mark.mpi3
 def test_refusals() -> None:
     problem = two_blocks_problem(2)
     assert_refused(lambda: Newton(problem, tfeti(1)), ["subdomains = 1", "parts of bodies"])

@@ -19,7 +19,6 @@ def test_bisected_into_like_parts() -> None:
     assert np.ptp(x[label == 0, 0]) < 0.5 * np.ptp(x[:, 0])
 
 
-@pytest.mark.mpi3
 def test_generalised_inverse() -> None:
     """K K⁺ K = K, the kernel of K is R, and K is that of the bodies where nodes move alike."""
     problem = two_blocks_problem(2)
