@@ -90,7 +90,6 @@ def pressed(monkeypatch: pytest.MonkeyPatch) -> Any:
     return make
 
 
-@pytest.mark.mpi3
 def test_many_guests_become_bounds(pressed: Any, comm: MPI.Intracomm) -> None:
     problem = pressed(comm)
     basis, constraints, V = problem.basis, problem.constraints, problem.V

@@ -34,7 +34,7 @@ def write_bolted(path: str | Path, order: int) -> None:
         write_split(path)
 
 
-@pytest.mark.parametrize("order", [1, pytest.param(2, marks=pytest.mark.mpi3)])
+@pytest.mark.parametrize("order", [1, 2])
 def test_a_round_pin_may_spin(read: Read, order: int, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
         problem = Problem(

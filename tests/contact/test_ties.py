@@ -144,7 +144,6 @@ def test_bad_ties_are_refused() -> None:
     assert_refused(lambda: make(tie, **both), ["ring", "ties"])
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(("gdim", "hosts"), list(product((2, 3), ("primary", "secondary"))))
 def test_supports_at_a_seam_are_told_their_own_forces(
     gdim: int, hosts: Any, comm: MPI.Intracomm

@@ -1,4 +1,8 @@
-"""The demos check themselves: each runs here on the ranks of the run, small."""
+"""The demos check themselves: each runs here, small, on one rank and on the ranks of the run.
+
+Cases of the verification run once: on one rank, or on several what shows a pattern of exchange. At
+their full size ``make verify`` runs all of them on two.
+"""
 
 import importlib.util
 from pathlib import Path
@@ -13,9 +17,18 @@ from perfplast_fenicsx.__main__ import main as command_line
 from perfplast_fenicsx.cli.run import SOLVED
 
 FOLDER = Path(__file__).resolve().parents[2] / "demos"
+ON_SEVERAL = ("body_bounds", "friction", "meshed_apart")
+"""Cases of the verification that run on several ranks, and not on one."""
+
 SCRIPTS = [
     *sorted(FOLDER.glob("*.py")),
-    *(FOLDER / "verification" / f"{name}.py" for name in VERIFIED),
+    *(
+        pytest.param(
+            FOLDER / "verification" / f"{name}.py",
+            marks=[] if name in ON_SEVERAL else [pytest.mark.serial],
+        )
+        for name in VERIFIED
+    ),
 ]
 CASES = sorted(FOLDER.glob("*.toml"))
 
@@ -41,8 +54,8 @@ def test_script(
     capsys: pytest.CaptureFixture[str],
     shared_tmp_path: Path,
 ) -> None:
-    if script.parent != FOLDER and comm.size == 1:
-        pytest.skip("cases of the verification are tested once, on several ranks")
+    if script.stem in ON_SEVERAL and comm.size == 1:
+        pytest.skip("this case of the verification is tested once, on several ranks")
     results = shared_tmp_path / "results"
     if comm.rank == 0:  # of a first run, which the second one replaces
         results.mkdir()

@@ -13,6 +13,8 @@ import pytest
 from meshes.bolted_bracket import write_bolted_bracket
 from perfplast_fenicsx.__main__ import main
 
+pytestmark = pytest.mark.serial
+
 GALLERY = Path(__file__).resolve().parents[2] / "docs" / "gallery"
 
 COARSE = {

@@ -39,6 +39,8 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 from tests.mesh.test_meshes import area_vector, check_interface, in_order, surface_nodes, volume
 
+pytestmark = pytest.mark.serial
+
 
 @dataclass
 class Case:

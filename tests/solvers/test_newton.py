@@ -59,7 +59,6 @@ def test_plate_as_other_programs_have_it(n: int, alpha: float, plastic_cells: in
     assert level.report.newton_iterations <= 12
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(
     ("n", "sinking", "pairs", "largest"),
     [(8, 5.7498083896e-4, 25, 1.34236e-3), (16, 5.8728525143e-4, 81, 1.38758e-3)],

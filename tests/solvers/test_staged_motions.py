@@ -155,7 +155,6 @@ def test_loads_motions_and_heat_have_factors_of_their_own() -> None:
         assert level.report.works["push"] == pytest.approx(push / YOUNG, abs=1e-12)
 
 
-@pytest.mark.mpi3
 def test_a_punch_drags_and_drags_back() -> None:
     """Tresca's friction resists slip either way, and counts it from where the stage began."""
     rough = replace(PUNCH, move=(1.0, 0.0, -1.0), tresca=1.0)

@@ -121,7 +121,7 @@ def write(problem: Problem, path: Path) -> ResultFolder:
 
 
 @needs_pyvista
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.mpi3)])
+@pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_vtk_reads_what_was_written(

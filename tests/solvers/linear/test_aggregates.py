@@ -76,7 +76,6 @@ def test_motions_are_orthonormal(problem: Problem, levels: list[Aggregates]) -> 
         assert COMM.allreduce((diagonal > 0.5).sum()) > 0.95 * COMM.allreduce(len(diagonal))
 
 
-@pytest.mark.mpi3
 def test_bodies_move_rigidly_and_in_the_given_way(
     problem: Problem, levels: list[Aggregates]
 ) -> None:
