@@ -1,7 +1,7 @@
 r"""Perfect plasticity with the condition of Drucker and Prager, associated, in Hencky's form.
 
-The yield set is the cone K: ‖dev σ‖/√2 + ηp ≤ c with p = tr σ/3. With the elastic stress of a strain
-e, of size r = 2μ‖dev e‖ and mean p = κ tr e, with n = dev e/‖dev e‖ and D = μ + κη²,
+The yield set is the cone K: ‖dev σ‖/√2 + ηp ≤ c with p = tr σ/3. With the elastic stress of a
+strain e, of size r = 2μ‖dev e‖ and mean p = κ tr e, with n = dev e/‖dev e‖ and D = μ + κη²,
 
     f = r/√2 + ηp − c,     A = ηp − κη² r/(√2 μ) − c
 

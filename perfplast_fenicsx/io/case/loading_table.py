@@ -65,8 +65,8 @@ def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str
     forget = sorted(n for n, a in materials.items() if not isinstance(a, yields | Elastic))
     if forget:
         raise InputError(
-            f"the material of '{forget[0]}' remembers no plastic flow, as stages want it; give values"
-            " of the load factor, or law = 'von-mises'."
+            f"the material of '{forget[0]}' remembers no plastic flow, as stages want it; give"
+            " values of the load factor, or law = 'von-mises'."
         )
     return {name: Flow(a) if isinstance(a, yields) else a for name, a in materials.items()}
 
