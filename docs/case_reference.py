@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from docs.marks import replace_mark
+from perfplast_fenicsx import docstrings
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.tie import Tie
@@ -35,34 +36,15 @@ HEAD = "| key | type | default | meaning |\n|---|---|---|---|\n"
 
 
 def arguments(documented: object) -> dict[str, str]:
-    """The ``Args`` of a Google docstring: name to text, on one line, in Markdown.
-
-    Args:
-        documented: A class or a function with a docstring.
-    """
-    lines = (inspect.getdoc(documented) or "").splitlines()
-    found: dict[str, list[str]] = {}
-    if "Args:" not in lines:
-        return {}
-    name = ""
-    for line in lines[lines.index("Args:") + 1 :]:
-        if line and not line.startswith(" "):
-            break
-        entry = re.match(r"    (\w+): (.*)", line)
-        if entry:
-            name = entry[1]
-            found[name] = [entry[2]]
-        elif line.strip():
-            found[name].append(line.strip())
+    """The ``Args`` of a docstring, each on one line, in Markdown."""
     module = inspect.getmodule(documented)
-    return {name: markdown(" ".join(text), module) for name, text in found.items()}
+    return {name: markdown(text, module) for name, text in docstrings.arguments(documented).items()}
 
 
 def summary(documented: object) -> str:
     """The text of a docstring before its first section, in Markdown."""
-    text = inspect.getdoc(documented) or ""
-    before = re.split(r"\n\n(?:Args|Raises|Returns|Attributes):", text)[0]
-    return markdown(before, inspect.getmodule(documented)).replace(" Collective.", "")
+    text = docstrings.summary(documented)
+    return markdown(text, inspect.getmodule(documented)).replace(" Collective.", "")
 
 
 def markdown(text: str, module: object = None) -> str:

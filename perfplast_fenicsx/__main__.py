@@ -5,6 +5,7 @@ a solution (a result like any other: the levels before it are valid).
 """
 
 import io
+import json
 import sys
 import traceback
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.cli.follow import Follower
 from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, meshing_options
 from perfplast_fenicsx.cli.parser import read_arguments
@@ -23,6 +25,7 @@ from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.first_case import Glued
 from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.case_schema import case_schema
 from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.pictures.drawing_process import animate, plot
 from perfplast_fenicsx.report.report_file import write_report
@@ -95,6 +98,32 @@ def about(comm: MPI.Intracomm, path: str) -> int:
     terminal.say(f"{case.title}: {', '.join(case.materials)}")
     for text in meaning(case, tagged_mesh.kinematics.whole):
         terminal.say(text)
+    return SOLVED
+
+
+def schema(comm: MPI.Intracomm, output: str | None) -> int:
+    """Show the JSON Schema of case files, or write it by rank 0. Collective.
+
+    Args:
+        comm: The ranks.
+        output: The file; None for standard output.
+
+    Raises:
+        InputError: If the system refuses to write it.
+    """
+    text = json.dumps(case_schema(), indent=2, ensure_ascii=False)
+
+    def write() -> None:
+        try:
+            replace(Path(str(output)), f"{text}\n".encode())
+        except OSError as error:
+            raise InputError(f"'{output}' cannot be written: {error.strerror}.") from error
+
+    if output is None:
+        Terminal(comm).say(text)
+    else:
+        on_rank0(comm, write)
+        Terminal(comm).say(output)
     return SOLVED
 
 
@@ -171,6 +200,8 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
         if chosen.command == "materials":
             Terminal(comm).say(common_materials(chosen.units))
             return SOLVED
+        if chosen.command == "schema":
+            return schema(comm, chosen.output)
         if chosen.command == "mesh":
             glued = Glued.ALL if chosen.tied else Glued.BOLTS if chosen.bolted else Glued.NOTHING
             where = (chosen.geometry, chosen.output, meshing_options(chosen))

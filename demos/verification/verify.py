@@ -20,6 +20,7 @@ CASES = (
     "thick_sphere",
     "thick_tube",
     "axisymmetry",
+    "ground",
     "autofrettage",
     "tension_and_shear",
     "strip_footing",

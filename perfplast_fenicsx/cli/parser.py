@@ -263,4 +263,12 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         " reports.",
     )
     info.add_argument("case", metavar="CASE.toml", nargs="?", help="what to tell of")
+
+    schema = commands.add_parser(
+        "schema",
+        help="show the JSON Schema of case files, by which editors complete and check them",
+        description="Show the JSON Schema of case files, or write it to a file. An editor uses it"
+        " where a case begins with the line  #:schema ./case.schema.json  beside that file.",
+    )
+    schema.add_argument("-o", "--output", metavar="SCHEMA", help="file to write, or to replace")
     return parser

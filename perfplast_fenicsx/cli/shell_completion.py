@@ -9,6 +9,7 @@ ENDINGS = {
     "DRAWING": ("step", "stp", "brep", "iges", "igs", "geo"),
     "FILE": ("gif", "webp"),
     "PAGE": ("html",),
+    "SCHEMA": ("json",),
 }
 """Of the files that arguments name, by metavar."""
 

@@ -143,7 +143,8 @@ class Judge:
             search.levelled_off = True
             search.reason = f"ζ grows by less than {rtol:g} of it with a tenfold work"
         else:
-            search.reason = not_level(points, plastic_cells, self._problem.degree)
+            dilates = any(on.law.dilates for on in self._problem.laws)
+            search.reason = not_level(points, plastic_cells, self._problem.degree, dilates)
 
     def _conclude(self, velocity: fem.Function, last: State) -> None:
         """Bring the bounds together as far as they come without another level."""

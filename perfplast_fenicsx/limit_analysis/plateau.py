@@ -61,13 +61,14 @@ def extrapolated_limit(points: Points) -> float | None:
     return z + (z - y) / ((c / b) ** high - 1)
 
 
-def not_level(points: Points, plastic_cells: int, degree: int) -> str:
+def not_level(points: Points, plastic_cells: int, degree: int, dilates: bool = False) -> str:
     """What to tell of a curve that does not level off.
 
     Args:
         points: (α, ζ) of its levels.
         plastic_cells: Of the last one.
         degree: Of the elements.
+        dilates: Whether bodies grow where they flow.
     """
     (first, _), (alpha, zeta) = points[0], points[-1]
     if plastic_cells == 0:
@@ -79,6 +80,11 @@ def not_level(points: Points, plastic_cells: int, degree: int) -> str:
         f"ζ does not level off: it has reached {zeta:.6g} and still rises at"
         f" {alpha / first:.3g} times the work at first yield; "
     )
+    if dilates:
+        return told + (
+            "bodies that dilate where they flow may be confined, by supports or by each other, so"
+            " that they carry any load; free a side of them, or refine the mesh"
+        )
     if degree == 1:
         return told + (
             "linear elements lock in plastic flow, which keeps the volume, so that the limit load"

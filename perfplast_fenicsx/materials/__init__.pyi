@@ -1,3 +1,5 @@
+from .drucker_prager import DruckerPrager as DruckerPrager
+from .drucker_prager import DruckerPragerLaw as DruckerPragerLaw
 from .elastic import Elastic as Elastic
 from .elastic import ElasticLaw as ElasticLaw
 from .hardening import Hardening as Hardening

@@ -28,9 +28,11 @@ class Law(Protocol):
         projects: Whether Σ(e) is the projection of C(e − p) on a yield set that stays, in the norm
             of C⁻¹, with the strain p of :meth:`unstressed`, as it is in perfect plasticity; ALG2 is
             built on that.
+        dilates: Whether bodies grow where they flow, so that confinement may carry any load.
     """
 
     projects: ClassVar[bool]
+    dilates: ClassVar[bool] = False
 
     @property
     def elastic(self) -> IsotropicElasticity:

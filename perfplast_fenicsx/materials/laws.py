@@ -1,5 +1,6 @@
 """The laws that a case file may name."""
 
+from perfplast_fenicsx.materials.drucker_prager import DruckerPrager
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.hardening import Hardening
 from perfplast_fenicsx.materials.law import Material
@@ -8,6 +9,7 @@ from perfplast_fenicsx.materials.von_mises import VonMises
 MATERIALS: dict[str, type[Material]] = {
     "von-mises": VonMises,
     "von-mises-hardening": Hardening,
+    "drucker-prager": DruckerPrager,
     "elastic": Elastic,
 }
 """Materials by the name of their law in case files."""

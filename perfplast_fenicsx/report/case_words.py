@@ -12,6 +12,7 @@ Row = tuple[str, str]
 LAWS = {
     "von-mises": "elastic, perfectly plastic (von Mises)",
     "von-mises-hardening": "elastic, plastic with linear hardening (von Mises)",
+    "drucker-prager": "elastic, perfectly plastic (Drucker–Prager, associated)",
     "elastic": "elastic, never plastic",
 }
 
@@ -19,6 +20,9 @@ NUMBERS = {
     "young": ("Young's modulus", "stress"),
     "poisson": ("Poisson's ratio", ""),
     "yield_stress": ("yield stress", "stress"),
+    "cohesion": ("cohesion", "stress"),
+    "friction_angle": ("angle of friction in degrees", ""),
+    "match": ("as strong as Mohr–Coulomb in", ""),
     "isotropic": ("isotropic hardening", "stress"),
     "kinematic": ("kinematic hardening", "stress"),
     "expansion": ("thermal expansion", ""),

@@ -15,7 +15,17 @@ from perfplast_fenicsx.cli.shell_completion import complete
 pytestmark = pytest.mark.serial
 
 LINES = {
-    "perfplast ": {"run", "mesh", "check", "plot", "animate", "report", "materials", "info"},
+    "perfplast ": {
+        "run",
+        "mesh",
+        "check",
+        "plot",
+        "animate",
+        "report",
+        "materials",
+        "info",
+        "schema",
+    },
     "perfplast re": {"report"},
     "perfplast run --l": {"--log-level"},
     "perfplast run x --log-level ": {"debug", "info", "warning", "error"},

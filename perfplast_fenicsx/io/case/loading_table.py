@@ -11,6 +11,7 @@ from perfplast_fenicsx.io.case.loading_options import (
 )
 from perfplast_fenicsx.io.case.schema import choose, convert
 from perfplast_fenicsx.io.case.tables import Document
+from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.hardening import Hardening
 from perfplast_fenicsx.materials.laws import Material
 from perfplast_fenicsx.materials.plastic_flow import Flow
@@ -49,7 +50,8 @@ def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str
     """Materials as the loading wants them: those that flow remember it where there are stages.
 
     Raises:
-        InputError: If a limit load is sought that hardening bodies do not have.
+        InputError: If a limit load is sought that hardening bodies do not have, or there are stages
+            for a body that cannot remember.
     """
     hard = sorted(name for name, a in materials.items() if isinstance(a, Hardening))
     if hard and loading.limit_tolerance is not None:
@@ -60,6 +62,12 @@ def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str
     if not isinstance(loading, StageControl):
         return dict(materials)
     yields = VonMises | Hardening
+    forget = sorted(n for n, a in materials.items() if not isinstance(a, yields | Elastic))
+    if forget:
+        raise InputError(
+            f"the material of '{forget[0]}' remembers no plastic flow, as stages want it; give"
+            " values of the load factor, or law = 'von-mises'."
+        )
     return {name: Flow(a) if isinstance(a, yields) else a for name, a in materials.items()}
 
 

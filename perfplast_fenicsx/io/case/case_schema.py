@@ -1,0 +1,214 @@
+"""The JSON Schema of case files, by which editors complete keys and mark faults.
+
+It is made of the same dataclasses that read a case (:mod:`schema`): keys, types, defaults and
+choices are theirs, descriptions the ``Args`` of their docstrings. What goes with what is beyond
+it: ``perfplast check`` says that.
+"""
+
+import dataclasses
+import inspect
+import re
+import types
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal
+
+from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.obstacles import OBSTACLES
+from perfplast_fenicsx.contact.tie import Tie
+from perfplast_fenicsx.docstrings import arguments, summary
+from perfplast_fenicsx.geometry.face_choice import NamedFace
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.io.case.loading_options import LOADINGS
+from perfplast_fenicsx.io.case.support_tables import RigidSurfaceTable, SupportTable
+from perfplast_fenicsx.io.case.tables import (
+    Document,
+    ElementOptions,
+    LoadTable,
+    MeshBuilder,
+    MeshFile,
+    ModelOptions,
+    OutputOptions,
+)
+from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
+from perfplast_fenicsx.materials.laws import MATERIALS
+from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
+from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
+from perfplast_fenicsx.problem.stage import Stage
+from perfplast_fenicsx.solvers.methods import METHODS
+from perfplast_fenicsx.units import Units
+
+DIALECT = "http://json-schema.org/draft-07/schema#"
+"""The version of JSON Schema that editors of TOML understand."""
+
+Schema = dict[str, Any]
+
+_SCALARS: dict[Any, Schema] = {
+    float: {"type": "number"},
+    int: {"type": "integer"},
+    str: {"type": "string"},
+    bool: {"type": "boolean"},
+}
+
+
+def case_schema() -> Schema:
+    """The schema of a whole case file."""
+    meaning = arguments(Document)
+    tables = _tables()
+    properties: Schema = {}
+    for field in dataclasses.fields(Document):
+        content = tables.get(field.name) or _of_type(typing.get_type_hints(Document)[field.name])
+        hint = typing.get_type_hints(Document)[field.name]
+        if field.name == "material":
+            content = {"type": "object", "additionalProperties": content}
+        elif typing.get_origin(hint) is list:
+            content = {"type": "array", "items": content}
+        properties[field.name] = _told(content, meaning[field.name])
+    return {
+        "$schema": DIALECT,
+        "title": "A case of perfplast_fenicsx",
+        "type": "object",
+        "properties": properties,
+        "additionalProperties": False,
+        "required": ["material"],
+        "allOf": [
+            {"anyOf": [{"required": ["mesh"]}, {"required": ["geometry"]}]},
+            {"oneOf": [{"required": ["loading"]}, {"required": ["stage"]}]},
+        ],
+    }
+
+
+def _tables() -> dict[str, Schema]:
+    """Each table, or each item of an array of tables, by its key at the top level."""
+    methods = {name: entry.options for name, entry in METHODS.items()}
+    return {
+        "mesh": _mesh(),
+        "geometry": _geometry(),
+        "material": _choice("law", MATERIALS),
+        "support": _table(SupportTable),
+        "load": _table(LoadTable),
+        "temperature": _table(Temperature),
+        "initial_stress": _table(InitialStress),
+        "contact": _table(Contact),
+        "obstacle": _choice("shape", OBSTACLES),
+        "tie": _table(Tie),
+        "rigid_surface": _table(RigidSurfaceTable),
+        "model": _table(ModelOptions),
+        "element": _table(ElementOptions),
+        "solve": _choice("method", methods, required=False),
+        "loading": _choice("control", LOADINGS, default="load"),
+        "stage": _table(Stage),
+        "output": _table(OutputOptions),
+        "units": _table(Units),
+    }
+
+
+def _of_type(hint: Any) -> Schema:
+    """An annotation of a field."""
+    origin, inner = typing.get_origin(hint), typing.get_args(hint)
+    if hint in _SCALARS:
+        return dict(_SCALARS[hint])
+    if origin is Literal:
+        return {"enum": list(inner)}
+    if origin in (typing.Union, types.UnionType):
+        known = [_of_type(one) for one in inner if one is not types.NoneType]
+        return known[0] if len(known) == 1 else {"anyOf": known}
+    if origin in (list, Sequence):
+        return {"type": "array", "items": _of_type(inner[0])}
+    if origin is dict:
+        return {"type": "object", "additionalProperties": _of_type(inner[1])}
+    if dataclasses.is_dataclass(hint):
+        return _table(typing.cast(type[Any], hint))
+    return {}
+
+
+def _table(described: type[Any], own: Schema | None = None) -> Schema:
+    """A dataclass as a table.
+
+    Args:
+        described: The dataclass.
+        own: Schemas of fields whose type does not say all.
+    """
+    hints, meaning = typing.get_type_hints(described), arguments(described)
+    properties: Schema = {}
+    required = []
+    for field in dataclasses.fields(described):
+        content = (own or {}).get(field.name) or _of_type(hints[field.name])
+        content = _told(content, meaning.get(field.name, ""))
+        if isinstance(field.default, str | int | float):
+            content["default"] = field.default
+        elif field.default is field.default_factory is dataclasses.MISSING:
+            required.append(field.name)
+        properties[field.name] = content
+    return _told(_object(properties, required), summary(described))
+
+
+def _object(properties: Schema, required: Sequence[str]) -> Schema:
+    """A table with these keys and no others."""
+    schema: Schema = {"type": "object", "properties": properties, "additionalProperties": False}
+    return schema | ({"required": list(required)} if required else {})
+
+
+def _told(schema: Schema, text: str) -> Schema:
+    """A schema with what it means, in plain words."""
+    plain = re.sub(r":\w+:`[~.]?([^`]+)`", r"\1", text).replace("``", "'")
+    plain = re.sub(r"\s+", " ", plain).replace(" Collective.", "").strip()
+    return schema | ({"description": plain} if plain else {})
+
+
+def _choice(
+    key: str, choices: Mapping[str, type[Any]], default: str | None = None, required: bool = True
+) -> Schema:
+    """A table whose key ``key`` says which of several dataclasses it is.
+
+    Args:
+        key: The key.
+        choices: The dataclasses by its values.
+        default: What it is without the key.
+        required: Whether the key has to be there, if it has no default.
+    """
+    names: Schema = {"enum": list(choices)} | ({"default": default} if default else {})
+    variants = []
+    for name, described in choices.items():
+        content = _table(described)
+        content["properties"] = {key: {"const": name}} | content["properties"]
+        asked: Schema = {"properties": {key: {"const": name}}}
+        if name != default:
+            asked["required"] = [key]
+        variants.append({"if": asked, "then": content})
+    schema: Schema = {"type": "object", "properties": {key: names}, "allOf": variants}
+    return schema | ({"required": [key]} if required and default is None else {})
+
+
+def _mesh() -> Schema:
+    """``[mesh]``: a file, a builder with its arguments, or beside a geometry ``adapt`` alone."""
+    adapt = {"adapt": _table(Adaptation)}
+    builders: dict[str, Callable[..., Any]] = dict(BUILDERS)
+    variants = []
+    for name, builder in builders.items():
+        meaning, hints = arguments(builder), typing.get_type_hints(builder)
+        properties: Schema = {"builder": {"const": name}} | adapt
+        required = ["builder"]
+        for argument, parameter in list(inspect.signature(builder).parameters.items())[1:]:
+            properties[argument] = _told(_of_type(hints[argument]), meaning[argument])
+            if parameter.default is inspect.Parameter.empty:
+                required.append(argument)
+        asked = {"properties": {"builder": {"const": name}}, "required": ["builder"]}
+        variants.append({"if": asked, "then": _object(properties, required)})
+    return {
+        "type": "object",
+        "properties": {
+            "builder": _told({"enum": list(builders)}, arguments(MeshBuilder)["builder"])
+        },
+        "if": {"required": ["builder"]},
+        "then": {"allOf": variants},
+        "else": _table(MeshFile, adapt) | {"required": []},
+    }
+
+
+def _geometry() -> Schema:
+    """``[geometry]``: the file, how it is meshed, and faces with names."""
+    faces = {"face": {"type": "array", "items": _table(NamedFace)}}
+    options = _table(MeshingOptions, faces)
+    file = _told({"type": "string"}, "Its path, relative to the folder of the case file.")
+    return _object({"file": file} | options["properties"], ["file"])

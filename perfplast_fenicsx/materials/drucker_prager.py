@@ -1,0 +1,222 @@
+r"""Perfect plasticity with the condition of Drucker and Prager, associated, in Hencky's form.
+
+The yield set is the cone K: ‖dev σ‖/√2 + ηp ≤ c with p = tr σ/3. With the elastic stress of a
+strain e, of size r = 2μ‖dev e‖ and mean p = κ tr e, with n = dev e/‖dev e‖ and D = μ + κη²,
+
+    f = r/√2 + ηp − c,     A = ηp − κη² r/(√2 μ) − c
+
+    f ≤ 0           Σ = Ce                                 ψ = ½ e:Ce
+    f > 0, A ≤ 0    Σ = Ce − (f/D)(√2 μ n + κη δ)          ψ = ½ e:Ce − ½ f²/D
+    f > 0, A > 0    Σ = (c/η) δ, the apex                  ψ = (c/η) tr e − c²/(2κη²)
+
+which is the projection of Ce on K in the norm of C⁻¹ (M. Čermák, S. Sysala, J. Valdman, Appl. Math.
+Comput. 355 (2019), 595, section 3.2). Bodies that flow dilate: rates are admissible where
+tr ε ≥ √2 η‖dev ε‖, and dissipate (c/η) tr ε, whatever their deviator.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import ufl
+
+from perfplast_fenicsx.errors import InputError, check_choice
+from perfplast_fenicsx.materials.elastic import Elastic, require_positive
+from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
+from perfplast_fenicsx.materials.law import Law, Old
+from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
+
+TINY = 1e-300
+"""Smallest divisor; avoids 0/0 where a strain has no deviator."""
+
+Match = Literal["plane-strain", "compression", "extension"]
+"""Where the cone has the strength of Mohr and Coulomb: limit loads in plane strain, or triaxial
+compression or extension."""
+
+
+@dataclass(frozen=True)
+class DruckerPragerLaw(Law):
+    """‖dev σ‖/√2 + η tr σ/3 ≤ c; see :class:`Law` for the methods.
+
+    Args:
+        bulk: κ (stress).
+        shear: μ (stress).
+        slope: η > 0.
+        strength: c > 0 in pure shear (stress).
+    """
+
+    bulk: Expr
+    shear: Expr
+    slope: Expr
+    strength: Expr
+    projects: ClassVar[bool] = True
+    dilates: ClassVar[bool] = True
+
+    @property
+    def elastic(self) -> IsotropicElasticity:
+        """C."""
+        return IsotropicElasticity(self.bulk, self.shear)
+
+    @property
+    def _stiffness(self) -> Expr:
+        """D, by which f falls with flow."""
+        return self.shear + self.bulk * self.slope**2
+
+    def excess(self, e: Expr) -> Expr:
+        """F (stress): how far Ce is outside of K, negative inside."""
+        mean = self.slope * self.bulk * trace(e)
+        return math.sqrt(2) * self.shear * _size(deviator(e)) + mean - self.strength
+
+    def beyond(self, e: Expr) -> Expr:
+        """A (stress): positive where Ce returns to the apex, if it is outside of K."""
+        mean = self.slope * self.bulk * (trace(e) - math.sqrt(2) * self.slope * _size(deviator(e)))
+        return mean - self.strength
+
+    def _by_branch(self, e: Expr, elastic: Expr, cone: Expr, apex: Expr) -> Expr:
+        """One of three scalars: of elastic strains, the cone and the apex."""
+        flows = ufl.conditional(ufl.gt(self.beyond(e), 0.0), apex, cone)
+        return ufl.conditional(ufl.gt(self.excess(e), 0.0), flows, elastic)
+
+    def plastic(self, e: Expr, old: Old) -> Expr:
+        """1 where e lies outside the elastic range, else 0."""
+        return ufl.conditional(ufl.gt(self.excess(e), 0.0), 1.0, 0.0)
+
+    def stress(self, e: Expr, old: Old) -> Expr:
+        """Σ(e), the derivative of ψ."""
+        flow = self.excess(e) / self._stiffness
+        size, mean = 2 * self.shear * _size(deviator(e)), self.bulk * trace(e)
+        pressure = self._by_branch(
+            e, mean, mean - flow * self.bulk * self.slope, self.strength / self.slope
+        )
+        share = 1 - flow * math.sqrt(2) * self.shear / ufl.max_value(size, TINY)
+        scaled = 2 * self.shear * self._by_branch(e, 1.0, share, 0.0)
+        return spherical(pressure, len(e)) + scaled * deviator(e)
+
+    def potential(self, e: Expr, old: Old) -> Expr:
+        """ψ(e)."""
+        elastic = ufl.dot(self.elastic.hooke(e), e) / 2
+        tip = self.strength / self.slope
+        cone = elastic - self.excess(e) ** 2 / (2 * self._stiffness)
+        return self._by_branch(e, elastic, cone, tip * trace(e) - tip**2 / (2 * self.bulk))
+
+    def conjugate(self, s: Expr, old: Old) -> Expr:
+        """½ s:C⁻¹s."""
+        return ufl.dot(self.elastic.compliance(s), s) / 2
+
+    def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
+        """What :meth:`tangent` adds up: bulk, a, shape (), P and M, shape (m,).
+
+        Σ°[d] is Cd of elastic strains, 0 at the apex, and on the cone, with the share a of the
+        deviatoric modulus that is left and M = (√2 μ n + κη δ)/√D,
+
+            κ tr(d) δ + a dev d + (2μ − a)(n:d) n − (M:d) M.
+        """
+        size = _size(deviator(e))
+        n = deviator(e) / ufl.max_value(size, TINY)
+        lost = self.excess(e) / self._stiffness * math.sqrt(2) * self.shear
+        lost = lost / ufl.max_value(size, TINY)
+        left = self._by_branch(e, 2 * self.shear, 2 * self.shear - lost, 0.0)
+        on_cone = ufl.sqrt((1 - rho) * self._by_branch(e, 0.0, 1.0, 0.0))
+        along = math.sqrt(2) * self.shear * n + spherical(self.bulk * self.slope, len(e))
+        return {
+            "bulk": rho * self.bulk + (1 - rho) * self._by_branch(e, self.bulk, self.bulk, 0.0),
+            "a": rho * 2 * self.shear + (1 - rho) * left,
+            "P": on_cone * ufl.sqrt(ufl.max_value(2 * self.shear - left, 0.0)) * n,
+            "M": on_cone / ufl.sqrt(self._stiffness) * along,
+        }
+
+    def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
+        """Σ^{o,ρ}(e)[d]."""
+        P, M = stored["P"], stored["M"]
+        isotropic = spherical(stored["bulk"] * trace(d), len(d)) + stored["a"] * deviator(d)
+        return isotropic + ufl.dot(P, d) * P - ufl.dot(M, d) * M
+
+    def yield_ratio(self, s: Expr) -> Expr:
+        """(‖dev σ‖/√2 + η tr σ/3)/c, and 0 where pressure makes it negative."""
+        size = _size(deviator(s)) / math.sqrt(2) + self.slope * trace(s) / 3
+        return ufl.max_value(size, 0.0) / self.strength
+
+    def dissipation(self, rate: Expr) -> Expr:
+        """(c/η) tr rate, where tr rate ≥ √2 η‖dev rate‖."""
+        return self.strength / self.slope * trace(rate)
+
+    def inadmissible(self, rate: Expr) -> None:
+        """None: admissible rates are a cone, which no linear condition says."""
+        return None
+
+
+def _size(d: Expr) -> Expr:
+    return ufl.sqrt(ufl.dot(d, d))
+
+
+@dataclass(frozen=True)
+class DruckerPrager:
+    """Ground with cohesion and an angle of friction, as a cone: Drucker and Prager, associated.
+
+    The cone stands for Mohr and Coulomb's pyramid, which it meets in some states of stress alone:
+    in space the three matches differ by a factor of two. In plane strain limit loads of
+    ``"plane-strain"`` are those of Mohr and Coulomb exactly.
+
+    Args:
+        young: Young's modulus E > 0 (stress).
+        poisson: Poisson's ratio ν in (−1, ½).
+        cohesion: Of Mohr and Coulomb (stress), positive.
+        friction_angle: Of Mohr and Coulomb (degrees), between 0 and 90; dilatancy is the same.
+        match: In which states of stress the cone has the strength of Mohr and Coulomb.
+        expansion: Strain of a change of temperature by one degree (1/temperature).
+
+    Raises:
+        InputError: If a number is out of its range.
+    """
+
+    law: ClassVar[type[DruckerPragerLaw]] = DruckerPragerLaw
+
+    young: float
+    poisson: float
+    cohesion: float
+    friction_angle: float
+    match: Match
+    expansion: float = 0.0
+
+    def __post_init__(self) -> None:
+        Elastic(self.young, self.poisson, self.expansion)
+        require_positive("cohesion", self.cohesion)
+        if not 0 < self.friction_angle < 90:
+            raise InputError(
+                f"friction_angle = {self.friction_angle} is not between 0 and 90 degrees; give the"
+                " angle of friction, or law = 'von-mises' for ground without friction, with"
+                " yield_stress = √3 times its cohesion."
+            )
+        check_choice("match", self.match, ("plane-strain", "compression", "extension"))
+
+    @property
+    def bulk(self) -> float:
+        """κ = E / (3(1 − 2ν))."""
+        return Elastic(self.young, self.poisson).bulk
+
+    @property
+    def shear(self) -> float:
+        """μ = E / (2(1 + ν))."""
+        return Elastic(self.young, self.poisson).shear
+
+    @property
+    def cone(self) -> tuple[float, float]:
+        """η, and c (stress) in pure shear.
+
+        The cone goes through the pyramid's edges of triaxial compression or extension; or it is
+        that whose projection along σ_zz is Mohr and Coulomb's in the plane (D. C. Drucker,
+        W. Prager, Q. Appl. Math. 10 (1952), 157).
+        """
+        phi = math.radians(self.friction_angle)
+        if self.match == "plane-strain":
+            size = math.sqrt(9 + 12 * math.tan(phi) ** 2)
+            return 3 * math.tan(phi) / size, 3 * self.cohesion / size
+        sign = -1 if self.match == "compression" else 1
+        size = math.sqrt(3) * (3 + sign * math.sin(phi))
+        return 6 * math.sin(phi) / size, 6 * self.cohesion * math.cos(phi) / size
+
+    def parameters(self) -> dict[str, float]:
+        """κ, μ, η and c of :class:`DruckerPragerLaw`."""
+        slope, strength = self.cone
+        return {"bulk": self.bulk, "shear": self.shear, "slope": slope, "strength": strength}

@@ -1,0 +1,168 @@
+"""Drucker and Prager's material in all four algorithms, with contact, and from case files."""
+
+import json
+import math
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx import (
+    AugmentedLagrangian,
+    BorderedNewton,
+    Contact,
+    DruckerPrager,
+    Level,
+    Newton,
+    NewtonOptions,
+    Pressure,
+    Problem,
+    Support,
+    WorkNewton,
+    limit_load,
+)
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from tests.functional.test_command_line import one_line, write
+from tests.models import Read
+
+COHESION, ANGLE = 10.0, 30.0
+TIP = COHESION / math.tan(math.radians(ANGLE))
+EXACT = TIP * (2.0 ** (2 / 3) - 1)
+"""Of the tube b/a = 2 at 30°."""
+
+CASE = """
+[mesh]
+file = "tube.msh"
+[material.tube]
+law = "drucker-prager"
+young = 1e5
+poisson = 0.3
+cohesion = 10.0
+friction_angle = 30.0
+match = "plane-strain"
+[[support]]
+on = "x0"
+components = "x"
+[[support]]
+on = "y0"
+components = "y"
+[[load]]
+on = "inner"
+pressure = 1.0
+[element]
+degree = 2
+[loading]
+LOADING
+"""
+
+
+def divided_tube(read: Read, sign: float = 1.0, outside: float = 0.0) -> Problem:
+    """Two tubes, one in the other, that press on each other."""
+    tagged_mesh = read(write_thick_tube, outer=2.0, interface=1.4, size=0.3, order=2)
+    ground = DruckerPrager(1e5, 0.3, COHESION, ANGLE, "plane-strain")
+    loads = [Pressure("inner", sign), Pressure("outer", outside, constant=True)]
+    return Problem(
+        tagged_mesh,
+        {"inner_tube": ground, "outer_tube": ground},
+        [Support("x0", "x"), Support("y0", "y")],
+        loads[: 2 if outside else 1],
+        [Contact("inner_tube_seam", "outer_tube_seam")],
+        degree=2,
+    )
+
+
+def solved(level: Level) -> Level:
+    assert level.report.converged, level.report.reason
+    assert abs(level.report.duality_gap) < 1e-9
+    assert level.report.equilibrium < 1e-7
+    return level
+
+
+@pytest.mark.parametrize(("sign", "outside"), [(1.0, 0.0), (-1.0, 10.0)])
+def test_the_four_algorithms_agree(read: Read, sign: float, outside: float) -> None:
+    """Burst from within, or pressed from without while the inner pressure becomes a tension."""
+    problem = divided_tube(read, sign, outside)
+    zeta = 9.5 if sign > 0 else 0.9 * limit_load(problem, 1e-3).lower
+    sharp = NewtonOptions(tolerance=1e-11)
+    newton = solved(Newton(problem, sharp).solve(zeta))
+    assert newton.report.plastic_fraction > 0.3
+    alpha, displacement = newton.report.alpha, newton.state.u.x.array.copy()
+    work = solved(WorkNewton(divided_tube(read, sign, outside), sharp).solve(alpha))
+    assert work.report.zeta == pytest.approx(zeta, rel=1e-7)
+    uzawa = solved(AugmentedLagrangian(divided_tube(read, sign, outside)).solve(zeta))
+    scale = np.abs(displacement).max(initial=0)
+    assert np.abs(uzawa.state.u.x.array - displacement).max(initial=0) <= 1e-5 * scale
+    bordered = solved(BorderedNewton(divided_tube(read, sign, outside), sharp).solve(alpha))
+    assert bordered.report.zeta == pytest.approx(zeta, rel=1e-7)
+
+
+def test_limit_load_is_the_exact_one(read: Read) -> None:
+    """By the path, as the interior point method has no cone for it; no upper bound is known."""
+    found = limit_load(divided_tube(read), 1e-4)
+    assert found.levelled_off, found.reason
+    assert found.estimate == pytest.approx(EXACT, rel=5e-4)
+    assert found.upper is None
+
+
+def test_confined_ground_is_said_to_be_confined(read: Read) -> None:
+    """A tube whose outer face is held dilates against it: no load is too much, nothing locks."""
+    tagged_mesh = read(write_thick_tube, outer=2.0, size=0.3)
+    ground = DruckerPrager(1e5, 0.3, COHESION, ANGLE, "plane-strain")
+    supports = [Support("x0", "x"), Support("y0", "y"), Support("outer")]
+    loads = [Pressure("inner", 1.0)]
+    found = limit_load(Problem(tagged_mesh, {"tube": ground}, supports, loads), 1e-2)
+    assert not found.levelled_off
+    assert found.lower > 100 * EXACT
+    assert "dilate" in found.reason
+    assert "lock" not in found.reason
+
+
+def case(comm: MPI.Intracomm, folder: Path, loading: str, **changes: str) -> Path:
+    """A case and its mesh on file."""
+    if comm.rank == 0:
+        write_thick_tube(folder / "tube.msh", outer=2.0, size=0.3, order=2)
+    text = CASE.replace("LOADING", loading)
+    for key, value in changes.items():
+        text = "\n".join(
+            f"{key} = {value}" if line.startswith(f"{key} =") else line
+            for line in text.splitlines()
+        )
+    return write(comm, folder, text)
+
+
+def test_a_case_file_runs_to_the_limit_load(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    path = case(comm, shared_tmp_path, 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-3')
+    results = shared_tmp_path / "results"
+    assert main(["run", str(path), "-o", str(results), "--report"]) == SOLVED
+    if comm.rank == 0:
+        limit = json.loads((results / "summary.json").read_text())["limit"]
+        assert limit["estimate"] == pytest.approx(EXACT, rel=5e-3)
+        page = (results / "report.html").read_text()
+        assert "Drucker–Prager" in page
+        assert "as strong as Mohr–Coulomb in plane-strain" in page
+
+
+@pytest.mark.parametrize(
+    ("loading", "changes", "named"),
+    [
+        ('control = "bounds"', {}, "von Mises"),
+        ('control = "load"\nvalues = [1.0]', {"friction_angle": "95.0"}, "friction_angle = 95.0"),
+        ('control = "load"\nvalues = [1.0]', {"match": '"inner"'}, "match"),
+        ('control = "load"\nvalues = [1.0]', {"cohesion": "-1.0"}, "cohesion = -1.0"),
+    ],
+)
+def test_what_cannot_be_is_one_sentence(
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+    shared_tmp_path: Path,
+    loading: str,
+    changes: dict[str, str],
+    named: str,
+) -> None:
+    path = case(comm, shared_tmp_path, loading, **changes)
+    assert main(["run", str(path), "-o", str(shared_tmp_path / "results")]) == BAD_INPUT
+    assert named in one_line(comm, capsys)
