@@ -16,6 +16,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.cli.follow import Follower
 from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, meshing_options
+from perfplast_fenicsx.cli.model_command import is_model, mesh_model
 from perfplast_fenicsx.cli.parser import read_arguments
 from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED, run
 from perfplast_fenicsx.cli.run_log import logged_to_console
@@ -202,6 +203,9 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
             return SOLVED
         if chosen.command == "schema":
             return schema(comm, chosen.output)
+        if chosen.command == "mesh" and is_model(chosen.geometry):
+            mesh_model(comm, chosen)
+            return SOLVED
         if chosen.command == "mesh":
             glued = Glued.ALL if chosen.tied else Glued.BOLTS if chosen.bolted else Glued.NOTHING
             where = (chosen.geometry, chosen.output, meshing_options(chosen))

@@ -40,9 +40,11 @@ BELOW: dict[str, set[str]] = {
     "pictures": {"contact", "problem", "io.case", "io.results"},
     "report": {"pictures", "problem", "solvers", "io.case", "io.results"},
     "geometry": {"mesh", "materials"},
+    "models": {"geometry"},
     "cli": {
         *(
             "geometry",
+            "models",
             "pictures",
             "report",
             "io.case",

@@ -142,12 +142,13 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
 
     mesh = commands.add_parser(
         "mesh",
-        help="turn a STEP, BREP or .geo file into a mesh and a first case file",
+        help="turn a STEP, BREP, .geo or .inp file into a mesh and a first case file",
         description="Read the bodies of a geometry file, find out where they touch, and write"
         " DIR/case.msh and DIR/case.toml, in which materials, supports and loads are to be filled"
-        " in. Lengths are in mm for STEP files.",
+        " in. Lengths are in mm for STEP files. A model of Abaqus or CalculiX (.inp) has its mesh:"
+        " it is taken with its materials, supports, loads, contacts and ties.",
     )
-    mesh.add_argument("geometry", metavar="DRAWING", help=".step, .stp, .brep, .iges, .igs or .geo")
+    mesh.add_argument("geometry", metavar="DRAWING", help=".step, .stp, .brep, .iges, .igs, .geo or .inp")
     mesh.add_argument("-o", "--output", metavar="DIR", required=True, help="folder to write to")
     mesh.add_argument("--size", metavar="H", type=float, help="largest edge length")
     mesh.add_argument(

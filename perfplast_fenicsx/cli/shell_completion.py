@@ -6,7 +6,7 @@ from typing import Any
 
 ENDINGS = {
     "CASE.toml": ("toml",),
-    "DRAWING": ("step", "stp", "brep", "iges", "igs", "geo"),
+    "DRAWING": ("step", "stp", "brep", "iges", "igs", "geo", "inp"),
     "FILE": ("gif", "webp"),
     "PAGE": ("html",),
     "SCHEMA": ("json",),

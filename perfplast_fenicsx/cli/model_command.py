@@ -1,0 +1,113 @@
+"""``perfplast mesh MODEL.inp``: a model of another program becomes a mesh and a first case."""
+
+import argparse
+import logging
+import tempfile
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+
+from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.cli.mesh_command import CASE, MESH, PICTURE, describe, meshing_options
+from perfplast_fenicsx.cli.terminal import Terminal
+from perfplast_fenicsx.errors import InputError, on_rank0
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.survey import Survey
+from perfplast_fenicsx.models.foreign_model import ForeignModel
+from perfplast_fenicsx.models.inp_file import read_inp
+from perfplast_fenicsx.models.model_case import case_of, skin_of_model, survey_of
+from perfplast_fenicsx.models.msh_file import write_msh
+from perfplast_fenicsx.models.outer_facets import OuterFacets
+from perfplast_fenicsx.pictures.drawing_process import draw_parts
+
+MODELS = {".inp": read_inp}
+"""What reads a model, by the ending of its file."""
+
+log = logging.getLogger(__name__)
+
+
+def is_model(path: str) -> bool:
+    """Whether a file is a model by its name, with a mesh of its own."""
+    return Path(path).suffix.lower() in MODELS
+
+
+def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> None:
+    """Read a model, say what is in it, and write mesh and first case. Collective.
+
+    Args:
+        comm: Rank 0 does it.
+        chosen: Of ``perfplast mesh``.
+
+    Raises:
+        InputError: If the file cannot be used, the folder has a case already, or there are options
+            that a model with a mesh has no use for.
+    """
+    if meshing_options(chosen) != MeshingOptions() or chosen.tied or chosen.bolted:
+        raise InputError(
+            f"'{chosen.geometry}' has a mesh: options that say how to mesh and what to glue go with"
+            " geometry files; leave them out."
+        )
+    if chosen.material:
+        raise InputError(
+            f"'{chosen.geometry}' has its materials; leave out --material, and change them in"
+            f" {CASE} where you want others."
+        )
+    terminal, output = Terminal(comm), Path(chosen.output)
+
+    def made() -> tuple[Survey, bool]:
+        terminal.status(f"reading {chosen.geometry}")
+        try:
+            return _made(Path(chosen.geometry), output, chosen.force)
+        finally:
+            terminal.clear()
+
+    found = on_rank0(comm, made)
+    if found is not None:
+        survey, complete = found
+        terminal.say(describe(survey))
+        written = [name for name in (MESH, PICTURE, CASE) if (output / name).exists()]
+        fill = "" if complete else f" Fill in what is marked with <- in {CASE}; then:"
+        terminal.say(
+            f"\nWritten to {output}: {', '.join(written)}.{fill} perfplast run {output / CASE} -o"
+            f" {output / 'results'}"
+        )
+
+
+def _made(source: Path, output: Path, force: bool) -> tuple[Survey, bool]:
+    """Write the folder; whether nothing is left to be filled in."""
+    existing = [name for name in (CASE, MESH) if (output / name).exists()]
+    if existing and not force:
+        raise InputError(
+            f"'{output}' has a {existing[0]} already; give --force to replace it, or another -o."
+        )
+    model = MODELS[source.suffix.lower()](source)
+    survey = survey_of(model)
+    case = case_of(model, source.stem, source.name, MESH)
+    with tempfile.TemporaryDirectory() as scratch:
+        made = Path(scratch)
+        try:
+            write_msh(model, made / MESH)
+            (made / CASE).write_text(case, encoding="utf-8")
+            _draw(model, survey, made)
+            output.mkdir(parents=True, exist_ok=True)
+            for name in (MESH, PICTURE, CASE):
+                if (made / name).exists():
+                    replace(output / name, (made / name).read_bytes())
+        except OSError as error:
+            raise InputError(f"'{output}' cannot be written: {error.strerror or error}.") from error
+    return survey, "<-" not in case
+
+
+def _draw(model: ForeignModel, survey: Survey, made: Path) -> None:
+    """Draw the bodies; without a graphics system there is a mesh all the same."""
+    shown, body = model.cells, model.body
+    if model.dim == 3:
+        outer = OuterFacets(model.cells, len(model.points))
+        shown, body = outer.corners, model.body[outer.cells]
+    np.savez(made / "skin.npz", **skin_of_model(model, survey, shown, body))
+    try:
+        draw_parts(made / "skin.npz", made / PICTURE)
+    except InputError as error:
+        log.warning("%s", error)

@@ -1,0 +1,105 @@
+"""The elements of Abaqus and CalculiX: corners, faces, midsides, by the names of their types."""
+
+import re
+from dataclasses import dataclass
+
+Faces = tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What is alike for all elements of a shape; numbers count from 0.
+
+    Attributes:
+        dim: 3 for solids, 2 for what is flat, 1 for lines.
+        corners: Vertices.
+        faces: Of each face S1, S2, ... the corners, around it.
+        midsides: Of each midside that a quadratic one has behind its corners, the two ends.
+    """
+
+    dim: int
+    corners: int
+    faces: Faces
+    midsides: tuple[tuple[int, int], ...]
+
+
+TETRAHEDRON = Shape(
+    3,
+    4,
+    ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
+    ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+)
+HEXAHEDRON = Shape(
+    3,
+    8,
+    ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
+    ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+)
+WEDGE = Shape(
+    3,
+    6,
+    ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
+    ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
+)
+PYRAMID = Shape(
+    3,
+    5,
+    ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)),
+    ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)),
+)
+TRIANGLE = Shape(2, 3, ((0, 1), (1, 2), (2, 0)), ((0, 1), (1, 2), (2, 0)))
+QUADRILATERAL = Shape(
+    2, 4, ((0, 1), (1, 2), (2, 3), (3, 0)), ((0, 1), (1, 2), (2, 3), (3, 0))
+)
+LINE = Shape(1, 2, ((0,), (1,)), ((0, 1),))
+
+SOLIDS = {
+    4: TETRAHEDRON,
+    10: TETRAHEDRON,
+    5: PYRAMID,
+    6: WEDGE,
+    15: WEDGE,
+    8: HEXAHEDRON,
+    20: HEXAHEDRON,
+}
+FLAT = {3: TRIANGLE, 6: TRIANGLE, 4: QUADRILATERAL, 8: QUADRILATERAL}
+"""By the number of nodes."""
+
+PLANE = ("CPE", "CAX", "CPS", "S", "M3D", "DC2D", "SFM3D", "STRI", "R3D", "CPEG")
+LINES = ("T2D", "T3D", "B21", "B31", "B32", "B22")
+
+STRAIN, AXIS, STRESS = "plane strain", "axisymmetry", "plane stress"
+MODELS = {"CPE": STRAIN, "CAX": AXIS, "CPS": STRESS}
+"""What elements in the plane mean."""
+
+
+@dataclass(frozen=True)
+class ElementType:
+    """A type of elements.
+
+    Attributes:
+        shape: Its shape.
+        nodes: Of each element, midsides too.
+        model: What it means in the plane; "" in space, and of surfaces and lines.
+    """
+
+    shape: Shape
+    nodes: int
+    model: str = ""
+
+
+def element_type(name: str) -> ElementType | None:
+    """The type of a name such as ``C3D10M`` or ``CPE4R``; None where the program knows none."""
+    match = re.fullmatch(r"C3D(\d+)[A-Z]*", name)
+    if match:
+        nodes = int(match[1])
+        return ElementType(SOLIDS[nodes], nodes) if nodes in SOLIDS else None
+    for kind in PLANE:
+        match = re.fullmatch(rf"{kind}(\d)[A-Z]*\d?", name)
+        if match and int(match[1]) in FLAT:
+            nodes = int(match[1])
+            return ElementType(FLAT[nodes], nodes, MODELS.get(kind, ""))
+    match = re.fullmatch(r"(?:T2D|T3D|B2|B3)(\d)[A-Z]*", name)
+    if match and int(match[1]) in (2, 3):
+        return ElementType(LINE, int(match[1]))
+    return {"B31": ElementType(LINE, 2), "B32": ElementType(LINE, 3)}.get(name)

@@ -1,0 +1,106 @@
+"""What a model of another program says, as far as a case can say it, and what it says besides."""
+
+from dataclasses import dataclass, field
+
+from perfplast_fenicsx.arrays import Floats, Longs
+
+
+@dataclass(frozen=True)
+class ForeignMaterial:
+    """Numbers of a material.
+
+    Attributes:
+        young: Young's modulus, None where there is none.
+        poisson: Poisson's ratio.
+        yield_stress: The first one; None of elastic bodies.
+        hardening: Slope of the curve of yield stress behind it, 0 where it is flat.
+        density: Mass per volume; None where there is none.
+        expansion: Thermal expansion.
+    """
+
+    young: float | None = None
+    poisson: float | None = None
+    yield_stress: float | None = None
+    hardening: float = 0.0
+    density: float | None = None
+    expansion: float = 0.0
+
+
+@dataclass(frozen=True)
+class Held:
+    """A surface that is held, or moved, along some axes."""
+
+    on: str
+    components: str
+    value: float = 0.0
+
+
+@dataclass(frozen=True)
+class Pushed:
+    """A load on a surface or a body.
+
+    Attributes:
+        on: The surface or body.
+        kind: "pressure", "traction" or "body_force".
+        value: A number or a vector.
+        note: A comment.
+    """
+
+    on: str
+    kind: str
+    value: float | tuple[float, ...]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Joined:
+    """Two surfaces in contact, or glued.
+
+    Attributes:
+        primary: One surface.
+        secondary: The other one.
+        tied: Whether they are glued.
+        coulomb: Coefficient of friction, 0 without.
+    """
+
+    primary: str
+    secondary: str
+    tied: bool = False
+    coulomb: float = 0.0
+
+
+@dataclass
+class ForeignModel:
+    """A model of simplices with names.
+
+    Attributes:
+        dim: 3, or 2 for a plane one.
+        turned: Whether a plane model is half a section of a body of revolution.
+        points: Shape (n, 3).
+        cells: Corners of the simplices, shape (m, dim + 1).
+        body: Number of the body of each cell, shape (m,).
+        bodies: Their names.
+        facets: Corners of named facets, shape (k, dim); each facet once.
+        surface: Number of the surface of each of these, shape (k,).
+        surfaces: Names of the surfaces.
+        materials: By body; those that have none are missing.
+        held: Supports.
+        pushed: Loads.
+        joined: Contacts and ties.
+        remarks: What was not understood or is not as it was, a sentence each.
+    """
+
+    dim: int
+    turned: bool
+    points: Floats
+    cells: Longs
+    body: Longs
+    bodies: list[str]
+    facets: Longs
+    surface: Longs
+    surfaces: list[str]
+    materials: dict[str, ForeignMaterial] = field(default_factory=dict)
+    held: list[Held] = field(default_factory=list)
+    pushed: list[Pushed] = field(default_factory=list)
+    joined: list[Joined] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)

@@ -1,0 +1,72 @@
+"""Surfaces of an ``.inp`` file: of faces of elements, of sets of nodes, of flat elements on them."""
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.models.inp_mesh import Assembly, Block
+from perfplast_fenicsx.models.outer_facets import OuterFacets
+from perfplast_fenicsx.models.simplices import pieces
+
+NONE: Longs = np.zeros(0, dtype=np.int64)
+
+
+class InpSurfaces:
+    """Finds outer facets."""
+
+    def __init__(self, assembly: Assembly, outer: OuterFacets, dim: int) -> None:
+        self._assembly, self._outer, self._dim = assembly, outer, dim
+        corners = np.zeros(len(assembly.points), dtype=bool)
+        corners[outer.corners] = True
+        self._corner = corners
+
+    def of_faces(self, elements: Longs, face: str) -> Longs:
+        """Facets of a face (S1, P1, ...) of elements; all outer ones of theirs without a face."""
+        found = [NONE]
+        number = int(face[1:]) - 1 if face[1:].isdigit() and face[:1] in "SPF" else None
+        for block in self._blocks(self._dim):
+            mine = block.nodes[self._rows(block, elements)]
+            shape = block.kind.shape
+            numbers = range(len(shape.faces)) if number is None else [number]
+            for one in numbers:
+                if 0 <= one < len(shape.faces) and len(mine):
+                    for piece, _ in pieces(mine[:, list(shape.faces[one])]):
+                        found.append(self._outer.find(piece))
+        every = np.concatenate(found)
+        return np.unique(every[every >= 0])
+
+    def of_flat_elements(self, elements: Longs) -> Longs:
+        """Facets on which flat elements (in the plane, lines) lie."""
+        found = [NONE]
+        for block in self._blocks(self._dim - 1):
+            mine = block.nodes[self._rows(block, elements)]
+            for piece, _ in pieces(mine[:, : block.kind.shape.corners]):
+                found.append(self._outer.find(piece))
+        every = np.concatenate(found)
+        return np.unique(every[every >= 0])
+
+    def of_nodes(self, nodes: Longs) -> Longs:
+        """Facets that have all their corners among nodes."""
+        return self._outer.among(nodes, len(self._assembly.points))
+
+    def covered(self, nodes: Longs, facets: Longs) -> bool:
+        """Whether facets have all those nodes that are corners of outer facets, and there are any."""
+        on = np.zeros(len(self._corner), dtype=bool)
+        on[self._outer.corners[facets]] = True
+        corners = nodes[self._corner[nodes]]
+        return bool(len(facets)) and bool(on[corners].all())
+
+    def areas(self, facets: Longs) -> np.ndarray:
+        """Area of each facet (in the plane, its length)."""
+        p = self._assembly.points[self._outer.corners[facets]]
+        if self._dim == 2:
+            return np.asarray(np.linalg.norm(p[:, 1] - p[:, 0], axis=1))
+        return np.asarray(
+            np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1) / 2
+        )
+
+    def _blocks(self, dim: int) -> list[Block]:
+        return [block for block in self._assembly.blocks if block.kind.shape.dim == dim]
+
+    def _rows(self, block: Block, elements: Longs) -> Longs:
+        inside = (elements >= block.first) & (elements < block.first + len(block.nodes))
+        return elements[inside] - block.first

@@ -1,0 +1,180 @@
+"""The first case file of a model of another program, and a survey of what is in it."""
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.geometry.survey import Body, Face, Joint, Survey
+from perfplast_fenicsx.models.foreign_model import ForeignMaterial, ForeignModel, Joined
+
+HEAD = """\
+# Made of {source}. What is marked with <- is to be filled in.
+
+title = {title}
+
+[mesh]
+file = {mesh}
+"""
+
+END = """
+[element]
+degree = 2
+
+[loading]
+control = "work"
+until = "limit"                 # at what load the bodies collapse
+"""
+
+FLAT = 1e-6
+"""Normals of a flat surface differ by less."""
+
+
+def case_of(model: ForeignModel, title: str, source: str, mesh: str) -> str:
+    """A case file with all that is known.
+
+    Args:
+        model: The model.
+        title: Of the case.
+        source: Name of its file.
+        mesh: Name of the mesh beside the case.
+    """
+    text = HEAD.format(source=source, title=_quoted(title), mesh=_quoted(mesh))
+    if model.turned:
+        text += '\n[model]\nkind = "axisymmetric"\n'
+    for body in model.bodies:
+        text += _material(body, model.materials.get(body))
+    for support in model.held:
+        text += f"\n[[support]]\non = {_quoted(support.on)}\n"
+        text += f"components = {_quoted(support.components)}\n"
+        text += f"value = {support.value!r}\n" if support.value else ""
+    if not model.held:
+        text += '\n[[support]]\non = "NAME"                     # <- what holds the bodies\n'
+    for pair in model.joined:
+        text += _pair(pair)
+    for load in model.pushed:
+        value = load.value if isinstance(load.value, float) else list(load.value)
+        note = f"  # {load.note}" if load.note else ""
+        text += f"\n[[load]]\non = {_quoted(load.on)}\n{load.kind} = {value!r}{note}\n"
+    if not model.pushed:
+        text += '\n[[load]]\non = "NAME"                     # <- what pushes and pulls\n'
+        text += "pressure = 1.0                  # <-\n"
+    text += END
+    text += "".join(f"\n# Not as in {source}: {remark}." for remark in model.remarks)
+    return text + ("\n" if model.remarks else "")
+
+
+def survey_of(model: ForeignModel) -> Survey:
+    """What there is, as of a geometry."""
+    dim, points = model.dim, model.points
+    volumes = _volumes(points, model.cells, dim)
+    bodies = []
+    for number, name in enumerate(model.bodies):
+        mine = model.cells[model.body == number]
+        places = points[mine.ravel()][:, :dim]
+        size = float(volumes[model.body == number].sum())
+        low, high = places.min(axis=0), places.max(axis=0)
+        worst = float(_qualities(points, mine, dim).min())
+        bodies.append(Body(name, name, size, _place(low), _place(high), len(mine), worst))
+    faces = []
+    for number, name in enumerate(model.surfaces):
+        mine = model.facets[model.surface == number]
+        normals = _normals(points, mine, dim)
+        areas = np.linalg.norm(normals, axis=1)
+        flat = abs(normals.sum(axis=0)) @ abs(normals.sum(axis=0)) >= areas.sum() ** 2 * (1 - FLAT)
+        centre = np.average(points[mine].mean(axis=1), axis=0, weights=areas)[:dim]
+        owner = next((b.name for b in bodies), "")
+        shape = ("flat" if flat else "curved") if dim == 3 else ("straight" if flat else "curved")
+        faces.append(Face(number + 1, name, owner, shape, float(areas.sum()), _place(centre)))
+    by_name = {face.name: face for face in faces}
+    joints = [
+        Joint(
+            ("", ""),
+            (pair.primary, pair.secondary),
+            by_name[pair.primary].area,
+            ("tied" if pair.tied else "contact",),
+        )
+        for pair in model.joined
+    ]
+    nodes = len(np.unique(model.cells))
+    return Survey(dim, 1, nodes, bodies, joints, [], faces, list(model.remarks))
+
+
+def skin_of_model(model: ForeignModel, survey: Survey, outer: Longs, body: Longs) -> dict:
+    """What a picture shows: the outer triangles and the places of named surfaces.
+
+    Args:
+        model: The model.
+        survey: Of it.
+        outer: Corners of the triangles that are seen, shape (n, 3).
+        body: Of each.
+    """
+    places = []
+    for number, face in enumerate(survey.faces):
+        middles = model.points[model.facets[model.surface == number]].mean(axis=1)
+        centre = np.zeros(3)
+        centre[: model.dim] = face.centre
+        places.append(middles[np.argmin(np.linalg.norm(middles - centre, axis=1))])
+    return {
+        "points": model.points,
+        "triangles": outer,
+        "body": body,
+        "names": np.array(model.bodies),
+        "places": np.array(places).reshape(-1, 3),
+        "numbers": np.array([face.number for face in survey.faces], dtype=np.int64),
+    }
+
+
+def _material(body: str, given: ForeignMaterial | None) -> str:
+    text = f"\n[material.{body}]\n"
+    if given is None or given.young is None:
+        return text + (
+            'law = "von-mises"\nyoung = 0.0                     # <-\n'
+            "poisson = 0.0                   # <-\nyield_stress = 0.0              # <-\n"
+        )
+    law = "elastic" if given.yield_stress is None else "von-mises"
+    text += f"law = {_quoted(law)}\nyoung = {given.young!r}\npoisson = {given.poisson!r}\n"
+    if given.yield_stress is not None:
+        text += f"yield_stress = {given.yield_stress!r}\n"
+    return text + (f"expansion = {given.expansion!r}\n" if given.expansion else "")
+
+
+def _pair(pair: Joined) -> str:
+    kind = "tie" if pair.tied else "contact"
+    text = f"\n[[{kind}]]\nprimary = {_quoted(pair.primary)}\nsecondary = {_quoted(pair.secondary)}\n"
+    return text + (f"# coulomb = {pair.coulomb!r}\n" if pair.coulomb else "")
+
+
+def _volumes(points: Floats, cells: Longs, dim: int) -> Floats:
+    edges = points[cells[:, 1:], :dim] - points[cells[:, :1], :dim]
+    return np.asarray(np.abs(np.linalg.det(edges)) / (6 if dim == 3 else 2))
+
+
+def _qualities(points: Floats, cells: Longs, dim: int) -> Floats:
+    """Volume over that of an equilateral cell with the same mean square of edges."""
+    ends = [(i, j) for i in range(dim + 1) for j in range(i)]
+    squares = sum(
+        ((points[cells[:, i], :dim] - points[cells[:, j], :dim]) ** 2).sum(axis=1) for i, j in ends
+    ) / len(ends)
+    equilateral = squares ** (dim / 2) * (2**0.5 / 12 if dim == 3 else 3**0.5 / 4)
+    return np.asarray(_volumes(points, cells, dim) / np.maximum(equilateral, 1e-300))
+
+
+def _normals(points: Floats, facets: Longs, dim: int) -> Floats:
+    """Normals of the size of the facets, all to one side of the first one."""
+    p = points[facets]
+    if dim == 2:
+        along = p[:, 1] - p[:, 0]
+        normals = np.column_stack([along[:, 1], -along[:, 0], 0 * along[:, 0]])
+    else:
+        normals = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) / 2
+    return np.asarray(normals * np.where(normals @ normals[0] < 0, -1.0, 1.0)[:, None])
+
+
+def _place(point: Floats) -> tuple[float, ...]:
+    return tuple(float(x) for x in point)
+
+
+def _quoted(text: Sequence[str] | str) -> str:
+    return json.dumps(text, ensure_ascii=False)

@@ -1,0 +1,50 @@
+"""Surfaces that may share facets, as surfaces that share none."""
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.geometry.parts import unique_names
+
+
+class NamedSurfaces:
+    """Takes surfaces as they are named, and divides them where they overlap.
+
+    A facet has one physical name in a mesh. Those that several surfaces have become surfaces of
+    their own, and a name then stands for several of these.
+    """
+
+    def __init__(self) -> None:
+        self._members: dict[str, Longs] = {}
+
+    def add(self, name: str, facets: Longs) -> None:
+        """Add a surface, or facets to one."""
+        before = self._members.get(name, np.zeros(0, dtype=np.int64))
+        self._members[name] = np.union1d(before, facets)
+
+    def divided(self, used: set[str]) -> tuple[list[str], Longs, Longs, dict[str, list[str]]]:
+        """Surfaces without common facets, of those that are used.
+
+        Args:
+            used: Names of surfaces that statements stand on.
+
+        Returns:
+            Their names; the facets, shape (k,), and the surface of each, shape (k,); of each name
+            that was added, those it stands for.
+        """
+        names = [name for name in self._members if name in used and len(self._members[name])]
+        every = np.unique(np.concatenate([np.zeros(0, np.int64), *map(self._members.get, names)]))  # type: ignore[arg-type]
+        signs = np.zeros((len(every), (len(names) + 62) // 63), dtype=np.int64)
+        for number, name in enumerate(names):
+            at = np.searchsorted(every, self._members[name])
+            signs[at, number // 63] |= np.int64(1) << np.int64(number % 63)
+        kinds, surface = np.unique(signs, axis=0, return_inverse=True)
+        stands: dict[str, list[str]] = {name: [] for name in names}
+        having = [
+            [n for k, n in enumerate(names) if kind[k // 63] >> np.int64(k % 63) & 1]
+            for kind in kinds
+        ]
+        plain = unique_names("_and_".join(some) for some in having)
+        for called, some in zip(plain, having, strict=True):
+            for name in some:
+                stands[name].append(called)
+        return plain, every, surface.ravel(), stands

@@ -1,0 +1,69 @@
+"""The outer facets of a mesh of simplices, found by their corners."""
+
+from itertools import combinations
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.errors import InputError
+
+MOST_POINTS = 2_000_000
+"""With more the key of a triangle would not fit into 63 bits."""
+
+NOWHERE = -1
+
+
+class OuterFacets:
+    """Facets that one cell alone has.
+
+    Attributes:
+        corners: Sorted by number, shape (num_facets, dim).
+        cells: The cell of each, shape (num_facets,).
+    """
+
+    def __init__(self, cells: Longs, num_points: int) -> None:
+        """Find them.
+
+        Args:
+            cells: Corners of all simplices, shape (m, dim + 1).
+            num_points: So many points have numbers.
+
+        Raises:
+            InputError: If there are too many points.
+        """
+        if num_points > MOST_POINTS:
+            raise InputError(
+                f"the model has {num_points} nodes, more than {MOST_POINTS}; take a coarser mesh."
+            )
+        dim = cells.shape[1] - 1
+        self._base = np.int64(max(num_points, 1))
+        sides = [list(side) for side in combinations(range(dim + 1), dim)]
+        every = np.sort(np.concatenate([cells[:, side] for side in sides]), axis=1)
+        owners = np.tile(np.arange(len(cells)), len(sides))
+        keys = self._keys(every)
+        order = np.argsort(keys, kind="stable")
+        ordered = keys[order]
+        first = np.concatenate([[True], ordered[1:] != ordered[:-1]])
+        alone = first & np.concatenate([first[1:], [True]])
+        chosen = order[alone]
+        self._found = ordered[alone]
+        self.corners, self.cells = every[chosen], owners[chosen]
+
+    def _keys(self, corners: Longs) -> Longs:
+        keys = np.zeros(len(corners), dtype=np.int64)
+        for column in corners.T:
+            keys = keys * self._base + column
+        return keys
+
+    def find(self, corners: Longs) -> Longs:
+        """The number of each facet by its corners in any order, or -1; shape (n,)."""
+        keys = self._keys(np.sort(corners, axis=1))
+        at = np.minimum(np.searchsorted(self._found, keys), max(len(self._found) - 1, 0))
+        there = self._found[at] == keys if len(self._found) else np.zeros(len(keys), dtype=bool)
+        return np.where(there, at, NOWHERE)
+
+    def among(self, points: Longs, num_points: int) -> Longs:
+        """Numbers of the facets that have all their corners among some points."""
+        chosen = np.zeros(num_points, dtype=bool)
+        chosen[points] = True
+        return np.flatnonzero(chosen[self.corners].all(axis=1))
