@@ -68,10 +68,10 @@ def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> None:
         survey, complete = found
         terminal.say(describe(survey))
         written = [name for name in (MESH, PICTURE, CASE) if (output / name).exists()]
-        fill = "" if complete else f" Fill in what is marked with <- in {CASE}; then:"
+        fill = "" if complete else f" fill in what is marked with <- in {CASE};"
         terminal.say(
-            f"\nWritten to {output}: {', '.join(written)}.{fill} perfplast run {output / CASE} -o"
-            f" {output / 'results'}"
+            f"\nWritten to {output}: {', '.join(written)}. Next:{fill} perfplast run"
+            f" {output / CASE} -o {output / 'results'}"
         )
 
 

@@ -148,7 +148,9 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         " in. Lengths are in mm for STEP files. A model of Abaqus or CalculiX (.inp) has its mesh:"
         " it is taken with its materials, supports, loads, contacts and ties.",
     )
-    mesh.add_argument("geometry", metavar="DRAWING", help=".step, .stp, .brep, .iges, .igs, .geo or .inp")
+    mesh.add_argument(
+        "geometry", metavar="DRAWING", help=".step, .stp, .brep, .iges, .igs, .geo or .inp"
+    )
     mesh.add_argument("-o", "--output", metavar="DIR", required=True, help="folder to write to")
     mesh.add_argument("--size", metavar="H", type=float, help="largest edge length")
     mesh.add_argument(

@@ -33,7 +33,20 @@ HEXAHEDRON = Shape(
     3,
     8,
     ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
-    ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+    (
+        (0, 1),
+        (1, 2),
+        (2, 3),
+        (3, 0),
+        (4, 5),
+        (5, 6),
+        (6, 7),
+        (7, 4),
+        (0, 4),
+        (1, 5),
+        (2, 6),
+        (3, 7),
+    ),
 )
 WEDGE = Shape(
     3,
@@ -48,9 +61,7 @@ PYRAMID = Shape(
     ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)),
 )
 TRIANGLE = Shape(2, 3, ((0, 1), (1, 2), (2, 0)), ((0, 1), (1, 2), (2, 0)))
-QUADRILATERAL = Shape(
-    2, 4, ((0, 1), (1, 2), (2, 3), (3, 0)), ((0, 1), (1, 2), (2, 3), (3, 0))
-)
+QUADRILATERAL = Shape(2, 4, ((0, 1), (1, 2), (2, 3), (3, 0)), ((0, 1), (1, 2), (2, 3), (3, 0)))
 LINE = Shape(1, 2, ((0,), (1,)), ((0, 1),))
 
 SOLIDS = {
@@ -65,8 +76,9 @@ SOLIDS = {
 FLAT = {3: TRIANGLE, 6: TRIANGLE, 4: QUADRILATERAL, 8: QUADRILATERAL}
 """By the number of nodes."""
 
-PLANE = ("CPE", "CAX", "CPS", "S", "M3D", "DC2D", "SFM3D", "STRI", "R3D", "CPEG")
-LINES = ("T2D", "T3D", "B21", "B31", "B32", "B22")
+PLANE = ("CPE", "CAX", "CPS", "S", "M3D", "SFM3D", "STRI", "R3D")
+LINES = {"T2D2": 2, "T3D2": 2, "T2D3": 3, "T3D3": 3, "B21": 2, "B31": 2, "B22": 3, "B32": 3}
+"""Beginnings of the names of flat elements, and nodes of lines by theirs."""
 
 STRAIN, AXIS, STRESS = "plane strain", "axisymmetry", "plane stress"
 MODELS = {"CPE": STRAIN, "CAX": AXIS, "CPS": STRESS}
@@ -99,7 +111,5 @@ def element_type(name: str) -> ElementType | None:
         if match and int(match[1]) in FLAT:
             nodes = int(match[1])
             return ElementType(FLAT[nodes], nodes, MODELS.get(kind, ""))
-    match = re.fullmatch(r"(?:T2D|T3D|B2|B3)(\d)[A-Z]*", name)
-    if match and int(match[1]) in (2, 3):
-        return ElementType(LINE, int(match[1]))
-    return {"B31": ElementType(LINE, 2), "B32": ElementType(LINE, 3)}.get(name)
+    line = LINES.get(name.rstrip("RHO"))
+    return ElementType(LINE, line) if line else None

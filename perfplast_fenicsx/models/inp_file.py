@@ -4,13 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.parts import unique_names
 from perfplast_fenicsx.models.element_types import AXIS, STRESS
-from perfplast_fenicsx.models.foreign_model import ForeignModel
+from perfplast_fenicsx.models.foreign_model import ForeignMaterial, ForeignModel
 from perfplast_fenicsx.models.inp_keywords import read_keywords
-from perfplast_fenicsx.models.inp_mesh import MESH_KEYWORDS, SCOPES, Assembly, MeshReader
+from perfplast_fenicsx.models.inp_mesh import MESH_KEYWORDS, SCOPES, Assembly, Block, MeshReader
+from perfplast_fenicsx.models.inp_on_surfaces import InpBody, OnSurfaces
 from perfplast_fenicsx.models.inp_statements import Statements
 from perfplast_fenicsx.models.inp_surfaces import InpSurfaces
 from perfplast_fenicsx.models.outer_facets import OuterFacets
@@ -66,25 +67,25 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
     every = _oriented(assembly.points, every, dim)
     remarks = _told_of_mesh(assembly, solids, len(every))
     outer = OuterFacets(every, len(assembly.points))
-    names, body = _bodies(assembly, statements, parent)
+    bodies, body = _bodies(assembly, statements, parent)
     surfaces = InpSurfaces(assembly, outer, dim)
-    made = statements.made(assembly, surfaces, names, dim)
-    plain, facets, surface, _ = made.surfaces
-    bodies = unique_names(names)
+    on = OnSurfaces(assembly, surfaces, bodies, dim)
+    made = on.made(statements.surfaces, statements.chosen(), statements.frictions)
+    names, facets, surface, _ = made.surfaces
     return ForeignModel(
         dim=dim,
         turned=meanings == {AXIS},
         points=assembly.points,
         cells=every,
         body=body,
-        bodies=bodies,
+        bodies=[one.name for one in bodies],
         facets=outer.corners[facets],
         surface=surface,
-        surfaces=plain,
+        surfaces=names,
         materials={
-            one: statements.materials[of]
-            for one, name in zip(bodies, names, strict=True)
-            if (of := statements.material_of(name)) in statements.materials
+            one.name: statements.materials[one.material]
+            for one in bodies
+            if one.material in statements.materials
         },
         held=made.held,
         pushed=made.pushed,
@@ -93,7 +94,7 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
     )
 
 
-def _oriented(points: np.ndarray, cells: Longs, dim: int) -> Longs:
+def _oriented(points: Floats, cells: Longs, dim: int) -> Longs:
     """Cells with positive volume."""
     edges = points[cells[:, 1:], :dim] - points[cells[:, :1], :dim]
     turned = np.linalg.det(edges) < 0
@@ -102,7 +103,7 @@ def _oriented(points: np.ndarray, cells: Longs, dim: int) -> Longs:
     return cells
 
 
-def _told_of_mesh(assembly: Assembly, solids: list, count: int) -> list[str]:
+def _told_of_mesh(assembly: Assembly, solids: list[Block], count: int) -> list[str]:
     """What became of elements."""
     remarks = [
         f"{number} lines of elements of type {name}, which the program does not know, are left out"
@@ -132,18 +133,25 @@ def _told_of_mesh(assembly: Assembly, solids: list, count: int) -> list[str]:
 
 def _bodies(
     assembly: Assembly, statements: Statements, parent: Longs
-) -> tuple[list[str], Longs]:
-    """Names of bodies by their sections, and the body of each simplex."""
+) -> tuple[list[InpBody], Longs]:
+    """Bodies by their sections, and the body of each simplex."""
     of_element = np.full(assembly.count, -1)
-    names: list[str] = []
-    for elset, _ in statements.sections:
-        members = assembly.members("ELSET", elset)
-        if members is not None and len(members):
-            of_element[members] = len(names)
-            names.append(elset)
-    of_cell = of_element[parent]
-    if (of_cell < 0).any():
-        of_cell = np.where(of_cell < 0, len(names), of_cell)
-        names.append(REST)
-    there, body = np.unique(of_cell, return_inverse=True)
-    return [names[number] for number in there], body.ravel()
+    wanted, of = [REST], [""]
+    for part, elset, material in statements.sections:
+        alone = sum(one == part for one, _, _ in statements.sections) == 1
+        for instance in [name for name, its in assembly.instances if its == part]:
+            members = assembly.members("ELSET", f"{instance}.{elset}" if instance else elset)
+            if members is None or not len(members):
+                continue
+            of_element[members] = len(wanted) - 1
+            wanted.append(f"{instance}_{elset}" if instance and not alone else instance or elset)
+            of.append(material)
+    there, body = np.unique(of_element[parent], return_inverse=True)
+    names = unique_names(wanted[number + 1] for number in there)
+    bodies = []
+    for name, number in zip(names, there, strict=True):
+        material = of[number + 1]
+        known = statements.materials.get(material, ForeignMaterial())
+        elements = np.flatnonzero(of_element == number)
+        bodies.append(InpBody(name, material, elements, known.density))
+    return bodies, body.ravel()

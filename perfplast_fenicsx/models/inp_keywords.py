@@ -1,5 +1,6 @@
 """The keywords of an ``.inp`` file of Abaqus or CalculiX, with their options and data lines."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,7 +35,7 @@ class Keyword:
         return self.options.get(name, default).upper()
 
     def rows(self) -> list[list[str]]:
-        """The data lines as cells without blanks; empty cells behind the last comma are left out."""
+        """The data lines as cells without blanks, but for empty ones at the end."""
         found = []
         for line in self.lines:
             cells = [cell.strip() for cell in line.split(",")]
@@ -42,6 +43,23 @@ class Keyword:
                 cells.pop()
             found.append(cells)
         return found
+
+
+def number_of(cell: str, keyword: Keyword) -> float:
+    """The number of a cell, 0 of an empty one.
+
+    Raises:
+        InputError: If it is none, or not finite.
+    """
+    try:
+        value = float(cell.upper().replace("D", "E") or 0)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(
+            f"line {keyword.number}: *{keyword.name} has '{cell[:30]}' where a number is wanted."
+        )
+    return value
 
 
 def read_keywords(path: Path) -> list[Keyword]:

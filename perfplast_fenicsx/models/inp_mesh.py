@@ -10,11 +10,25 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.models.element_types import ElementType, element_type
 from perfplast_fenicsx.models.inp_keywords import Keyword
-
-NOBODY: Longs = np.zeros(0, dtype=np.int64)
+from perfplast_fenicsx.models.inp_numbers import (
+    NOBODY,
+    NumberIndex,
+    Sets,
+    add_to,
+    first_has,
+    members_of,
+    names_of,
+    table_of,
+)
 
 MESH_KEYWORDS = ("NODE", "ELEMENT", "NSET", "ELSET")
 """Keywords that make nodes, elements and sets."""
+
+MOST_COLUMNS = 7
+"""Of ``*NODE``: number, coordinates, direction of a normal."""
+
+WITH_INNER_NODES, INNER = "C3D8I", 3
+"""Elements that CalculiX may be told the nodes of inner modes of, and so many."""
 
 SCOPES = ("PART", "END PART", "ASSEMBLY", "END ASSEMBLY", "INSTANCE", "END INSTANCE")
 """Keywords that say which part or instance others belong to."""
@@ -25,14 +39,14 @@ class Part:
     """What is numbered together: a part, or a whole file without parts.
 
     Attributes:
-        nodes: Numbers, shape (n,), and places, shape (n, 3), of each *NODE block.
-        elements: Type, numbers and nodes' numbers of each *ELEMENT block.
+        nodes: Numbers, shape (n,), and places, shape (n, 3), of each ``*NODE`` block.
+        elements: Type, numbers and nodes' numbers of each ``*ELEMENT`` block.
         sets: By kind ("NSET", "ELSET") and name: numbers.
     """
 
     nodes: list[tuple[Longs, Floats]] = field(default_factory=list)
     elements: list[tuple[ElementType, Longs, Longs]] = field(default_factory=list)
-    sets: dict[tuple[str, str], Longs] = field(default_factory=dict)
+    sets: Sets = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,14 +75,16 @@ class Assembly:
         sets: By kind and name (in capitals, ``INSTANCE.SET`` of a part's): indices.
         left_out: Elements of types that the program does not know, by type.
         numbers: By instance and kind: indices by number.
+        instances: Their names and parts; ("", "") of a file without them.
     """
 
     points: Floats
     blocks: list[Block]
     count: int
-    sets: dict[tuple[str, str], Longs]
+    sets: Sets
     left_out: dict[str, int]
-    numbers: dict[str, dict[str, "NumberIndex"]]
+    numbers: dict[str, dict[str, NumberIndex]]
+    instances: list[tuple[str, str]]
 
     def members(self, kind: str, name: str) -> Longs | None:
         """A set by its name, or the one node or element of a number; None where there is none."""
@@ -113,8 +129,8 @@ class MeshReader:
             instance = keyword.option("INSTANCE")
             if self._now or not (instance or self._instances):
                 part = self._parts[self._now]
-                members = _members(keyword, name, part.sets)
-                _add(part.sets, (name, keyword.option(name)), members)
+                members = members_of(keyword, name, part.sets)
+                add_to(part.sets, (name, keyword.option(name)), members)
             else:
                 self._later.append((keyword, instance))
 
@@ -127,60 +143,44 @@ class MeshReader:
         instances = self._instances or [("", "", [])]
         points: list[Floats] = []
         blocks: list[Block] = []
-        sets: dict[tuple[str, str], Longs] = {}
-        count = 0
+        sets: Sets = {}
         numbers: dict[str, dict[str, NumberIndex]] = {}
+        count = offset = 0
         for name, of, moves in instances:
             if of not in self._parts:
                 raise InputError(f"the instance '{name}' is of a part '{of}' that there is not.")
-            part = self._parts[of]
-            offset = sum(map(len, points))
+            part, first = self._parts[of], count
             ids = np.concatenate([NOBODY, *(one for one, _ in part.nodes)])
             places = np.concatenate([np.zeros((0, 3)), *(xyz for _, xyz in part.nodes)])
             nodes = NumberIndex(ids, offset, f"node of '{name or 'the model'}'")
             points.append(_moved(places, moves, name))
-            of_elements = []
-            first = count
+            offset += len(places)
+            of_elements = [NOBODY]
             for kind, own, connectivity in part.elements:
                 blocks.append(Block(kind, count, nodes.of(connectivity)))
                 of_elements.append(own)
                 count += len(own)
-            elements = NumberIndex(np.concatenate([NOBODY, *of_elements]), first, "element")
+            elements = NumberIndex(np.concatenate(of_elements), first, "element")
             numbers[name] = {"NSET": nodes, "ELSET": elements}
             for (kind_of, own_name), members in part.sets.items():
                 found = numbers[name][kind_of].of(members, missing_is_fine=True)
                 for called in {own_name, f"{name}.{own_name}" if name else own_name}:
-                    _add(sets, (kind_of, called), found)
+                    add_to(sets, (kind_of, called), found)
         for keyword, instance in self._later:
-            kind_of = keyword.name
-            if instance in numbers:
-                own = {
-                    key[1].removeprefix(f"{instance}."): value
-                    for key, value in sets.items()
-                    if key[0] == kind_of and key[1].startswith(f"{instance}.")
-                }
-                raw = _members(keyword, kind_of, {})
-                found = numbers[instance][kind_of].of(raw, missing_is_fine=True)
-                named = [own[n.upper()] for n in _names(keyword) if n.upper() in own]
-                found = np.concatenate([found, *named])
-            else:
-                named = [sets[kind_of, n.upper()] for n in _names(keyword) if (kind_of, n.upper()) in sets]
-                found = np.concatenate([NOBODY, *named])
-            _add(sets, (kind_of, keyword.option(kind_of)), found)
+            _add_later(keyword, instance, numbers, sets)
         return Assembly(
-            np.concatenate([np.zeros((0, 3)), *points]),
-            blocks,
-            count,
-            sets,
-            self._left_out,
-            numbers,
+            points=np.concatenate([np.zeros((0, 3)), *points]),
+            blocks=blocks,
+            count=count,
+            sets=sets,
+            left_out=self._left_out,
+            numbers=numbers,
+            instances=[(name, of) for name, of, _ in instances],
         )
 
     def _nodes(self, keyword: Keyword) -> None:
-        values = _numbers(keyword)
-        width = 1 + values.shape[1] if values.ndim == 2 else 4
-        table = values
-        if table.size and not 3 <= width - 1 <= 7:
+        table = table_of(keyword)
+        if not 3 <= table.shape[1] <= MOST_COLUMNS:
             raise InputError(f"line {keyword.number}: *NODE wants a number and coordinates.")
         places = np.zeros((len(table), 3))
         places[:, : min(3, table.shape[1] - 1)] = table[:, 1:4]
@@ -190,7 +190,7 @@ class MeshReader:
         part = self._parts[self._now]
         part.nodes.append((ids, places))
         if keyword.option("NSET"):
-            _add(part.sets, ("NSET", keyword.option("NSET")), ids)
+            add_to(part.sets, ("NSET", keyword.option("NSET")), ids)
 
     def _elements(self, keyword: Keyword) -> None:
         name = keyword.option("TYPE")
@@ -200,6 +200,8 @@ class MeshReader:
             return
         cells = ",".join(keyword.lines).replace(",,", ",").strip(", ").split(",")
         width = 1 + kind.nodes
+        if name == WITH_INNER_NODES and first_has(keyword, 1 + kind.nodes + INNER):
+            width += INNER
         try:
             table = np.array(cells, dtype=np.int64)
         except ValueError as error:
@@ -213,95 +215,31 @@ class MeshReader:
             )
         table = table.reshape(-1, width)
         part = self._parts[self._now]
-        part.elements.append((kind, table[:, 0], table[:, 1:]))
+        part.elements.append((kind, table[:, 0], table[:, 1 : 1 + kind.nodes]))
         if keyword.option("ELSET"):
-            _add(part.sets, ("ELSET", keyword.option("ELSET")), table[:, 0])
+            add_to(part.sets, ("ELSET", keyword.option("ELSET")), table[:, 0])
 
 
-class NumberIndex:
-    """Finds the index in the assembly of what has a number in its part."""
-
-    def __init__(self, ids: Longs, first: int, what: str) -> None:
-        self._order = np.argsort(ids, kind="stable")
-        self._sorted, self._first, self._what = ids[self._order], first, what
-
-    def of(self, numbers: Longs, missing_is_fine: bool = False) -> Longs:
-        """Indices, the last one's where a number is given twice."""
-        if not len(self._sorted):
-            if numbers.size and not missing_is_fine:
-                raise InputError(f"there is no {self._what} {numbers.ravel()[0]}.")
-            return NOBODY
-        at = np.searchsorted(self._sorted, numbers, side="right") - 1
-        there = self._sorted[np.maximum(at, 0)] == numbers
-        if missing_is_fine:
-            return self._first + self._order[at[there]]
-        if not there.all():
-            raise InputError(
-                f"there is no {self._what} {numbers[~there].ravel()[0]}, which an element has; the"
-                " file is cut off or damaged."
-            )
-        return self._first + self._order[at]
-
-
-def _numbers(keyword: Keyword) -> Floats:
-    """Data lines of equal length as a table."""
-    if not keyword.lines:
-        return np.zeros((0, 4))
-    lines = [line.rstrip(", ") for line in keyword.lines]
-    width = lines[0].count(",") + 1
-    try:
-        values = np.array(",".join(lines).split(","), dtype=np.float64)
-        return values.reshape(-1, width)
-    except ValueError as error:
-        raise InputError(
-            f"line {keyword.number}: *{keyword.name} has lines that differ, or what is no number"
-            f" ({error})."
-        ) from error
-
-
-def _names(keyword: Keyword) -> list[str]:
-    """What of the data is a name."""
-    return [cell for row in keyword.rows() for cell in row if cell and not _is_whole(cell)]
-
-
-def _is_whole(cell: str) -> bool:
-    return cell.lstrip("+-").isdigit()
-
-
-def _members(
-    keyword: Keyword, kind: str, known: dict[tuple[str, str], Longs]
-) -> Longs:
-    """The numbers of a set."""
-    rows = keyword.rows()
-    if "GENERATE" in keyword.options:
-        found = []
-        for row in rows:
-            try:
-                first, last, step = (*map(int, row), 1)[:3]
-            except ValueError as error:
-                raise InputError(
-                    f"line {keyword.number}: *{kind}, GENERATE wants first, last and step."
-                ) from error
-            if step < 1 or (last - first) // step > 100_000_000:
-                raise InputError(f"line {keyword.number}: *{kind} has the step {step}.")
-            found.append(np.arange(first, last + 1, step, dtype=np.int64))
-        return np.concatenate([NOBODY, *found])
-    plain = np.array([int(c) for row in rows for c in row if _is_whole(c)], dtype=np.int64)
-    others = [known[kind, n.upper()] for n in _names(keyword) if (kind, n.upper()) in known]
-    return np.concatenate([plain, *others])
-
-
-def _add(
-    sets: dict[tuple[str, str], Longs], key: tuple[str, str], members: Longs
+def _add_later(
+    keyword: Keyword, instance: str, numbers: dict[str, dict[str, NumberIndex]], sets: Sets
 ) -> None:
-    """Sets that are given again grow."""
-    before = sets.get(key)
-    sets[key] = members if before is None else np.union1d(before, members)
+    """Add a set of the assembly: of an instance's numbers and sets, or of sets by name."""
+    kind = keyword.name
+    before = f"{instance}." if instance else ""
+    named = [sets[key] for n in names_of(keyword) if (key := (kind, before + n.upper())) in sets]
+    found = np.concatenate([NOBODY, *named])
+    if instance in numbers:
+        own = members_of(keyword, kind, {})
+        found = np.concatenate([found, numbers[instance][kind].of(own, missing_is_fine=True)])
+    add_to(sets, (kind, keyword.option(kind)), found)
 
 
 def _moved(points: Floats, moves: Sequence[Iterable[str]], name: str) -> Floats:
     """Where an instance puts a part: a translation, then a turn about an axis (degrees)."""
-    rows = [list(map(float, row)) for row in moves if row]
+    try:
+        rows = [list(map(float, row)) for row in moves if row]
+    except ValueError as error:
+        raise InputError(f"the instance '{name}' is moved by what is no number.") from error
     if rows:
         points = points + np.array((rows[0] + [0.0] * 3)[:3])
     if len(rows) > 1:

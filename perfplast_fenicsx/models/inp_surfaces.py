@@ -1,4 +1,4 @@
-"""Surfaces of an ``.inp`` file: of faces of elements, of sets of nodes, of flat elements on them."""
+"""Surfaces of an ``.inp`` file: faces of elements, sets of nodes, flat elements on faces."""
 
 import numpy as np
 
@@ -49,7 +49,7 @@ class InpSurfaces:
         return self._outer.among(nodes, len(self._assembly.points))
 
     def covered(self, nodes: Longs, facets: Longs) -> bool:
-        """Whether facets have all those nodes that are corners of outer facets, and there are any."""
+        """Whether there are facets, with all those nodes that are corners of outer ones."""
         on = np.zeros(len(self._corner), dtype=bool)
         on[self._outer.corners[facets]] = True
         corners = nodes[self._corner[nodes]]

@@ -10,7 +10,7 @@ from perfplast_fenicsx.geometry.survey import Body, Face, Joint, Survey
 from perfplast_fenicsx.models.foreign_model import ForeignMaterial, ForeignModel, Joined
 
 HEAD = """\
-# Made of {source}. What is marked with <- is to be filled in.
+# Made of {source}.{fill}
 
 title = {title}
 
@@ -40,11 +40,12 @@ def case_of(model: ForeignModel, title: str, source: str, mesh: str) -> str:
         source: Name of its file.
         mesh: Name of the mesh beside the case.
     """
-    text = HEAD.format(source=source, title=_quoted(title), mesh=_quoted(mesh))
+    text = ""
     if model.turned:
         text += '\n[model]\nkind = "axisymmetric"\n'
+    yields = any(given.yield_stress is not None for given in model.materials.values())
     for body in model.bodies:
-        text += _material(body, model.materials.get(body))
+        text += _material(body, model.materials.get(body), yields)
     for support in model.held:
         text += f"\n[[support]]\non = {_quoted(support.on)}\n"
         text += f"components = {_quoted(support.components)}\n"
@@ -62,7 +63,10 @@ def case_of(model: ForeignModel, title: str, source: str, mesh: str) -> str:
         text += "pressure = 1.0                  # <-\n"
     text += END
     text += "".join(f"\n# Not as in {source}: {remark}." for remark in model.remarks)
-    return text + ("\n" if model.remarks else "")
+    text += "\n" if model.remarks else ""
+    fill = " What is marked with <- is to be filled in." if "<-" in text else ""
+    names = {"title": _quoted(title), "mesh": _quoted(mesh)}
+    return HEAD.format(source=source, fill=fill, **names) + text
 
 
 def survey_of(model: ForeignModel) -> Survey:
@@ -126,7 +130,7 @@ def skin_of_model(model: ForeignModel, survey: Survey, outer: Longs, body: Longs
     }
 
 
-def _material(body: str, given: ForeignMaterial | None) -> str:
+def _material(body: str, given: ForeignMaterial | None, yields: bool) -> str:
     text = f"\n[material.{body}]\n"
     if given is None or given.young is None:
         return text + (
@@ -134,7 +138,12 @@ def _material(body: str, given: ForeignMaterial | None) -> str:
             "poisson = 0.0                   # <-\nyield_stress = 0.0              # <-\n"
         )
     law = "elastic" if given.yield_stress is None else "von-mises"
-    text += f"law = {_quoted(law)}\nyoung = {given.young!r}\npoisson = {given.poisson!r}\n"
+    fill = (
+        ""
+        if yields
+        else '               # <- or "von-mises", with a yield_stress: something has to yield'
+    )
+    text += f"law = {_quoted(law)}{fill}\nyoung = {given.young!r}\npoisson = {given.poisson!r}\n"
     if given.yield_stress is not None:
         text += f"yield_stress = {given.yield_stress!r}\n"
     return text + (f"expansion = {given.expansion!r}\n" if given.expansion else "")
@@ -142,7 +151,9 @@ def _material(body: str, given: ForeignMaterial | None) -> str:
 
 def _pair(pair: Joined) -> str:
     kind = "tie" if pair.tied else "contact"
-    text = f"\n[[{kind}]]\nprimary = {_quoted(pair.primary)}\nsecondary = {_quoted(pair.secondary)}\n"
+    text = (
+        f"\n[[{kind}]]\nprimary = {_quoted(pair.primary)}\nsecondary = {_quoted(pair.secondary)}\n"
+    )
     return text + (f"# coulomb = {pair.coulomb!r}\n" if pair.coulomb else "")
 
 

@@ -1,7 +1,7 @@
 """A model as a gmsh file with physical names."""
 
 from pathlib import Path
-from typing import TextIO
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +23,8 @@ def write_msh(model: ForeignModel, path: Path) -> None:
     facets = np.searchsorted(used, model.facets)
     of_facets, of_cells = KINDS[model.dim]
     first = len(model.surfaces)
-    with path.open("w", encoding="utf-8") as file:
+    with path.open("w", encoding="utf-8") as opened:
+        file: Any = opened  # NumPy writes text to it, whatever its types say
         file.write("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n")
         names = [(model.dim - 1, name) for name in model.surfaces]
         names += [(model.dim, name) for name in model.bodies]
@@ -39,7 +40,7 @@ def write_msh(model: ForeignModel, path: Path) -> None:
         file.write("$EndElements\n")
 
 
-def _elements(file: TextIO, first: int, kind: int, tags: Longs, nodes: Longs) -> None:
+def _elements(file: Any, first: int, kind: int, tags: Longs, nodes: Longs) -> None:
     """Lines of elements: number, kind, two tags, nodes."""
     count = len(nodes)
     numbers = np.arange(first, first + count)

@@ -1,5 +1,7 @@
 """Surfaces that may share facets, as surfaces that share none."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from perfplast_fenicsx.arrays import Longs
@@ -21,18 +23,25 @@ class NamedSurfaces:
         before = self._members.get(name, np.zeros(0, dtype=np.int64))
         self._members[name] = np.union1d(before, facets)
 
-    def divided(self, used: set[str]) -> tuple[list[str], Longs, Longs, dict[str, list[str]]]:
-        """Surfaces without common facets, of those that are used.
+    def facets(self, name: str) -> Longs:
+        """The facets of a surface."""
+        return self._members[name]
+
+    def divided(
+        self, taken: Sequence[str] = ()
+    ) -> tuple[list[str], Longs, Longs, dict[str, list[str]]]:
+        """Surfaces without common facets.
 
         Args:
-            used: Names of surfaces that statements stand on.
+            taken: Names that bodies have.
 
         Returns:
             Their names; the facets, shape (k,), and the surface of each, shape (k,); of each name
             that was added, those it stands for.
         """
-        names = [name for name in self._members if name in used and len(self._members[name])]
-        every = np.unique(np.concatenate([np.zeros(0, np.int64), *map(self._members.get, names)]))  # type: ignore[arg-type]
+        names = [name for name, facets in self._members.items() if len(facets)]
+        members = [self._members[name] for name in names]
+        every = np.unique(np.concatenate([np.zeros(0, np.int64), *members]))
         signs = np.zeros((len(every), (len(names) + 62) // 63), dtype=np.int64)
         for number, name in enumerate(names):
             at = np.searchsorted(every, self._members[name])
@@ -44,6 +53,7 @@ class NamedSurfaces:
             for kind in kinds
         ]
         plain = unique_names("_and_".join(some) for some in having)
+        plain = [f"{name}_surface" if name in taken else name for name in plain]
         for called, some in zip(plain, having, strict=True):
             for name in some:
                 stands[name].append(called)

@@ -1,0 +1,105 @@
+"""Surfaces that statements of an ``.inp`` file stand on, and what is none."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.models.inp_keywords import Keyword
+from perfplast_fenicsx.models.inp_mesh import Assembly
+from perfplast_fenicsx.models.inp_surfaces import InpSurfaces
+from perfplast_fenicsx.models.named_surfaces import NamedSurfaces
+
+MOST_SHOWN = 5
+"""Names in a remark."""
+
+
+class UsedSurfaces:
+    """Takes surfaces by name, by sets of nodes and by faces, as statements ask for them.
+
+    Attributes:
+        remarks: What is no surface.
+    """
+
+    def __init__(self, assembly: Assembly, find: InpSurfaces, dim: int) -> None:
+        """Take the mesh.
+
+        Args:
+            assembly: The mesh.
+            find: Finds facets.
+            dim: 3, or 2 in the plane.
+        """
+        self._assembly, self._find, self._dim = assembly, find, dim
+        self._named = NamedSurfaces()
+        self._facets: dict[str, Longs] = {}
+        self._no_surface: dict[str, list[str]] = {}
+        self.remarks: list[str] = []
+
+    def declare(self, keyword: Keyword) -> None:
+        """Take a ``*SURFACE``."""
+        name = keyword.option("NAME")
+        every: list[Longs] = [np.zeros(0, dtype=np.int64)]
+        for row in keyword.rows():
+            kind = "NSET" if keyword.option("TYPE") == "NODE" else "ELSET"
+            members = self._assembly.members(kind, row[0]) if row else None
+            if members is None:
+                self.remarks.append(
+                    f"*SURFACE '{name}' names the set '{', '.join(row[:1])}', which is not there"
+                )
+                continue
+            if kind == "NSET":
+                every.append(self._find.of_nodes(members))
+            elif self._is_flat(members):
+                every.append(self._find.of_flat_elements(members))
+            else:
+                face = row[1].upper() if len(row) > 1 else ""
+                every.append(self._find.of_faces(members, face))
+        self._facets[name] = np.unique(np.concatenate(every))
+
+    def use(self, name: str, facets: Longs) -> str:
+        """Facets by a name, which is given back."""
+        self._named.add(name, facets)
+        return name
+
+    def of_nodes(self, name: str, what: str) -> str | None:
+        """A set of nodes as a surface, if it is one; else ``what`` stands on it is left out."""
+        nodes = self._assembly.members("NSET", name)
+        if nodes is None:
+            self.remarks.append(f"{what} on '{name}', which is no set of nodes, is left out")
+            return None
+        facets = self._find.of_nodes(nodes)
+        if not self._find.covered(nodes, facets):
+            self._no_surface.setdefault(what, []).append(name)
+            return None
+        return self.use(name, facets)
+
+    def named(self, name: str, what: str) -> str | None:
+        """A surface of a ``*SURFACE``; without outer faces ``what`` stands on it is left out."""
+        facets = self._facets.get(name.upper())
+        if facets is None or not len(facets):
+            why = "which is not there" if facets is None else "which has no outer face"
+            self.remarks.append(f"{what} on the surface '{name}', {why}, is left out")
+            return None
+        return self.use(name.upper(), facets)
+
+    def area(self, name: str) -> float:
+        """Of a surface that is used."""
+        return float(self._find.areas(self._named.facets(name)).sum())
+
+    def divided(self, taken: Sequence[str]) -> tuple[list[str], Longs, Longs, dict[str, list[str]]]:
+        """See :meth:`NamedSurfaces.divided`; afterwards ``remarks`` are whole."""
+        for what, names in self._no_surface.items():
+            shown = ", ".join(repr(name) for name in names[:MOST_SHOWN])
+            more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
+            self.remarks.append(
+                f"{what} on {shown}{more}, whose nodes are no surface, is left out; give it to a"
+                " set that has all nodes of some outer faces"
+            )
+        self._no_surface.clear()
+        return self._named.divided(taken)
+
+    def _is_flat(self, elements: Longs) -> bool:
+        """Whether the elements of a set are those of surfaces."""
+        blocks = [b for b in self._assembly.blocks if b.kind.shape.dim == self._dim]
+        solid = [np.arange(b.first, b.first + len(b.nodes)) for b in blocks]
+        return not np.isin(elements, np.concatenate(solid)).any()

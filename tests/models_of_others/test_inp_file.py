@@ -1,0 +1,246 @@
+"""Models of Abaqus and CalculiX: what is read of them, and what is said of the rest."""
+
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import InputError
+from perfplast_fenicsx.models.element_types import HEXAHEDRON, PYRAMID, WEDGE, Shape
+from perfplast_fenicsx.models.foreign_model import ForeignModel, Held
+from perfplast_fenicsx.models.inp_file import read_inp
+from perfplast_fenicsx.models.model_case import case_of
+from perfplast_fenicsx.models.simplices import divided, pieces
+
+pytestmark = pytest.mark.serial
+
+HEAD = """*HEADING
+** a comment
+*NODE, NSET=ALL
+1,0,0,0
+2,1,0,0
+3,1,1,0
+4,0,1,0
+5,0,0,1
+6,1,0,1
+7,1,1,1
+8,0,1,1
+9,0,0,2
+10,1.,0.,2.,
+11,1,1,2
+12,0,1,2
+"""
+ONE_BODY = """*Element, type=C3D8, elset=Eall
+1,1,2,3,4,5,6,7,8
+2,5,6,7,8,9,10,
+11,12
+"""
+REST = """*NSET, NSET=BASE
+1,2,3,4
+*NSET, NSET=X0
+1,4,5,8,9,12
+*NSET, NSET=Y0
+1,2,5,6,9,10
+*MATERIAL, NAME=STEEL
+*ELASTIC
+210000,0.3
+*PLASTIC
+235,0
+*DENSITY
+7.8E-9
+*SOLID SECTION, ELSET=EALL, MATERIAL=STEEL
+*SURFACE, NAME=TOP, TYPE=ELEMENT
+2,S2
+*BOUNDARY
+BASE,3,3
+X0,1
+Y0,2,2
+*STEP
+*STATIC
+*DSLOAD
+TOP,P,1.
+*END STEP
+"""
+SHAPES = {
+    "hexahedron": (HEXAHEDRON, "000 100 110 010 001 101 111 011", 1.0),
+    "wedge": (WEDGE, "000 100 010 001 101 011", 0.5),
+    "pyramid": (PYRAMID, "000 100 110 010 001", 1 / 3),
+}
+
+
+def model(folder: Path, text: str) -> ForeignModel:
+    path = folder / "model.inp"
+    path.write_text(text)
+    return read_inp(path)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_cells_are_divided_as_their_neighbours_see_them(name: str) -> None:
+    """In any numbering: the volume is kept, and faces are cut by their own corners alone."""
+    shape, places, volume = SHAPES[name]
+    corners = np.array([[float(x) for x in place] for place in places.split()])
+    random = np.random.default_rng(1)
+    for _ in range(60):
+        numbers = random.permutation(shape.corners)
+        points = np.empty_like(corners)
+        points[numbers] = corners
+        cells, parents = divided(numbers[None], shape)
+        edges = points[cells[:, 1:]] - points[cells[:, :1]]
+        volumes = np.abs(np.linalg.det(edges)) / 6
+        assert volumes.sum() == pytest.approx(volume)
+        assert volumes.min() > 0.1 * volume
+        assert not parents.any()
+        sides = [tuple(sorted(side)) for cell in cells for side in combinations(cell, 3)]
+        outer = {side for side in sides if sides.count(side) == 1}
+        assert outer == _faces(shape, numbers)
+
+
+def _faces(shape: Shape, numbers: np.ndarray) -> set[tuple[int, ...]]:
+    cut = [pieces(numbers[None, list(face)]) for face in shape.faces]
+    return {tuple(sorted(row)) for some in cut for piece, _ in some for row in piece}
+
+
+def test_a_case_is_whole(tmp_path: Path) -> None:
+    found = model(tmp_path, HEAD + ONE_BODY + REST)
+    assert (found.dim, found.bodies, len(found.cells)) == (3, ["eall"], 12)
+    assert sorted(found.surfaces) == ["base", "top", "x0", "y0"]
+    expected = [Held("base", "z"), Held("x0", "x"), Held("y0", "y")]
+    assert sorted(found.held, key=lambda one: one.on) == expected
+    (load,) = found.pushed
+    assert (load.on, load.kind, load.value) == ("top", "pressure", 1.0)
+    assert [remark.split()[0] for remark in found.remarks] == ["2"]  # elements are divided
+    text = case_of(found, "box", "model.inp", "case.msh")
+    assert "<-" not in text
+    assert "yield_stress = 235.0" in text
+
+
+def test_surfaces_that_overlap_are_divided(tmp_path: Path) -> None:
+    """A face that is held twice is a surface of its own, in both supports."""
+    text = REST.replace("BASE,3,3", "BASE,3,3\nLOWER,1").replace(
+        "*NSET, NSET=X0", "*NSET, NSET=LOWER\n1,2,3,4,5,8\n*NSET, NSET=X0"
+    )
+    found = model(tmp_path, HEAD + ONE_BODY + text)
+    of = {name: (found.surface == k).sum() for k, name in enumerate(found.surfaces)}
+    assert of["base_and_lower"] == 2
+    assert sum(of.values()) == len(np.unique(np.sort(found.facets, axis=1), axis=0))
+    held = {one.on: one.components for one in found.held if one.on != "base_and_lower"}
+    assert {"x", "z"} == {one.components for one in found.held if one.on == "base_and_lower"}
+    assert held["y0"] == "y"
+
+
+def test_parts_are_moved_and_turned_and_have_sets_of_their_own(tmp_path: Path) -> None:
+    """Two instances of one part, in contact with friction; the same set names in both."""
+    cube = "\n".join(HEAD.splitlines()[2:11]) + "\n*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,7,8\n"
+    text = f"""*PART, NAME=CUBE
+{cube}*ELSET, ELSET=SET-1, GENERATE
+1,1,1
+*SOLID SECTION, ELSET=SET-1, MATERIAL=STEEL
+*END PART
+*ASSEMBLY, NAME=A
+*INSTANCE, NAME=LOW, PART=CUBE
+*END INSTANCE
+*INSTANCE, NAME=HIGH, PART=CUBE
+0,0,1
+0,0,1,0,0,2,90.
+*END INSTANCE
+*NSET, NSET=FOOT, INSTANCE=LOW
+1,2,3,4
+*ELSET, ELSET=_UP, INSTANCE=LOW
+1
+*ELSET, ELSET=_DOWN, INSTANCE=HIGH
+1
+*SURFACE, NAME=UP, TYPE=ELEMENT
+_UP,S2
+*SURFACE, NAME=DOWN, TYPE=ELEMENT
+_DOWN,S1
+*END ASSEMBLY
+*MATERIAL, NAME=STEEL
+*ELASTIC
+1,0.3
+*SURFACE INTERACTION, NAME=RUB
+1.,
+*FRICTION
+0.2
+*CONTACT PAIR, INTERACTION=RUB
+UP,DOWN
+*BOUNDARY
+FOOT,ENCASTRE
+*STEP
+*DLOAD
+_DOWN,P2,3.
+*END STEP
+"""
+    found = model(tmp_path, text)
+    assert found.bodies == ["low", "high"]
+    high = found.points[found.cells[found.body == 1]].reshape(-1, 3)
+    assert high.min(axis=0) == pytest.approx([-1, 0, 1], abs=1e-12)  # turned by 90° about z
+    assert high.max(axis=0) == pytest.approx([0, 1, 2], abs=1e-12)
+    (pair,) = found.joined
+    assert (pair.primary, pair.secondary, pair.coulomb) == ("up", "down", 0.2)
+    assert found.held == [Held("foot", "xyz")]
+    assert any("friction 0.2" in remark for remark in found.remarks)
+    assert "# coulomb = 0.2" in case_of(found, "a", "model.inp", "case.msh")
+
+
+def test_forces_at_nodes_and_gravity(tmp_path: Path) -> None:
+    """Forces of single nodes that make a face are a traction; weight is density times gravity."""
+    text = REST.replace("*DSLOAD\nTOP,P,1.", "*CLOAD\n9,3,-1\n10,3,-2\n11,3,-3\n12,3,-2")
+    text = text.replace("*END STEP", "*DLOAD\nEALL,GRAV,9810,0,0,-1\n*END STEP")
+    found = model(tmp_path, HEAD + ONE_BODY + text)
+    traction, weight = found.pushed
+    assert (traction.on, traction.kind) == ("pushed_z", "traction")
+    assert traction.value == pytest.approx((0, 0, -8))
+    assert (weight.on, weight.kind) == ("eall", "body_force")
+    assert weight.value == pytest.approx((0, 0, -9810 * 7.8e-9))
+
+
+def test_plane_models(tmp_path: Path) -> None:
+    text = HEAD.replace("5,0,0,1", "5,0,2,0").replace("6,1,0,1", "6,1,2,0")
+    quads = "*ELEMENT, TYPE=CAX4, ELSET=EALL\n1,1,2,3,4\n2,4,3,6,5\n"
+    found = model(tmp_path, text + quads)
+    assert (found.dim, found.turned, found.bodies, len(found.cells)) == (2, True, ["rest"], 4)
+    with pytest.raises(InputError, match="plane stress"):
+        model(tmp_path, text + quads.replace("CAX4", "CPS4"))
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (("BASE,3,3", "ONE,3,3"), "*BOUNDARY on 'ONE', which is no set of nodes"),
+        (("BASE,3,3", "7,3,3"), "whose nodes are no surface"),
+        (("TOP,P,1.", "SIDE,P,1."), "*DSLOAD on the surface 'SIDE', which is not there"),
+        (("*STATIC", "*STATIC\n*CREEP"), "*CREEP has no counterpart"),
+        (("235,0", "235,0\n300,0.1"), "first yield stress 235 is taken without hardening"),
+        (("*STATIC", "*STATIC\n*DLOAD\nEALL,GRAV,1,0,0,-1\n*DENSITY\n1"), None),
+    ],
+)
+def test_what_has_no_counterpart_is_said(
+    tmp_path: Path, change: tuple[str, str], named: str | None
+) -> None:
+    found = model(tmp_path, HEAD + ONE_BODY + REST.replace(*change))
+    assert named is None or any(named in remark for remark in found.remarks)
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("", "no keywords"),
+        ("hello\n", "before the first keyword"),
+        ("\0\0\0", "no text"),
+        ("*NODE\n1,0,0,0\n", "no solid elements"),
+        ("*NODE\n1,0,0,nan\n*ELEMENT,TYPE=C3D4\n1,1,1,1,1\n", "no numbers"),
+        (HEAD + "*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,7\n", "cut off or damaged"),
+        (HEAD + "*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,7,99\n", "no node of 'the model' 99"),
+        (HEAD + "*ELEMENT, TYPE=C3D8\n1,1,2,x,4,5,6,7,8\n", "a number that is none"),
+        (HEAD + "*ELEMENT, TYPE=S4\n1,1,2,3,4\n", "shells"),
+        (HEAD + ONE_BODY + "*INCLUDE, INPUT=/etc/passwd\n", "outside of the model's folder"),
+        (HEAD + ONE_BODY + "*INCLUDE, INPUT=model.inp\n", "in a ring"),
+        (HEAD + ONE_BODY + "*INCLUDE, INPUT=missing.inp\n", "cannot be read"),
+        (HEAD + ONE_BODY + REST.replace("TOP,P,1.", "TOP,P,much"), "'much'"),
+        (HEAD + ONE_BODY + "*ELASTIC\n1,0.3\n", "belongs to no *MATERIAL"),
+    ],
+)
+def test_broken_files_are_one_sentence(tmp_path: Path, text: str, named: str) -> None:
+    with pytest.raises(InputError, match=named.replace("*", r"\*")):
+        model(tmp_path, text)
