@@ -105,7 +105,7 @@ def _draw(model: ForeignModel, survey: Survey, made: Path) -> None:
     shown, body = model.cells, model.body
     if model.dim == 3:
         outer = OuterFacets(model.cells, len(model.points))
-        shown, body = outer.corners, model.body[outer.cells]
+        shown, body = outer.outwards(model.points, model.cells), model.body[outer.cells]
     np.savez(made / "skin.npz", **skin_of_model(model, survey, shown, body))
     try:
         draw_parts(made / "skin.npz", made / PICTURE)

@@ -4,7 +4,7 @@ from itertools import combinations
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
 
 MOST_POINTS = 2_000_000
@@ -48,6 +48,19 @@ class OuterFacets:
         chosen = order[alone]
         self._found = ordered[alone]
         self.corners, self.cells = every[chosen], owners[chosen]
+
+    def outwards(self, points: Floats, cells: Longs) -> Longs:
+        """Corners of triangles, turned so that they are seen from outside.
+
+        Args:
+            points: Shape (n, 3).
+            cells: Those that the facets were found of.
+        """
+        a, b, c = (points[self.corners[:, k]] for k in range(3))
+        inside = points[cells[self.cells]].mean(axis=1)
+        volume = np.einsum("ni,ni->n", np.cross(b - a, c - a), inside - a)
+        turned: Longs = np.where((volume > 0)[:, None], self.corners[:, [0, 2, 1]], self.corners)
+        return turned
 
     def _keys(self, corners: Longs) -> Longs:
         keys = np.zeros(len(corners), dtype=np.int64)

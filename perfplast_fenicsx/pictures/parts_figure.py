@@ -22,8 +22,8 @@ VIEWS = {"from the front": (1.0, -1.6, 0.9), "from behind": (-1.0, 1.6, -0.9)}
 PIXELS, DPI = (1000, 800), 100
 """Of each view."""
 
-ZOOM = 1.3
-"""Bodies fill the picture so much more than by VTK's own choice."""
+MARGIN = 1.06
+"""So much more than the bodies is seen."""
 
 SHARP = 30.0
 """Edges between facets that differ by more degrees are drawn."""
@@ -98,15 +98,32 @@ def _view(
         show_points=False,
         always_visible=flat,
     )
-    plotter.view_vector(view, viewup=(0, 1, 0) if flat else (0, 0, 1))
+    up = (0.0, 1.0, 0.0) if flat else (0.0, 0.0, 1.0)
+    plotter.view_vector(view, viewup=up)
     plotter.enable_parallel_projection()
     plotter.reset_camera()
-    plotter.camera.zoom(ZOOM)
+    _fit(plotter.camera, points[np.unique(triangles)], view, np.array(up))
+    plotter.reset_camera_clipping_range()
     if not flat:
         plotter.add_axes()
     image = np.asarray(plotter.screenshot(return_img=True), dtype=np.uint8)
     plotter.close()
     return image
+
+
+def _fit(camera: pv.Camera, points: Floats, view: Floats, up: Floats) -> None:
+    """Let a parallel projection show all points, and little else."""
+    towards = view / np.linalg.norm(view)
+    right = np.cross(up, towards)
+    axes = np.array([right / np.linalg.norm(right), np.cross(towards, right)])
+    axes[1] /= np.linalg.norm(axes[1])
+    seen = points @ axes.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    focus = np.array(camera.focal_point)
+    shift = ((low + high) / 2 - axes @ focus) @ axes
+    camera.focal_point, camera.position = focus + shift, np.array(camera.position) + shift
+    width, height = high - low
+    camera.parallel_scale = MARGIN / 2 * max(height, width * PIXELS[1] / PIXELS[0])
 
 
 def _hue(body: int) -> str:

@@ -45,3 +45,21 @@ def test_skin_and_picture(tmp_path: Path, dim: int) -> None:
     draw_parts(skin, picture)
     colours = np.unique(mpimg.imread(picture)[..., :3].reshape(-1, 3), axis=0)
     assert len(colours) > 20
+
+
+@pytest.mark.parametrize("size", [(1, 1, 3), (6, 1, 1), (1, 6, 1)])
+def test_long_bodies_are_not_cut_off(tmp_path: Path, size: tuple[int, int, int]) -> None:
+    """A box ends in corners, on all sides of its picture; cut off, it would end in a line."""
+    geo, skin, picture = (tmp_path / name for name in ("bar.brep", "skin.npz", "bar.png"))
+    with gmsh_session():
+        gmsh.model.occ.addBox(0, 0, 0, *size)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(geo))
+    mesh_geometry(geo, tmp_path / "bar.msh", MeshingOptions(size=3), skin)
+    draw_parts(skin, picture)
+    image = mpimg.imread(picture)[60:-60, :, :3]
+    blue = image[..., 2] - image[..., 0] > 0.2
+    for half in np.array_split(blue, 2, axis=1):
+        rows = np.flatnonzero(half.any(axis=1))
+        assert half[rows[[0, -1]]].sum(axis=1).max() < 30
+        assert max(np.ptp(rows) / half.shape[0], np.ptp(half.any(axis=0).nonzero()) / 700) > 0.5
