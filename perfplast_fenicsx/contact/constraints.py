@@ -37,7 +37,8 @@ class Constraints:
         B: Shape (m, num_dofs), sparse: rows as hosts are distributed, columns as V's unknowns.
         host: Local block dof of each host, owned by this rank, shape (m_local,).
         gap: Initial gap g (length), negative for interference, shape (m_local,).
-        normal: Unit normal out of a's body, shape (m_local, gdim).
+        normal: Unit normal out of a's body, shape (m_local, gdim); where a row is one of several
+            nodes whose normals turn, its resultant force for λ = 1, of nearly that length.
         surface: Number of the contact or obstacle from 0, shape (m_local,); obstacles count on
             behind the contacts.
         shares: Which share of a row's force each node gets along the normal: 1 at the host and its
@@ -104,6 +105,7 @@ def make_constraints(
     in_mean: bool = False,
     remarks: tuple[str, ...] = (),
     area: Floats | None = None,
+    shares: Sequence[Floats] | None = None,
 ) -> Constraints:
     """Rows as sums of terms c·u at nodes. Collective.
 
@@ -118,19 +120,24 @@ def make_constraints(
         in_mean: See :class:`Constraints`.
         remarks: The same.
         area: The same; without it there can be no friction.
+        shares: The same, of each term of each list; None where coefficients are along the row's
+            normal, and say it.
     """
     comm, gdim = V.mesh.comm, V.dofmap.index_map_bs
     rows = (len(host), comm.allreduce(len(host)))
     entries: list[Entries] = []
-    shares: list[Entries] = []
-    for row, node, coefficient in terms:
+    parts: list[Entries] = []
+    for i, (row, node, coefficient) in enumerate(terms):
         columns = np.asarray(node, dtype=np.int64)[:, None] * gdim + np.arange(gdim)
         entries.append((np.repeat(row, gdim), columns.ravel(), coefficient.ravel()))
-        along = np.einsum("ni,ni->n", coefficient, normal[row])
-        side = np.sign(np.bincount(row, along, len(host)))
-        shares.append((row, node, side[row] * along))
+        if shares is None:
+            along = np.einsum("ni,ni->n", coefficient, normal[row])
+            side = np.sign(np.bincount(row, along, len(host)))
+            parts.append((row, node, side[row] * along))
+        else:
+            parts.append((row, node, shares[i]))
     B = matrix_of_entries(comm, rows, unknowns(V), entries)
-    at_nodes = matrix_of_entries(comm, rows, _nodes(V), shares)
+    at_nodes = matrix_of_entries(comm, rows, _nodes(V), parts)
     known = np.zeros(len(host)) if area is None else area
     return Constraints(B, host, gap, normal, surface, at_nodes, known, in_mean, remarks)
 

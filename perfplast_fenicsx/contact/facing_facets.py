@@ -64,7 +64,7 @@ def facing_facets(
         here, there = rendezvous(comm, hosts, guests, reach + lean)
         found = integrate(here, there, reach, around, min(reach, behind))
         covered = found.covered > 0
-        partly = covered & onward & (found.d.sum(axis=1) < WHOLE * found.full.sum(axis=1))
+        partly = covered & onward & (found.covered < WHOLE * found.whole)
         if partly.any():
             more = integrate(here[partly], there, reach + lean, around, min(reach, behind))
             parts.append(Facing(here[partly], there, more))
@@ -92,15 +92,18 @@ def _of(found: Integrals, some: PairFlags) -> Integrals:
         number[found.host[kept]],
         found.guest[kept],
         found.M[kept],
+        None if found.along is None else found.along[kept],
         found.d[some],
         found.full[some],
         found.covered[some],
+        found.whole[some],
         found.on_guest[some],
     )
 
 
 def _joined(parts: list[Facing]) -> Facing:
     found = [part.found for part in parts]
+    along = [one.along for one in found if one.along is not None]
     hosts = np.cumsum([0, *(len(part.hosts) for part in parts)])
     guests = np.cumsum([0, *(len(part.guests) for part in parts)])
     return Facing(
@@ -110,9 +113,11 @@ def _joined(parts: list[Facing]) -> Facing:
             np.concatenate([one.host + k for one, k in zip(found, hosts, strict=False)]),
             np.concatenate([one.guest + k for one, k in zip(found, guests, strict=False)]),
             np.concatenate([one.M for one in found]),
+            np.concatenate(along) if len(along) == len(found) else None,
             np.concatenate([one.d for one in found]),
             np.concatenate([one.full for one in found]),
             np.concatenate([one.covered for one in found]),
+            np.concatenate([one.whole for one in found]),
             np.concatenate([one.on_guest for one in found]),
         ),
     )

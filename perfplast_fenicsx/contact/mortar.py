@@ -13,6 +13,7 @@ from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints, make_constraints
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.gap_function import OVERLAP, given_gap, without_overlap
+from perfplast_fenicsx.contact.mortar_gap import in_basis
 from perfplast_fenicsx.contact.mortar_sides import Side, Surface, choose_side
 from perfplast_fenicsx.contact.surface_facets import nodes_and_facets
 from perfplast_fenicsx.contact.surface_nodes import SurfaceNodes, can_host, extent
@@ -26,7 +27,9 @@ class Mortar:
 
     The nodes of that surface are the hosts: the one that is covered by the other, or the one of
     smaller facets if both or neither are covered. A dual function belongs to a smooth face of the
-    host surface; n is its normal at the node.
+    host surface; n is its normal at the node. On triangles of second order, where φ_j belongs to
+    a coefficient of Bernstein's and to no node, n is the normal at each point: the row is the
+    coefficient of the jump along it, and the gap that of the gap at nodes.
 
     Attributes:
         contact: The two surfaces.
@@ -74,15 +77,18 @@ class Mortar:
         gap = self._gap(V, chosen, primary)
         (rows,) = chosen.rows
         nodes = chosen.host.nodes[rows.place]
-        coefficient = rows.weight[:, None] * nodes["normal"][rows.row]
+        coefficient = rows.coefficients(nodes["normal"])
+        normal = np.zeros_like(nodes["normal"])
+        np.add.at(normal, rows.row[rows.own], coefficient[rows.own])
         sides = (rows.own, ~rows.own)
         return make_constraints(
             V,
             nodes["node"],
             gap,
-            nodes["normal"] if primary else -nodes["normal"],
+            normal if primary else -normal,
             np.full(len(nodes), self.number, dtype=np.int32),
             [(rows.row[side], rows.node[side], coefficient[side]) for side in sides],
+            shares=[rows.weight[rows.own], -rows.weight[~rows.own]],
             in_mean=True,
             remarks=(self._remark(V, chosen),),
             area=rows.d,
@@ -99,22 +105,31 @@ class Mortar:
 
     def _gap(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:
         """Gap of each row (length). Collective."""
+        comm, (rows,) = V.mesh.comm, chosen.rows
+        at_nodes = self._gap_at_nodes(V, chosen, primary)
+        gap = in_basis(comm, chosen.facing.hosts, chosen.facing.found, at_nodes)[rows.place]
+        # coefficients of a gap that opens from a point may be negative beside it
+        return gap if self.contact.interference else np.maximum(gap, 0.0)
+
+    def _gap_at_nodes(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:
+        """Gap of each of the host's nodes (length), inf where nothing is opposite. Collective."""
         comm, gdim = V.mesh.comm, V.mesh.geometry.dim
         (rows,) = chosen.rows
-        nodes = chosen.host.nodes[rows.place]
-        along = chosen.distances.along[rows.place]
-        size = extent(comm, nodes["x"])
+        nodes, along, slack = chosen.host.nodes, chosen.distances.along, chosen.distances.slack
+        size = extent(comm, nodes["x"][rows.place])
         if self.contact.gap is not None:
-            x = nodes["x"].copy()
+            gap, seen = np.full(len(nodes), np.inf), np.isfinite(along)
+            x = nodes["x"][seen]
             if not primary:
-                x[:, :gdim] += along[:, None] * nodes["normal"]
-            return given_gap(comm, self.place, self.contact, x, size)
-        slack = chosen.distances.slack[rows.place]
-        along = np.where(np.abs(along) > slack, along, 0.0)
+                x[:, :gdim] += along[seen, None] * nodes["normal"][seen]
+            gap[seen] = given_gap(comm, self.place, self.contact, x, size)
+            return gap
+        gap = np.where(np.abs(along) > slack, along, 0.0)
         if self.contact.interference:
-            self._check_seen(comm, chosen.distances.along[rows.place], slack, size)
-            return along
-        return without_overlap(comm, self.place, along, size)
+            self._check_seen(comm, along[rows.place], slack[rows.place], size)
+            return gap
+        without_overlap(comm, self.place, gap[rows.place], size)
+        return np.where(gap > OVERLAP * size, gap, 0.0)
 
     def _check_seen(self, comm: MPI.Intracomm, along: Floats, slack: Floats, size: float) -> None:
         """Make sure that straight facets of curved surfaces hide no overlap. Collective."""

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.mortar_integrals import Integrals
+from perfplast_fenicsx.contact.mortar_integrals import Integrals, coupled, own_basis
 from perfplast_fenicsx.contact.surface_facets import Facets, shape_functions
-from perfplast_fenicsx.parallel import send_rows
+from perfplast_fenicsx.parallel import Exchange, send_rows
 
 STEPS = 6
 """Newton steps that find where a normal meets a curved facet."""
@@ -68,6 +68,32 @@ def distances(
     result.along[place] = rows["along"][first]
     np.maximum.at(result.slack, rows["place"], rows["slack"])
     return result
+
+
+def in_basis(comm: MPI.Intracomm, hosts: Facets, found: Integrals, gap: Floats) -> Floats:
+    """Coefficients of a gap in the functions of its rows. Collective.
+
+    They are its values at nodes but on triangles of second order, whose functions are Bernstein's.
+
+    Args:
+        comm: The ranks.
+        hosts: The host facets that met here.
+        found: Which of them are covered.
+        gap: At the host surface's nodes that this rank owns (length), inf where it is unknown.
+    """
+    each, gdim = hosts["node"].shape[1], hosts["x"].shape[2]
+    if not coupled(gdim, each):
+        return gap
+    hosts = hosts[found.covered > 0]
+    corners = Exchange(comm, hosts["rank"].ravel())
+    place = corners.forward(hosts["place"].ravel())
+    on_facets = corners.back(gap[place]).reshape(hosts["node"].shape)
+    inside = on_facets @ np.linalg.inv(own_basis(gdim, each))
+    known = np.isfinite(inside)
+    rows = corners.forward(np.where(known, inside, 0.0).ravel())
+    counts = np.bincount(place, corners.forward(known.ravel()), len(gap))
+    sums = np.bincount(place, rows, len(gap))
+    return np.where(counts > 0, sums / np.maximum(counts, 1), gap)
 
 
 def _met(x: Floats, normal: Floats, facet: Floats) -> tuple[Floats, Floats]:

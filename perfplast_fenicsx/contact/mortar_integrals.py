@@ -9,6 +9,10 @@ On triangles of second order vertices have functions N with ∫N = 0, which no m
 there Ñ_v = N_v + α Σ N_m over the midsides m next to v, and Ñ_m = (1 − 2α) N_m (Popp, Wohlmuth, Gee
 and Wall, SIAM J. Sci. Comput. 34, 2012, doi 10.1137/110848190). α = 1/4 makes them Bernstein's
 polynomials, which are nowhere negative: weights d stay positive whatever part is covered.
+
+Coefficients of these polynomials are not values at nodes: those of a surface's displacement, a
+vector, times the node's normal are not those of its normal component where the normal n turns, but
+miss them by O(h²). So M is had with n too, interpolated between the nodes: ∫φ_i n N_l.
 """
 
 import math
@@ -16,14 +20,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
-import basix
 import numpy as np
 from scipy.sparse import csr_array
 
-from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.contact.clipping import overlaps
+from perfplast_fenicsx.arrays import Floats, Longs, PairFlags
+from perfplast_fenicsx.contact.clipping import Overlaps, overlaps
 from perfplast_fenicsx.contact.facet_pairing import candidates
-from perfplast_fenicsx.contact.surface_facets import Facets, Pieces, pieces_of, shape_functions
+from perfplast_fenicsx.contact.overlap_points import area_elements, overlap_points, rule
+from perfplast_fenicsx.contact.surface_facets import (
+    STRAIGHT,
+    Facets,
+    Pieces,
+    pieces_of,
+    shape_functions,
+)
 
 ALPHA = 0.25
 """α of the functions on triangles of second order."""
@@ -46,25 +56,35 @@ class Integrals:
         host: Number of the host facet of each pair of facets, shape (num_pairs,).
         guest: Of the guest facet.
         M: ∫φ_i N_l of each pair, shape (num_pairs, nodes of a host, nodes of a guest).
+        along: ∫φ_i n N_l with the host's normal n, shape (num_pairs, nodes of a host, gdim, nodes
+            of a guest); None where the Ñ are the N, whose coefficients are values at nodes.
         d: ∫Ñ_i over the covered part of each host facet, shape (num_hosts, nodes).
         full: ∫Ñ_i over the whole of it, same shape.
-        covered: Covered length or area of each host facet, shape (num_hosts,).
-        on_guest: The same part as measured on the guest, same shape.
+        covered: Covered length or area of the pieces of each host facet, shape (num_hosts,).
+        whole: Length or area of all of them, same shape.
+        on_guest: The covered part as measured on the guest, same shape.
     """
 
     host: Longs
     guest: Longs
     M: Floats
+    along: Floats | None
     d: Floats
     full: Floats
     covered: Floats
+    whole: Floats
     on_guest: Floats
+
+
+def coupled(gdim: int, count: int) -> bool:
+    """Whether the Ñ of a host facet with so many nodes are not its N."""
+    return count == 6 and gdim == 3
 
 
 def own_basis(gdim: int, count: int) -> Floats:
     """Ñ = basis · N of a host facet, shape (count, count)."""
     basis = np.eye(count)
-    if count == 6 and gdim == 3:
+    if coupled(gdim, count):
         basis[3:, 3:] *= 1 - 2 * ALPHA
         for middle, ends in enumerate(ENDS, start=3):
             basis[ends, middle] = ALPHA
@@ -90,26 +110,41 @@ def integrate(
     """
     host, guest = pieces_of(hosts), pieces_of(guests)
     first, second = candidates(host, guest, reach, reach if behind is None else behind)
-    count, each = hosts["node"].shape
-    mass, d, covered = np.zeros((count, each, each)), np.zeros((count, each)), np.zeros(count)
-    keys, products, on_guest = [], [], np.zeros(count)
+    (count, each), gdim = hosts["node"].shape, hosts["x"].shape[2]
+    turning = coupled(gdim, each) & (np.ptp(hosts["normal"], axis=1).max(axis=1) > STRAIGHT)
+    mass, d = np.zeros((count, each, each)), np.zeros((count, each))
+    covered, on_guest = np.zeros((2, count))
+    mixed_parts: list[_Sums] = []
+    along_parts: list[_Sums] = []
     for chunk in _chunks(first):
-        part = _products(hosts, guests, host, guest, first[chunk], second[chunk], around)
-        keys.append(part.pair)
-        products.append(part.mixed)
+        numbers = (first[chunk], second[chunk])
+        part = _products(hosts, guests, (host, guest), numbers, turning, around)
+        mixed_parts.append(part.mixed)
+        along_parts.append(part.along)
         mass += part.mass
         d += part.d
         covered += part.covered
         on_guest += part.on_guest
-    pair, mixed = _added(np.concatenate(keys), np.concatenate(products))
-    of_host = pair // max(len(guests), 1)
+    pair, mixed = _joined(mixed_parts)
+    of_host, dual = pair // max(len(guests), 1), _dual(mass, d)
+    along = None
+    if coupled(gdim, each):
+        normal = hosts["normal"]
+        along = mixed[:, :, None, :] * normal[of_host][:, :1, :, None]
+        turned, values = _joined(along_parts)
+        along[np.searchsorted(pair, turned)] = values.reshape(-1, *along.shape[1:])
+        along = (dual[of_host] @ along.reshape(len(pair), each, gdim * each)).reshape(along.shape)
+        own = d[:, :, None] * (np.linalg.inv(own_basis(gdim, each)).T @ normal)
+        along = _balanced(along, mixed, of_host, d, own)
     return Integrals(
         host=of_host,
         guest=pair % max(len(guests), 1),
-        M=_balanced(_dual(mass, d)[of_host] @ mixed, mixed, of_host, d),
+        M=_balanced(dual[of_host] @ mixed, mixed, of_host, d, d),
+        along=along,
         d=d,
-        full=_whole(host, count, each, around),
+        full=_full(hosts, host, around),
         covered=covered,
+        whole=_at(host.facet, count, host.measure),
         on_guest=on_guest,
     )
 
@@ -123,12 +158,19 @@ def _chunks(first: Longs) -> list[slice]:
     return [slice(*ends) for ends in pairwise(borders)] or [slice(0, 0)]
 
 
+_Sums = tuple[Longs, Floats]
+"""Keys of pairs of facets, and what each pair has."""
+
+
 @dataclass(frozen=True)
 class _Products:
-    """∫ÑN of each pair of facets, and ∫ÑÑ, ∫Ñ and ∫1 of each host, of some pairs of pieces."""
+    """∫ÑN and ∫ÑnN of pairs of facets, and ∫ÑÑ, ∫Ñ and ∫1 of each host, of some pairs of pieces.
 
-    pair: Longs
-    mixed: Floats
+    ∫ÑnN is that of hosts along which n turns.
+    """
+
+    mixed: _Sums
+    along: _Sums
     mass: Floats
     d: Floats
     covered: Floats
@@ -138,39 +180,37 @@ class _Products:
 def _products(
     hosts: Facets,
     guests: Facets,
-    host: Pieces,
-    guest: Pieces,
-    first: Longs,
-    second: Longs,
+    pieces: tuple[Pieces, Pieces],
+    numbers: tuple[Longs, Longs],
+    turning: PairFlags,
     around: Callable[[Floats], Floats],
 ) -> _Products:
-    gdim, each = host.x.shape[1], hosts["node"].shape[1]
-    found = overlaps(host.x[first], guest.x[second])
-    h, g = first[found.pair], second[found.pair]
-    area = found.share * host.measure[h]
+    (host, guest), (h, g) = pieces, numbers
+    (count, each), gdim = hosts["node"].shape, hosts["x"].shape[2]
+    found = overlaps(host.x[h], guest.x[g])
+    h, g = h[found.pair], g[found.pair]
     near = _nearest(host, guest, h, g, found.host.mean(axis=1), found.guest.mean(axis=1))
-    h, g, area = h[near], g[near], area[near]
-    points, weights = _rule(gdim, 2 if each == gdim else 4)
-
-    def functions(pieces: Pieces, which: Longs, corners: Floats, count: int) -> Floats:
-        at = points @ (corners[near] @ pieces.at[which])
-        return shape_functions(gdim, count, at)
-
-    own = functions(host, h, found.host, each) @ own_basis(gdim, each).T
-    other = functions(guest, g, found.guest, each)
-    rings = around(points @ (found.host[near] @ host.x[h]))
-    weighted = own * (area[:, None] * weights * rings)[:, :, None]
-    e, f = host.facet[h], guest.facet[g]
-    turned = weighted.transpose(0, 2, 1)
-    pair, mixed = _added(e * max(len(guests), 1) + f, turned @ other)
+    h, g = h[near], g[near]
+    found = Overlaps(found.pair[near], found.host[near], found.guest[near], found.share[near])
+    degree = 2 if each == gdim else 4
+    at = overlap_points(hosts, guests, pieces, (h, g), found, degree)
+    own = shape_functions(gdim, each, at.at_host) @ own_basis(gdim, each).T
+    other = shape_functions(gdim, each, at.at_guest)
+    weighted = own * (at.weight * around(at.x))[:, :, None]
+    turned, e = weighted.transpose(0, 2, 1), at.host
+    key, some = e * max(len(guests), 1) + at.guest, np.flatnonzero(turning[e])
+    along = (at.normal[some][:, :, :, None] * other[some][:, :, None, :]).reshape(
+        *other[some].shape[:2], gdim * each
+    )
     cosine = np.abs(np.einsum("ni,ni->n", host.normal[h], guest.normal[g]))
+    area = found.share * host.measure[h]
     return _Products(
-        pair,
-        mixed,
-        _at(e, len(hosts), turned @ own),
-        _at(e, len(hosts), weighted.sum(axis=1)),
-        _at(e, len(hosts), area),
-        _at(e, len(hosts), area / cosine),
+        _added(key, turned @ other),
+        _added(key[some], turned[some] @ along),
+        _at(e, count, turned @ own),
+        _at(e, count, weighted.sum(axis=1)),
+        _at(e, count, area),
+        _at(e, count, area / cosine),
     )
 
 
@@ -186,12 +226,9 @@ def _nearest(
     return np.flatnonzero(far <= closest[h] + 2 * (host.radius[h] + guest.radius[g]))
 
 
-def _rule(gdim: int, degree: int) -> tuple[Floats, Floats]:
-    """Barycentric points and weights, which add up to 1."""
-    kind = basix.CellType.interval if gdim == 2 else basix.CellType.triangle
-    points, weights = (np.asarray(one) for one in basix.make_quadrature(kind, degree))
-    first = 1 - points.sum(axis=1, keepdims=True)
-    return np.concatenate([first, points], axis=1), weights / weights.sum()
+def _joined(parts: list[_Sums]) -> _Sums:
+    keys, values = zip(*parts, strict=True)
+    return _added(np.concatenate(keys), np.concatenate(values))
 
 
 def _added(key: Longs, values: Floats) -> tuple[Longs, Floats]:
@@ -210,11 +247,20 @@ def _at(group: Longs, count: int, values: Floats) -> Floats:
     return sums
 
 
-def _balanced(M: Floats, mixed: Floats, of_host: Longs, d: Floats) -> Floats:
-    """M whose rows add up to d: where M_e can hardly be inverted, rounding is a constant in φ."""
-    missing = d - _at(of_host, len(d), M.sum(axis=2))
-    area = np.maximum(d.sum(axis=1, keepdims=True), np.finfo(float).tiny)
-    balanced: Floats = M + (missing / area)[of_host][:, :, None] * mixed.sum(axis=1)[:, None, :]
+def _balanced(M: Floats, mixed: Floats, of_host: Longs, d: Floats, own: Floats) -> Floats:
+    """M whose rows add up to the host's: rounding, where M_e can hardly be inverted, is a constant.
+
+    Args:
+        M: ∫φ_i N_l or ∫φ_i n N_l of each pair, shape (num_pairs, i, ..., l).
+        mixed: ∫Ñ_i N_l.
+        of_host: Host facet of each pair.
+        d: ∫Ñ_i of each host.
+        own: What M adds up to, shape (num_hosts, i, ...).
+    """
+    missing = own - _at(of_host, len(d), M.sum(axis=-1))
+    area = np.maximum(d.sum(axis=1), np.finfo(float).tiny).reshape(-1, *[1] * (own.ndim - 1))
+    of_guest = mixed.sum(axis=1).reshape(len(M), *[1] * (M.ndim - 2), M.shape[-1])
+    balanced: Floats = M + (missing / area)[of_host][..., None] * of_guest
     return balanced
 
 
@@ -239,11 +285,15 @@ def _dual(mass: Floats, d: Floats) -> Floats:
     return dual
 
 
-def _whole(host: Pieces, count: int, each: int, around: Callable[[Floats], Floats]) -> Floats:
+def _full(hosts: Facets, pieces: Pieces, around: Callable[[Floats], Floats]) -> Floats:
     """∫Ñ over whole facets."""
-    gdim = host.x.shape[1]
-    points, weights = _rule(gdim, 2)
-    at = np.einsum("qc,ncr->nqr", points, host.at)
+    (count, each), gdim = hosts["node"].shape, hosts["x"].shape[2]
+    points, weights = rule(gdim, 2)
+    at = points @ pieces.at
+    x = hosts["x"][pieces.facet]
+    weight = weights * pieces.measure[:, None]
+    bent = pieces.curved
+    weight[bent] = weights * pieces.part[bent, None] * area_elements(x[bent], at[bent])
+    weight *= around(shape_functions(gdim, x.shape[1], at) @ x)
     own = shape_functions(gdim, each, at) @ own_basis(gdim, each).T
-    rings = around(points @ host.x)
-    return _at(host.facet, count, np.einsum("n,q,nq,nqi->ni", host.measure, weights, rings, own))
+    return _at(pieces.facet, count, np.einsum("nq,nqi->ni", weight, own))

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, Longs, PairFlags
-from perfplast_fenicsx.contact.mortar_integrals import ENDS, Integrals, own_basis
+from perfplast_fenicsx.contact.mortar_integrals import ENDS, Integrals, coupled, own_basis
 from perfplast_fenicsx.contact.surface_facets import Facets
 from perfplast_fenicsx.parallel import Exchange, send_rows
 
@@ -35,6 +35,8 @@ class MortarRows:
         row: Row of each term, shape (num_terms,).
         node: Global block dof of each term.
         weight: Of each term; those of the host's surface add up to 1 in a row, the others to −1.
+        along: Weight times normal of each term, where that turns on the way to other nodes, shape
+            (num_terms, gdim); None where it is that of the host.
         own: Whether the term is of the host's surface.
         lost: How many covered nodes can neither carry a multiplier nor hand it on, of all ranks.
     """
@@ -44,8 +46,17 @@ class MortarRows:
     row: Longs
     node: Longs
     weight: Floats
+    along: Floats | None
     own: npt.NDArray[np.bool_]
     lost: int
+
+    def coefficients(self, normal: Floats) -> Floats:
+        """What terms of normal jumps are multiplied with, shape (num_terms, gdim).
+
+        Args:
+            normal: Of each row's host, shape (num_rows, gdim).
+        """
+        return self.weight[:, None] * normal[self.row] if self.along is None else self.along
 
 
 def mortar_rows(
@@ -82,10 +93,11 @@ def mortar_rows(
     terms = send_rows(comm, *_terms(hosts, guests, found))
     stay = fit[terms["place"]]
     handed = send_rows(comm, *_handed_on(terms[~stay], heirs))
-    place, own, node, value = _compressed(np.concatenate([terms[stay], handed]))
+    place, own, node, value, along = _compressed(np.concatenate([terms[stay], handed]))
     weight_of = _sums(place[own], value[own], count)
-    weight = value / np.where(fit, weight_of, 1.0)[place]
-    kept = np.abs(weight) > ROUNDING
+    divisor = np.where(fit, weight_of, 1.0)[place]
+    weight, along = value / divisor, along / divisor[:, None]
+    kept = np.maximum(np.abs(weight), np.abs(along).max(axis=1)) > ROUNDING
     number = np.cumsum(fit) - 1
     places = np.flatnonzero(fit)
     return MortarRows(
@@ -94,6 +106,7 @@ def mortar_rows(
         number[place[kept]],
         node[kept],
         weight[kept],
+        None if found.along is None else along[kept],
         own[kept],
         comm.allreduce(int(lost.sum())),
     )
@@ -135,7 +148,7 @@ def _heirs(
     """
     fits = corners.back(fit[place]).reshape(hosts["node"].shape)
     may = (~fits & (found.covered > 0)[:, None])[:, :, None] & fits[:, None, :]
-    if _coupled(hosts):
+    if coupled(hosts["x"].shape[2], hosts["node"].shape[1]):
         for middle, ends in enumerate(ENDS, start=3):  # lest ends refer to each other in a ring
             may[:, middle, :3] &= ~np.any(fits[:, ends], axis=1, keepdims=True)
     facet, old, new = np.nonzero(may)
@@ -146,32 +159,44 @@ def _heirs(
     return np.unique(send_rows(comm, rows, hosts["rank"][facet, old]))
 
 
-def _coupled(hosts: Facets) -> bool:
-    """Whether the term of a midside is one of its ends too."""
-    return bool(hosts["x"].shape[2] == 3 and hosts["node"].shape[1] == 6)
+def _term_type(gdim: int) -> np.dtype:
+    """A term of the row of the node at ``place``, before it is divided by d.
 
-
-_TERM = np.dtype(
-    [("place", np.int64), ("own", np.bool_), ("node", np.int64), ("value", np.float64)]
-)
-"""A term of the row of the node at ``place``, before it is divided by d."""
+    Its ``value`` is what multiplies displacements, ``along`` what multiplies them along normals
+    that turn, zero where they do not.
+    """
+    return np.dtype(
+        [
+            ("place", np.int64),
+            ("own", np.bool_),
+            ("node", np.int64),
+            ("value", np.float64),
+            ("along", np.float64, gdim),
+        ]
+    )
 
 
 def _terms(
     hosts: Facets, guests: Facets, found: Integrals
 ) -> tuple[npt.NDArray[np.void], npt.NDArray[np.integer]]:
     """All terms of the facets here, and the ranks that they go to."""
-    each = hosts["node"].shape[1]
-    basis = np.linalg.inv(own_basis(hosts["x"].shape[2], each)).T
+    each, gdim = hosts["node"].shape[1], hosts["x"].shape[2]
+    basis = np.linalg.inv(own_basis(gdim, each)).T
     facet, i, k = np.nonzero(found.d[:, :, None] * basis)
-    own = np.empty(len(facet), dtype=_TERM)
+    own = np.zeros(len(facet), dtype=_term_type(gdim))
     own["place"], own["own"] = hosts["place"][facet, i], True
     own["node"], own["value"] = hosts["node"][facet, k], found.d[facet, i] * basis[i, k]
-    pair, j, m = np.nonzero(found.M)
+    some = found.M != 0
+    if found.along is not None:
+        some |= (found.along != 0).any(axis=2)
+        own["along"] = own["value"][:, None] * hosts["normal"][facet, k]
+    pair, j, m = np.nonzero(some)
     of_host, of_guest = found.host[pair], found.guest[pair]
-    other = np.empty(len(pair), dtype=_TERM)
+    other = np.zeros(len(pair), dtype=_term_type(gdim))
     other["place"], other["own"] = hosts["place"][of_host, j], False
     other["node"], other["value"] = guests["node"][of_guest, m], -found.M[pair, j, m]
+    if found.along is not None:
+        other["along"] = -found.along[pair, j, :, m]
     ranks = (hosts["rank"][facet, i], hosts["rank"][of_host, j])
     return np.concatenate([own, other]), np.concatenate(ranks)
 
@@ -186,17 +211,19 @@ def _handed_on(
     heir = heirs[np.repeat(begin, count) + within]
     handed = np.repeat(terms, count)
     handed["value"] /= np.repeat(count, count)
+    handed["along"] /= np.repeat(count, count)[:, None]
     handed["place"] = heir["heir"]
     return handed, heir["rank"]
 
 
 def _compressed(
     terms: npt.NDArray[np.void],
-) -> tuple[Longs, npt.NDArray[np.bool_], Longs, Floats]:
-    """Place, side, node and value of the terms, those of one node in one row added up."""
+) -> tuple[Longs, npt.NDArray[np.bool_], Longs, Floats, Floats]:
+    """Place, side, node, value and along of the terms, those of one node in one row added up."""
     span = int(terms["node"].max(initial=0)) + 1
     key = (terms["place"] * 2 + terms["own"]) * span + terms["node"]
     keys, group = np.unique(key, return_inverse=True)
     value = _sums(group, terms["value"], len(keys))
+    along = np.stack([_sums(group, one, len(keys)) for one in terms["along"].T], axis=1)
     row, node = np.divmod(keys, span)
-    return row // 2, (row % 2).astype(np.bool_), node, value
+    return row // 2, (row % 2).astype(np.bool_), node, value, along

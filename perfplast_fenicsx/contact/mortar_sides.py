@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx.arrays import PairFlags
-from perfplast_fenicsx.contact.facing_facets import facing_facets
+from perfplast_fenicsx.contact.facing_facets import Facing, facing_facets
 from perfplast_fenicsx.contact.mortar_gap import Distances, distances
 from perfplast_fenicsx.contact.mortar_rows import MortarRows, mortar_rows
 from perfplast_fenicsx.contact.surface_facets import Facets, pieces_of
@@ -45,6 +45,7 @@ class Side:
     Attributes:
         host: That surface.
         guest: The other one.
+        facing: What lies opposite what.
         rows: The rows, a set for each of the ways in which nodes are able to be hosts.
         distances: Of the host's nodes to the guest.
         covered: Covered shares of both surfaces, the host's first.
@@ -52,6 +53,7 @@ class Side:
 
     host: Surface
     guest: Surface
+    facing: Facing
     rows: Sequence[MortarRows]
     distances: Distances
     covered: tuple[float, float]
@@ -138,6 +140,7 @@ def _side(
     return Side(
         host,
         guest,
+        facing,
         [mortar_rows(comm, here, there, found, flags) for flags in able(host.nodes)],
         distances(comm, here, there, found, len(host.nodes)),
         (float(covered[0] / areas[0]), float(covered[1] / areas[1])),

@@ -103,6 +103,8 @@ class Pieces:
         radius: Distance of the farthest corner from the centre, shape (n,).
         normal: Outward unit normal, shape (n, gdim).
         measure: Length or area, shape (n,).
+        part: That of the piece in the reference facet, shape (n,).
+        curved: Whether the facet is, shape (n,).
     """
 
     facet: Longs
@@ -112,6 +114,8 @@ class Pieces:
     radius: Floats
     normal: Floats
     measure: Floats
+    part: Floats
+    curved: npt.NDArray[np.bool_]
 
 
 def pieces_of(facets: Facets) -> Pieces:
@@ -120,7 +124,8 @@ def pieces_of(facets: Facets) -> Pieces:
     count, points, gdim = x.shape
     ends = np.eye(gdim)[:, 1:]
     if points == gdim:
-        return _pieces(facets, np.arange(count), x, np.broadcast_to(ends, (count, *ends.shape)))
+        at = np.broadcast_to(ends, (count, *ends.shape))
+        return _pieces(facets, np.arange(count), x, at, np.zeros(count, dtype=np.bool_))
     size = np.abs(x - x.mean(axis=1, keepdims=True)).max(axis=(1, 2))
     edges = [(0, 1)] if gdim == 2 else [(1, 2), (0, 2), (0, 1)]
     straight = np.stack([(x[:, i] + x[:, j]) / 2 for i, j in edges], axis=1)
@@ -139,10 +144,13 @@ def pieces_of(facets: Facets) -> Pieces:
                 np.broadcast_to(at[split], (len(bent), *at[split].shape)).reshape(-1, *ends.shape),
             ]
         ),
+        np.repeat([False, True], [len(plain), len(split) * len(bent)]),
     )
 
 
-def _pieces(facets: Facets, facet: Longs, x: Floats, at: Floats) -> Pieces:
+def _pieces(
+    facets: Facets, facet: Longs, x: Floats, at: Floats, curved: npt.NDArray[np.bool_]
+) -> Pieces:
     gdim = x.shape[2]
     if gdim == 2:
         along = x[:, 1] - x[:, 0]
@@ -155,4 +163,7 @@ def _pieces(facets: Facets, facet: Longs, x: Floats, at: Floats) -> Pieces:
     normal = normal * np.where(outward < 0, -1.0, 1.0)[:, None]
     centre = x.mean(axis=1)
     radius = np.linalg.norm(x - centre[:, None], axis=2).max(axis=1, initial=0)
-    return Pieces(facet, x, np.ascontiguousarray(at), centre, radius, normal, measure)
+    sides = at[:, 1:] - at[:, :1]
+    part = np.abs(np.linalg.det(sides)) / (gdim - 1)  # of an interval, or a triangle
+    at = np.ascontiguousarray(at)
+    return Pieces(facet, x, at, centre, radius, normal, measure, part, curved)

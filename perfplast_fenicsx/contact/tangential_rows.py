@@ -157,13 +157,19 @@ def _directions(normal: Floats, free: npt.NDArray[np.bool_]) -> tuple[Floats, np
 
 
 def _weights(constraints: Constraints, gdim: int) -> tuple[Longs, Longs, Floats]:
-    """Row, global block dof and weight w of the nodes with a part in each jump Σ w u."""
+    """Row, global block dof and weight w of the nodes with a part in each jump Σ w u.
+
+    The weights are the shares, positive on a's side and negative on b's; where a share is
+    negative, so is its part of the row.
+    """
     row, column, value = entries_of(constraints.B)
     node, axis = np.divmod(column, gdim)
-    largest = np.argmax(np.abs(constraints.normal), axis=1)[row]
-    kept = axis == largest
-    row, largest = row[kept], largest[kept]
-    return row, node[kept], value[kept] / constraints.normal[row, largest]
+    nodes = constraints.shares.getSize()[1]
+    keys, group = np.unique(row * nodes + node, return_inverse=True)
+    along = np.bincount(group, value * constraints.normal[row, axis], len(keys))
+    row, node, share = entries_of(constraints.shares)
+    side = np.sign(along[np.searchsorted(keys, row * nodes + node)]) * np.sign(share)
+    return row, node, side * share
 
 
 def _of(
