@@ -1,15 +1,17 @@
-"""A quarter of a round shaft, about the z axis: as a section in a hub, or as a bar.
+"""A quarter of a round shaft, about the z axis: by itself or in a hub, a section or a bar.
 
-With a hub the mesh is plane: volumes ``shaft`` and ``hub``; curves ``outer``, ``x0`` and ``y0``
-(the symmetry lines) and the contact curves ``shaft_seam`` and ``hub_seam``. With a length it is one
-of tetrahedra: volume ``shaft``; surfaces ``x0``, ``y0``, ``outer``, ``z0`` and ``z1``, its ends.
+A section is plane, with the symmetry lines ``x0`` and ``y0``; a bar is of tetrahedra, with the
+symmetry planes ``x0`` and ``y0`` and the ends ``z0`` and ``z1``. Volume ``shaft``, and its surface
+``outer``. With a hub that is a volume ``hub``, which has the surface ``outer``, and the contact
+surfaces are ``shaft_seam`` and ``hub_seam``, whose nodes match unless the two are meshed apart.
 """
 
 from itertools import pairwise
 from pathlib import Path
 
+from meshes.apart import write_apart
 from meshes.command_line import mesh_parser, write_from
-from meshes.naming import name
+from meshes.naming import interface, name, name_planes
 from meshes.shapes import add_polygon
 from meshes.sizes import generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
@@ -23,15 +25,17 @@ def write_shaft(
     length: float | None = None,
     size: float = 0.2,
     order: int = 2,
+    finer: float | None = None,
 ) -> None:
     """Mesh the shaft and write a .msh file. On one process.
 
     Args:
         path: The file to write.
         hub: Outer radius of a hub; that of the shaft is 1.
-        length: Of a bar, which then has no hub.
+        length: Of a bar; None for a section.
         size: Edge length.
         order: Degree of the geometry, 1 or 2.
+        finer: Mesh shaft and hub apart, the hub with so many times as many edges.
     """
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
@@ -45,31 +49,41 @@ def write_shaft(
         faces = [add_polygon([y0[0], arcs[0], x0[0]])]
         if hub is not None:
             faces.append(add_polygon([y0[1], arcs[1], x0[1], arcs[0]]))
+        dim, bodies = 2, faces
+        if length is not None:
+            parts = occ.extrude([(2, face) for face in faces], 0.0, 0.0, length)
+            dim, bodies = 3, [tag for kind, tag in parts if kind == 3]
+        occ.synchronize()
+        name(dim, dict(zip(("shaft", "hub"), ([body] for body in bodies), strict=False)))
         if length is None:
-            occ.synchronize()
-            name(2, dict(zip(("shaft", "hub"), ([face] for face in faces), strict=False)))
             name(1, {"outer": arcs[-1:], "x0": x0, "y0": y0})
-            if hub is not None:
-                name(1, {"seam": arcs[:1]})
-            generate(2, lambda x, y, z: size, order)
         else:
-            parts = occ.extrude([(2, faces[0])], 0.0, 0.0, length)
-            occ.synchronize()
-            name(3, {"shaft": [tag for dim, tag in parts if dim == 3]})
-            labels = ("z1", "y0", "outer", "x0")
-            around = [tag for dim, tag in parts if dim == 2]
-            name(
-                2, {"z0": faces} | {label: [tag] for label, tag in zip(labels, around, strict=True)}
-            )
-            generate(3, lambda x, y, z: size, order)
-        write_split(path)
+            planes = {"x0": (0, 0.0), "y0": (1, 0.0), "z0": (2, 0.0), "z1": (2, length)}
+            name_planes(2, planes)
+            boundary = gmsh.model.getBoundary([(3, bodies[-1])], oriented=False)
+            kinds = {tag: gmsh.model.getType(2, tag) for _, tag in boundary}
+            curved = {tag for tag, kind in kinds.items() if kind != "Plane"}
+            name(2, {"outer": curved - set(interface(2))})
+        if hub is not None:
+            name(dim - 1, {"seam": interface(dim - 1)})
+
+        def mesh(body: str = "") -> None:
+            near = size / finer if finer and body == "hub" else size
+            generate(dim, lambda x, y, z: near, order)
+
+        if finer is None:
+            mesh()
+            write_split(path)
+        else:
+            write_apart(path, mesh)
 
 
 def main() -> None:
     """Write the mesh that the command line asks for."""
     parser = mesh_parser(write_shaft, "Mesh a quarter of a shaft.")
     parser.add_argument("--hub", type=float, help="outer radius of a hub")
-    parser.add_argument("--length", type=float, help="of a bar, which then has no hub")
+    parser.add_argument("--length", type=float, help="of a bar")
+    parser.add_argument("--finer", type=float, help="mesh them apart, the hub so much finer")
     write_from(parser, write_shaft)
 
 

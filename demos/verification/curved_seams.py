@@ -1,0 +1,342 @@
+# %% [markdown]
+# # Curved seams in space: mortar beside matching nodes
+#
+# On quadratic elements a row of mortar contact is a coefficient of Bernstein's and no value at a
+# node, so that curved surfaces need care: where each row took the normal of its own node alone,
+# five quadratic facets along a quarter of a circle lost 1 % of the pressure. Three bodies with
+# closed forms tell whether mortar is as near to them as matching nodes are, on the same meshes, and
+# how near where the outer body is meshed apart, with 1.5 times as many edges:
+#
+# - a shrink fit: a sphere that is too large by δ for the shell around it (Lamé's solution);
+# - a ball in a socket, and a pin in a hole, which fill it and slip without friction, under a
+#   pressure on the outer surface of p₀ + p₂ P₂(cos θ), or p₀ + p₂ cos 2θ in plane strain.
+#
+# Displacements are sums of solutions U(r) P(θ), V(r) P'(θ) of Navier's equations with powers of r
+# (A. I. Lurie, Three-dimensional Problems of the Theory of Elasticity, 1964; J. H. Michell 1899).
+# What multiplies them follows from no shear on the seam and the outer surface, the given pressure
+# there, and a normal displacement and a pressure at the seam that are the same on both sides.
+#
+# The error is that of the pressure in the mean square over the seam, over the mean square of the
+# pressure: of its field, which is linear between vertices. Beside it stands that of the force that
+# crosses an eighth of the seam along z, or a quarter along x.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/curved_seams.py
+
+# %%
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from demos.verification.study import Row, mesh, run
+from meshes.ball_in_socket import OUTER, RADIUS, write_ball_in_socket
+from meshes.shaft import write_shaft
+from meshes.thick_sphere import write_thick_sphere
+from perfplast_fenicsx import Contact, Elastic, Newton, Pressure, Problem, Support
+from perfplast_fenicsx.io import OutputFields, ResultFolder
+
+Floats = npt.NDArray[np.float64]
+
+TITLE = "Curved seams in space"
+STEEL = Elastic(young=2e5, poisson=0.3)
+EVEN, UNEVEN = 100.0, 40.0
+"""p₀ and p₂: the seam stays closed."""
+OVERLAP, SEAM, HOLE, SHELL = 1e-3, 1.4, 1.0, 2.0
+"""δ, and the radii of the shrink fit: of the seam, of the hole inside, and of the shell."""
+FINER = 1.5
+"""How many times as many edges the outer body has at the seam where it is meshed apart."""
+LENGTH = 0.5
+"""Of the pin."""
+WORSE = 1.5
+"""How many times the error of matching nodes mortar may have."""
+SLOWER = 0.3
+"""By how much its order may be lower, over all meshes of a case."""
+
+# %% [markdown]
+# ## Closed forms
+
+
+# %%
+def second_mode(sphere: bool) -> float:
+    """What p₂ = 1 on the outer surface makes at the seam.
+
+    The powers r^k have U = a r^k and V = b r^k, with a and b such that Navier's equations hold.
+    """
+    shear = STEEL.young / (2 * (1 + STEEL.poisson))
+    lame = 2 * shear * STEEL.poisson / (1 - 2 * STEEL.poisson)
+    whole = lame + 2 * shear
+    rows = []
+    for k in (3, 1, -2, -4) if sphere else (3, 1, -1, -3):
+        if sphere:  # growth E of volume and rotation W, each as the part of a and that of b
+            growth, turn = np.array([k + 2.0, -6.0]), np.array([-1.0, k + 1.0]) / 2
+            radial = whole * (k - 1) * growth + 12 * shear * turn
+            along = whole * growth + 2 * shear * k * turn
+            shears = shear * np.array([1.0, k - 1.0])
+        else:
+            growth, turn = np.array([k + 1.0, 2.0]), np.array([2.0, k + 1.0]) / 2
+            radial = whole * (k - 1) * growth - 4 * shear * turn
+            along = -2 * whole * growth + 2 * shear * (k - 1) * turn
+            shears = shear * np.array([-2.0, k - 1.0])
+        mode = np.linalg.svd([radial, along])[2][-1]
+        stress = lame * growth + 2 * shear * np.array([k, 0.0])
+        rows.append((k, mode[0], stress @ mode, shears @ mode))
+    k, U, stress, sheared = np.array(rows).T
+    inside = k > 0  # what is finite in the middle
+
+    def at(r: float, values: Floats, power: Floats, inner: float, outer: float) -> Floats:
+        terms = values * r**power
+        return np.concatenate([inner * terms[inside], outer * terms])
+
+    conditions = [
+        at(RADIUS, sheared, k - 1, 1, 0),
+        at(RADIUS, sheared, k - 1, 0, 1),
+        at(RADIUS, U, k, 1, -1),
+        at(RADIUS, stress, k - 1, 1, -1),
+        at(OUTER, sheared, k - 1, 0, 1),
+        at(OUTER, stress, k - 1, 0, 1),
+    ]
+    factors = np.linalg.solve(conditions, [0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
+    return float(-at(RADIUS, stress, k - 1, 1, 0) @ factors)
+
+
+def shrink_fit_pressure() -> float:
+    """δ over what a pressure of 1 opens at the seam."""
+    nu = STEEL.poisson
+
+    def give(radius: float) -> float:
+        moved = (1 - 2 * nu) * SEAM**3 + (1 + nu) * radius**3 / 2
+        return SEAM / STEEL.young * moved / (SEAM**3 - radius**3)
+
+    return OVERLAP / (give(HOLE) - give(SHELL))
+
+
+# %% [markdown]
+# ## Cases
+
+
+# %%
+@dataclass(frozen=True)
+class Case:
+    """A case and its closed form: the pressure is p₀ + p₂ · mode at the seam.
+
+    Attributes:
+        name: For the table.
+        bodies: Inner and outer one; the seam of each is ``BODY_seam``.
+        write: Generator of its mesh.
+        shape: What that is given, beside an edge length and what the outer body is finer by.
+        load: On them.
+        fit: What is given of their contact.
+        planes: Of symmetry, or held along their normal.
+        sizes: Edge lengths.
+        pressures: p₀ and p₂.
+        mode: A formula in x, y, z.
+        forces: Resultants of the pressure 1 and of the mode on the seam.
+        axis: Of these.
+    """
+
+    name: str
+    bodies: tuple[str, str]
+    write: Callable[..., None]
+    shape: Mapping[str, object]
+    load: Pressure
+    fit: Mapping[str, Any]
+    planes: Mapping[str, str]
+    sizes: tuple[float, ...]
+    pressures: tuple[float, float]
+    mode: Callable[[Any], Any]
+    forces: tuple[float, float]
+    axis: int
+
+
+def legendre(x: Any) -> Any:
+    """P₂(cos θ) of the angle from the z axis."""
+    return 1.5 * x[2] ** 2 / (x[0] ** 2 + x[1] ** 2 + x[2] ** 2) - 0.5
+
+
+def twice(x: Any) -> Any:
+    """cos 2θ about the z axis."""
+    return (x[0] ** 2 - x[1] ** 2) / (x[0] ** 2 + x[1] ** 2)
+
+
+OCTANT = {"x0": "x", "y0": "y", "z0": "z"}
+CASES = (
+    Case(
+        "shrink fit of shells",
+        ("inner_shell", "outer_shell"),
+        write_thick_sphere,
+        {"interface": SEAM},
+        Pressure("inner", 1.0),  # at ζ = 0
+        {"gap": -OVERLAP, "interference": True},
+        OCTANT,
+        (0.5, 0.35, 0.25, 0.18),
+        (shrink_fit_pressure(), 0.0),
+        legendre,
+        (math.pi / 4 * SEAM**2, 0.0),
+        2,
+    ),
+    Case(
+        "ball in a socket",
+        ("ball", "socket"),
+        write_ball_in_socket,
+        {},
+        Pressure("outer", f"{EVEN} + {UNEVEN}*(1.5*z**2/(x**2 + y**2 + z**2) - 0.5)"),
+        {"gap": 0.0},
+        OCTANT,
+        (0.5, 0.35, 0.25, 0.18),
+        (EVEN, UNEVEN * second_mode(sphere=True)),
+        legendre,
+        (math.pi / 4, math.pi / 16),
+        2,
+    ),
+    Case(
+        "pin in a hole",
+        ("shaft", "hub"),
+        write_shaft,
+        {"hub": OUTER, "length": LENGTH},
+        Pressure("outer", f"{EVEN} + {UNEVEN}*(x**2 - y**2)/(x**2 + y**2)"),
+        {"gap": 0.0},
+        OCTANT | {"z1": "z"},
+        (0.5, 0.35, 0.25, 0.18),
+        (EVEN, UNEVEN * second_mode(sphere=False)),
+        twice,
+        (LENGTH, LENGTH / 3),
+        0,
+    ),
+)
+"""Round bodies, and their seams of radius 1 but for the shells."""
+
+
+# %%
+def press(folder: ResultFolder, case: Case, size: float, kind: str) -> list[Row]:
+    """The error of the pressure, and the force across the seam. Collective.
+
+    Args:
+        folder: For the mesh.
+        case: What is solved.
+        size: Edge length.
+        kind: "nodes" or "mortar", or "apart", which is mortar too.
+    """
+    began = time.perf_counter()
+    finer = FINER if kind == "apart" else None
+    tagged_mesh = mesh(folder, case.write, size=size, order=2, finer=finer, **case.shape)
+    inner, outer = (f"{body}_seam" for body in case.bodies)
+    contact = Contact(
+        inner, outer, formulation="nodes" if kind == "nodes" else "mortar", **case.fit
+    )
+    problem = Problem(
+        tagged_mesh,
+        dict.fromkeys(tagged_mesh.volumes, STEEL),
+        [Support(plane, axis) for plane, axis in case.planes.items()],
+        [case.load],
+        [contact],
+        degree=2,
+    )
+    level = Newton(problem).solve(0.0 if "interference" in case.fit else 1.0)
+    fields = OutputFields(problem)
+    pressure = fields.update(level)["contact_pressure"]
+    x = ufl.SpatialCoordinate(tagged_mesh.mesh)
+    exact = case.pressures[0] + case.pressures[1] * case.mode(x)
+    ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)
+    on_seam = ds(tagged_mesh.surfaces[inner])
+
+    def over_seam(integrand: Any) -> float:
+        part = fem.assemble_scalar(fem.form(integrand * on_seam))
+        return float(tagged_mesh.mesh.comm.allreduce(part))
+
+    missed = math.sqrt(over_seam((pressure - exact) ** 2) / over_seam(exact**2))
+    numbers = (
+        ("error of the pressure", missed, 0.0),
+        ("force across", abs(float(fields.resultants[0, case.axis])), force_of(case)),
+    )
+    return [
+        Row(
+            case=case.name,
+            quantity=quantity,
+            element=f"P2, {kind}",
+            size=size,
+            dofs=problem.num_dofs,
+            computed=computed if level.report.converged else math.nan,
+            exact=should,
+            allowed=None,
+            solves=level.report.linear_solves,
+            seconds=time.perf_counter() - began,
+        )
+        for quantity, computed, should in numbers
+    ]
+
+
+def force_of(case: Case) -> float:
+    """Resultant of the closed form."""
+    return sum(p * force for p, force in zip(case.pressures, case.forces, strict=True))
+
+
+# %% [markdown]
+# ## Beside each other
+#
+# On each mesh the ratio of the errors, and over all meshes of a case the order of nodes less that
+# of mortar, are bounded.
+
+
+# %%
+def judged(nodes: Sequence[Row], mortar: Sequence[Row]) -> list[Row]:
+    """Ratios of errors of the same quantity on each mesh, and the difference of orders."""
+    rows = [
+        replace(
+            row,
+            quantity=f"{row.quantity}, / nodes",
+            computed=abs(row.error / other.error),
+            exact=WORSE,
+            bound=True,
+            allowed=0.0,
+        )
+        for other, row in zip(nodes, mortar, strict=True)
+    ]
+    orders = [order(nodes), order(mortar)]
+    last = replace(
+        rows[-1],
+        quantity=f"{mortar[0].quantity}, order",
+        computed=orders[0] - orders[1],
+        exact=SLOWER,
+    )
+    return [*rows, last] if len(rows) > 2 else rows
+
+
+def order(rows: Sequence[Row]) -> float:
+    """The power of h that the errors fall with, fitted to all."""
+    sizes, errors = np.log([(row.size, abs(row.error)) for row in rows]).T
+    return float(np.polyfit(sizes, errors, 1)[0])
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Errors of all cases by nodes and by mortar. Collective."""
+    table: list[Row] = []
+    for case in CASES:
+        sizes = case.sizes[:2] if coarse else case.sizes
+        found = {
+            kind: [press(folder, case, size, kind) for size in sizes]
+            for kind in ("nodes", "mortar", "apart")
+        }
+        for rows in found.values():
+            table += [row for column in zip(*rows, strict=True) for row in column]
+        for kind in ("mortar", "apart"):
+            for nodes, mortar in zip(zip(*found["nodes"]), zip(*found[kind]), strict=True):
+                table += judged(nodes, mortar)
+    return table
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()
