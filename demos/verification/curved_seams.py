@@ -91,20 +91,20 @@ def second_mode(sphere: bool) -> float:
     k, U, stress, sheared = np.array(rows).T
     inside = k > 0  # what is finite in the middle
 
-    def at(r: float, values: Floats, power: Floats, inner: float, outer: float) -> Floats:
-        terms = values * r**power
+    def at(r: float, values: Floats, less: int, inner: float, outer: float) -> Floats:
+        terms = values * r ** (k - less)
         return np.concatenate([inner * terms[inside], outer * terms])
 
     conditions = [
-        at(RADIUS, sheared, k - 1, 1, 0),
-        at(RADIUS, sheared, k - 1, 0, 1),
-        at(RADIUS, U, k, 1, -1),
-        at(RADIUS, stress, k - 1, 1, -1),
-        at(OUTER, sheared, k - 1, 0, 1),
-        at(OUTER, stress, k - 1, 0, 1),
+        at(RADIUS, sheared, 1, 1, 0),
+        at(RADIUS, sheared, 1, 0, 1),
+        at(RADIUS, U, 0, 1, -1),
+        at(RADIUS, stress, 1, 1, -1),
+        at(OUTER, sheared, 1, 0, 1),
+        at(OUTER, stress, 1, 0, 1),
     ]
     factors = np.linalg.solve(conditions, [0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
-    return float(-at(RADIUS, stress, k - 1, 1, 0) @ factors)
+    return float(-at(RADIUS, stress, 1, 1, 0) @ factors)
 
 
 def shrink_fit_pressure() -> float:

@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.contact.dual_functions import turning
 from perfplast_fenicsx.contact.facet_pairing import rendezvous
 from perfplast_fenicsx.contact.mortar_integrals import Integrals, integrate
 from perfplast_fenicsx.contact.surface_facets import Facets
@@ -60,13 +61,14 @@ def facing_facets(
     parts: list[Facing] = []
     reach, behind = REACH * size, np.inf
     lean = 3 * sum(comm.allreduce(_radius(facets), MPI.MAX) for facets in (hosts, guests))
+    along = comm.allreduce(bool(turning(hosts).any()), MPI.LOR)
     while True:
         here, there = rendezvous(comm, hosts, guests, reach + lean)
-        found = integrate(here, there, reach, around, min(reach, behind))
+        found = integrate(here, there, reach, around, min(reach, behind), along)
         covered = found.covered > 0
         partly = covered & onward & (found.covered < WHOLE * found.whole)
         if partly.any():
-            more = integrate(here[partly], there, reach + lean, around, min(reach, behind))
+            more = integrate(here[partly], there, reach + lean, around, min(reach, behind), along)
             parts.append(Facing(here[partly], there, more))
         some, alone = comm.allreduce(np.array([covered.sum(), (~covered).sum()]))
         last = reach > size or not alone or (not onward and some)

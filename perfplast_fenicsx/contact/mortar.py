@@ -118,13 +118,14 @@ class Mortar:
         nodes, along, slack = chosen.host.nodes, chosen.distances.along, chosen.distances.slack
         size = extent(comm, nodes["x"][rows.place])
         if self.contact.gap is not None:
-            gap, seen = np.full(len(nodes), np.inf), np.isfinite(along)
+            gap: Floats = np.full(len(nodes), np.inf)
+            seen = np.isfinite(along)
             x = nodes["x"][seen]
             if not primary:
                 x[:, :gdim] += along[seen, None] * nodes["normal"][seen]
             gap[seen] = given_gap(comm, self.place, self.contact, x, size)
             return gap
-        gap = np.where(np.abs(along) > slack, along, 0.0)
+        gap = np.asarray(np.where(np.abs(along) > slack, along, 0.0), dtype=np.float64)
         if self.contact.interference:
             self._check_seen(comm, along[rows.place], slack[rows.place], size)
             return gap

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.mortar_integrals import Integrals, coupled, own_basis
+from perfplast_fenicsx.contact.dual_functions import coupled, own_basis
+from perfplast_fenicsx.contact.mortar_integrals import Integrals
 from perfplast_fenicsx.contact.surface_facets import Facets, shape_functions
 from perfplast_fenicsx.parallel import Exchange, send_rows
 

@@ -1,18 +1,9 @@
-"""Integrals over the overlap of two surfaces with dual functions.
+"""Integrals over the overlap of two surfaces with dual functions: the rows of mortar contact.
 
-The multipliers live on the host's facets e. Over the covered part e' of each, the dual functions
-φ = D_e M_e⁻¹ Ñ of the host's functions Ñ are biorthogonal to them, ∫φ_i Ñ_k = δ_ik ∫Ñ_k, and add up
-to 1 (Cichosz and Bischoff, CMAME 200, 2011, doi 10.1016/j.cma.2010.11.004). So a row has one host
-on its own surface, and its weights on the other one add up to the host's.
-
-On triangles of second order vertices have functions N with ∫N = 0, which no multiplier can use. So
-there Ñ_v = N_v + α Σ N_m over the midsides m next to v, and Ñ_m = (1 − 2α) N_m (Popp, Wohlmuth, Gee
-and Wall, SIAM J. Sci. Comput. 34, 2012, doi 10.1137/110848190). α = 1/4 makes them Bernstein's
-polynomials, which are nowhere negative: weights d stay positive whatever part is covered.
-
-Coefficients of these polynomials are not values at nodes: those of a surface's displacement, a
-vector, times the node's normal are not those of its normal component where the normal n turns, but
-miss them by O(h²). So M is had with n too, interpolated between the nodes: ∫φ_i n N_l.
+They are summed by pairs of facets, of all pieces that overlap, and made dual by facets. Where the
+host's functions are Bernstein's and its normal n turns, they are had with n too, interpolated
+between the nodes: coefficients of a displacement, a vector, times the normal of a node are not
+those of its normal component, but miss them by O(h²).
 """
 
 import math
@@ -25,27 +16,18 @@ from scipy.sparse import csr_array
 
 from perfplast_fenicsx.arrays import Floats, Longs, PairFlags
 from perfplast_fenicsx.contact.clipping import Overlaps, overlaps
+from perfplast_fenicsx.contact.dual_functions import coupled, dual_factors, own_basis, turning
 from perfplast_fenicsx.contact.facet_pairing import candidates
 from perfplast_fenicsx.contact.overlap_points import area_elements, overlap_points, rule
 from perfplast_fenicsx.contact.surface_facets import (
-    STRAIGHT,
     Facets,
     Pieces,
     pieces_of,
     shape_functions,
 )
 
-ALPHA = 0.25
-"""α of the functions on triangles of second order."""
-
-ENDS = ((1, 2), (0, 2), (0, 1))
-"""Vertices at the ends of each edge of a triangle, in the order of its midsides."""
-
 CHUNK = 50_000
 """Pairs of pieces that are clipped at once."""
-
-SINGULAR = 1e-14
-"""Smallest eigenvalue of a facet's mass matrix, scaled to a diagonal of 1, that is inverted."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +39,8 @@ class Integrals:
         guest: Of the guest facet.
         M: ∫φ_i N_l of each pair, shape (num_pairs, nodes of a host, nodes of a guest).
         along: ∫φ_i n N_l with the host's normal n, shape (num_pairs, nodes of a host, gdim, nodes
-            of a guest); None where the Ñ are the N, whose coefficients are values at nodes.
+            of a guest); None where the Ñ are the N, whose coefficients are values at nodes, or it is
+            not wanted.
         d: ∫Ñ_i over the covered part of each host facet, shape (num_hosts, nodes).
         full: ∫Ñ_i over the whole of it, same shape.
         covered: Covered length or area of the pieces of each host facet, shape (num_hosts,).
@@ -76,27 +59,13 @@ class Integrals:
     on_guest: Floats
 
 
-def coupled(gdim: int, count: int) -> bool:
-    """Whether the Ñ of a host facet with so many nodes are not its N."""
-    return count == 6 and gdim == 3
-
-
-def own_basis(gdim: int, count: int) -> Floats:
-    """Ñ = basis · N of a host facet, shape (count, count)."""
-    basis = np.eye(count)
-    if coupled(gdim, count):
-        basis[3:, 3:] *= 1 - 2 * ALPHA
-        for middle, ends in enumerate(ENDS, start=3):
-            basis[ends, middle] = ALPHA
-    return basis
-
-
 def integrate(
     hosts: Facets,
     guests: Facets,
     reach: float,
     around: Callable[[Floats], Floats],
     behind: float | None = None,
+    along: bool = True,
 ) -> Integrals:
     """Integrate over the overlap of facets. Not collective.
 
@@ -107,18 +76,19 @@ def integrate(
         around: What points of the host stand for out of the mesh's plane
             (:meth:`kinematics.Kinematics.around`).
         behind: Largest overlap (length); None for the same.
+        along: Whether integrals with the normal are wanted where functions are not N.
     """
     host, guest = pieces_of(hosts), pieces_of(guests)
     first, second = candidates(host, guest, reach, reach if behind is None else behind)
     (count, each), gdim = hosts["node"].shape, hosts["x"].shape[2]
-    turning = coupled(gdim, each) & (np.ptp(hosts["normal"], axis=1).max(axis=1) > STRAIGHT)
+    turns = turning(hosts)
     mass, d = np.zeros((count, each, each)), np.zeros((count, each))
     covered, on_guest = np.zeros((2, count))
     mixed_parts: list[_Sums] = []
     along_parts: list[_Sums] = []
     for chunk in _chunks(first):
         numbers = (first[chunk], second[chunk])
-        part = _products(hosts, guests, (host, guest), numbers, turning, around)
+        part = _products(hosts, guests, (host, guest), numbers, turns, around)
         mixed_parts.append(part.mixed)
         along_parts.append(part.along)
         mass += part.mass
@@ -126,21 +96,22 @@ def integrate(
         covered += part.covered
         on_guest += part.on_guest
     pair, mixed = _joined(mixed_parts)
-    of_host, dual = pair // max(len(guests), 1), _dual(mass, d)
-    along = None
-    if coupled(gdim, each):
-        normal = hosts["normal"]
-        along = mixed[:, :, None, :] * normal[of_host][:, :1, :, None]
+    of_host, dual = pair // max(len(guests), 1), dual_factors(mass, d)
+    normals = None
+    if along and coupled(gdim, each):
+        at_nodes = hosts["normal"]
+        mixed_with = mixed[:, :, None, :] * at_nodes[of_host][:, :1, :, None]
         turned, values = _joined(along_parts)
-        along[np.searchsorted(pair, turned)] = values.reshape(-1, *along.shape[1:])
-        along = (dual[of_host] @ along.reshape(len(pair), each, gdim * each)).reshape(along.shape)
-        own = d[:, :, None] * (np.linalg.inv(own_basis(gdim, each)).T @ normal)
-        along = _balanced(along, mixed, of_host, d, own)
+        mixed_with[np.searchsorted(pair, turned)] = values.reshape(-1, *mixed_with.shape[1:])
+        shape = mixed_with.shape
+        normals = (dual[of_host] @ mixed_with.reshape(len(pair), each, gdim * each)).reshape(shape)
+        own = d[:, :, None] * (np.linalg.inv(own_basis(gdim, each)).T @ at_nodes)
+        normals = _balanced(normals, mixed, of_host, d, own)
     return Integrals(
         host=of_host,
         guest=pair % max(len(guests), 1),
         M=_balanced(dual[of_host] @ mixed, mixed, of_host, d, d),
-        along=along,
+        along=normals,
         d=d,
         full=_full(hosts, host, around),
         covered=covered,
@@ -182,7 +153,7 @@ def _products(
     guests: Facets,
     pieces: tuple[Pieces, Pieces],
     numbers: tuple[Longs, Longs],
-    turning: PairFlags,
+    turns: PairFlags,
     around: Callable[[Floats], Floats],
 ) -> _Products:
     (host, guest), (h, g) = pieces, numbers
@@ -194,11 +165,10 @@ def _products(
     found = Overlaps(found.pair[near], found.host[near], found.guest[near], found.share[near])
     degree = 2 if each == gdim else 4
     at = overlap_points(hosts, guests, pieces, (h, g), found, degree)
-    own = shape_functions(gdim, each, at.at_host) @ own_basis(gdim, each).T
-    other = shape_functions(gdim, each, at.at_guest)
+    own, other = at.own @ own_basis(gdim, each).T, at.other
     weighted = own * (at.weight * around(at.x))[:, :, None]
     turned, e = weighted.transpose(0, 2, 1), at.host
-    key, some = e * max(len(guests), 1) + at.guest, np.flatnonzero(turning[e])
+    key, some = e * max(len(guests), 1) + at.guest, np.flatnonzero(turns[e])
     along = (at.normal[some][:, :, :, None] * other[some][:, :, None, :]).reshape(
         *other[some].shape[:2], gdim * each
     )
@@ -262,27 +232,6 @@ def _balanced(M: Floats, mixed: Floats, of_host: Longs, d: Floats, own: Floats) 
     of_guest = mixed.sum(axis=1).reshape(len(M), *[1] * (M.ndim - 2), M.shape[-1])
     balanced: Floats = M + (missing / area)[of_host][..., None] * of_guest
     return balanced
-
-
-def _dual(mass: Floats, d: Floats) -> Floats:
-    """D_e M_e⁻¹ of each host facet.
-
-    Where next to nothing of a facet is covered M_e cannot be inverted. All its functions then are
-    constants, φ_i = d_i / |e'|: they keep balance and constant pressures.
-    """
-    diagonal = np.einsum("nii->ni", mass)
-    size = np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
-    scaled = mass / (size[:, :, None] * size[:, None, :])
-    values, vectors = np.linalg.eigh(scaled)
-    sound = (values[:, 0] > SINGULAR) & (d.sum(axis=1) > 0)
-    roots = np.where(sound[:, None], values, 1.0)
-    inverse = np.einsum("nij,nj,nkj->nik", vectors, 1 / roots, vectors)
-    inverse /= size[:, :, None] * size[:, None, :]
-    total = d.sum(axis=1)
-    constant = d / np.where(total > 0, total, 1.0)[:, None]
-    ones = np.broadcast_to(constant[:, :, None], mass.shape)
-    dual: Floats = np.where(sound[:, None, None], d[:, :, None] * inverse, ones)
-    return dual
 
 
 def _full(hosts: Facets, pieces: Pieces, around: Callable[[Floats], Floats]) -> Floats:

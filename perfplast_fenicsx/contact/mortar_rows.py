@@ -14,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, Longs, PairFlags
-from perfplast_fenicsx.contact.mortar_integrals import ENDS, Integrals, coupled, own_basis
-from perfplast_fenicsx.contact.surface_facets import Facets
+from perfplast_fenicsx.contact.dual_functions import coupled, own_basis
+from perfplast_fenicsx.contact.mortar_integrals import Integrals
+from perfplast_fenicsx.contact.surface_facets import EDGES, Facets
 from perfplast_fenicsx.parallel import Exchange, send_rows
 
 LEAST_COVERED = 0.1
@@ -97,7 +98,7 @@ def mortar_rows(
     weight_of = _sums(place[own], value[own], count)
     divisor = np.where(fit, weight_of, 1.0)[place]
     weight, along = value / divisor, along / divisor[:, None]
-    kept = np.maximum(np.abs(weight), np.abs(along).max(axis=1)) > ROUNDING
+    kept = np.maximum(np.abs(weight), np.abs(along).max(axis=1, initial=0)) > ROUNDING
     number = np.cumsum(fit) - 1
     places = np.flatnonzero(fit)
     return MortarRows(
@@ -149,7 +150,7 @@ def _heirs(
     fits = corners.back(fit[place]).reshape(hosts["node"].shape)
     may = (~fits & (found.covered > 0)[:, None])[:, :, None] & fits[:, None, :]
     if coupled(hosts["x"].shape[2], hosts["node"].shape[1]):
-        for middle, ends in enumerate(ENDS, start=3):  # lest ends refer to each other in a ring
+        for middle, ends in enumerate(EDGES[3], start=3):  # lest ends refer to each other in a ring
             may[:, middle, :3] &= ~np.any(fits[:, ends], axis=1, keepdims=True)
     facet, old, new = np.nonzero(may)
     rows = np.empty(len(facet), dtype=[("place", np.int64), ("rank", np.int32), ("heir", np.int64)])
@@ -159,11 +160,10 @@ def _heirs(
     return np.unique(send_rows(comm, rows, hosts["rank"][facet, old]))
 
 
-def _term_type(gdim: int) -> np.dtype:
+def _term_type(gdim: int, found: Integrals) -> np.dtype:
     """A term of the row of the node at ``place``, before it is divided by d.
 
-    Its ``value`` is what multiplies displacements, ``along`` what multiplies them along normals
-    that turn, zero where they do not.
+    Its ``value`` is what multiplies displacements, ``along``, where normals turn, those with them.
     """
     return np.dtype(
         [
@@ -171,7 +171,7 @@ def _term_type(gdim: int) -> np.dtype:
             ("own", np.bool_),
             ("node", np.int64),
             ("value", np.float64),
-            ("along", np.float64, gdim),
+            ("along", np.float64, 0 if found.along is None else gdim),
         ]
     )
 
@@ -183,7 +183,7 @@ def _terms(
     each, gdim = hosts["node"].shape[1], hosts["x"].shape[2]
     basis = np.linalg.inv(own_basis(gdim, each)).T
     facet, i, k = np.nonzero(found.d[:, :, None] * basis)
-    own = np.zeros(len(facet), dtype=_term_type(gdim))
+    own = np.zeros(len(facet), dtype=_term_type(gdim, found))
     own["place"], own["own"] = hosts["place"][facet, i], True
     own["node"], own["value"] = hosts["node"][facet, k], found.d[facet, i] * basis[i, k]
     some = found.M != 0
@@ -192,7 +192,7 @@ def _terms(
         own["along"] = own["value"][:, None] * hosts["normal"][facet, k]
     pair, j, m = np.nonzero(some)
     of_host, of_guest = found.host[pair], found.guest[pair]
-    other = np.zeros(len(pair), dtype=_term_type(gdim))
+    other = np.zeros(len(pair), dtype=_term_type(gdim, found))
     other["place"], other["own"] = hosts["place"][of_host, j], False
     other["node"], other["value"] = guests["node"][of_guest, m], -found.M[pair, j, m]
     if found.along is not None:
@@ -224,6 +224,7 @@ def _compressed(
     key = (terms["place"] * 2 + terms["own"]) * span + terms["node"]
     keys, group = np.unique(key, return_inverse=True)
     value = _sums(group, terms["value"], len(keys))
-    along = np.stack([_sums(group, one, len(keys)) for one in terms["along"].T], axis=1)
+    along = [_sums(group, one, len(keys)) for one in terms["along"].T]
     row, node = np.divmod(keys, span)
-    return row // 2, (row % 2).astype(np.bool_), node, value, along
+    columns = np.array(along).reshape(len(along), len(keys)).T
+    return row // 2, (row % 2).astype(np.bool_), node, value, columns

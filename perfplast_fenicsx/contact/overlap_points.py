@@ -6,6 +6,7 @@ are those of the facets of second order, and not of the pieces (T. Dickopf and R
 Numer. Meth. Engng 77, 2009, doi 10.1002/nme.2464).
 """
 
+import functools
 from dataclasses import dataclass
 
 import basix
@@ -27,8 +28,8 @@ class OverlapPoints:
     Attributes:
         host: Number of the host facet, shape (n,).
         guest: Of the guest facet, shape (n,).
-        at_host: Reference coordinates in the host facet, shape (n, q, gdim − 1).
-        at_guest: In the guest facet, same shape.
+        own: The host's functions N there, shape (n, q, nodes of a facet).
+        other: The guest's, same shape.
         x: On the host, shape (n, q, gdim).
         normal: The host's, interpolated between its nodes, same shape.
         weight: Length or area of the host facet, shape (n, q).
@@ -36,8 +37,8 @@ class OverlapPoints:
 
     host: Longs
     guest: Longs
-    at_host: Floats
-    at_guest: Floats
+    own: Floats
+    other: Floats
     x: Floats
     normal: Floats
     weight: Floats
@@ -70,12 +71,14 @@ def overlap_points(
     bent = np.flatnonzero(host.curved[h])
     share = (found.share[bent] * host.part[h[bent]])[:, None]
     weight[bent] = weights * share * area_elements(hosts["x"][e[bent]], at_host[bent])
-    x = interpolated(hosts["x"][e], at_host)
-    normal = interpolated(hosts["normal"][e], at_host)
+    (_, each), (_, count, gdim) = hosts["node"].shape, hosts["x"].shape
+    own = shape_functions(gdim, each, at_host)
+    x = (own if each == count else shape_functions(gdim, count, at_host)) @ hosts["x"][e]
+    normal = own @ hosts["normal"][e]
     moved = np.flatnonzero(host.curved[h] | guest.curved[g])
     facet = guests["x"][f[moved]]
     at_guest[moved] = _carried(x[moved], normal[moved], facet, at_guest[moved])
-    return OverlapPoints(e, f, at_host, at_guest, x, normal, weight)
+    return OverlapPoints(e, f, own, shape_functions(gdim, each, at_guest), x, normal, weight)
 
 
 def rule(gdim: int, degree: int) -> tuple[Floats, Floats]:
@@ -86,23 +89,12 @@ def rule(gdim: int, degree: int) -> tuple[Floats, Floats]:
     return np.concatenate([first, points], axis=1), weights / weights.sum()
 
 
-def interpolated(values: Floats, at: Floats) -> Floats:
-    """What facets have at points.
-
-    Args:
-        values: At the nodes, or the points of the geometry, shape (n, nodes, gdim).
-        at: Reference coordinates, shape (n, q, gdim − 1).
-    """
-    _, count, gdim = values.shape
-    return np.asarray(shape_functions(gdim, count, at) @ values)
-
-
 def area_elements(x: Floats, at: Floats) -> Floats:
     """Length or area of facets at points, for that of the reference facet, shape (n, q)."""
     tangents = _tangents(x, at)
     if len(tangents) == 1:
         return np.asarray(np.linalg.norm(tangents[0], axis=2))
-    return np.asarray(np.linalg.norm(np.cross(*tangents), axis=2))
+    return np.asarray(np.linalg.norm(np.cross(tangents[0], tangents[1]), axis=2))
 
 
 def _tangents(x: Floats, at: Floats) -> list[Floats]:
@@ -119,13 +111,15 @@ def _carried(x: Floats, normal: Floats, facet: Floats, at: Floats) -> Floats:
         facet: Shape (n, points of a facet, gdim).
         at: Reference coordinates nearby, shape (n, q, gdim − 1).
     """
-    apart = x - interpolated(facet, at)
+    _, count, gdim = facet.shape
+    apart = x - shape_functions(gdim, count, at) @ facet
     tangents = _tangents(facet, at)
     if len(tangents) == 1:
         across = [np.stack([normal[..., 1], -normal[..., 0]], axis=-1)]
     else:
-        across = [np.cross(tangents[1], normal), np.cross(normal, tangents[0])]
-    whole = np.sum(tangents[0] * across[0], axis=2)
-    step = np.stack([np.sum(apart * one, axis=2) / whole for one in across], axis=2)
-    near = np.abs(step).max(axis=2, keepdims=True) <= ASTRAY
-    return np.asarray(np.where(near, at + step, at))
+        pairs = ((tangents[1], normal), (normal, tangents[0]))
+        across = [np.asarray(np.cross(a, b), dtype=np.float64) for a, b in pairs]
+    whole = np.einsum("nqi,nqi->nq", tangents[0], across[0])
+    step = np.stack([np.einsum("nqi,nqi->nq", apart, one) / whole for one in across], axis=2)
+    near = functools.reduce(np.maximum, np.abs(step).transpose(2, 0, 1)) <= ASTRAY
+    return np.asarray(np.where(near[:, :, None], at + step, at))

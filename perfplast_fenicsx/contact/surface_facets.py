@@ -18,6 +18,9 @@ Facets = npt.NDArray[np.void]
 STRAIGHT = 1e-12
 """A facet is straight if its midsides are no farther from the middle than this share of it."""
 
+EDGES = {2: ((0, 1),), 3: ((1, 2), (0, 2), (0, 1))}
+"""Vertices at the ends of each edge of a facet, in the order of its midsides."""
+
 _SPLIT = {
     2: ((0, 2), (2, 1)),
     3: ((0, 5, 4), (5, 1, 3), (4, 3, 2), (3, 4, 5)),
@@ -127,7 +130,7 @@ def pieces_of(facets: Facets) -> Pieces:
         at = np.broadcast_to(ends, (count, *ends.shape))
         return _pieces(facets, np.arange(count), x, at, np.zeros(count, dtype=np.bool_))
     size = np.abs(x - x.mean(axis=1, keepdims=True)).max(axis=(1, 2))
-    edges = [(0, 1)] if gdim == 2 else [(1, 2), (0, 2), (0, 1)]
+    edges = EDGES[gdim]
     straight = np.stack([(x[:, i] + x[:, j]) / 2 for i, j in edges], axis=1)
     off = np.abs(x[:, gdim:] - straight).max(axis=(1, 2))
     curved = off > STRAIGHT * size
