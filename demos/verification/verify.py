@@ -34,6 +34,7 @@ CASES = (
     "hertz_line",
     "hertz_sphere",
     "meshed_apart",
+    "curved_seams",
     "towers",
     "assemblies",
     "body_bounds",

@@ -95,12 +95,22 @@ class Mortar:
         )
 
     def _remark(self, V: fem.FunctionSpace, chosen: Side) -> str:
-        """What was chosen. Collective."""
-        count = V.mesh.comm.allreduce(len(chosen.rows[0].place))
+        """What was chosen, and what straight facets of curved surfaces cost. Collective."""
+        comm, gdim = V.mesh.comm, V.mesh.geometry.dim
+        count = comm.allreduce(len(chosen.rows[0].place))
+        missed = comm.allreduce(float(chosen.distances.slack.max(initial=0)), MPI.MAX)
+        size = extent(comm, chosen.host.nodes["x"])
+        straight = ""
+        if chosen.host.facets["x"].shape[1] == gdim and missed > OVERLAP * size:
+            straight = (
+                f"; straight facets there miss the curved surfaces that they stand for by up to"
+                f" {missed:.2g}: expect errors of some per cent in pressures where they are coarse,"
+                " and a tenth of them on a mesh of second order"
+            )
         shares = " and ".join(f"{min(share, 1):.0%}" for share in chosen.covered)
         return (
             f"{self.place}: mortar, hosted by {count} nodes of '{chosen.host.name}'; of it and of"
-            f" '{chosen.guest.name}' {shares} are covered by the other."
+            f" '{chosen.guest.name}' {shares} are covered by the other{straight}."
         )
 
     def _gap(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pytest
 from dolfinx.mesh import entities_to_geometry
 
+from meshes.ball_in_socket import write_ball_in_socket
 from meshes.beam_on_prop import write_beam_on_prop
 from meshes.contact_patch import write_contact_patch
 from meshes.corner_seat import LEG, write_corner_seat
@@ -232,6 +233,39 @@ CASES = [
         },
         [("shaft_seam", "hub_seam")],
         rel=2e-3,
+    ),
+    Case(
+        write_shaft,
+        {"hub": 2.0, "length": 0.5, "size": 0.5, "order": 2},
+        {"shaft": pi / 8, "hub": 3 * pi / 8},
+        {
+            "outer": (1, 1, 0),
+            "x0": (-1, 0, 0),
+            "y0": (0, -1, 0),
+            "z0": (0, 0, -pi),
+            "z1": (0, 0, pi),
+            "shaft_seam": (0.5, 0.5, 0),
+            "hub_seam": (-0.5, -0.5, 0),
+        },
+        [("shaft_seam", "hub_seam")],
+        rel=3e-3,
+        gdim=3,
+    ),
+    Case(
+        write_ball_in_socket,
+        {"size": 0.5, "order": 2},
+        {"ball": pi / 6, "socket": 7 * pi / 6},
+        {
+            "outer": (pi, pi, pi),
+            "x0": (-pi, 0, 0),
+            "y0": (0, -pi, 0),
+            "z0": (0, 0, -pi),
+            "ball_seam": (pi / 4, pi / 4, pi / 4),
+            "socket_seam": (-pi / 4, -pi / 4, -pi / 4),
+        },
+        [("ball_seam", "socket_seam")],
+        rel=3e-3,
+        gdim=3,
     ),
     Case(
         write_shaft,
