@@ -45,6 +45,8 @@ class Constraints:
             guest where nodes match. On either side the shares add up to 1; on elements of second
             order some may be negative. Shape (m, num_nodes), sparse, distributed as B and V's
             nodes.
+        weights: What displacements are multiplied with in the jump: the shares, with the sign of
+            their side, shape of ``shares``.
         area: What each row stands for of its surface (length, area), which friction is
             proportional to; not positive where that is unknown or nothing, shape (m_local,).
         in_mean: Whether any row holds a mean of the jump on a surface, so that bodies may enter
@@ -58,6 +60,7 @@ class Constraints:
     normal: Floats
     surface: Ints
     shares: PETSc.Mat
+    weights: PETSc.Mat
     area: Floats
     in_mean: bool = False
     remarks: tuple[str, ...] = ()
@@ -127,19 +130,20 @@ def make_constraints(
     rows = (len(host), comm.allreduce(len(host)))
     entries: list[Entries] = []
     parts: list[Entries] = []
+    signed: list[Entries] = []
     for i, (row, node, coefficient) in enumerate(terms):
         columns = np.asarray(node, dtype=np.int64)[:, None] * gdim + np.arange(gdim)
         entries.append((np.repeat(row, gdim), columns.ravel(), coefficient.ravel()))
-        if shares is None:
-            along = np.einsum("ni,ni->n", coefficient, normal[row])
-            side = np.sign(np.bincount(row, along, len(host)))
-            parts.append((row, node, side[row] * along))
-        else:
-            parts.append((row, node, shares[i]))
+        along = np.einsum("ni,ni->n", coefficient, normal[row])
+        side = np.sign(np.bincount(row, along, len(host)))[row]
+        share = side * along if shares is None else shares[i]
+        parts.append((row, node, share))
+        signed.append((row, node, side * share))
     B = matrix_of_entries(comm, rows, unknowns(V), entries)
     at_nodes = matrix_of_entries(comm, rows, _nodes(V), parts)
+    weights = matrix_of_entries(comm, rows, _nodes(V), signed)
     known = np.zeros(len(host)) if area is None else area
-    return Constraints(B, host, gap, normal, surface, at_nodes, known, in_mean, remarks)
+    return Constraints(B, host, gap, normal, surface, at_nodes, weights, known, in_mean, remarks)
 
 
 def joined(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
@@ -148,6 +152,7 @@ def joined(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
     for part in parts:
         part.B.destroy()
         part.shares.destroy()
+        part.weights.destroy()
     return whole
 
 
@@ -163,6 +168,7 @@ def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
         np.concatenate([np.zeros((0, V.dofmap.index_map_bs)), *(part.normal for part in parts)]),
         np.concatenate([none, *(part.surface for part in parts)]),
         _stacked(V, rows, _nodes(V), [part.shares for part in parts]),
+        _stacked(V, rows, _nodes(V), [part.weights for part in parts]),
         np.concatenate([np.zeros(0), *(part.area for part in parts)]),
         any(part.in_mean for part in parts),
         tuple(remark for part in parts for remark in part.remarks),

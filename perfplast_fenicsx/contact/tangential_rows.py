@@ -60,7 +60,7 @@ def tangential_rows(
     comm, gdim, rubbing = V.mesh.comm, V.mesh.geometry.dim, (*contacts, *obstacles)
     _check_ties(contacts, obstacles, ties)
     place = _places(comm, constraints, rubbing)
-    parts = _weights(constraints, gdim)
+    parts = entries_of(constraints.weights)
     _check_guests(V, constraints, rubbing, taken, place, _of(constraints, place, *parts))
     directions, there = _directions(constraints.normal[place], ~taken[constraints.host[place]])
     some = there.any(axis=1)
@@ -154,22 +154,6 @@ def _directions(normal: Floats, free: npt.NDArray[np.bool_]) -> tuple[Floats, np
     values, vectors = np.linalg.eigh(projection)
     there = values[:, 1:] > NORMAL
     return np.swapaxes(vectors[:, :, 1:], 1, 2) * there[:, :, None], there
-
-
-def _weights(constraints: Constraints, gdim: int) -> tuple[Longs, Longs, Floats]:
-    """Row, global block dof and weight w of the nodes with a part in each jump Σ w u.
-
-    The weights are the shares, positive on a's side and negative on b's; where a share is
-    negative, so is its part of the row.
-    """
-    row, column, value = entries_of(constraints.B)
-    node, axis = np.divmod(column, gdim)
-    nodes = constraints.shares.getSize()[1]
-    keys, group = np.unique(row * nodes + node, return_inverse=True)
-    along = np.bincount(group, value * constraints.normal[row, axis], len(keys))
-    row, node, share = entries_of(constraints.shares)
-    side = np.sign(along[np.searchsorted(keys, row * nodes + node)]) * np.sign(share)
-    return row, node, side * share
 
 
 def _of(

@@ -168,6 +168,7 @@ def test_parts_are_joined_row_by_row(comm: MPI.Intracomm) -> None:
     second = Constraints(
         *(-2.0 * single.B, single.host, single.gap + 1, -single.normal, single.surface + 1),
         single.shares.copy(),
+        single.weights.copy(),
         single.area,
     )
     both = joined(V, [single, second])

@@ -168,6 +168,21 @@ def test_rows_on_curved_facets(read: Read, hosts: Any, comm: MPI.Intracomm) -> N
     assert most(jumps(x / radius * inside[:, None]) - 1) < 2e-3
 
 
+@pytest.mark.mpi3
+def test_friction_on_curved_facets(read: Read, comm: MPI.Intracomm) -> None:
+    """Translations of all bodies are no slip, and forces of friction are in balance."""
+    shape = {"interface": SEAM_OF_SHELLS, "size": 0.5, "order": 2, "finer": 1.5}
+    problem = shells(read(write_thick_sphere, **shape), tresca=20.0)
+    assert problem.friction.count
+    u = fem.Function(problem.V)
+    u.x.array[:] = np.tile([0.3, -0.7, 0.5], len(u.x.array) // 3)
+    slip = problem.sliding.jumps(u.x.petsc_vec)
+    assert comm.allreduce(float(np.abs(slip).max(initial=0)), MPI.MAX) < 1e-13
+    level = Newton(problem).solve(0.0)
+    assert_solved(level)
+    assert level.report.balance < 1e-12
+
+
 def test_straight_facets_of_curved_surfaces_are_told(read: Read) -> None:
     told = tubes(read(write_thick_tube, **APART | {"order": 1})).constraints.remarks
     assert "straight facets there miss the curved surfaces" in told[0]
