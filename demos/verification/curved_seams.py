@@ -327,7 +327,8 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         for rows in found.values():
             table += [row for column in zip(*rows, strict=True) for row in column]
         for kind in ("mortar", "apart"):
-            for nodes, mortar in zip(zip(*found["nodes"]), zip(*found[kind]), strict=True):
+            columns = (zip(*found[one], strict=True) for one in ("nodes", kind))
+            for nodes, mortar in zip(*columns, strict=True):
                 table += judged(nodes, mortar)
     return table
 

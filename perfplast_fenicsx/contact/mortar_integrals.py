@@ -39,8 +39,8 @@ class Integrals:
         guest: Of the guest facet.
         M: ∫φ_i N_l of each pair, shape (num_pairs, nodes of a host, nodes of a guest).
         along: ∫φ_i n N_l with the host's normal n, shape (num_pairs, nodes of a host, gdim, nodes
-            of a guest); None where the Ñ are the N, whose coefficients are values at nodes, or it is
-            not wanted.
+            of a guest); None where it is not wanted, or the Ñ are the N, whose coefficients are
+            values at nodes.
         d: ∫Ñ_i over the covered part of each host facet, shape (num_hosts, nodes).
         full: ∫Ñ_i over the whole of it, same shape.
         covered: Covered length or area of the pieces of each host facet, shape (num_hosts,).
