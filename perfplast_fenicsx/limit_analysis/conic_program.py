@@ -29,6 +29,9 @@ PROXIMAL = 1e-5
 nearly lock take three times the steps; with less K is worse conditioned."""
 
 
+CONTRAST = 1e4
+"""Ratio of strengths"""
+
 MOST_VISCOUS = 1e4
 """Strong bodies are so viscous at first, at most."""
 
@@ -152,11 +155,18 @@ class ConicProgram:
         force_unit: What 1 is of r.
     """
 
-    def __init__(self, on: Discretisation) -> None:
-        """Take a discretisation over, its PETSc objects too. Collective."""
+    def __init__(self, on: Discretisation, strongest: float | None = None) -> None:
+        """Take a discretisation over, its PETSc objects too. Collective.
+
+        Args:
+            on: The discretisation.
+            strongest: Largest yield radius that yields; by default :data:`CONTRAST` times the
+                least one.
+        """
         self.comm, self.strains, self.stiffness = on.comm, on.strains, on.stiffness
         strains, self.jumps = on.strains, on.jumps
-        self.plastic = np.isfinite(strains.radii)
+        self.strongest = strongest or CONTRAST * self._least(0.0)
+        self.plastic = np.isfinite(strains.radii) & (strains.radii <= self.strongest)
         radii = strains.radii[self.plastic]
         mine = [strains.count, strains.weights.sum(), len(radii), (1 / radii).sum(), len(on.jumps)]
         points, volume, cones, weaknesses, pairs = self.comm.allreduce(np.array(mine))
@@ -171,6 +181,17 @@ class ConicProgram:
         self.load.scale(1 / self.force_unit)
         self.load_unit = 1.0
         self.springs: Floats = np.zeros(len(on.jumps))
+
+    def _least(self, above: float) -> float:
+        """The least yield radius above another one; ∞ where there is none. Collective."""
+        radii = self.strains.radii
+        mine = float(radii[radii > above].min(initial=np.inf))
+        return float(self.comm.allreduce(mine, MPI.MIN))
+
+    def stronger(self) -> float | None:
+        """What may yield beyond what does now; None where that is all. Collective."""
+        least = self._least(self.strongest)
+        return CONTRAST * least if np.isfinite(least) else None
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
