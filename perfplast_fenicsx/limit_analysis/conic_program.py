@@ -15,7 +15,7 @@ What the velocities v are is told by a :class:`Discretisation`: displacements of
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -30,7 +30,19 @@ nearly lock take three times the steps; with less K is worse conditioned."""
 
 
 CONTRAST = 1e4
-"""Ratio of strengths"""
+"""Bodies so many times as strong as those that bear the loads do not flow."""
+
+SIMILAR = 10.0
+"""Strengths of such ratios are measured in one unit."""
+
+MOSTLY = 0.1
+
+NO_FLOW = 1e-20
+
+MOST_CARRIED = 40
+
+Stress: TypeAlias = tuple[Floats, Floats]
+"""Pressure and deviator at the points, shapes (count,) and (count, m)."""
 
 MOST_VISCOUS = 1e4
 """Strong bodies are so viscous at first, at most."""
@@ -155,43 +167,67 @@ class ConicProgram:
         force_unit: What 1 is of r.
     """
 
-    def __init__(self, on: Discretisation, strongest: float | None = None) -> None:
+    def __init__(self, on: Discretisation, scale: float | None = None) -> None:
         """Take a discretisation over, its PETSc objects too. Collective.
 
         Args:
             on: The discretisation.
-            strongest: Largest yield radius that yields; by default :data:`CONTRAST` times the
-                least one.
+            scale: Yield radius (stress) of those that bear the loads; chosen by a viscous flow
+                where none is given.
         """
         self.comm, self.strains, self.stiffness = on.comm, on.strains, on.stiffness
         strains, self.jumps = on.strains, on.jumps
-        self.strongest = strongest or CONTRAST * self._least(0.0)
-        self.plastic = np.isfinite(strains.radii) & (strains.radii <= self.strongest)
-        radii = strains.radii[self.plastic]
-        mine = [strains.count, strains.weights.sum(), len(radii), (1 / radii).sum(), len(on.jumps)]
-        points, volume, cones, weaknesses, pairs = self.comm.allreduce(np.array(mine))
+        finite = strains.radii[np.isfinite(strains.radii)]
+        mine = [strains.count, strains.weights.sum(), len(finite), (1 / finite).sum()]
+        points, volume, cones, weaknesses, pairs = self.comm.allreduce(
+            np.array([*mine, len(on.jumps)])
+        )
         self.num_pairs = int(pairs)
-        self.degree = int(cones + pairs)
         self._mean_weight = volume / points
-        self.stress_unit = cones / weaknesses if cones else 1.0  # that of weak bodies counts
-        self.weights, self.radii = strains.weights / self._mean_weight, radii / self.stress_unit
-        self.viscosities = np.minimum(self.radii**2, MOST_VISCOUS)
-        self.force_unit = self.stress_unit * self._mean_weight
+        self.weights = strains.weights / self._mean_weight
         self.load = on.load
-        self.load.scale(1 / self.force_unit)
-        self.load_unit = 1.0
+        self.load_unit = self.stress_unit = self.force_unit = 1.0
         self.springs: Floats = np.zeros(len(on.jumps))
+        self.carried: Stress | None = None
+        self._scale = scale
+        if scale is None:
+            self._measure(cones / weaknesses if cones else 1.0, np.inf)  # weak bodies count
+        else:
+            self._measure(scale, CONTRAST * scale)
 
-    def _least(self, above: float) -> float:
-        """The least yield radius above another one; ∞ where there is none. Collective."""
+    def _measure(self, unit: float, strongest: float) -> None:
+        """Let yield what is weak enough, and measure stresses in a unit. Collective."""
         radii = self.strains.radii
-        mine = float(radii[radii > above].min(initial=np.inf))
-        return float(self.comm.allreduce(mine, MPI.MIN))
+        self.strongest = strongest
+        self.plastic = np.isfinite(radii) & (radii <= strongest)
+        self.radii = radii[self.plastic] / unit
+        self.viscosities = np.minimum(self.radii**2, MOST_VISCOUS)
+        self.degree = self.num_pairs + int(self.comm.allreduce(len(self.radii)))
+        before, self.force_unit = self.force_unit, unit * self._mean_weight
+        self.stress_unit = unit
+        self.load.scale(before / self.force_unit)
 
     def stronger(self) -> float | None:
-        """What may yield beyond what does now; None where that is all. Collective."""
-        least = self._least(self.strongest)
-        return CONTRAST * least if np.isfinite(least) else None
+        """Least yield radius that nothing has in mind here; None if there is none. Collective."""
+        radii = self.strains.radii
+        mine = float(radii[radii > self.strongest].min(initial=np.inf))
+        least = float(self.comm.allreduce(mine, MPI.MIN))
+        return least if np.isfinite(least) else None
+
+    def overstress(self, deviator: Floats) -> float:
+        """Largest ‖dev σ‖/γ of all points, those that do not flow here too. Collective.
+
+        Args:
+            deviator: In units of ``stress_unit``.
+        """
+        sizes = np.linalg.norm(deviator, axis=1) * self.stress_unit
+        return float(self.comm.allreduce((sizes / self.strains.radii).max(initial=0.0), MPI.MAX))
+
+    def whole(self, stress: Stress, load: float) -> Stress:
+        """A stress with what the free ones carry of a load factor, in units of the program."""
+        if self.carried is None:
+            return stress
+        return tuple(a + load * b for a, b in zip(stress, self.carried, strict=True))
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
@@ -210,6 +246,20 @@ class ConicProgram:
         Raises:
             SingularStiffness: If K cannot be factorised.
         """
+        flow = self.load.duplicate()
+        self._flow(flow)
+        if self._scale is None and self._measure_by(flow):
+            self._flow(flow)
+        self._carry(flow)
+        unit = self.dissipation(flow) / self.work(flow) / max(self.degree, 1)
+        flow.destroy()
+        self.load_unit *= unit
+        self.load.scale(unit)
+        if self.carried is not None:
+            self.carried = tuple(unit * part for part in self.carried)
+
+    def _flow(self, flow: PETSc.Vec) -> None:
+        """Find the flow of viscous bodies that the loads drive. Collective."""
         viscosity = self.at_points(self.viscosities, 1 / PROXIMAL)
         none: Floats = np.zeros((len(viscosity), self.strains.size))
         if self.num_pairs:
@@ -218,14 +268,59 @@ class ConicProgram:
         self.assemble(np.full_like(viscosity, 1 / PROXIMAL), viscosity, none)
         self.stiffness.add_at_jumps(self.springs)
         self.stiffness.factorise()
-        flow = self.load.duplicate()
         self.stiffness.solve(self.load, flow)
-        unit = self.dissipation(flow) / self.work(flow) / max(self.degree, 1)
-        flow.destroy()
-        self.load_unit *= unit
-        self.load.scale(unit)
 
-    def viscous_stress(self, velocity: PETSc.Vec) -> tuple[Floats, Floats]:
+    def _measure_by(self, flow: PETSc.Vec) -> bool:
+        """Choose the strength that matters: the mean of those where the flow dissipates. Collective.
+
+        Returns:
+            Whether it is another one than before.
+        """
+        radii = self.radii * self.stress_unit
+        largest = self.comm.allreduce(float(radii.max(initial=0)), MPI.MAX)
+        least = self.comm.allreduce(float(radii.min(initial=np.inf)), MPI.MIN)
+        if not largest > SIMILAR * least:
+            return False
+        _, stress = self.viscous_stress(flow)
+        _, deviator = self.strains.of(flow)
+        power = self.weights * np.einsum("ni,ni->n", stress, deviator)
+        power = power[self.plastic]
+        mean = np.exp(self.total(float(power @ np.log(radii))) / self.total(float(power.sum())))
+        if mean / SIMILAR < self.stress_unit < mean * SIMILAR and largest <= CONTRAST * mean:
+            return False
+        self._measure(mean, CONTRAST * mean)
+        return True
+
+    def _carry(self, flow: PETSc.Vec) -> None:
+        """Leave of the loads what drives a flow beside what stresses carry that nothing bounds.
+
+        Such are pressures, and stresses of bodies that do not yield: all round pressed bodies carry
+        almost all by them. Collective.
+        """
+        given = left = None
+        first, carried = self.work(flow), None
+        for _ in range(MOST_CARRIED):
+            trace, deviator = self.strains.of(flow)
+            pressure = self.weights / PROXIMAL * trace
+            stress = np.where(self.plastic, 0.0, self.weights / PROXIMAL)[:, None] * deviator
+            free = self.weights @ (pressure * trace + np.einsum("ni,ni->n", stress, deviator))
+            power = self.work(flow)
+            if not self.total(float(free)) > MOSTLY * power or power < NO_FLOW * first:
+                break
+            if given is None:
+                given, left = self.load.copy(), self.create_vector()
+                carried = (np.zeros_like(pressure), np.zeros_like(stress))
+            carried = (carried[0] + pressure, carried[1] + stress)
+            self.internal_forces(*carried, left)
+            self.load.waxpy(-1.0, left, given)
+            self.stiffness.solve(self.load, flow)
+            print("carry", self.total(float(free))/power, power/first)
+        self.carried = carried
+        for vector in (given, left):
+            if vector is not None:
+                vector.destroy()
+
+    def viscous_stress(self, velocity: PETSc.Vec) -> Stress:
         """Pressure and deviator of the flow that units are chosen by. Collective."""
         trace, deviator = self.strains.of(velocity)
         viscosity = self.at_points(self.viscosities, 1 / PROXIMAL) * self.weights

@@ -7,7 +7,7 @@ elements, and yield and dissipation are those of the points of the quadrature.
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -95,23 +95,53 @@ def interior_point(
     check_tolerance(rtol)
     check_proportional(problem)
     check_friction_has_limits(problem)
+    found, stronger = _search(problem, rtol, monitor, None)
+    while stronger is not None:
+        before = found
+        found, stronger = _search(problem, rtol, monitor, stronger)
+        found = replace(
+            found,
+            steps=before.steps + found.steps,
+            factorisations=before.factorisations + found.factorisations,
+            linear_solves=before.linear_solves + found.linear_solves,
+        )
+    return found
+
+
+def _search(
+    problem: Problem,
+    rtol: float,
+    monitor: Callable[[InteriorStep], None] | None,
+    scale: float | None,
+) -> tuple[DiscreteLimit, float | None]:
+    """Search with bodies that are stronger as elastic ones. Collective.
+
+    Returns:
+        What was found; which stronger ones have to yield as well, None for none.
+    """
     with ExitStack() as made:
-        program = limit_program(problem)
+        program = limit_program(problem, scale)
         made.callback(program.destroy)
         steps: list[InteriorStep] = []
         if program.degree == program.num_pairs:
             reason = "nothing can yield; give the bodies that may collapse a yield stress"
-            return _result(problem, program, None, Verdict.UNBOUNDED, reason, steps)
+            return _result(problem, program, None, Verdict.UNBOUNDED, reason, steps), None
         try:
             program.choose_units()
         except SingularStiffness as failure:
-            return _result(problem, program, None, Verdict.STALLED, str(failure), steps)
+            found = _result(problem, program, None, Verdict.STALLED, str(failure), steps)
+            return found, program.stronger()
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
         verdict, reason = iterate(iteration, rtol, steps, monitor, CLOSER)
         if verdict is Verdict.UNBOUNDED:
             reason += f": {_why(problem)}"
-        return _result(problem, program, iteration, verdict, reason, steps)
+        now = iteration.now
+        _, whole = program.whole((now.pressure, now.deviator), now.load)
+        over = program.overstress(whole) > 1 + rtol
+        ended = verdict in (Verdict.FOUND, Verdict.NO_RESISTANCE)
+        stronger = program.stronger() if over or not ended else None
+        return _result(problem, program, iteration, verdict, reason, steps), stronger
 
 
 def can_bound(problem: Problem) -> bool:
@@ -186,7 +216,8 @@ def _write_stress(iteration: InteriorIteration, function: fem.Function) -> None:
     space = function.function_space.dofmap
     count = space.index_map.size_local  # points of friction follow behind them
     array = function.x.array[: count * space.index_map_bs].reshape(count, -1)
-    array[:] = now.deviator[:count]
-    array[:, :3] += now.pressure[:count, None]
+    pressure, deviator = iteration.program.whole((now.pressure, now.deviator), now.load)
+    array[:] = deviator[:count]
+    array[:, :3] += pressure[:count, None]
     array *= iteration.program.stress_unit
     function.x.scatter_forward()

@@ -121,28 +121,67 @@ def strict_lower_bound(
     why_not = conditions.why_not
     if has_curved_cells(problem.tagged_mesh.mesh):
         why_not = ("cells are curved", *why_not)
+    found, stronger = _search(problem, conditions, why_not, rtol, monitor, None)
+    while stronger is not None:
+        before = found
+        found, stronger = _search(problem, conditions, why_not, rtol, monitor, stronger)
+        found = _together(before, found)
+    return found
+
+
+def _together(before: StaticBound, after: StaticBound) -> StaticBound:
+    """The better one of two searches, with what both have taken."""
+    values = [-np.inf if it.bound.value is None else it.bound.value for it in (before, after)]
+    return replace(
+        after if values[1] >= values[0] else before,
+        steps=before.steps + after.steps,
+        factorisations=before.factorisations + after.factorisations,
+    )
+
+
+def _search(
+    problem: Problem,
+    conditions: FacetConditions,
+    why_not: tuple[str, ...],
+    rtol: float,
+    monitor: Callable[[InteriorStep], None] | None,
+    scale: float | None,
+) -> tuple[StaticBound, float | None]:
+    """Search among stresses of which none is bounded in bodies that are stronger. Collective.
+
+    Returns:
+        What was found; which stronger ones have to be bounded as well, None for none.
+    """
     with ExitStack() as made:
-        static = static_program(problem, conditions)
+        static = static_program(problem, conditions, scale)
         program = static.program
         made.callback(program.destroy)
         if program.degree == program.num_pairs:
             reason = "nothing can yield; give the bodies that may collapse a yield stress"
-            return _nothing(conditions, Verdict.UNBOUNDED, reason)
+            return _nothing(conditions, Verdict.UNBOUNDED, reason), None
         try:
             program.choose_units()
         except SingularStiffness as failure:
-            return _nothing(conditions, Verdict.STALLED, str(failure))
+            return _nothing(conditions, Verdict.STALLED, str(failure)), program.stronger()
         none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
         if not static.can_carry():
-            return _nothing(conditions, Verdict.NO_RESISTANCE, CORNERS, none)
+            return _nothing(conditions, Verdict.NO_RESISTANCE, CORNERS, none), None
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
         steps: list[InteriorStep] = []
         verdict, reason = iterate(iteration, rtol, steps, monitor)
         if verdict is Verdict.NO_RESISTANCE:
             found = _nothing(conditions, verdict, COARSE, none)
-            return replace(found, steps=steps, factorisations=program.stiffness.factorisations)
-        return _result(static, iteration, conditions, why_not, verdict, reason, steps)
+            found = replace(
+                found, steps=steps, factorisations=program.stiffness.factorisations
+            )
+            return found, None
+        now = iteration.now
+        _, whole = program.whole((now.pressure, now.deviator), now.load)
+        over = program.overstress(whole) > 1 + rtol
+        stronger = program.stronger() if over or verdict is not Verdict.FOUND else None
+        found = _result(static, iteration, conditions, why_not, verdict, reason, steps)
+        return found, stronger
 
 
 def check_stress_fits(problem: Problem) -> None:
@@ -180,10 +219,10 @@ def _result(
     if not iteration.unbalanced() <= ALMOST_BALANCED:
         rebalance(iteration)
     now = iteration.now
-    sizes = np.linalg.norm(now.deviator, axis=1) * program.stress_unit
-    ratio = program.comm.allreduce(float((sizes / strains.radii).max(initial=0)), MPI.MAX)
+    pressure, deviator = program.whole((now.pressure, now.deviator), now.load)
+    ratio = program.overstress(deviator)
     scale = program.stress_unit / max(1.0, ratio)
-    pressure, deviator = scale * now.pressure, scale * now.deviator
+    pressure, deviator = scale * pressure, scale * deviator
     value = now.load * program.load_unit / max(1.0, ratio)
     certificate, pushes = certify_stress(static, pressure, deviator, value)
     scope = Scope.MESH if why_not else Scope.BODY

@@ -64,8 +64,15 @@ class StaticProgram:
         return bool(missing <= MISSING)
 
 
-def static_program(problem: Problem, conditions: FacetConditions) -> StaticProgram:
+def static_program(
+    problem: Problem, conditions: FacetConditions, scale: float | None = None
+) -> StaticProgram:
     """Put the program together. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        conditions: Of their facets.
+        scale: As of :class:`ConicProgram`.
 
     Raises:
         InputError: If a body has another law than those of von Mises and Hooke.
@@ -107,7 +114,8 @@ def static_program(problem: Problem, conditions: FacetConditions) -> StaticProgr
         program=ConicProgram(
             Discretisation(
                 problem.comm, strains, stiffness, load, np.flatnonzero(jumps).astype(np.int32)
-            )
+            ),
+            scale,
         ),
         strains=strains,
         stiffness=stiffness,
