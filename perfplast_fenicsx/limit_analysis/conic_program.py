@@ -29,18 +29,6 @@ PROXIMAL = 1e-5
 nearly lock take three times the steps; with less K is worse conditioned."""
 
 
-CONTRAST = 1e4
-"""Bodies so many times as strong as those that bear the loads do not flow."""
-
-SIMILAR = 10.0
-"""Strengths of such ratios are measured in one unit."""
-
-MOSTLY = 0.1
-
-NO_FLOW = 1e-20
-
-MOST_CARRIED = 40
-
 Stress: TypeAlias = tuple[Floats, Floats]
 """Pressure and deviator at the points, shapes (count,) and (count, m)."""
 
@@ -153,28 +141,25 @@ class ConicProgram:
         comm: The ranks.
         strains: Strain rates at the points.
         stiffness: K, to be assembled with any moduli.
-        load: L.
+        load: L, less what ``carried`` balances.
         jumps: Local (owned) entries of velocities that are jumps of contact pairs.
         num_pairs: Contact pairs on all ranks together.
-        plastic: Which points of this rank have a yield stress, shape (count,).
+        plastic: Which points of this rank can yield, shape (count,): others are as elastic ones.
         weights: w, 1 in the mean, shape (count,).
-        radii: γ of the plastic points, 1 in the harmonic mean.
+        radii: γ of the plastic points, 1 where bodies bear the loads.
+        strongest: Largest γ (stress) of them.
         viscosities: γ over a rate that suits the point.
         springs: Stiffness of contact that suits that of the bodies, shape (num_pairs,).
         degree: Plastic points and pairs of all ranks.
         stress_unit: What 1 is of σ.
         load_unit: What 1 is of λ.
         force_unit: What 1 is of r.
+        carried: Stress that nothing bounds, of pressures and of points that are not plastic, which
+            balances a part of L; None of no part.
     """
 
-    def __init__(self, on: Discretisation, scale: float | None = None) -> None:
-        """Take a discretisation over, its PETSc objects too. Collective.
-
-        Args:
-            on: The discretisation.
-            scale: Yield radius (stress) of those that bear the loads; chosen by a viscous flow
-                where none is given.
-        """
+    def __init__(self, on: Discretisation) -> None:
+        """Take a discretisation over, its PETSc objects too. Collective."""
         self.comm, self.strains, self.stiffness = on.comm, on.strains, on.stiffness
         strains, self.jumps = on.strains, on.jumps
         finite = strains.radii[np.isfinite(strains.radii)]
@@ -189,14 +174,15 @@ class ConicProgram:
         self.load_unit = self.stress_unit = self.force_unit = 1.0
         self.springs: Floats = np.zeros(len(on.jumps))
         self.carried: Stress | None = None
-        self._scale = scale
-        if scale is None:
-            self._measure(cones / weaknesses if cones else 1.0, np.inf)  # weak bodies count
-        else:
-            self._measure(scale, CONTRAST * scale)
+        self.measure(cones / weaknesses if cones else 1.0)  # that of weak bodies counts
 
-    def _measure(self, unit: float, strongest: float) -> None:
-        """Let yield what is weak enough, and measure stresses in a unit. Collective."""
+    def measure(self, unit: float, strongest: float = np.inf) -> None:
+        """Measure stresses in a unit, and let yield what is weak enough. Collective.
+
+        Args:
+            unit: Of stress.
+            strongest: Points of larger yield radii (stress) are as elastic ones.
+        """
         radii = self.strains.radii
         self.strongest = strongest
         self.plastic = np.isfinite(radii) & (radii <= strongest)
@@ -207,12 +193,24 @@ class ConicProgram:
         self.stress_unit = unit
         self.load.scale(before / self.force_unit)
 
+    def multiply(self, unit: float) -> None:
+        """Multiply the loads, and so divide the load factor that is sought."""
+        self.load_unit *= unit
+        self.load.scale(unit)
+        if self.carried is not None:
+            self.carried = (unit * self.carried[0], unit * self.carried[1])
+
     def stronger(self) -> float | None:
-        """Least yield radius that nothing has in mind here; None if there is none. Collective."""
+        """Least yield radius (stress) of points that cannot yield; None of none. Collective."""
         radii = self.strains.radii
         mine = float(radii[radii > self.strongest].min(initial=np.inf))
         least = float(self.comm.allreduce(mine, MPI.MIN))
         return least if np.isfinite(least) else None
+
+    def range(self, values: Floats) -> tuple[float, float]:
+        """Least and largest of all ranks' values. Collective."""
+        least, largest = float(values.min(initial=np.inf)), float(values.max(initial=0.0))
+        return self.comm.allreduce(least, MPI.MIN), self.comm.allreduce(largest, MPI.MAX)
 
     def overstress(self, deviator: Floats) -> float:
         """Largest ‖dev σ‖/γ of all points, those that do not flow here too. Collective.
@@ -224,10 +222,10 @@ class ConicProgram:
         return float(self.comm.allreduce((sizes / self.strains.radii).max(initial=0.0), MPI.MAX))
 
     def whole(self, stress: Stress, load: float) -> Stress:
-        """A stress with what the free ones carry of a load factor, in units of the program."""
+        """A stress that balances ``load`` times L, of one that balances what of L is sought."""
         if self.carried is None:
             return stress
-        return tuple(a + load * b for a, b in zip(stress, self.carried, strict=True))
+        return stress[0] + load * self.carried[0], stress[1] + load * self.carried[1]
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
@@ -239,86 +237,6 @@ class ConicProgram:
         vector = self.load.duplicate()
         vector.set(0)
         return vector
-
-    def choose_units(self) -> None:
-        """Make the limit load about as large as there are points and pairs. Collective.
-
-        Raises:
-            SingularStiffness: If K cannot be factorised.
-        """
-        flow = self.load.duplicate()
-        self._flow(flow)
-        if self._scale is None and self._measure_by(flow):
-            self._flow(flow)
-        self._carry(flow)
-        unit = self.dissipation(flow) / self.work(flow) / max(self.degree, 1)
-        flow.destroy()
-        self.load_unit *= unit
-        self.load.scale(unit)
-        if self.carried is not None:
-            self.carried = tuple(unit * part for part in self.carried)
-
-    def _flow(self, flow: PETSc.Vec) -> None:
-        """Find the flow of viscous bodies that the loads drive. Collective."""
-        viscosity = self.at_points(self.viscosities, 1 / PROXIMAL)
-        none: Floats = np.zeros((len(viscosity), self.strains.size))
-        if self.num_pairs:
-            self.assemble(np.ones_like(viscosity), viscosity, none)
-            self.springs = self.stiffness.jump_diagonal()
-        self.assemble(np.full_like(viscosity, 1 / PROXIMAL), viscosity, none)
-        self.stiffness.add_at_jumps(self.springs)
-        self.stiffness.factorise()
-        self.stiffness.solve(self.load, flow)
-
-    def _measure_by(self, flow: PETSc.Vec) -> bool:
-        """Choose the strength that matters: the mean of those where the flow dissipates. Collective.
-
-        Returns:
-            Whether it is another one than before.
-        """
-        radii = self.radii * self.stress_unit
-        largest = self.comm.allreduce(float(radii.max(initial=0)), MPI.MAX)
-        least = self.comm.allreduce(float(radii.min(initial=np.inf)), MPI.MIN)
-        if not largest > SIMILAR * least:
-            return False
-        _, stress = self.viscous_stress(flow)
-        _, deviator = self.strains.of(flow)
-        power = self.weights * np.einsum("ni,ni->n", stress, deviator)
-        power = power[self.plastic]
-        mean = np.exp(self.total(float(power @ np.log(radii))) / self.total(float(power.sum())))
-        if mean / SIMILAR < self.stress_unit < mean * SIMILAR and largest <= CONTRAST * mean:
-            return False
-        self._measure(mean, CONTRAST * mean)
-        return True
-
-    def _carry(self, flow: PETSc.Vec) -> None:
-        """Leave of the loads what drives a flow beside what stresses carry that nothing bounds.
-
-        Such are pressures, and stresses of bodies that do not yield: all round pressed bodies carry
-        almost all by them. Collective.
-        """
-        given = left = None
-        first, carried = self.work(flow), None
-        for _ in range(MOST_CARRIED):
-            trace, deviator = self.strains.of(flow)
-            pressure = self.weights / PROXIMAL * trace
-            stress = np.where(self.plastic, 0.0, self.weights / PROXIMAL)[:, None] * deviator
-            free = self.weights @ (pressure * trace + np.einsum("ni,ni->n", stress, deviator))
-            power = self.work(flow)
-            if not self.total(float(free)) > MOSTLY * power or power < NO_FLOW * first:
-                break
-            if given is None:
-                given, left = self.load.copy(), self.create_vector()
-                carried = (np.zeros_like(pressure), np.zeros_like(stress))
-            carried = (carried[0] + pressure, carried[1] + stress)
-            self.internal_forces(*carried, left)
-            self.load.waxpy(-1.0, left, given)
-            self.stiffness.solve(self.load, flow)
-            print("carry", self.total(float(free))/power, power/first)
-        self.carried = carried
-        for vector in (given, left):
-            if vector is not None:
-                vector.destroy()
 
     def viscous_stress(self, velocity: PETSc.Vec) -> Stress:
         """Pressure and deviator of the flow that units are chosen by. Collective."""
@@ -347,10 +265,11 @@ class ConicProgram:
         return float(self.load.dot(velocity))
 
     def dissipation(self, velocity: PETSc.Vec) -> float:
-        """Σ w γ‖dev ε(v)‖ over plastic points. Collective."""
+        """Σ w γ‖dev ε(v)‖ over all points that have a yield radius. Collective."""
         _, deviator = self.strains.of(velocity)
-        rates = np.linalg.norm(deviator[self.plastic], axis=1)
-        return self.total(float((self.weights[self.plastic] * self.radii) @ rates))
+        radii = self.strains.radii / self.stress_unit
+        radii = np.where(np.isfinite(radii), radii, 0.0)
+        return self.total(float((self.weights * radii) @ np.linalg.norm(deviator, axis=1)))
 
     def total(self, value: float) -> float:
         """Sum over all ranks. Collective."""

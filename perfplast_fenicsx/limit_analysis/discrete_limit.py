@@ -24,6 +24,12 @@ from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_tolerance,
 )
 from perfplast_fenicsx.limit_analysis.limit_program import limit_program
+from perfplast_fenicsx.limit_analysis.natural_units import (
+    UNLIMITED,
+    Start,
+    choose_units,
+    next_start,
+)
 from perfplast_fenicsx.problem.problem import Problem
 
 CLOSER = 0.1
@@ -95,53 +101,54 @@ def interior_point(
     check_tolerance(rtol)
     check_proportional(problem)
     check_friction_has_limits(problem)
-    found, stronger = _search(problem, rtol, monitor, None)
-    while stronger is not None:
+    found, start = _search(problem, rtol, monitor, Start())
+    while start is not None:
         before = found
-        found, stronger = _search(problem, rtol, monitor, stronger)
-        found = replace(
-            found,
-            steps=before.steps + found.steps,
-            factorisations=before.factorisations + found.factorisations,
-            linear_solves=before.linear_solves + found.linear_solves,
-        )
+        found, start = _search(problem, rtol, monitor, start)
+        found = _together(before, found)
     return found
+
+
+def _together(before: DiscreteLimit, after: DiscreteLimit) -> DiscreteLimit:
+    """The better one of two searches, with what both have taken."""
+    worse = after.verdict is not Verdict.FOUND and after.upper is None
+    return replace(
+        before if worse and before.upper is not None else after,
+        steps=before.steps + after.steps,
+        factorisations=before.factorisations + after.factorisations,
+        linear_solves=before.linear_solves + after.linear_solves,
+    )
 
 
 def _search(
     problem: Problem,
     rtol: float,
     monitor: Callable[[InteriorStep], None] | None,
-    scale: float | None,
-) -> tuple[DiscreteLimit, float | None]:
-    """Search with bodies that are stronger as elastic ones. Collective.
-
-    Returns:
-        What was found; which stronger ones have to yield as well, None for none.
-    """
+    start: Start,
+) -> tuple[DiscreteLimit, Start | None]:
+    """Search from a start, and tell where to begin anew; None to end. Collective."""
     with ExitStack() as made:
-        program = limit_program(problem, scale)
+        program = limit_program(problem)
         made.callback(program.destroy)
         steps: list[InteriorStep] = []
         if program.degree == program.num_pairs:
             reason = "nothing can yield; give the bodies that may collapse a yield stress"
             return _result(problem, program, None, Verdict.UNBOUNDED, reason, steps), None
         try:
-            program.choose_units()
+            limited = choose_units(program, start)
         except SingularStiffness as failure:
             found = _result(problem, program, None, Verdict.STALLED, str(failure), steps)
-            return found, program.stronger()
+            return found, next_start(start, program, None, found.verdict, rtol)
+        if not limited:
+            found = _result(problem, program, None, Verdict.UNBOUNDED, UNLIMITED, steps)
+            return found, next_start(start, program, None, found.verdict, rtol)
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
         verdict, reason = iterate(iteration, rtol, steps, monitor, CLOSER)
         if verdict is Verdict.UNBOUNDED:
             reason += f": {_why(problem)}"
-        now = iteration.now
-        _, whole = program.whole((now.pressure, now.deviator), now.load)
-        over = program.overstress(whole) > 1 + rtol
-        ended = verdict in (Verdict.FOUND, Verdict.NO_RESISTANCE)
-        stronger = program.stronger() if over or not ended else None
-        return _result(problem, program, iteration, verdict, reason, steps), stronger
+        then = next_start(start, program, iteration.now, verdict, rtol)
+        return _result(problem, program, iteration, verdict, reason, steps), then
 
 
 def can_bound(problem: Problem) -> bool:

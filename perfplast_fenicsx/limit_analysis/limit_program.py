@@ -12,13 +12,8 @@ from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.problem.problem import Problem
 
 
-def limit_program(problem: Problem, scale: float | None = None) -> ConicProgram:
-    """Compile the forms. Collective.
-
-    Args:
-        problem: The bodies and their loads.
-        scale: As of :class:`ConicProgram`.
-    """
+def limit_program(problem: Problem) -> ConicProgram:
+    """Compile the forms. Collective."""
     points, bodies = PointStrains(problem), ConicStiffness(problem)
     strains: Strains = points
     stiffness: Stiffness = bodies
@@ -28,4 +23,4 @@ def limit_program(problem: Problem, scale: float | None = None) -> ConicProgram:
     load = problem.create_vector()
     problem.basis.T.multTranspose(problem.loads.live, load)
     jumps = problem.basis.index
-    return ConicProgram(Discretisation(problem.comm, strains, stiffness, load, jumps), scale)
+    return ConicProgram(Discretisation(problem.comm, strains, stiffness, load, jumps))

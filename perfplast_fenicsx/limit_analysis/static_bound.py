@@ -19,26 +19,24 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
 from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
 from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions, facet_conditions
-from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.interior_steps import InteriorStep, Verdict, iterate
 from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_bodies_have_limits,
     check_proportional,
     check_tolerance,
 )
-from perfplast_fenicsx.limit_analysis.rebalancing import BALANCED, rebalance
+from perfplast_fenicsx.limit_analysis.natural_units import (
+    UNLIMITED,
+    Start,
+    choose_units,
+    next_start,
+)
+from perfplast_fenicsx.limit_analysis.static_balance import StaticIteration
 from perfplast_fenicsx.limit_analysis.static_certificate import StaticCertificate, certify_stress
 from perfplast_fenicsx.limit_analysis.static_program import StaticProgram, static_program
 from perfplast_fenicsx.limit_analysis.stress_cells import mandel_vectors
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
-
-ALMOST_BALANCED = 1e-12
-"""Forces without balance, relative, that are left to correct with other factors than those of the
-last step."""
-
-MOST_CORRECTIONS = 4
-"""With the same factors."""
 
 CORNERS = (
     "no stress that is linear in the cells can carry the loads: where loaded, free and supported"
@@ -121,10 +119,10 @@ def strict_lower_bound(
     why_not = conditions.why_not
     if has_curved_cells(problem.tagged_mesh.mesh):
         why_not = ("cells are curved", *why_not)
-    found, stronger = _search(problem, conditions, why_not, rtol, monitor, None)
-    while stronger is not None:
+    found, start = _search(problem, conditions, why_not, rtol, monitor, Start())
+    while start is not None:
         before = found
-        found, stronger = _search(problem, conditions, why_not, rtol, monitor, stronger)
+        found, start = _search(problem, conditions, why_not, rtol, monitor, start)
         found = _together(before, found)
     return found
 
@@ -145,43 +143,37 @@ def _search(
     why_not: tuple[str, ...],
     rtol: float,
     monitor: Callable[[InteriorStep], None] | None,
-    scale: float | None,
-) -> tuple[StaticBound, float | None]:
-    """Search among stresses of which none is bounded in bodies that are stronger. Collective.
-
-    Returns:
-        What was found; which stronger ones have to be bounded as well, None for none.
-    """
+    start: Start,
+) -> tuple[StaticBound, Start | None]:
+    """Search from a start, and tell where to begin anew; None to end. Collective."""
     with ExitStack() as made:
-        static = static_program(problem, conditions, scale)
+        static = static_program(problem, conditions)
         program = static.program
         made.callback(program.destroy)
         if program.degree == program.num_pairs:
             reason = "nothing can yield; give the bodies that may collapse a yield stress"
             return _nothing(conditions, Verdict.UNBOUNDED, reason), None
         try:
-            program.choose_units()
+            limited = choose_units(program, start)
         except SingularStiffness as failure:
-            return _nothing(conditions, Verdict.STALLED, str(failure)), program.stronger()
+            found = _nothing(conditions, Verdict.STALLED, str(failure))
+            return found, next_start(start, program, None, found.verdict, rtol)
+        if not limited:
+            found = _nothing(conditions, Verdict.UNBOUNDED, UNLIMITED)
+            return found, next_start(start, program, None, found.verdict, rtol)
         none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
         if not static.can_carry():
             return _nothing(conditions, Verdict.NO_RESISTANCE, CORNERS, none), None
-        iteration = InteriorIteration(program)
+        iteration = StaticIteration(static)
         made.callback(iteration.destroy)
         steps: list[InteriorStep] = []
         verdict, reason = iterate(iteration, rtol, steps, monitor)
+        taken = program.stiffness.factorisations
         if verdict is Verdict.NO_RESISTANCE:
             found = _nothing(conditions, verdict, COARSE, none)
-            found = replace(
-                found, steps=steps, factorisations=program.stiffness.factorisations
-            )
-            return found, None
-        now = iteration.now
-        _, whole = program.whole((now.pressure, now.deviator), now.load)
-        over = program.overstress(whole) > 1 + rtol
-        stronger = program.stronger() if over or verdict is not Verdict.FOUND else None
-        found = _result(static, iteration, conditions, why_not, verdict, reason, steps)
-        return found, stronger
+            return replace(found, steps=steps, factorisations=taken), None
+        then = next_start(start, program, iteration.now, verdict, rtol)
+        return _result(static, iteration, conditions, why_not, verdict, reason, steps), then
 
 
 def check_stress_fits(problem: Problem) -> None:
@@ -203,7 +195,7 @@ def check_stress_fits(problem: Problem) -> None:
 
 def _result(
     static: StaticProgram,
-    iteration: InteriorIteration,
+    iteration: StaticIteration,
     conditions: FacetConditions,
     why_not: tuple[str, ...],
     verdict: Verdict,
@@ -212,12 +204,7 @@ def _result(
 ) -> StaticBound:
     """What an iterate proves. Collective."""
     program, strains = static.program, static.strains
-    for _ in range(MOST_CORRECTIONS):
-        if iteration.unbalanced() <= BALANCED:
-            break
-        iteration.equilibrate()
-    if not iteration.unbalanced() <= ALMOST_BALANCED:
-        rebalance(iteration)
+    iteration.settle()
     now = iteration.now
     pressure, deviator = program.whole((now.pressure, now.deviator), now.load)
     ratio = program.overstress(deviator)

@@ -48,7 +48,7 @@ class StaticProgram:
     def can_carry(self) -> bool:
         """Whether any stress is in equilibrium with the loads, pulling contact too. Collective.
 
-        Asked after ``program.choose_units()``, whose factors are used.
+        Asked after :func:`natural_units.choose_units`, whose factors are used.
         """
         program = self.program
         flow, left = program.create_vector(), program.create_vector()
@@ -63,16 +63,23 @@ class StaticProgram:
             vector.destroy()
         return bool(missing <= MISSING)
 
+    def forces_of_strengths(self) -> Floats:
+        """Force in each row of equilibrium that is as large as the strength of what it is of.
 
-def static_program(
-    problem: Problem, conditions: FacetConditions, scale: float | None = None
-) -> StaticProgram:
+        Yield radii of all cells at a facet count, the least one most, and none as more than the
+        program's unit; that of bodies in contact too. Collective.
+        """
+        strains, tdim = self.strains, self.strains.gdim
+        weakness = (1 / strains.radii).reshape(strains.num_cells, -1).max(axis=1)
+        weakness = np.maximum(weakness, 1 / self.program.stress_unit)
+        outer = np.repeat(weakness[:, None], strains.layout.outer, axis=1)
+        on_facets = np.repeat(self.areas, tdim**2) / strains.facets.add_up(outer)
+        inside = self.volumes ** ((tdim - 1) / tdim) / weakness
+        return np.concatenate([on_facets, np.repeat(inside, strains.layout.inner)])
+
+
+def static_program(problem: Problem, conditions: FacetConditions) -> StaticProgram:
     """Put the program together. Collective.
-
-    Args:
-        problem: The bodies and their loads.
-        conditions: Of their facets.
-        scale: As of :class:`ConicProgram`.
 
     Raises:
         InputError: If a body has another law than those of von Mises and Hooke.
@@ -114,8 +121,7 @@ def static_program(
         program=ConicProgram(
             Discretisation(
                 problem.comm, strains, stiffness, load, np.flatnonzero(jumps).astype(np.int32)
-            ),
-            scale,
+            )
         ),
         strains=strains,
         stiffness=stiffness,
