@@ -131,7 +131,7 @@ def _together(before: StaticBound, after: StaticBound) -> StaticBound:
     """The better one of two searches, with what both have taken."""
     values = [-np.inf if it.bound.value is None else it.bound.value for it in (before, after)]
     return replace(
-        after if values[1] >= values[0] else before,
+        after if values[1] >= values[0] or after.reason == UNLIMITED else before,
         steps=before.steps + after.steps,
         factorisations=before.factorisations + after.factorisations,
     )
