@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.contact.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.body_bounds import ALLOWED, BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.bound import Bound
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict
 from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
@@ -123,16 +123,31 @@ class AdaptiveBounds:
         return self.high.upper
 
     @property
+    def best(self) -> BodyBounds:
+        """What was found on the mesh of the best bounds.
+
+        Where the lower one is of another mesh than the upper one, that of the two whose own bounds
+        are nearer to each other.
+        """
+        gaps = [_gap(it.lower, it.upper) for it in (self.low, self.high)]
+        low, high = (np.inf if gap is None else gap for gap in gaps)
+        return self.low if low < high else self.high
+
+    @property
     def body(self) -> BodyBounds:
-        """What was found on the last mesh, with the best bounds in place of its own."""
+        """What was found on the mesh of the best bounds, with these in place of its own."""
         certificates = dict(self.low.certificates)
-        certificates |= {k: v for k, v in self.high.certificates.items() if k == "inadmissible"}
+        for name in ("inadmissible", ALLOWED):
+            certificates.pop(name, None)
+            if name in self.high.certificates:
+                certificates[name] = self.high.certificates[name]
         return replace(
-            self.last,
+            self.best,
             lower=self.lower,
             upper=self.upper,
             static=self.low.static,
             certificates=certificates,
+            advice=self.high.advice,
         )
 
     def __repr__(self) -> str:

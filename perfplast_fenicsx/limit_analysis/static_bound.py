@@ -34,9 +34,15 @@ from perfplast_fenicsx.limit_analysis.natural_units import (
 from perfplast_fenicsx.limit_analysis.static_balance import StaticIteration
 from perfplast_fenicsx.limit_analysis.static_certificate import StaticCertificate, certify_stress
 from perfplast_fenicsx.limit_analysis.static_program import StaticProgram, static_program
+from perfplast_fenicsx.limit_analysis.strength_contrast import weak_bodies
 from perfplast_fenicsx.limit_analysis.stress_cells import mandel_vectors
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
+
+KEPT = (1.0, 0.1, 0.01, 1e-3)
+"""Shares of the load factor and of the stress, that is still in equilibrium with it, which are
+tried one after the other: what rounding leaves of the balance of mean stresses that are 1e8 times
+the strengths is too much beside these, and of a tenth of them a tenth of it."""
 
 CORNERS = (
     "no stress that is linear in the cells can carry the loads: where loaded, free and supported"
@@ -173,7 +179,7 @@ def _search(
             found = _nothing(conditions, verdict, COARSE, none)
             return replace(found, steps=steps, factorisations=taken), None
         then = next_start(start, program, iteration.now, verdict, rtol)
-        return _result(static, iteration, conditions, why_not, verdict, reason, steps), then
+        return _result(static, iteration, problem, conditions, why_not, verdict, reason, steps), then
 
 
 def check_stress_fits(problem: Problem) -> None:
@@ -196,6 +202,7 @@ def check_stress_fits(problem: Problem) -> None:
 def _result(
     static: StaticProgram,
     iteration: StaticIteration,
+    problem: Problem,
     conditions: FacetConditions,
     why_not: tuple[str, ...],
     verdict: Verdict,
@@ -211,13 +218,25 @@ def _result(
     scale = program.stress_unit / max(1.0, ratio)
     pressure, deviator = scale * pressure, scale * deviator
     value = now.load * program.load_unit / max(1.0, ratio)
-    certificate, pushes = certify_stress(static, pressure, deviator, value)
+    for share in KEPT:
+        certificate, pushes = certify_stress(
+            static, share * pressure, share * deviator, share * value
+        )
+        if certificate.holds:
+            break
+    pressure, deviator, value = share * pressure, share * deviator, share * value
     scope = Scope.MESH if why_not else Scope.BODY
     bound = Bound(value, "lower", scope, why_not)
     if not certificate.holds:
         words = "no stress in equilibrium was reached"
-        bound = Bound(None, "lower", Scope.MESH, (words,))
+        bound = Bound(None, "lower", Scope.MESH, (words, *weak_bodies(problem)))
         reason += f"; {words}"
+    elif share < 1:
+        verdict = Verdict.STALLED
+        reason += (
+            f"; only {share:g} of it is kept, since beside the strengths rounding leaves too much of"
+            " its balance"
+        )
     tdim, count = strains.gdim, strains.num_cells
     stress = np.column_stack([pressure, deviator]) @ mandel_vectors(tdim)
     shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)

@@ -103,7 +103,7 @@ def strict_upper_bound(
 
 
 def work_of_rounding(problem: Problem, mechanism: fem.Function) -> float:
-    """What rounding can add to the plastic work, whoever computes it. Collective.
+    """What rounding can add to the plastic work, whoever computes it; over L(v) = 1. Collective.
 
     In a cell that moves and does not strain, differences of velocities are rounding; a body of
     1e15 times the strength of others would dissipate as much by them as those do that flow.
