@@ -36,6 +36,11 @@ MOST_VISCOUS = 1e4
 """Strong bodies are so viscous at first, at most."""
 
 
+SOFTEST = 1e-10
+"""Modulus of points that have none left: of weak ones that flow beside strong ones, which bear the
+loads. Without it K is singular in double precision beside bulk moduli of 1e5."""
+
+
 NONE = np.zeros(0, dtype=np.int32)
 
 
@@ -252,7 +257,12 @@ class ConicProgram:
         return values
 
     def assemble(self, bulk: Floats, a: Floats, normal: Floats, held: Ints = NONE) -> None:
-        """Assemble Σ w² (κ tr ε δ + a dev ε − (N:ε) N):ε; see :class:`Stiffness`."""
+        """Assemble Σ w² (κ tr ε δ + a dev ε − (N:ε) N):ε; see :class:`Stiffness`.
+
+        No a counts as less than :data:`SOFTEST`: directions are a little less exact then, and the
+        balance that they leave is made up for by the next ones.
+        """
+        a = np.maximum(a, SOFTEST)
         scale = self.weights / self._mean_weight
         self.stiffness.assemble(scale * bulk, scale * a, np.sqrt(scale)[:, None] * normal, held)
 

@@ -25,8 +25,9 @@ def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
     if not share > NOTICED:
         return ()
     radii = _radii(problem)
-    least = min(radii.values())
-    strong = {name: radius / least for name, radius in radii.items() if radius > RESOLVED * least}
+    least, largest = min(radii.values()), max(radii.values())
+    few = max(RESOLVED * least, NOTICED * largest)
+    strong = {name: radius / least for name, radius in radii.items() if radius > few}
     if not strong:
         return ()
     return (
