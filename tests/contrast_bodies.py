@@ -2,9 +2,9 @@
 
 Limit loads are known. A stack of blocks on rollers, pressed from above, carries σ_y of the weakest
 one in space and 2σ_y/√3 = 2k in plane strain: the uniform stress is admissible, and the weakest
-block flows uniformly where it slides on the others. Glued to them it does so in wedges of 45°, if
-it is twice as high as it is wide. A square that is pressed by p from above and by (1 − e) p from the
-side is sheared by e p/2, and carries p = 2k/e.
+block flows uniformly where it slides on the others. In a layer that is glued to them and at least
+twice as high as it is wide, a wedge of 90° moves out between two lines of slip. A square that is
+pressed by p from above and by (1 − e) p from the side is sheared by e p/2, and carries p = 2k/e.
 """
 
 from collections.abc import Callable

@@ -205,7 +205,7 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
         upper = strict_upper_bound(problem, limit.mechanism)
     if upper.value is not None:
         certificates[ALLOWED] = work_of_rounding(problem, limit.mechanism) / upper.value
-        advice = strong_bodies(problem, certificates[ALLOWED])
+        advice = strong_bodies(problem, limit.mechanism, upper.value)
     return BodyBounds(
         problem=problem,
         lower=NOT_SOUGHT,

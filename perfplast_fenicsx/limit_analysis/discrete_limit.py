@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, SingularStiffness
 from perfplast_fenicsx.limit_analysis.discrete_bounds import lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
@@ -177,7 +178,7 @@ def _result(
     """What an iterate tells, its bounds computed anew. Collective."""
     mechanism = fem.Function(problem.V, name="mechanism")
     stress = fem.Function(problem.S, name="stress")
-    forces = np.zeros(len(problem.basis.gap))
+    forces: Floats = np.zeros(len(problem.basis.gap))
     lower = upper = estimate = None
     unbalanced = inadmissible = np.inf
     if iteration is not None and steps:

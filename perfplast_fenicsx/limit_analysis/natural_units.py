@@ -47,8 +47,8 @@ HARD = 1e4
 """Springs of contact so many times as stiff as bodies leave little of what contact carries."""
 
 UNLIMITED = (
-    "nothing limits the loads: mean stresses, bodies that do not yield and contact that pushes carry"
-    " them at any factor"
+    "nothing limits the loads, as far as rounding tells: mean stresses, bodies that do not yield"
+    " and contact that pushes carry them at any factor"
 )
 
 
@@ -112,28 +112,39 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
         _flow(program, flow)
         if start.scale is None and _measure_by(program, flow):
             _flow(program, flow)
+        springs = None
         if start.pushed:
-            _flow(program, flow, HARD)
-        if not _divide_loads(program, flow, HARD * program.springs if start.pushed else None):
+            springs = HARD * program.springs
+            _flow(program, flow, springs)
+        pushes = _divide_loads(program, flow, springs)
+        if pushes is None:
             return False
         unit = _dissipation(program, flow) / program.work(flow) / max(program.degree, 1)
-        if start.pushed:
-            _flow(program, flow)
+        if start.pushed:  # forces begin at the roots of springs: at those of the limit load
+            pushes = program.degree * unit * pushes
+            program.springs = np.maximum(program.springs, pushes**2)
+            _flow(program, flow, program.springs)
     finally:
         flow.destroy()
     program.multiply(unit)
     return True
 
 
-def _flow(program: ConicProgram, flow: PETSc.Vec, harder: float = 1.0) -> None:
-    """Find the flow that the loads drive, with springs at contact. Collective."""
+def _flow(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None = None) -> None:
+    """Find the flow that the loads drive, with springs at contact. Collective.
+
+    Args:
+        program: The bodies and their loads.
+        flow: Set to the flow.
+        springs: By default, and then the program's, those that suit the bodies.
+    """
     viscosity = program.at_points(program.viscosities, 1 / PROXIMAL)
     none: Floats = np.zeros((len(viscosity), program.strains.size))
-    if program.num_pairs:
+    if springs is None and program.num_pairs:
         program.assemble(np.ones_like(viscosity), viscosity, none)
         program.springs = program.stiffness.jump_diagonal()
     program.assemble(np.full_like(viscosity, 1 / PROXIMAL), viscosity, none)
-    program.stiffness.add_at_jumps(harder * program.springs)
+    program.stiffness.add_at_jumps(program.springs if springs is None else springs)
     program.stiffness.factorise()
     program.stiffness.solve(program.load, flow)
 
@@ -167,7 +178,7 @@ def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
     return True
 
 
-def _divide_loads(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None) -> bool:
+def _divide_loads(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None) -> Floats | None:
     """Take off the loads what stresses carry that nothing bounds, where that is most. Collective.
 
     Uzawa's iteration, with the factors of the flow. What contact carries is left in the loads,
@@ -179,12 +190,12 @@ def _divide_loads(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None
         springs: Of contact, whose forces are looked for as well; None if not.
 
     Returns:
-        Whether any flow is left.
+        Contact forces, zeros where none are looked for; None if no flow is left.
     """
     given, left, rest = program.load.copy(), program.create_vector(), program.load.copy()
-    pressure = np.zeros(program.strains.count)
+    pressure: Floats = np.zeros(program.strains.count)
     stress: Floats = np.zeros((len(pressure), program.strains.size))
-    pushes = np.zeros(len(program.jumps))
+    pushes: Floats = np.zeros(len(program.jumps))
     bulk, first = program.weights / PROXIMAL, program.work(flow)
     try:
         for _ in range(MOST_DIVISIONS):
@@ -199,7 +210,7 @@ def _divide_loads(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None
             free = program.total(float(free + np.abs(more) @ np.abs(jumps)))
             power = float(rest.dot(flow))
             if not power > NO_FLOW * first:
-                return False
+                return None
             if free <= MOSTLY * power:
                 break
             pressure, stress, pushes = pressure + of_mean, stress + of_shape, pushes + more
@@ -212,4 +223,4 @@ def _divide_loads(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None
     finally:
         for vector in (given, left, rest):
             vector.destroy()
-    return True
+    return pushes

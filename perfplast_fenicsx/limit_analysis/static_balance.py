@@ -1,19 +1,24 @@
 """Equilibrium of a stress row by row, each in the units of what its rest could hide."""
 
-from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
-from perfplast_fenicsx.limit_analysis.rebalancing import BALANCED, rebalance
-from perfplast_fenicsx.limit_analysis.static_program import StaticProgram
-
-import numpy as np
 from mpi4py import MPI
 
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
+from perfplast_fenicsx.limit_analysis.rebalancing import rebalance
+from perfplast_fenicsx.limit_analysis.static_program import StaticProgram
+
+ROUNDING = 1e-14
+"""Forces without balance, relative to strengths, that need not be corrected: what is left of bounds
+that have met to 1e-7 is still large beside the sum of them over some thousand rows."""
+
 ALMOST_BALANCED = 1e-12
-"""Forces without balance, relative, that are left to correct with other factors than those of the
-last step."""
+"""Forces without balance, relative to strengths, that are left to correct with other factors than
+those of the last step."""
 
 MOST_CORRECTIONS = 4
-"""With the same factors."""
+"""With the same factors, as long as they halve what is left."""
 
 
 class StaticIteration(InteriorIteration):
@@ -35,16 +40,16 @@ class StaticIteration(InteriorIteration):
         if self._rows is None:
             return super().unbalanced()
         mine = float((np.abs(self.balance().array_r) / self._rows).max(initial=0.0))
-        return float(self.program.comm.allreduce(mine, MPI.MAX))
+        return float(self.program.comm.allreduce(mine, MPI.MAX)) * self.program.force_unit
 
     def settle(self) -> None:
         """Bring stress and loads into balance, row by row, as far as rounding lets. Collective."""
-        self._rows = self._static.forces_of_strengths() / self.program.force_unit
+        self._rows = self._static.forces_of_strengths()
         left = self.unbalanced()
         for _ in range(MOST_CORRECTIONS):
-            if left <= BALANCED:
+            if left <= ROUNDING:
                 return
-            before, self.now_before = left, self.now
+            before = left
             self.equilibrate()
             left = self.unbalanced()
             if not left < before / 2:

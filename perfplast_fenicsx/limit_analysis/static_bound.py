@@ -11,8 +11,6 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
-from mpi4py import MPI
-
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
@@ -179,7 +177,9 @@ def _search(
             found = _nothing(conditions, verdict, COARSE, none)
             return replace(found, steps=steps, factorisations=taken), None
         then = next_start(start, program, iteration.now, verdict, rtol)
-        return _result(static, iteration, problem, conditions, why_not, verdict, reason, steps), then
+        return _result(
+            static, iteration, problem, conditions, why_not, verdict, reason, steps
+        ), then
 
 
 def check_stress_fits(problem: Problem) -> None:
@@ -234,8 +234,8 @@ def _result(
     elif share < 1:
         verdict = Verdict.STALLED
         reason += (
-            f"; only {share:g} of it is kept, since beside the strengths rounding leaves too much of"
-            " its balance"
+            f"; only {share:g} of it is kept, since beside the strengths rounding leaves too much"
+            " of its balance"
         )
     tdim, count = strains.gdim, strains.num_cells
     stress = np.column_stack([pressure, deviator]) @ mandel_vectors(tdim)

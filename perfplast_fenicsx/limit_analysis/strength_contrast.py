@@ -3,8 +3,10 @@
 from mpi4py import MPI
 
 import numpy as np
+from dolfinx import fem
 
 from perfplast_fenicsx.limit_analysis.point_strains import radii_of_cells
+from perfplast_fenicsx.limit_analysis.strict_work import work_of_rest, work_of_rounding
 from perfplast_fenicsx.problem.problem import Problem
 
 NOTICED = 1e-3
@@ -15,29 +17,34 @@ RESOLVED = 1e5
 of these (1e-15), is far below 1e-9 of the weak ones."""
 
 
-def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
+def strong_bodies(problem: Problem, mechanism: fem.Function, bound: float) -> tuple[str, ...]:
     """What to do if rounding has too much of an upper bound; nothing if not. Collective.
 
     Args:
         problem: The bodies.
-        share: Of the bound that is allowed for rounding (:func:`strict_work.work_of_rounding`).
+        mechanism: That of the bound, with L(v) = 1.
+        bound: The upper bound.
     """
-    if not share > NOTICED:
-        return ()
     radii = _radii(problem)
-    least, largest = min(radii.values()), max(radii.values())
+    least, largest = min(radii.values(), default=np.inf), max(radii.values(), default=0.0)
     few = max(RESOLVED * least, NOTICED * largest)
     strong = {name: radius / least for name, radius in radii.items() if radius > few}
     if not strong:
         return ()
+    share = (work_of_rounding(problem, mechanism) + work_of_rest(problem, mechanism)) / bound
+    if not share > NOTICED:
+        return ()
     return (
-        f"{share:.0%} of the upper bound is what rounding may leave of the strain of {_told(strong)}"
-        f' as strong as the weakest body; make {_them(strong)} law = "elastic"',
+        f"{share:.1%} of the upper bound is what rounding may leave of the strain of"
+        f' {_told(strong)} as strong as the weakest body; make {_them(strong)} law = "elastic"',
     )
 
 
 def weak_bodies(problem: Problem) -> tuple[str, ...]:
-    """What to do where rounding leaves no lower bound beside weak bodies, if there are. Collective."""
+    """What to do where rounding leaves no lower bound beside weak bodies. Collective.
+
+    Nothing where there are none.
+    """
     radii = _radii(problem)
     largest = max(radii.values(), default=0.0)
     weak = {name: radius / largest for name, radius in radii.items() if RESOLVED * radius < largest}

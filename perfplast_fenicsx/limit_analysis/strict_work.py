@@ -124,6 +124,26 @@ def work_of_rounding(problem: Problem, mechanism: fem.Function) -> float:
     return float(problem.comm.allreduce(float(mine)))
 
 
+def work_of_rest(problem: Problem, mechanism: fem.Function) -> float:
+    """What is dissipated where strain rates are none but for rounding; over L(v) = 1. Collective.
+
+    Args:
+        problem: The bodies, on straight cells.
+        mechanism: Its ghosts up to date.
+    """
+    strains = PointStrains(problem)
+    try:
+        _, deviator = strains.of_function(mechanism)
+        rates, weights = np.linalg.norm(deviator, axis=1), strains.weights
+        sums = problem.comm.allreduce(np.array([weights @ rates**2, weights.sum()]))
+        rest = rates <= ADMISSIBLE * np.sqrt(sums[0] / sums[1])
+        radii = np.where(np.isfinite(strains.radii), strains.radii, 0.0)
+        mine = float((weights * radii)[rest] @ rates[rest])
+    finally:
+        strains.destroy()
+    return float(problem.comm.allreduce(mine))
+
+
 def _rubbed(problem: Problem, mechanism: fem.Function) -> float:
     """What friction dissipates at the nodes. Collective."""
     y = problem.create_vector()

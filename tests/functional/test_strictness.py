@@ -5,6 +5,7 @@
 
 import os
 from pathlib import Path
+from random import Random
 
 from mpi4py import MPI
 
@@ -16,6 +17,8 @@ from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.limit_analysis.adaptation import refined
 from perfplast_fenicsx.proof import check
+from tests.contrast_bodies import Pressed, forces_left, glued, sliding, squeezed
+from tests.limit_analysis.stress_checker import check_stress
 from tests.random_bodies import problem_of, stack, write_stack
 
 COMM = MPI.COMM_WORLD
@@ -29,6 +32,9 @@ SEEDS = [
     for seed in sorted({*range(int(10 * EFFORT)), 20})
 ]
 """In number 20 equilibrium leaves one contact force nothing but zero."""
+
+CONTRASTS = range(int(12 * EFFORT))
+"""Bodies of strengths between 1 and 1e15, and loads of which as little as 1e-6 is bounded."""
 
 
 @pytest.mark.parametrize(("seed", "dim"), SEEDS)
@@ -62,3 +68,50 @@ def test_random_bodies(shared_tmp_path: Path, seed: int, dim: int) -> None:
         assert lowest <= exact * (1 + 1e-9)
         assert exact <= highest * (1 + 1e-9)
         assert highest - lowest <= 3e-4 * exact
+
+
+def pressed(seed: int, path: Path) -> Pressed:
+    """Glued layers, sliding ones in the plane and in space, or a square that is squeezed."""
+    kind = seed % 4
+    if kind == 0:
+        return glued(seed)
+    if kind == 3:
+        random = Random(3000 + seed)
+        e = 0.0 if seed % 32 == 3 else 10 ** -random.uniform(0, 6)
+        return squeezed(e, planes=random.random() < 0.5)
+    return sliding(seed, kind + 1, path)
+
+
+@pytest.mark.parametrize("seed", CONTRASTS)
+def test_contrasts(shared_tmp_path: Path, seed: int) -> None:
+    it = pressed(seed, shared_tmp_path)
+    bounds = limit_bounds(it.problem)
+    words = bounds.in_words()
+    if not np.isfinite(it.exact):
+        assert words.startswith("Nothing limits the loads, as far as rounding tells")
+        assert bounds.lower.value is bounds.upper.value is None
+        return
+    assert bounds.strict
+    assert bounds.static is not None
+    lower, upper = bounds.lower.value, bounds.upper.value
+    assert lower is not None
+    assert upper is not None
+    checked = check_stress(it.problem, bounds.static.stress)
+    left = forces_left(it, checked, lower)  # L is that of 1 on an edge or a side of 1 or 1/2
+    share = left / (upper - lower)
+    print(
+        f"contrast {seed} {it.contrast:.1e} {it.exact:.8g} {lower / it.exact:.8f}"
+        f" {upper / it.exact:.8f} {share:.1e} {bounds.steps} {'elastic' in words}"
+    )
+    assert lower <= it.exact * (1 + 1e-9)
+    assert it.exact <= upper * (1 + 1e-9)
+    assert share < 1e-6
+    if it.side == 0.0 or it.exact < 2e3:  # beyond, the balance of mean stresses is rounding
+        assert lower > 0.99 * it.exact
+    assert upper < 1.1 * it.exact or 'law = "elastic"' in words
+
+    folder = ResultFolder(COMM, shared_tmp_path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
+    proven = check(folder.file("bounds.h5"))
+    assert not proven["lower"].faults
+    assert not proven["upper"].faults
