@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.contact.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.body_bounds import ALLOWED, BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.bound import Bound
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict
 from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
@@ -137,10 +137,7 @@ class AdaptiveBounds:
     def body(self) -> BodyBounds:
         """What was found on the mesh of the best bounds, with these in place of its own."""
         certificates = dict(self.low.certificates)
-        for name in ("inadmissible", ALLOWED):
-            certificates.pop(name, None)
-            if name in self.high.certificates:
-                certificates[name] = self.high.certificates[name]
+        certificates |= {k: v for k, v in self.high.certificates.items() if k == "inadmissible"}
         return replace(
             self.best,
             lower=self.lower,

@@ -26,8 +26,8 @@ from perfplast_fenicsx.limit_analysis.static_bound import (
     check_stress_fits,
     strict_lower_bound,
 )
-from perfplast_fenicsx.limit_analysis.strength_contrast import strong_bodies
-from perfplast_fenicsx.limit_analysis.strict_work import strict_upper_bound, work_of_rounding
+from perfplast_fenicsx.limit_analysis.strength_contrast import NOTICED, strong_bodies
+from perfplast_fenicsx.limit_analysis.strict_work import strict_upper_bound
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.certificate import contact_forces
@@ -35,9 +35,6 @@ from perfplast_fenicsx.problem.loads import uniform
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)
-
-ALLOWED = "allowed"
-"""Name of the share of the upper bound that is allowed for rounding, among certificates."""
 
 NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("none was sought, as with control = 'bounds'",))
 
@@ -203,9 +200,8 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
         upper = Bound(None, "upper", Scope.MESH, (why,))
     else:
         upper = strict_upper_bound(problem, limit.mechanism)
-    if upper.value is not None:
-        certificates[ALLOWED] = work_of_rounding(problem, limit.mechanism) / upper.value
-        advice = strong_bodies(problem, limit.mechanism, upper.value)
+    if upper.of_rounding > NOTICED:
+        advice = strong_bodies(problem, upper.of_rounding)
     return BodyBounds(
         problem=problem,
         lower=NOT_SOUGHT,

@@ -3,10 +3,8 @@
 from mpi4py import MPI
 
 import numpy as np
-from dolfinx import fem
 
 from perfplast_fenicsx.limit_analysis.point_strains import radii_of_cells
-from perfplast_fenicsx.limit_analysis.strict_work import work_of_rest, work_of_rounding
 from perfplast_fenicsx.problem.problem import Problem
 
 NOTICED = 1e-3
@@ -17,22 +15,18 @@ RESOLVED = 1e5
 of these (1e-15), is far below 1e-9 of the weak ones."""
 
 
-def strong_bodies(problem: Problem, mechanism: fem.Function, bound: float) -> tuple[str, ...]:
-    """What to do if rounding has too much of an upper bound; nothing if not. Collective.
+def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
+    """What to do if rounding has much of an upper bound; nothing without such bodies. Collective.
 
     Args:
         problem: The bodies.
-        mechanism: That of the bound, with L(v) = 1.
-        bound: The upper bound.
+        share: :attr:`Bound.of_rounding`.
     """
     radii = _radii(problem)
     least, largest = min(radii.values(), default=np.inf), max(radii.values(), default=0.0)
     few = max(RESOLVED * least, NOTICED * largest)
     strong = {name: radius / least for name, radius in radii.items() if radius > few}
     if not strong:
-        return ()
-    share = (work_of_rounding(problem, mechanism) + work_of_rest(problem, mechanism)) / bound
-    if not share > NOTICED:
         return ()
     return (
         f"{share:.1%} of the upper bound is what rounding may leave of the strain of"

@@ -25,7 +25,7 @@ from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_friction_has_limits,
     check_proportional,
 )
-from perfplast_fenicsx.limit_analysis.point_strains import PointStrains, radii_of_cells
+from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import corners
@@ -83,9 +83,13 @@ def strict_upper_bound(
         radii = np.where(plastic, strains.radii, 0.0)
         volumes = weights[points_of_cells(problem)].sum(axis=1)
         scaled = at_vertices(problem, deviator * radii[:, None])
-        mine = work_of_cells(volumes, scaled, subdivisions)
-        dissipation = float(comm.allreduce(float(mine.sum())))
-        dissipation += work_of_rounding(problem, mechanism)
+        mine = work_of_cells(volumes, scaled, subdivisions).sum()
+        strengths = volumes * radii[points_of_cells(problem)].min(axis=1)
+        added = _of_rounding(problem, mechanism, strengths).sum()
+        rates = np.sqrt(squares)
+        rest = rates <= ADMISSIBLE * np.sqrt(whole / comm.allreduce(float(weights.sum())))
+        at_rest = (weights * radii)[rest] @ rates[rest]
+        dissipation, allowed = comm.allreduce(np.array([mine + added, added + at_rest]))
     finally:
         strains.destroy()
     why_not = []
@@ -99,11 +103,12 @@ def strict_upper_bound(
     if unknown is not None and unknown not in (TWICE, *why_not):
         why_not.append(unknown)
     of = Scope.MESH if why_not else Scope.BODY
-    return Bound(dissipation / work, "upper", of, tuple(why_not))
+    share = float(allowed / dissipation) if dissipation > 0 else 0.0
+    return Bound(float(dissipation / work), "upper", of, tuple(why_not), share)
 
 
-def work_of_rounding(problem: Problem, mechanism: fem.Function) -> float:
-    """What rounding can add to the plastic work, whoever computes it; over L(v) = 1. Collective.
+def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -> Floats:
+    """What rounding can add to the plastic work of each cell, whoever computes it.
 
     In a cell that moves and does not strain, differences of velocities are rounding; a body of
     1e15 times the strength of others would dissipate as much by them as those do that flow.
@@ -111,37 +116,16 @@ def work_of_rounding(problem: Problem, mechanism: fem.Function) -> float:
     Args:
         problem: The bodies.
         mechanism: Its ghosts up to date.
+        strengths: Yield radius times volume, of the cells that this rank owns.
     """
     V, tdim = problem.V, problem.tagged_mesh.mesh.topology.dim
     vertices, points = corners(problem.tagged_mesh.mesh)
-    slopes, volumes = gradients(points[vertices][..., :tdim])
+    slopes, _ = gradients(points[vertices][..., :tdim])
     values = mechanism.x.array.reshape(-1, tdim)[V.dofmap.list[: len(vertices)]]
     fastest = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
     steepest = np.linalg.norm(slopes, axis=2).max(axis=1, initial=0.0)
-    radii = radii_of_cells(problem)
-    radii = np.where(np.isfinite(radii), radii, 0.0)
-    mine = ROUNDINGS * np.finfo(np.float64).eps * (radii * volumes) @ (fastest * steepest)
-    return float(problem.comm.allreduce(float(mine)))
-
-
-def work_of_rest(problem: Problem, mechanism: fem.Function) -> float:
-    """What is dissipated where strain rates are none but for rounding; over L(v) = 1. Collective.
-
-    Args:
-        problem: The bodies, on straight cells.
-        mechanism: Its ghosts up to date.
-    """
-    strains = PointStrains(problem)
-    try:
-        _, deviator = strains.of_function(mechanism)
-        rates, weights = np.linalg.norm(deviator, axis=1), strains.weights
-        sums = problem.comm.allreduce(np.array([weights @ rates**2, weights.sum()]))
-        rest = rates <= ADMISSIBLE * np.sqrt(sums[0] / sums[1])
-        radii = np.where(np.isfinite(strains.radii), strains.radii, 0.0)
-        mine = float((weights * radii)[rest] @ rates[rest])
-    finally:
-        strains.destroy()
-    return float(problem.comm.allreduce(mine))
+    added: Floats = ROUNDINGS * np.finfo(np.float64).eps * strengths * fastest * steepest
+    return added
 
 
 def _rubbed(problem: Problem, mechanism: fem.Function) -> float:
