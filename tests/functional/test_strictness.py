@@ -11,8 +11,25 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from dolfinx.mesh import (
+    CellType,
+    GhostMode,
+    create_box,
+    locate_entities_boundary,
+    meshtags,
+)
 
-from perfplast_fenicsx import ResultFolder, read_gmsh
+from perfplast_fenicsx import (
+    Adaptation,
+    Problem,
+    ResultFolder,
+    Support,
+    TaggedMesh,
+    Traction,
+    VonMises,
+    adaptive_bounds,
+    read_gmsh,
+)
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.limit_analysis.adaptation import refined
@@ -32,6 +49,10 @@ SEEDS = [
     for seed in sorted({*range(int(10 * EFFORT)), 20})
 ]
 """In number 20 equilibrium leaves one contact force nothing but zero."""
+
+LONG = pytest.mark.skipif(EFFORT < 2, reason="takes a minute")
+
+ENDS = (0.0, 5.0)
 
 CONTRASTS = range(int(12 * EFFORT))
 """Bodies of strengths between 1 and 1e15, and loads of which as little as 1e-6 is bounded."""
@@ -115,3 +136,46 @@ def test_contrasts(shared_tmp_path: Path, seed: int) -> None:
     proven = check(folder.file("bounds.h5"))
     assert not proven["lower"].faults
     assert not proven["upper"].faults
+
+
+def cantilever() -> Problem:
+    """A bar 5×1×1 of 30 tetrahedra, held at one end and sheared at the other."""
+    mesh = create_box(
+        COMM,
+        [(0.0, 0.0, 0.0), (5.0, 1.0, 1.0)],
+        (5, 1, 1),
+        CellType.tetrahedron,
+        ghost_mode=GhostMode.none,
+    )
+    ends = [
+        locate_entities_boundary(mesh, 2, lambda x, at=at: abs(x[0] - at) < 1e-9) for at in ENDS
+    ]
+    facets = np.concatenate(ends)
+    tags = np.repeat(np.arange(2, dtype=np.int32), [len(end) for end in ends])
+    order = np.argsort(facets)
+    cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
+    tagged_mesh = TaggedMesh(
+        mesh,
+        meshtags(mesh, 3, cells, np.zeros_like(cells)),
+        meshtags(mesh, 2, facets[order], tags[order]),
+        {"bar": 0},
+        {"left": 0, "right": 1},
+    )
+    bar = VonMises(young=1e3, poisson=0.3, yield_stress=3**0.5)
+    load = Traction("right", (0.0, 0.0, -1.0))
+    return Problem(tagged_mesh, {"bar": bar}, [Support("left")], [load], degree=2)
+
+
+@pytest.mark.parametrize("cells", [300, pytest.param(4000, marks=LONG)])
+def test_no_round_loses_a_bound(cells: int) -> None:
+    found = adaptive_bounds(cantilever(), Adaptation(until=0.02, cells=cells))
+    assert found.lower.strict
+    assert found.upper.strict
+    for one in found.rounds:
+        print("cantilever", one.cells, one.lower, one.upper, one.gap)
+        assert one.lower is not None
+        assert one.upper is not None
+        assert 0 < one.lower < one.upper
+    gaps = [one.gap for one in found.rounds if one.gap is not None]
+    assert gaps == sorted(gaps, reverse=True)
+    assert gaps[-1] < (0.02 if cells == 4000 else 0.08)
