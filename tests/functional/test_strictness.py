@@ -54,7 +54,10 @@ LONG = pytest.mark.skipif(EFFORT < 2, reason="takes a minute")
 
 ENDS = (0.0, 5.0)
 
-CONTRASTS = range(int(12 * EFFORT))
+CONTRASTS = [
+    pytest.param(seed, marks=[] if seed < 4 else [pytest.mark.serial])
+    for seed in range(int(12 * EFFORT))
+]
 """Bodies of strengths between 1 and 1e15, and loads of which as little as 1e-6 is bounded."""
 
 
@@ -166,7 +169,7 @@ def cantilever() -> Problem:
     return Problem(tagged_mesh, {"bar": bar}, [Support("left")], [load], degree=2)
 
 
-@pytest.mark.parametrize("cells", [300, pytest.param(4000, marks=LONG)])
+@pytest.mark.parametrize("cells", [300, pytest.param(4000, marks=[LONG, pytest.mark.serial])])
 def test_no_round_loses_a_bound(cells: int) -> None:
     found = adaptive_bounds(cantilever(), Adaptation(until=0.02, cells=cells))
     assert found.lower.strict
