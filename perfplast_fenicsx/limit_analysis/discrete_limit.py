@@ -40,6 +40,10 @@ is admissible, its load is larger."""
 NEARLY = 1e-6
 """A mechanism that is less admissible, after it was projected, is none to estimate from."""
 
+POLLUTED = 1.01
+"""Ratio of an upper bound to the kinematic load of the last step from which on it tells nothing of
+the limit load: rounding is in it, of the strain of bodies that are far too strong to flow."""
+
 
 @dataclass(frozen=True)
 class DiscreteLimit:
@@ -199,7 +203,9 @@ def _result(
             mechanism.x.scatter_forward()
             mechanism.x.array[:] /= problem.loads.alpha(mechanism.x.petsc_vec)
         if verdict is Verdict.FOUND:
-            known = [bound for bound in (lower, upper) if bound is not None]
+            kinematic = steps[-1].load * (1 + steps[-1].gap)
+            useful = upper is not None and upper <= POLLUTED * kinematic
+            known = [bound for bound in (lower, upper if useful else None) if bound is not None]
             estimate = sum(known) / len(known) if known else steps[-1].load
     return DiscreteLimit(
         verdict=verdict,

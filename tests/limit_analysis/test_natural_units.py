@@ -74,6 +74,7 @@ def test_strengths_beyond_what_rounding_resolves_are_said() -> None:
     lower, upper = both(bounds)
     assert 0.999 * it.exact < lower <= it.exact <= upper
     assert bounds.upper.of_rounding > 0.01
+    assert bounds.mesh.estimate == pytest.approx(it.exact, rel=0.06)
     words = bounds.in_words()
     assert "'layer0', 1e+15 times as strong as the weakest body; make it law = \"elastic\"" in words
 
