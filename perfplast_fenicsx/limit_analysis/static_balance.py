@@ -13,7 +13,7 @@ ROUNDING = 1e-14
 """Forces without balance, relative to strengths, that need not be corrected: what is left of bounds
 that have met to 1e-7 is still large beside the sum of them over some thousand rows."""
 
-ALMOST_BALANCED = 1e-12
+ALMOST_BALANCED = 1e-13
 """Forces without balance, relative to strengths, that are left to correct with other factors than
 those of the last step."""
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.condensed_stiffness import CondensedStiffness
-from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, Discretisation
+from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, Discretisation, Stress
 from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions
 from perfplast_fenicsx.limit_analysis.facet_velocities import FacetVelocities
 from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrains
@@ -81,6 +82,24 @@ class StaticProgram:
         for vector in (flow, left, more):
             vector.destroy()
         return bool(missing <= MISSING)
+
+    def unbalanced(self, stress: Stress, load: float) -> float:
+        """Largest force that nothing balances, relative to the strengths at its row. Collective.
+
+        Contact that pushes is balanced, and contact that pulls is not.
+
+        Args:
+            stress: In the user's units.
+            load: λ.
+        """
+        left = self.strains.create_vector()
+        self.strains.forces(*stress, left)
+        forces = left.array_r - load * self.load
+        left.destroy()
+        on_jumps = np.append(self.jumps, np.zeros(len(forces) - len(self.jumps), dtype=bool))
+        forces = np.where(on_jumps, np.maximum(forces, 0.0), np.abs(forces))
+        mine = float((forces / self.forces_of_strengths()).max(initial=0.0))
+        return float(self.program.comm.allreduce(mine, MPI.MAX))
 
     def forces_of_strengths(self) -> Floats:
         """Force in each row of equilibrium that is as large as the strength of what it is of.
