@@ -161,7 +161,7 @@ class Recorder:
         """Write and show the limit load, and what is proven of the body. Collective.
 
         Args:
-            limit: Of the mesh, the last one of several.
+            limit: Of the mesh, of several that of the best bounds.
             body: What is proven.
             adaptive: The meshes, where there are several.
 

@@ -178,8 +178,8 @@ def _limit(context: RunContext, solver: Any, recorder: Recorder, rtol: float) ->
             recorder.limit(body.mesh, body)
             return body.mesh
         found = adaptive_bounds(problem, adaptation, rtol, recorder.mesh, recorder.interior)
-        recorder.limit(found.last.mesh, found.body, found)
-        return found.last.mesh
+        recorder.limit(found.best.mesh, found.body, found)
+        return found.best.mesh
     if solver is None:
         limit = limit_load(
             problem, rtol, method=LimitMethod.INTERIOR_POINT, monitor=recorder.interior

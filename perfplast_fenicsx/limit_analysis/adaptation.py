@@ -123,16 +123,28 @@ class AdaptiveBounds:
         return self.high.upper
 
     @property
+    def best(self) -> BodyBounds:
+        """What was found on the mesh of the best bounds.
+
+        Where the lower one is of another mesh than the upper one, that of the two whose own bounds
+        are nearer to each other.
+        """
+        gaps = [_gap(it.lower, it.upper) for it in (self.low, self.high)]
+        low, high = (np.inf if gap is None else gap for gap in gaps)
+        return self.low if low < high else self.high
+
+    @property
     def body(self) -> BodyBounds:
-        """What was found on the last mesh, with the best bounds in place of its own."""
+        """What was found on the mesh of the best bounds, with these in place of its own."""
         certificates = dict(self.low.certificates)
         certificates |= {k: v for k, v in self.high.certificates.items() if k == "inadmissible"}
         return replace(
-            self.last,
+            self.best,
             lower=self.lower,
             upper=self.upper,
             static=self.low.static,
             certificates=certificates,
+            advice=self.high.advice,
         )
 
     def __repr__(self) -> str:

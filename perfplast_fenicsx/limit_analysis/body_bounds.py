@@ -20,11 +20,13 @@ from perfplast_fenicsx.limit_analysis.limit_checks import (
 )
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, from_interior_point
 from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
+from perfplast_fenicsx.limit_analysis.natural_units import UNLIMITED
 from perfplast_fenicsx.limit_analysis.static_bound import (
     StaticBound,
     check_stress_fits,
     strict_lower_bound,
 )
+from perfplast_fenicsx.limit_analysis.strength_contrast import NOTICED, strong_bodies
 from perfplast_fenicsx.limit_analysis.strict_work import strict_upper_bound
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
@@ -56,6 +58,7 @@ class BodyBounds:
         certificates: What is left of what a bound asks for, by name.
         steps: Of the interior point method, for both bounds.
         factorisations: For both bounds.
+        advice: What to change for better bounds, in clauses.
     """
 
     problem: Problem
@@ -69,6 +72,7 @@ class BodyBounds:
     certificates: Mapping[str, float] = field(default_factory=dict)
     steps: int = 0
     factorisations: int = 0
+    advice: tuple[str, ...] = ()
 
     @property
     def strict(self) -> bool:
@@ -92,12 +96,15 @@ class BodyBounds:
             early.append(f" The upper one is not the best of its mesh: {self.mesh.reason}.")
         if self.static is not None and self.static.verdict is not Verdict.FOUND and lower:
             early.append(f" The lower one is not the best of its mesh: {self.static.reason}.")
+        early += [f" {words[0].upper()}{words[1:]}." for words in self.advice]
         return self._proven(lower, upper) + "".join(early)
 
     def _proven(self, lower: bool, upper: bool) -> str:
         """What is proven, in a sentence."""
         reasons = f" ({'; '.join(self.why_not)})" if self.why_not else ""
         body = "The body that the mesh fills"
+        if UNLIMITED in self.lower.why_not and UNLIMITED in self.upper.why_not:
+            return f"{UNLIMITED[0].upper()}{UNLIMITED[1:]}."
         if lower and upper:
             return (
                 f"{body} collapses between {self.lower.shown} and {self.upper.shown};"
@@ -186,11 +193,15 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
         problem: The bodies and their loads.
         limit: As found by the interior point method.
     """
+    certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
+    advice: tuple[str, ...] = ()
     if limit.upper is None:
-        upper = Bound(None, "upper", Scope.MESH, ("no admissible mechanism was found",))
+        why = UNLIMITED if limit.reason == UNLIMITED else "no admissible mechanism was found"
+        upper = Bound(None, "upper", Scope.MESH, (why,))
     else:
         upper = strict_upper_bound(problem, limit.mechanism)
-    certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
+    if upper.of_rounding > NOTICED:
+        advice = strong_bodies(problem, upper.of_rounding)
     return BodyBounds(
         problem=problem,
         lower=NOT_SOUGHT,
@@ -200,6 +211,7 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
         certificates=certificates,
         steps=limit.iterations,
         factorisations=limit.factorisations or 0,
+        advice=advice,
     )
 
 

@@ -29,12 +29,14 @@ class Bound:
         of: Whether it bounds the limit load of the body that the mesh fills, or that of the finite
             elements alone.
         why_not: Why it does not hold for the body; nothing where it does.
+        of_rounding: Share of an upper one that rounding can have, in bodies that hardly strain.
     """
 
     value: float | None
     kind: str
     of: Scope
     why_not: tuple[str, ...] = ()
+    of_rounding: float = 0.0
 
     @property
     def strict(self) -> bool:

@@ -15,7 +15,7 @@ What the velocities v are is told by a :class:`Discretisation`: displacements of
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -29,8 +29,16 @@ PROXIMAL = 1e-5
 nearly lock take three times the steps; with less K is worse conditioned."""
 
 
+Stress: TypeAlias = tuple[Floats, Floats]
+"""Pressure and deviator at the points, shapes (count,) and (count, m)."""
+
 MOST_VISCOUS = 1e4
 """Strong bodies are so viscous at first, at most."""
+
+
+SOFTEST = 1e-10
+"""Modulus of points that have none left: of weak ones that flow beside strong ones, which bear the
+loads. Without it K is singular in double precision beside bulk moduli of 1e5."""
 
 
 NONE = np.zeros(0, dtype=np.int32)
@@ -138,39 +146,91 @@ class ConicProgram:
         comm: The ranks.
         strains: Strain rates at the points.
         stiffness: K, to be assembled with any moduli.
-        load: L.
+        load: L, less what ``carried`` balances.
         jumps: Local (owned) entries of velocities that are jumps of contact pairs.
         num_pairs: Contact pairs on all ranks together.
-        plastic: Which points of this rank have a yield stress, shape (count,).
+        plastic: Which points of this rank can yield, shape (count,): others are as elastic ones.
         weights: w, 1 in the mean, shape (count,).
-        radii: γ of the plastic points, 1 in the harmonic mean.
+        radii: γ of the plastic points, 1 where bodies bear the loads.
+        strongest: Largest γ (stress) of them.
         viscosities: γ over a rate that suits the point.
         springs: Stiffness of contact that suits that of the bodies, shape (num_pairs,).
         degree: Plastic points and pairs of all ranks.
         stress_unit: What 1 is of σ.
         load_unit: What 1 is of λ.
         force_unit: What 1 is of r.
+        carried: Stress that nothing bounds, of pressures and of points that are not plastic, which
+            balances a part of L; None of no part.
     """
 
     def __init__(self, on: Discretisation) -> None:
         """Take a discretisation over, its PETSc objects too. Collective."""
         self.comm, self.strains, self.stiffness = on.comm, on.strains, on.stiffness
         strains, self.jumps = on.strains, on.jumps
-        self.plastic = np.isfinite(strains.radii)
-        radii = strains.radii[self.plastic]
-        mine = [strains.count, strains.weights.sum(), len(radii), (1 / radii).sum(), len(on.jumps)]
-        points, volume, cones, weaknesses, pairs = self.comm.allreduce(np.array(mine))
+        finite = strains.radii[np.isfinite(strains.radii)]
+        mine = [strains.count, strains.weights.sum(), len(finite), (1 / finite).sum()]
+        points, volume, cones, weaknesses, pairs = self.comm.allreduce(
+            np.array([*mine, len(on.jumps)])
+        )
         self.num_pairs = int(pairs)
-        self.degree = int(cones + pairs)
         self._mean_weight = volume / points
-        self.stress_unit = cones / weaknesses if cones else 1.0  # that of weak bodies counts
-        self.weights, self.radii = strains.weights / self._mean_weight, radii / self.stress_unit
-        self.viscosities = np.minimum(self.radii**2, MOST_VISCOUS)
-        self.force_unit = self.stress_unit * self._mean_weight
+        self.weights = strains.weights / self._mean_weight
         self.load = on.load
-        self.load.scale(1 / self.force_unit)
-        self.load_unit = 1.0
+        self.load_unit = self.stress_unit = self.force_unit = 1.0
         self.springs: Floats = np.zeros(len(on.jumps))
+        self.carried: Stress | None = None
+        self.measure(cones / weaknesses if cones else 1.0)  # that of weak bodies counts
+
+    def measure(self, unit: float, strongest: float = np.inf) -> None:
+        """Measure stresses in a unit, and let yield what is weak enough. Collective.
+
+        Args:
+            unit: Of stress.
+            strongest: Points of larger yield radii (stress) are as elastic ones.
+        """
+        radii = self.strains.radii
+        self.strongest = strongest
+        self.plastic = np.isfinite(radii) & (radii <= strongest)
+        self.radii = radii[self.plastic] / unit
+        self.viscosities = np.minimum(self.radii**2, MOST_VISCOUS)
+        self.degree = self.num_pairs + int(self.comm.allreduce(len(self.radii)))
+        before, self.force_unit = self.force_unit, unit * self._mean_weight
+        self.stress_unit = unit
+        self.load.scale(before / self.force_unit)
+
+    def multiply(self, unit: float) -> None:
+        """Multiply the loads, and so divide the load factor that is sought."""
+        self.load_unit *= unit
+        self.load.scale(unit)
+        if self.carried is not None:
+            self.carried = (unit * self.carried[0], unit * self.carried[1])
+
+    def stronger(self) -> float | None:
+        """Least yield radius (stress) of points that cannot yield; None of none. Collective."""
+        radii = self.strains.radii
+        mine = float(radii[radii > self.strongest].min(initial=np.inf))
+        least = float(self.comm.allreduce(mine, MPI.MIN))
+        return least if np.isfinite(least) else None
+
+    def range(self, values: Floats) -> tuple[float, float]:
+        """Least and largest of all ranks' values. Collective."""
+        least, largest = float(values.min(initial=np.inf)), float(values.max(initial=0.0))
+        return self.comm.allreduce(least, MPI.MIN), self.comm.allreduce(largest, MPI.MAX)
+
+    def overstress(self, deviator: Floats) -> float:
+        """Largest ‖dev σ‖/γ of all points, those that do not flow here too. Collective.
+
+        Args:
+            deviator: In units of ``stress_unit``.
+        """
+        sizes = np.linalg.norm(deviator, axis=1) * self.stress_unit
+        return float(self.comm.allreduce((sizes / self.strains.radii).max(initial=0.0), MPI.MAX))
+
+    def whole(self, stress: Stress, load: float) -> Stress:
+        """A stress that balances ``load`` times L, of one that balances what of L is sought."""
+        if self.carried is None:
+            return stress
+        return stress[0] + load * self.carried[0], stress[1] + load * self.carried[1]
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
@@ -183,28 +243,7 @@ class ConicProgram:
         vector.set(0)
         return vector
 
-    def choose_units(self) -> None:
-        """Make the limit load about as large as there are points and pairs. Collective.
-
-        Raises:
-            SingularStiffness: If K cannot be factorised.
-        """
-        viscosity = self.at_points(self.viscosities, 1 / PROXIMAL)
-        none: Floats = np.zeros((len(viscosity), self.strains.size))
-        if self.num_pairs:
-            self.assemble(np.ones_like(viscosity), viscosity, none)
-            self.springs = self.stiffness.jump_diagonal()
-        self.assemble(np.full_like(viscosity, 1 / PROXIMAL), viscosity, none)
-        self.stiffness.add_at_jumps(self.springs)
-        self.stiffness.factorise()
-        flow = self.load.duplicate()
-        self.stiffness.solve(self.load, flow)
-        unit = self.dissipation(flow) / self.work(flow) / max(self.degree, 1)
-        flow.destroy()
-        self.load_unit *= unit
-        self.load.scale(unit)
-
-    def viscous_stress(self, velocity: PETSc.Vec) -> tuple[Floats, Floats]:
+    def viscous_stress(self, velocity: PETSc.Vec) -> Stress:
         """Pressure and deviator of the flow that units are chosen by. Collective."""
         trace, deviator = self.strains.of(velocity)
         viscosity = self.at_points(self.viscosities, 1 / PROXIMAL) * self.weights
@@ -218,7 +257,12 @@ class ConicProgram:
         return values
 
     def assemble(self, bulk: Floats, a: Floats, normal: Floats, held: Ints = NONE) -> None:
-        """Assemble Σ w² (κ tr ε δ + a dev ε − (N:ε) N):ε; see :class:`Stiffness`."""
+        """Assemble Σ w² (κ tr ε δ + a dev ε − (N:ε) N):ε; see :class:`Stiffness`.
+
+        No a counts as less than :data:`SOFTEST`: directions are a little less exact then, and the
+        balance that they leave is made up for by the next ones.
+        """
+        a = np.maximum(a, SOFTEST)
         scale = self.weights / self._mean_weight
         self.stiffness.assemble(scale * bulk, scale * a, np.sqrt(scale)[:, None] * normal, held)
 
@@ -231,10 +275,11 @@ class ConicProgram:
         return float(self.load.dot(velocity))
 
     def dissipation(self, velocity: PETSc.Vec) -> float:
-        """Σ w γ‖dev ε(v)‖ over plastic points. Collective."""
+        """Σ w γ‖dev ε(v)‖ over all points that have a yield radius. Collective."""
         _, deviator = self.strains.of(velocity)
-        rates = np.linalg.norm(deviator[self.plastic], axis=1)
-        return self.total(float((self.weights[self.plastic] * self.radii) @ rates))
+        radii = self.strains.radii / self.stress_unit
+        radii = np.where(np.isfinite(radii), radii, 0.0)
+        return self.total(float((self.weights * radii) @ np.linalg.norm(deviator, axis=1)))
 
     def total(self, value: float) -> float:
         """Sum over all ranks. Collective."""

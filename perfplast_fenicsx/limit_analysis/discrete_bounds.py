@@ -78,8 +78,8 @@ def lower_bound(iteration: InteriorIteration) -> LowerBound:
             break
         iteration.equilibrate()
     program, now = iteration.program, iteration.now
-    sizes = np.linalg.norm(now.S[:, 1:], axis=1)
-    ratio = program.comm.allreduce(float((sizes / now.S[:, 0]).max(initial=0)), MPI.MAX)
+    _, deviator = program.whole((now.pressure, now.deviator), now.load)
+    ratio = program.overstress(deviator)
     unbalanced = iteration.unbalanced()
     if not unbalanced <= IN_BALANCE:
         return LowerBound(None, unbalanced)

@@ -7,12 +7,13 @@ elements, and yield and dissipation are those of the points of the quadrature.
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, SingularStiffness
 from perfplast_fenicsx.limit_analysis.discrete_bounds import lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
@@ -24,6 +25,12 @@ from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_tolerance,
 )
 from perfplast_fenicsx.limit_analysis.limit_program import limit_program
+from perfplast_fenicsx.limit_analysis.natural_units import (
+    UNLIMITED,
+    Start,
+    choose_units,
+    next_start,
+)
 from perfplast_fenicsx.problem.problem import Problem
 
 CLOSER = 0.1
@@ -32,6 +39,10 @@ is admissible, its load is larger."""
 
 NEARLY = 1e-6
 """A mechanism that is less admissible, after it was projected, is none to estimate from."""
+
+POLLUTED = 1.01
+"""Ratio of an upper bound to the kinematic load of the last step from which on it tells nothing of
+the limit load: rounding is in it, of the strain of bodies that are far too strong to flow."""
 
 
 @dataclass(frozen=True)
@@ -95,23 +106,54 @@ def interior_point(
     check_tolerance(rtol)
     check_proportional(problem)
     check_friction_has_limits(problem)
+    found, start = _search(problem, rtol, monitor, Start())
+    while start is not None:
+        before = found
+        found, start = _search(problem, rtol, monitor, start)
+        found = _together(before, found)
+    return found
+
+
+def _together(before: DiscreteLimit, after: DiscreteLimit) -> DiscreteLimit:
+    """The better one of two searches, with what both have taken."""
+    worse = after.verdict is not Verdict.FOUND and after.upper is None
+    return replace(
+        before if worse and before.upper is not None else after,
+        steps=before.steps + after.steps,
+        factorisations=before.factorisations + after.factorisations,
+        linear_solves=before.linear_solves + after.linear_solves,
+    )
+
+
+def _search(
+    problem: Problem,
+    rtol: float,
+    monitor: Callable[[InteriorStep], None] | None,
+    start: Start,
+) -> tuple[DiscreteLimit, Start | None]:
+    """Search from a start, and tell where to begin anew; None to end. Collective."""
     with ExitStack() as made:
         program = limit_program(problem)
         made.callback(program.destroy)
         steps: list[InteriorStep] = []
         if program.degree == program.num_pairs:
             reason = "nothing can yield; give the bodies that may collapse a yield stress"
-            return _result(problem, program, None, Verdict.UNBOUNDED, reason, steps)
+            return _result(problem, program, None, Verdict.UNBOUNDED, reason, steps), None
         try:
-            program.choose_units()
+            limited = choose_units(program, start)
         except SingularStiffness as failure:
-            return _result(problem, program, None, Verdict.STALLED, str(failure), steps)
+            found = _result(problem, program, None, Verdict.STALLED, str(failure), steps)
+            return found, next_start(start, program, None, found.verdict, rtol)
+        if not limited:
+            found = _result(problem, program, None, Verdict.UNBOUNDED, UNLIMITED, steps)
+            return found, next_start(start, program, None, found.verdict, rtol)
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
         verdict, reason = iterate(iteration, rtol, steps, monitor, CLOSER)
         if verdict is Verdict.UNBOUNDED:
             reason += f": {_why(problem)}"
-        return _result(problem, program, iteration, verdict, reason, steps)
+        then = next_start(start, program, iteration.now, verdict, rtol)
+        return _result(problem, program, iteration, verdict, reason, steps), then
 
 
 def can_bound(problem: Problem) -> bool:
@@ -140,7 +182,7 @@ def _result(
     """What an iterate tells, its bounds computed anew. Collective."""
     mechanism = fem.Function(problem.V, name="mechanism")
     stress = fem.Function(problem.S, name="stress")
-    forces = np.zeros(len(problem.basis.gap))
+    forces: Floats = np.zeros(len(problem.basis.gap))
     lower = upper = estimate = None
     unbalanced = inadmissible = np.inf
     if iteration is not None and steps:
@@ -161,7 +203,9 @@ def _result(
             mechanism.x.scatter_forward()
             mechanism.x.array[:] /= problem.loads.alpha(mechanism.x.petsc_vec)
         if verdict is Verdict.FOUND:
-            known = [bound for bound in (lower, upper) if bound is not None]
+            kinematic = steps[-1].load * (1 + steps[-1].gap)
+            useful = upper is not None and upper <= POLLUTED * kinematic
+            known = [bound for bound in (lower, upper if useful else None) if bound is not None]
             estimate = sum(known) / len(known) if known else steps[-1].load
     return DiscreteLimit(
         verdict=verdict,
@@ -186,7 +230,8 @@ def _write_stress(iteration: InteriorIteration, function: fem.Function) -> None:
     space = function.function_space.dofmap
     count = space.index_map.size_local  # points of friction follow behind them
     array = function.x.array[: count * space.index_map_bs].reshape(count, -1)
-    array[:] = now.deviator[:count]
-    array[:, :3] += now.pressure[:count, None]
+    pressure, deviator = iteration.program.whole((now.pressure, now.deviator), now.load)
+    array[:] = deviator[:count]
+    array[:, :3] += pressure[:count, None]
     array *= iteration.program.stress_unit
     function.x.scatter_forward()

@@ -4,6 +4,11 @@ At the corner its stress has three components, and up to four are given by the t
 side: by a pressure beside a free side, say, unless they are at right angles. Then no load at all is
 carried. Beside contact, where three are given, the pressure in the corner follows from them, often
 as none. Two cells that meet in the corner have six components, of which at most as many are given.
+
+In space a cell is of four parts, and at a vertex that is its own three of them meet, whose stresses
+have 18 components. The tractions of three facets, and those that are equal on both sides of three
+facets between the parts, are as many, and regular: for one tetrahedron, and so for all, since
+Piola's transformation takes symmetric stresses to such, and tractions to tractions.
 """
 
 import logging

@@ -4,7 +4,10 @@ In a straight cell the strain rate of a quadratic velocity is linear, and ‖·�
 integral is at most that of its linear interpolation on any subdivision of the cell (the composite
 vertex rule). Where volume changes vanish at the points they vanish everywhere. With contact that
 is not entered anywhere this is an upper bound of the limit load of the body that the mesh fills,
-and not just of the mesh.
+and not just of the mesh. Strains of strong bodies that rest or move as rigid ones, which are
+rounding, count with their true strength; volume changes that are left count as work of the loads
+that is none, with mean stresses as large as tractions, so that 1e-12 of them is not taken for a
+bound where loads nearly balance each other.
 """
 
 from functools import lru_cache
@@ -19,13 +22,19 @@ from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
 from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
-from perfplast_fenicsx.limit_analysis.facet_conditions import TWICE, facet_conditions
+from perfplast_fenicsx.limit_analysis.facet_conditions import (
+    TWICE,
+    FacetConditions,
+    facet_conditions,
+)
 from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_friction_has_limits,
     check_proportional,
 )
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.stress_cells import gradients
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.problem import Problem
 
 SUBDIVISIONS = 8
@@ -33,6 +42,14 @@ SUBDIVISIONS = 8
 
 ADMISSIBLE = 1e-9
 """Volume change in plastic bodies and strain in elastic ones that are rounding, beside ‖ε(v)‖."""
+
+MEAN_STRESSES = 10.0
+"""Stresses that nothing bounds, times the largest load: what volume changes and strains of elastic
+bodies that are left cost of the work. Beside pressures that nearly balance each other 1e-12 of
+strain is 1e-6 of the work."""
+
+ROUNDINGS = 32.0
+"""Roundings of a strain rate: there are that many products in the gradient of a quadratic."""
 
 
 def strict_upper_bound(
@@ -77,10 +94,23 @@ def strict_upper_bound(
         radii = np.where(plastic, strains.radii, 0.0)
         volumes = weights[points_of_cells(problem)].sum(axis=1)
         scaled = at_vertices(problem, deviator * radii[:, None])
-        mine = work_of_cells(volumes, scaled, subdivisions)
-        dissipation = float(comm.allreduce(float(mine.sum())))
+        mine = work_of_cells(volumes, scaled, subdivisions).sum()
+        strengths = volumes * radii[points_of_cells(problem)].min(axis=1)
+        added = _of_rounding(problem, mechanism, strengths).sum()
+        rates = np.sqrt(squares)
+        rest = rates <= ADMISSIBLE * np.sqrt(whole / comm.allreduce(float(weights.sum())))
+        at_rest = (weights * radii)[rest] @ rates[rest]
+        wrongly = np.column_stack([trace, np.where(plastic[:, None], 0.0, deviator)])
+        sizes = np.linalg.norm(at_vertices(problem, wrongly), axis=2).mean(axis=1)
+        dissipation, allowed, lost, volume = comm.allreduce(
+            np.array([mine + added, added + at_rest, volumes @ sizes, volumes.sum()])
+        )
     finally:
         strains.destroy()
+    conditions = facet_conditions(problem)
+    work -= MEAN_STRESSES * lost * _largest_load(problem, conditions, float(volume))
+    if not work > 0:
+        return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
     why_not = []
     if problem.friction.count:
         why_not.append("friction is taken at the nodes alone")
@@ -88,11 +118,41 @@ def strict_upper_bound(
     if has_curved_cells(problem.tagged_mesh.mesh):
         why_not.append("cells are curved")
     why_not += entering_between_nodes(problem, mechanism)
-    unknown = facet_conditions(problem).prevents
+    unknown = conditions.prevents
     if unknown is not None and unknown not in (TWICE, *why_not):
         why_not.append(unknown)
     of = Scope.MESH if why_not else Scope.BODY
-    return Bound(dissipation / work, "upper", of, tuple(why_not))
+    share = float(allowed / dissipation) if dissipation > 0 else 0.0
+    return Bound(float(dissipation / work), "upper", of, tuple(why_not), share)
+
+
+def _largest_load(problem: Problem, conditions: FacetConditions, volume: float) -> float:
+    """Largest traction, or body force over the size of the bodies. Collective."""
+    tractions = np.linalg.norm(conditions.tractions, axis=1).max(initial=0.0)
+    forces = np.linalg.norm(conditions.forces, axis=1).max(initial=0.0)
+    mine = float(tractions + forces * volume ** (1 / problem.bodies.gdim))
+    return float(problem.comm.allreduce(mine, MPI.MAX))
+
+
+def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -> Floats:
+    """What rounding can add to the plastic work of each cell, whoever computes it.
+
+    In a cell that moves and does not strain, differences of velocities are rounding; a body of
+    1e15 times the strength of others would dissipate as much by them as those do that flow.
+
+    Args:
+        problem: The bodies.
+        mechanism: Its ghosts up to date.
+        strengths: Yield radius times volume, of the cells that this rank owns.
+    """
+    V, tdim = problem.V, problem.tagged_mesh.mesh.topology.dim
+    vertices, points = corners(problem.tagged_mesh.mesh)
+    slopes, _ = gradients(points[vertices][..., :tdim])
+    values = mechanism.x.array.reshape(-1, tdim)[V.dofmap.list[: len(vertices)]]
+    fastest = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
+    steepest = np.linalg.norm(slopes, axis=2).max(axis=1, initial=0.0)
+    added: Floats = ROUNDINGS * np.finfo(np.float64).eps * strengths * fastest * steepest
+    return added
 
 
 def _rubbed(problem: Problem, mechanism: fem.Function) -> float:

@@ -5,17 +5,37 @@
 
 import os
 from pathlib import Path
+from random import Random
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
+from dolfinx.mesh import (
+    CellType,
+    GhostMode,
+    create_box,
+    locate_entities_boundary,
+    meshtags,
+)
 
-from perfplast_fenicsx import ResultFolder, read_gmsh
+from perfplast_fenicsx import (
+    Adaptation,
+    Problem,
+    ResultFolder,
+    Support,
+    TaggedMesh,
+    Traction,
+    VonMises,
+    adaptive_bounds,
+    read_gmsh,
+)
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.limit_analysis.adaptation import refined
 from perfplast_fenicsx.proof import check
+from tests.contrast_bodies import Pressed, forces_left, glued, sliding, squeezed
+from tests.limit_analysis.stress_checker import check_stress
 from tests.random_bodies import problem_of, stack, write_stack
 
 COMM = MPI.COMM_WORLD
@@ -29,6 +49,16 @@ SEEDS = [
     for seed in sorted({*range(int(10 * EFFORT)), 20})
 ]
 """In number 20 equilibrium leaves one contact force nothing but zero."""
+
+LONG = pytest.mark.skipif(EFFORT < 2, reason="takes a minute")
+
+ENDS = (0.0, 5.0)
+
+CONTRASTS = [
+    pytest.param(seed, marks=[] if seed < 4 else [pytest.mark.serial])
+    for seed in range(int(12 * EFFORT))
+]
+"""Bodies of strengths between 1 and 1e15, and loads of which as little as 1e-6 is bounded."""
 
 
 @pytest.mark.parametrize(("seed", "dim"), SEEDS)
@@ -62,3 +92,93 @@ def test_random_bodies(shared_tmp_path: Path, seed: int, dim: int) -> None:
         assert lowest <= exact * (1 + 1e-9)
         assert exact <= highest * (1 + 1e-9)
         assert highest - lowest <= 3e-4 * exact
+
+
+def pressed(seed: int, path: Path) -> Pressed:
+    """Glued layers, sliding ones in the plane and in space, or a square that is squeezed."""
+    kind = seed % 4
+    if kind == 0:
+        return glued(seed)
+    if kind == 3:
+        random = Random(3000 + seed)
+        e = 0.0 if seed % 32 == 3 else 10 ** -random.uniform(0, 6)
+        return squeezed(e, planes=random.random() < 0.5)
+    return sliding(seed, kind + 1, path)
+
+
+@pytest.mark.parametrize("seed", CONTRASTS)
+def test_contrasts(shared_tmp_path: Path, seed: int) -> None:
+    it = pressed(seed, shared_tmp_path)
+    bounds = limit_bounds(it.problem)
+    words = bounds.in_words()
+    if not np.isfinite(it.exact):
+        assert words.startswith("Nothing limits the loads, as far as rounding tells")
+        assert bounds.lower.value is bounds.upper.value is None
+        return
+    assert bounds.strict
+    assert bounds.static is not None
+    lower, upper = bounds.lower.value, bounds.upper.value
+    assert lower is not None
+    assert upper is not None
+    checked = check_stress(it.problem, bounds.static.stress)
+    left = forces_left(it, checked, lower)  # L is that of 1 on an edge or a side of 1 or 1/2
+    share = left / (upper - lower)
+    print(
+        f"contrast {seed} {it.contrast:.1e} {it.exact:.8g} {lower / it.exact:.8f}"
+        f" {upper / it.exact:.8f} {share:.1e} {bounds.steps} {'elastic' in words}"
+    )
+    assert lower <= it.exact * (1 + 1e-9)
+    assert it.exact <= upper * (1 + 1e-9)
+    assert share < 1e-6
+    if it.side == 0.0 or it.exact < 2e3:  # beyond, the balance of mean stresses is rounding
+        assert lower > 0.99 * it.exact
+    assert upper < 1.1 * it.exact or 'law = "elastic"' in words
+
+    folder = ResultFolder(COMM, shared_tmp_path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
+    proven = check(folder.file("bounds.h5"))
+    assert not proven["lower"].faults
+    assert not proven["upper"].faults
+
+
+def cantilever() -> Problem:
+    """A bar 5×1×1 of 30 tetrahedra, held at one end and sheared at the other."""
+    mesh = create_box(
+        COMM,
+        [(0.0, 0.0, 0.0), (5.0, 1.0, 1.0)],
+        (5, 1, 1),
+        CellType.tetrahedron,
+        ghost_mode=GhostMode.none,
+    )
+    ends = [
+        locate_entities_boundary(mesh, 2, lambda x, at=at: abs(x[0] - at) < 1e-9) for at in ENDS
+    ]
+    facets = np.concatenate(ends)
+    tags = np.repeat(np.arange(2, dtype=np.int32), [len(end) for end in ends])
+    order = np.argsort(facets)
+    cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
+    tagged_mesh = TaggedMesh(
+        mesh,
+        meshtags(mesh, 3, cells, np.zeros_like(cells)),
+        meshtags(mesh, 2, facets[order], tags[order]),
+        {"bar": 0},
+        {"left": 0, "right": 1},
+    )
+    bar = VonMises(young=1e3, poisson=0.3, yield_stress=3**0.5)
+    load = Traction("right", (0.0, 0.0, -1.0))
+    return Problem(tagged_mesh, {"bar": bar}, [Support("left")], [load], degree=2)
+
+
+@pytest.mark.parametrize("cells", [300, pytest.param(4000, marks=[LONG, pytest.mark.serial])])
+def test_no_round_loses_a_bound(cells: int) -> None:
+    found = adaptive_bounds(cantilever(), Adaptation(until=0.02, cells=cells))
+    assert found.lower.strict
+    assert found.upper.strict
+    for one in found.rounds:
+        print("cantilever", one.cells, one.lower, one.upper, one.gap)
+        assert one.lower is not None
+        assert one.upper is not None
+        assert 0 < one.lower < one.upper
+    gaps = [one.gap for one in found.rounds if one.gap is not None]
+    assert gaps == sorted(gaps, reverse=True)
+    assert gaps[-1] < (0.02 if cells == 4000 else 0.08)

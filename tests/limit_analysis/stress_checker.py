@@ -1,5 +1,6 @@
 """Is a piecewise linear stress admissible? From its values and the mesh alone, with NumPy."""
 
+import math
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -23,6 +24,7 @@ class Checked:
         x: Vertices of the boundary's facets, of all ranks, shape (num_facets, d, d).
         normals: Outward unit normals, shape (num_facets, d).
         tractions: At these vertices, shape (num_facets, d, d).
+        forces: Sum of all forces that are not balanced in cells and between them.
     """
 
     divergence: float
@@ -31,6 +33,7 @@ class Checked:
     x: Floats
     normals: Floats
     tractions: Floats
+    forces: float
 
 
 def check_stress(
@@ -65,6 +68,8 @@ def check_stress(
     divergence = np.einsum("cvij,cvj->ci", sigma, slopes) + np.asarray(force or (0.0,) * tdim)
     size = np.ptp(x, axis=1).max(axis=1, initial=0)
     largest = float((np.abs(divergence).max(axis=1, initial=0) * size).max(initial=0))
+    volumes = np.abs(np.linalg.det(corners)) / math.factorial(tdim)
+    inside = problem.comm.allreduce(float(np.linalg.norm(divergence, axis=1) @ volumes))
 
     found = []
     for a in range(tdim + 1):
@@ -74,19 +79,24 @@ def check_stress(
         order = np.array(others)[order] if len(names) else np.zeros((0, tdim), dtype=int)
         here = np.arange(len(x))[:, None]
         push = np.einsum("cvij,cj->cvi", sigma[here, order], normal)
-        found.append((names[here, order], x[here, order], normal, push))
+        area = np.linalg.norm(slopes[:, a], axis=1) * volumes * tdim
+        found.append((names[here, order], x[here, order], normal, push, area))
     gathered = problem.comm.allgather([np.concatenate(parts) for parts in zip(*found, strict=True)])
-    names, x, normals, pushes = (np.concatenate(a) for a in zip(*gathered, strict=True))
+    names, x, normals, pushes, areas = (np.concatenate(a) for a in zip(*gathered, strict=True))
     _, first, inverse, count = np.unique(
         names, axis=0, return_index=True, return_inverse=True, return_counts=True
     )
     sums = np.zeros((len(first), tdim, tdim))
     np.add.at(sums, inverse.ravel(), pushes)
+    inner = first[count == 2]
+    between = np.linalg.norm(sums[count == 2], axis=2).mean(axis=1) @ areas[inner]
     jump = float(np.abs(sums[count == 2]).max(initial=0))
     outer = first[count == 1]
     norms = np.linalg.norm(deviator, axis=2).reshape(owned, -1)
     largest = problem.comm.allreduce(largest, MPI.MAX)
-    return Checked(largest, jump, norms, x[outer], normals[outer], pushes[outer])
+    return Checked(
+        largest, jump, norms, x[outer], normals[outer], pushes[outer], inside + float(between)
+    )
 
 
 def opposite(checked: Checked, chosen: np.ndarray) -> Floats:

@@ -1,7 +1,9 @@
 """Bounds on meshes that find the mechanism: exact limit loads, fans, contact, what is refused."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -26,7 +28,14 @@ from perfplast_fenicsx import (
     machine_memory,
     read_gmsh,
 )
-from perfplast_fenicsx.limit_analysis import AdaptiveBounds, Round, strict_lower_bound
+from perfplast_fenicsx.limit_analysis import (
+    AdaptiveBounds,
+    BodyBounds,
+    Round,
+    adaptation,
+    limit_bounds,
+    strict_lower_bound,
+)
 from perfplast_fenicsx.limit_analysis.adaptation import refined
 from tests.limit_analysis.test_interior_point import COMM, RIGID, SOIL, K, footing, made
 from tests.models import two_blocks_problem
@@ -61,7 +70,34 @@ def test_footing(punch: bool, shared_tmp_path: Path) -> None:
     assert None not in gaps
     assert gaps == sorted(gaps, reverse=True)  # the best bounds of all meshes
     assert found.body.lower is found.lower
+    assert found.body.problem is found.best.problem
     assert found.problem.num_pairs == 0 or punch
+
+
+def test_a_round_that_worsens_bounds_does_not_count(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither in the bounds nor in what comes with them."""
+    meshes: list[BodyBounds] = []
+
+    def worse_and_worse(problem: Problem, *args: Any) -> BodyBounds:
+        found = limit_bounds(problem, *args)
+        if len(meshes) >= 2:
+            assert found.upper.value is not None
+            low, high = (replace(it, value=0.0) for it in (found.lower, found.upper))
+            found = replace(found, lower=low, upper=replace(high, value=2 * found.upper.value))
+        meshes.append(found)
+        return found
+
+    monkeypatch.setattr(adaptation, "limit_bounds", worse_and_worse)
+    found = adaptive_bounds(footing(shared_tmp_path), Adaptation(until=0.01, cells=600))
+    assert len(meshes) > 2
+    assert found.last is meshes[-1]
+    assert found.best is meshes[1]
+    assert found.body.mechanism is meshes[1].mechanism
+    assert found.body.mesh is meshes[1].mesh
+    assert found.body.stress is meshes[1].stress
+    assert found.rounds[-1].gap == pytest.approx(found.rounds[1].gap)
 
 
 @pytest.mark.mpi3

@@ -2,6 +2,7 @@
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 
 from perfplast_fenicsx import (
@@ -13,7 +14,9 @@ from perfplast_fenicsx import (
     adaptive_bounds,
     limit_bounds,
 )
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
+from perfplast_fenicsx.limit_analysis.stress_cells import cell_layout, strain_matrices
 from perfplast_fenicsx.problem.loads import Load
 from tests.limit_analysis.test_interior_point import SOIL, K
 from tests.limit_analysis.test_static_bound import quarters
@@ -50,3 +53,27 @@ def test_what_one_cell_carries_is_left_alone(comm: MPI.Intracomm) -> None:
     for load in (Pressure("top", 1.0), Traction("top", (0.0, -1.0))):
         problem = square(comm, load)
         assert with_divided_corners(problem) is problem
+
+
+def test_the_parts_of_a_cell_in_space_bear_any_tractions_in_its_corners() -> None:
+    """The matrix of tractions at a vertex, on facets of the cell and between its parts."""
+    layout = cell_layout(3)
+    axes = np.tile(np.eye(3), (1, 4, 1, 1))
+    random = np.random.default_rng(1)
+    for _ in range(5):
+        rows_of_points, _ = strain_matrices(random.normal(size=(1, 4, 3)), axes)
+        for vertex in range(4):
+            blocks: dict[int, list[tuple[int, Floats]]] = {}
+            parts = [part for part in range(4) if vertex in layout.corners[part]]
+            for place, part in enumerate(parts):
+                at = list(layout.corners[part]).index(vertex)
+                found = rows_of_points[0, 4 * part + at, 3:]
+                for row, values in zip(layout.rows[part, at, 1:].ravel(), found, strict=True):
+                    blocks.setdefault(int(row), []).append((place, values))
+            matrix = np.zeros((len(blocks), 3, 6))
+            for row, entries in zip(matrix, blocks.values(), strict=True):
+                for place, values in entries:
+                    row[place] += values
+            assert matrix.shape == (18, 3, 6)
+            scaled = matrix.reshape(18, 18) / np.linalg.norm(matrix, axis=(1, 2))[:, None]
+            assert np.linalg.matrix_rank(scaled, tol=1e-9) == 18
