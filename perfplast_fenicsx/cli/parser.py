@@ -112,10 +112,17 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     parser.comm = comm
     parser.add_argument("--version", action="version", version=f"perfplast {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    scripts = argparse.ArgumentParser(add_help=False)
+    scripts.add_argument(
+        "--trust",
+        action="store_true",
+        help="run a .geo script, which may run any command: only where you know what is in it",
+    )
     parser.commands = commands.choices
 
     run = commands.add_parser(
         "run",
+        parents=[scripts],
         help="solve a case",
         description="Solve a case on any number of ranks, e.g. mpirun -n 2 perfplast run ...",
         epilog="PETSc options follow two dashes: -- -perfplast_ksp_rtol 1e-10 for the linear"
@@ -142,6 +149,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
 
     mesh = commands.add_parser(
         "mesh",
+        parents=[scripts],
         help="turn a STEP, BREP, .geo or .inp file into a mesh and a first case file",
         description="Read the bodies of a geometry file, find out where they touch, and write"
         " DIR/case.msh and DIR/case.toml, in which materials, supports and loads are to be filled"
@@ -199,7 +207,9 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     mesh.add_argument("--force", action="store_true", help="replace mesh and case file in DIR")
 
     check = commands.add_parser(
-        "check", help="check a case, its mesh and names included, without solving it"
+        "check",
+        parents=[scripts],
+        help="check a case, its mesh and names included, without solving it",
     )
     check.add_argument("case", metavar="CASE.toml", help="what to check")
 
@@ -260,6 +270,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     )
     info = commands.add_parser(
         "info",
+        parents=[scripts],
         help="say what the numbers of a case mean; or show versions, for bug reports",
         description="Say what the load factor of a case multiplies and what its numbers are in."
         " Without a case, show versions, PETSc's packages, BLAS, ranks and threads, for bug"

@@ -48,6 +48,7 @@ def run(
     log_level: str = "info",
     restart: bool = False,
     report: bool = False,
+    trust: bool = False,
 ) -> int:
     """Solve a case and write its results. Collective.
 
@@ -60,6 +61,7 @@ def run(
         log_level: What is in ``run.log`` beside what always is (:class:`run_log.RunLog`).
         restart: Go on from the last level that is solved in the folder.
         report: Write ``report.html`` at the end, also where a signal is what ends the run.
+        trust: Run a script that the mesh is made of.
 
     Returns:
         :data:`SOLVED`, :data:`NO_SOLUTION` where a level has none, or the status of an interrupt.
@@ -69,7 +71,7 @@ def run(
     """
     began = time.perf_counter()
     with Interrupts(comm) as interrupts:
-        case = read_case(path, comm)
+        case = read_case(path, comm, trust)
         folder = ResultFolder(comm, output, force, restart)
         if restart:
             check_case(folder, case.table, case.path.name)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.child_process import environment_apart
+from perfplast_fenicsx.child_process import environment_for_gmsh
 from perfplast_fenicsx.errors import InputError
 
 NO_GMSH = "gmsh's Python module cannot be loaded; install it (Debian package python3-gmsh)"
@@ -58,12 +58,15 @@ def read_content(path: Path) -> Content:
     _check_header(path)
     program = Path(__file__).with_name("gmsh_dump.py")
     with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "mesh.npz"
-        command = [sys.executable, "-P", str(program), str(path.absolute()), str(target)]
+        # Gmsh goes by a file's name, and runs the options of a script FILE.msh.opt beside it.
+        alone, target = Path(folder) / "mesh.msh", Path(folder) / "mesh.npz"
+        alone.symlink_to(path.absolute())
+        command = [sys.executable, "-P", str(program), str(alone), str(target)]
         try:
             done = subprocess.run(
                 command,
-                env=environment_apart(),
+                env=environment_for_gmsh(Path(folder)),
+                cwd=folder,
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
                 check=False,
@@ -83,7 +86,8 @@ def read_content(path: Path) -> Content:
         with np.load(target) as arrays:
             about = json.loads(str(arrays["about"]))
             if about["fault"] is not None:
-                raise InputError(f"gmsh cannot read '{path}': {about['fault']}")
+                fault = about["fault"].replace(str(alone), str(path))
+                raise InputError(f"gmsh cannot read '{path}': {fault}")
             blocks = [
                 Block(dim, entity, groups, kind, arrays[f"block_{number}"].astype(np.int64))
                 for number, (dim, entity, groups, kind) in enumerate(about["blocks"])

@@ -7,7 +7,7 @@ or ``[[stage]]``, ``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +67,7 @@ from perfplast_fenicsx.units import Units
 class Case:
     """A case file, read and checked as far as it can be without its mesh.
 
-    ``text`` is what it says, ``table`` the same as TOML.
+    ``text`` is what it says, ``table`` the same as TOML; with ``trust`` scripts may be run.
     """
 
     path: Path
@@ -91,6 +91,7 @@ class Case:
     output: OutputOptions
     units: Units
     initial: list[Initial]
+    trust: bool = False
 
     @property
     def scene(self) -> Scene:
@@ -131,7 +132,7 @@ class Case:
         made = isinstance(self.mesh, GeometryFile)
         with at(f"{self.path.name}, [{'geometry' if made else 'mesh'}]"):
             if isinstance(self.mesh, GeometryFile):
-                mesh = self.mesh.mesh(comm, self.path)
+                mesh = self.mesh.mesh(comm, self.path, self.trust)
             elif isinstance(self.mesh, MeshBuilder):
                 mesh = build(comm, self.mesh.builder, **self.mesh.arguments)
             else:
@@ -192,12 +193,15 @@ class Case:
         return str(LimitMethod.INTERIOR_POINT) if direct else self.method
 
 
-def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
+def read_case(
+    path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD, trust: bool = False
+) -> Case:
     """Read a case file on rank 0 and check it on every rank alike. Collective.
 
     Args:
         path: The TOML file.
         comm: The ranks that need the case.
+        trust: Let gmsh run the script that the mesh is made of, if it is one.
 
     Raises:
         InputError: A file that cannot be read or is not TOML, unknown or missing keys, or values of
@@ -205,7 +209,7 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
     """
     path = Path(path)
     text: str = comm.bcast(on_rank0(comm, lambda: read_text(path)))
-    return _case(path, text)
+    return replace(_case(path, text), trust=trust)
 
 
 def _case(path: Path, text: str) -> Case:
