@@ -70,6 +70,13 @@ on = "block"
 stress = ["{}", 0.0, 0.0, 0.0, 0.0, 0.0]
 """
 
+STAGE = """
+[[stage]]
+name = "=HYPERLINK(2)"
+steps = 1
+factors = {high = 1.0}
+"""
+
 STEP_LIKE = "// ISO-10303-21;\n"
 IGES_LIKE = f"{'//':72}S      1\n"
 
@@ -220,6 +227,7 @@ def test_names_are_text(
     if MPI.COMM_WORLD.rank == 0:
         text = case.read_text().replace('on = "low"', f'on = "{sheet}"')
         text = text.replace("material.block", f'material."{html}"')
+        text = text.partition("[loading]")[0] + STAGE
         case.write_text(text.replace("from the mail", "../../PWNED </script><script>alert(1)"))
     MPI.COMM_WORLD.barrier()
     before = files_below(case.parent)
@@ -232,8 +240,10 @@ def test_names_are_text(
     assert "alert(1)" in page
     assert html not in page
     assert "<script>alert(1)" not in page
-    head = Path("out/path.csv").read_text(encoding="utf-8").splitlines()[0]
-    assert f"'{sheet}_x" in head.split(",")
+    cells = Path("out/path.csv").read_text(encoding="utf-8").replace("\n", ",").split(",")
+    assert f"support_{sheet}_x" in cells
+    assert "'=HYPERLINK(2)" in cells
+    assert not [cell for cell in cells if cell.startswith(("=", "+", "@"))]
 
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process reads, whatever the ranks")

@@ -263,14 +263,10 @@ def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
     for key in NAMED:
         row |= {f"{key} {name}".replace(" ", "_"): a for name, a in row.pop(f"{key}s").items()}
     for name, force in row.pop("reactions").items():
-        row |= {_head(f"{name} {axis}"): f for axis, f in zip(axes, force, strict=False)}
+        row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(axes, force, strict=False)}
+    if str(row["stage"]).startswith(("=", "+", "-", "@")):  # a formula for spreadsheets
+        row["stage"] = f"'{row['stage']}"
     return row
-
-
-def _head(text: str) -> str:
-    """The heading of a column, which a spreadsheet does not take for a formula."""
-    text = text.replace(" ", "_")
-    return f"'{text}" if text.startswith(("=", "+", "-", "@")) else text
 
 
 def peak_memory() -> float:
