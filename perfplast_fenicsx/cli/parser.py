@@ -112,7 +112,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     parser.comm = comm
     parser.add_argument("--version", action="version", version=f"perfplast {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    scripts = argparse.ArgumentParser(add_help=False)
+    scripts = _Parser(add_help=False)
     scripts.add_argument(
         "--trust",
         action="store_true",

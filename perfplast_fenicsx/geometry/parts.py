@@ -63,7 +63,9 @@ def read_parts(path: Path) -> tuple[int, list[Part]]:
     if is_script(path):
         return _read_script(path)
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
-    if IMPORTED[path.suffix.lower()].pattern == STEP:  # the others have no units, or gmsh reads none
+    if (
+        IMPORTED[path.suffix.lower()].pattern == STEP
+    ):  # the others have no units, or gmsh reads none
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
     try:
         found = gmsh.model.occ.importShapes(str(path), highestDimOnly=True)
