@@ -18,7 +18,7 @@ from perfplast_fenicsx.cli.follow import Follower
 from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, meshing_options
 from perfplast_fenicsx.cli.model_command import is_model, mesh_model
 from perfplast_fenicsx.cli.parser import read_arguments
-from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED, run
+from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED, run, warn_of
 from perfplast_fenicsx.cli.run_log import logged_to_console
 from perfplast_fenicsx.cli.signals import leave_pipes_to_python
 from perfplast_fenicsx.cli.system_info import surroundings, versions
@@ -79,6 +79,7 @@ def check(comm: MPI.Intracomm, path: str, trust: bool = False) -> int:
     case = read_case(path, comm, trust)
     problem = case.problem(comm)
     case.history(problem)
+    warn_of(comm, case, problem)
     text = describe(case.title, case.method_on(problem), problem, case.options)
     Terminal(comm).say(f"{text}\n{case.path} can be run.")
     return SOLVED

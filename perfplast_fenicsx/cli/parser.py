@@ -12,6 +12,7 @@ from perfplast_fenicsx.cli.run_log import LEVELS
 from perfplast_fenicsx.cli.shell_completion import complete
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.materials.common import TABLE
+from perfplast_fenicsx.solvers.linear.option_trial import check_options
 from perfplast_fenicsx.units import SYSTEMS
 
 
@@ -58,26 +59,29 @@ def set_petsc_options(arguments: Sequence[str]) -> None:
     """Put options such as ``-perfplast_ksp_rtol 1e-10`` into PETSc's database.
 
     Raises:
-        InputError: If an argument is neither an option nor the value of one.
+        InputError: If an argument is neither an option nor the value of one, or an option is
+            unknown or has a wrong value.
     """
     options = PETSc.Options()
     name = None
-    names = []
+    given: dict[str, str | None] = {}
     for argument in arguments:
         is_name = argument.startswith("-") and argument[1:2].isalpha()
         if is_name:
             name = argument[1:]
-            options[name] = None
-            names.append(name)
+            given[name] = None
         elif name is not None:
-            options[name] = argument
+            given[name] = argument
             name = None
         else:
             raise InputError(
                 f"after '--' stands '{argument}', which is neither a PETSc option nor its value;"
                 " write for instance -- -perfplast_ksp_rtol 1e-10."
             )
-    for name in names:  # the solvers copy what has their prefix; PETSc warns of unused copies
+    check_options(given)
+    for name, value in given.items():
+        options[name] = value
+    for name in given:  # the solvers copy what has their prefix; PETSc warns of unused copies
         if name.startswith("perfplast_"):
             options.hasName(name)
 

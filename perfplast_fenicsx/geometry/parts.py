@@ -9,6 +9,7 @@ from pathlib import Path
 import gmsh
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.gmsh_subprocess import windows_path
 
 NO_NAME = re.compile(
     r"^the product name$|open cascade step translator|^=>|^\[?\d+[:.\d\]]*$", re.IGNORECASE
@@ -132,7 +133,9 @@ def check_file(path: Path) -> None:
         with path.open("rb") as file:
             head = file.read(2000)
     except OSError as error:
-        raise InputError(f"'{path}' cannot be read: {error.strerror}; check the path.") from error
+        raise InputError(
+            f"'{path}' cannot be read: {error.strerror}; {windows_path(path)}."
+        ) from error
     if not head.strip():
         raise InputError(f"'{path}' is empty; export the geometry again.")
     if not _begins_as(suffix, head):

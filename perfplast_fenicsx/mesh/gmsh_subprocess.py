@@ -18,6 +18,20 @@ from perfplast_fenicsx.errors import InputError
 NO_GMSH = "gmsh's Python module cannot be loaded; install it (Debian package python3-gmsh)"
 
 
+CONVERT = "convert it by meshio, as docs/howto/mesh.md shows under 'Other formats'"
+
+REMEDIES = {
+    **dict.fromkeys((".inp", ".bdf", ".nas", ".unv", ".med", ".vtk", ".vtu", ".e", ".exo"), CONVERT),
+    **dict.fromkeys((".xdmf", ".h5"), "convert it by meshes/from_xdmf.py (docs/howto/mesh.md)"),
+    **dict.fromkeys(
+        (".step", ".stp", ".brep", ".iges", ".igs", ".geo"),
+        "give it as file of a [geometry] in place of [mesh], or mesh it by perfplast mesh",
+    ),
+    ".py": "it is a program, which is never run here; run it, and give the mesh that it writes",
+}
+"""What to do with files of other kinds, by the ends of their names."""
+
+
 @dataclass(frozen=True)
 class Block:
     """Elements of one entity and type: nodes (gmsh's tags), shape (num_elements, ·)."""
@@ -97,6 +111,14 @@ def read_content(path: Path) -> Content:
             return Content(blocks, about["groups"], types, *nodes)
 
 
+def windows_path(path: Path) -> str:
+    """The remedy where a file of this name is not there."""
+    name = str(path)
+    if not name.isprintable():  # "C:\temp\new.msh" has a tab and a new line in it
+        return "in double quotes \\ is an escape: write / in the path, or put it in single quotes"
+    return "write / for \\ in the path" if "\\" in name else "check the path"
+
+
 def _check_header(path: Path) -> None:
     # Gmsh itself would run any other text file as a script, and wait at a FIFO.
     try:
@@ -106,11 +128,12 @@ def _check_header(path: Path) -> None:
         with path.open("rb") as file:
             head = file.read(11)
     except FileNotFoundError as error:
-        raise InputError(f"mesh file '{path}' does not exist; check the path") from error
+        raise InputError(f"mesh file '{path}' does not exist; {windows_path(path)}") from error
     except (OSError, ValueError) as error:  # the latter for a name that no file can have
         if isinstance(error, InputError):
             raise
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"mesh file '{path}' cannot be read: {reason}") from error
     if not head.startswith((b"$MeshFormat", b"$Comments")):
-        raise InputError(f"'{path}' is not a gmsh .msh file; save the mesh from gmsh as .msh")
+        remedy = REMEDIES.get(path.suffix.lower(), "save the mesh from gmsh as .msh")
+        raise InputError(f"'{path}' is not a gmsh .msh file; {remedy}")
