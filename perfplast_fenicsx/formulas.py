@@ -193,6 +193,7 @@ def _cut(formula: str) -> str:
 def _refusal(formula: str, place: str, fault: str) -> InputError:
     operators = " ".join(dict.fromkeys(sign for sign, _ in OPERATORS.values()))
     return InputError(
-        f"{place}: the formula '{_cut(formula)}' {_cut(fault)}; allowed are numbers, {', '.join(VARIABLES)},"
-        f" parentheses, {operators} and the functions {', '.join(FUNCTIONS)}."
+        f"{place}: the formula '{_cut(formula)}' {_cut(fault)}; allowed are numbers,"
+        f" {', '.join(VARIABLES)}, parentheses, {operators} and the functions"
+        f" {', '.join(FUNCTIONS)}."
     )

@@ -104,7 +104,8 @@ def _inside_out(mesh: Mesh) -> npt.NDArray[np.bool_]:
         kind, tdim * (cmap.degree - 1), basix.LatticeType.equispaced, True
     )
     slopes = np.asarray(element.tabulate(1, np.asarray(points)))[1:, :, :, 0]
-    x = np.asarray(mesh.geometry.x[geometry_dofmap(mesh)[:owned], : mesh.geometry.dim])
+    x = np.asarray(mesh.geometry.x, dtype=np.float64)
+    x = x[geometry_dofmap(mesh)[:owned], : mesh.geometry.dim]
     size = np.linalg.det(np.einsum("jpn,cni->cpij", slopes, x))
     size *= np.where(size.sum(axis=1) < 0, -1.0, 1.0)[:, None]
     return np.asarray(size.min(axis=1) <= FOLDED * size.max(axis=1))

@@ -21,7 +21,9 @@ NO_GMSH = "gmsh's Python module cannot be loaded; install it (Debian package pyt
 CONVERT = "convert it by meshio, as docs/howto/mesh.md shows under 'Other formats'"
 
 REMEDIES = {
-    **dict.fromkeys((".inp", ".bdf", ".nas", ".unv", ".med", ".vtk", ".vtu", ".e", ".exo"), CONVERT),
+    **dict.fromkeys(
+        (".inp", ".bdf", ".nas", ".unv", ".med", ".vtk", ".vtu", ".e", ".exo"), CONVERT
+    ),
     **dict.fromkeys((".xdmf", ".h5"), "convert it by meshes/from_xdmf.py (docs/howto/mesh.md)"),
     **dict.fromkeys(
         (".step", ".stp", ".brep", ".iges", ".igs", ".geo"),

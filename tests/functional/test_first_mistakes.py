@@ -1,6 +1,7 @@
 """What people get wrong at first, each with its remedy in one sentence; or it just works."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -8,9 +9,10 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.formulas import SHOWN, check
+from perfplast_fenicsx.io.case.toml_reader import parse, read_text
+from tests.mesh.damaged_meshes import blocks
 
 CASE = """
 title = "a cube"
@@ -58,7 +60,7 @@ Told = Callable[..., tuple[int, str]]
 
 @pytest.fixture
 def told(shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Told:
-    """Writes the case with changes, runs a command, and gives its status and what it complains of."""
+    """Writes the case with changes, runs a command, and gives status and complaint."""
 
     def run(*changes: tuple[str, str], command: tuple[str, ...] = ("check",)) -> tuple[int, str]:
         path, text = shared_tmp_path / "case.toml", CASE
@@ -77,12 +79,12 @@ def told(shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Told:
 
 REFUSED = [
     (("0.29\nyield", "0,29\nyield"), "write a decimal point, 0.29 for 0,29"),
-    (('builder = "two_blocks"\nn = 2', 'file = "C:\\models\\block.msh"'), 'C:/models/block.msh'),
+    (('builder = "two_blocks"\nn = 2', 'file = "C:\\models\\block.msh"'), "C:/models/block.msh"),
     (('builder = "two_blocks"\nn = 2', 'file = "C:\\temp\\new.msh"'), "\\ is an escape"),
     (('builder = "two_blocks"\nn = 2', "file = 'parts\\new.msh'"), "write / for \\"),
     (('"top"', '"upper"'), "'upper' is a volume of this mesh, but a surface belongs here: left"),
     (("material.upper", "material.top"), "'top' is a surface of this mesh, but a volume"),
-    (('[[contact]]\nprimary = "upper_bottom"\nsecondary = "lower_top"\n', ""), "'upper' in the box [0 to"),
+    (('components = "xyz"', 'components = "yz"'), "' in the box [0 to "),
 ]
 
 
@@ -94,22 +96,29 @@ def test_refused_with_the_remedy(told: Told, change: tuple[str, str], says: str)
     assert complaint.count("\n") == 1
 
 
+SI = (('system = "mm-N-MPa"', 'system = "SI"'), ("206900.0", "900.0"), ("450.0", "1.0"))
+
 ODD = [
-    (("young = 206900.0", "young = 206.9e9"), "material 'lower': young = 2.069e+11 MPa is 2.07e+08 GPa"),
-    (("yield_stress = 450.0", "yield_stress = 450e6"), "yield_stress / young = 2.17e+03"),
-    (('system = "mm-N-MPa"', 'system = "SI"'), "young = 206900 Pa is 0.000207 GPa"),
+    ((("young = 206900.0", "young = 206.9e9"),), "'lower': young = 2.069e+11 MPa is 2.07e+08 GPa"),
+    ((("yield_stress = 450.0", "yield_stress = 450e6"),), "yield_stress / young = 2.17e+03"),
+    (SI, "young = 900 Pa is 9e-07 GPa"),
+    ((('builder = "two_blocks"\nn = 2', 'file = "large.msh"'),), "the mesh is 2e+20 mm large"),
 ]
 
 
-@pytest.mark.parametrize(("change", "says"), ODD)
-def test_odd_numbers_are_told(told: Told, change: tuple[str, str], says: str) -> None:
-    if "SI" in change[1]:
-        status, complaint = told(change, ("206900.0", "2069.0"), ("450.0", "4.5"))
-        says = "young = 2069 Pa is 2.07e-06 GPa" if "Pa is" in complaint else "lower"
-        assert status == 0
-        return
-    status, complaint = told(change)
-    assert status == 0
+@pytest.mark.parametrize(("changes", "says"), ODD)
+def test_odd_numbers_are_told(
+    told: Told, shared_tmp_path: Path, changes: tuple[tuple[str, str], ...], says: str
+) -> None:
+    if MPI.COMM_WORLD.rank == 0:
+        mesh = blocks(3)
+        replace(mesh, points=1e20 * mesh.points).write(shared_tmp_path / "large.msh")
+    if "large" in changes[0][1]:
+        names = (("lower]", "a]"), ("upper]", "b]"), ('"left"', '"low"'), ('"top"', '"high"'))
+        pairs = (('"upper_bottom"', '"seam_a"'), ('"lower_top"', '"seam_b"'))
+        changes = (*changes, *names, *pairs, ("[[contact]]", "[[tie]]"))
+    status, complaint = told(*changes)
+    assert status == 0, complaint
     assert says in complaint
 
 
@@ -149,7 +158,7 @@ def test_long_formulas_are_cut() -> None:
 
 
 def test_restart_with_more_levels(told: Told, shared_tmp_path: Path) -> None:
-    """It goes on; where an earlier level has changed, that one is named. Missing fields are told."""
+    """It goes on; an earlier level that has changed is named, and so are missing fields."""
     results = str(shared_tmp_path / "results")
     quiet = (("[element]", "[output]\npictures = false\n\n[element]"),)
     assert told(*quiet, command=("run", "-o", results, "--quiet")) == (0, "")

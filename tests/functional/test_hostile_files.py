@@ -1,4 +1,4 @@
-"""A case from the mail is data: whatever is in it, nothing is run, and nothing written elsewhere."""
+"""A case from the mail is data: nothing in it is run, and nothing is written elsewhere."""
 
 import os
 from collections.abc import Callable

@@ -184,16 +184,23 @@ def _up(dim: int, by: float) -> tuple[float, ...]:
 
 
 DAMAGED: dict[str, tuple[Make, str]] = {
-    "inner node far out": (lambda d: _moved(blocks(d), _node(blocks(d), [0.5] * d), [1.4] * d), "folded"),
+    "inner node far out": (
+        lambda d: _moved(blocks(d), _node(blocks(d), [0.5] * d), [1.4] * d),
+        "folded",
+    ),
     "inner node just out": (
-        lambda d: _moved(blocks(d), _node(blocks(d), [0.5] * d), [1.02] + [0.5] * (d - 1)), "folded"
+        lambda d: _moved(blocks(d), _node(blocks(d), [0.5] * d), [1.02] + [0.5] * (d - 1)),
+        "folded",
     ),
     "inner node across a cell": (
-        lambda d: _moved(blocks(d, 3), _node(blocks(d, 3), [1 / 3] * d), [0.72] + [1 / 3] * (d - 1)),
+        lambda d: _moved(
+            blocks(d, 3), _node(blocks(d, 3), [1 / 3] * d), [0.72] + [1 / 3] * (d - 1)
+        ),
         "folded",
     ),
     "corner pushed in": (
-        lambda d: _moved(blocks(d), _node(blocks(d), [0.0] * d), [0.8] * d), "folded"
+        lambda d: _moved(blocks(d), _node(blocks(d), [0.0] * d), [0.8] * d),
+        "folded",
     ),
     "two nodes exchanged": (
         lambda d: _swapped(
@@ -207,7 +214,8 @@ DAMAGED: dict[str, tuple[Make, str]] = {
     ),
     "a cell twice": (lambda d: _with_cells(blocks(d), blocks(d).cells[:1]), "more than two|folded"),
     "all cells twice": (
-        lambda d: _with_cells(blocks(d), blocks(d).cells[blocks(d).body == 1]), "more than two|folded"
+        lambda d: _with_cells(blocks(d), blocks(d).cells[blocks(d).body == 1]),
+        "more than two|folded",
     ),
     "a cell across others": (
         lambda d: _with_cells(
@@ -226,7 +234,8 @@ DAMAGED: dict[str, tuple[Make, str]] = {
     "not glued": (lambda d: _unglued(blocks(d), 0), "'a' is cut inside"),
     "not glued across": (lambda d: _unglued(blocks(d, 4), d - 1), "'a' is cut inside"),
     "a few not glued": (
-        lambda d: _unglued(blocks(d, 4), 0, 4 if d == 2 else 20), "'a' is cut inside"
+        lambda d: _unglued(blocks(d, 4), 0, 4 if d == 2 else 20),
+        "'a' is cut inside",
     ),
     "halves do not match": (_mixed, "'a' is cut inside"),
     "glued to a wrong node": (

@@ -40,7 +40,10 @@ def test_damaged_meshes_are_refused(shared_tmp_path: Path, name: str, dim: int) 
 @pytest.mark.parametrize("gap", [0.0, 0.5])
 def test_sound_meshes_are_not(shared_tmp_path: Path, dim: int, other: int, gap: float) -> None:
     """Bodies that touch with matching nodes or others, or are apart."""
-    assert check_bodies(read(shared_tmp_path, blocks(dim, 2, (0.25,) * (dim - 1) + (gap,), other))) == []
+    assert (
+        check_bodies(read(shared_tmp_path, blocks(dim, 2, (0.25,) * (dim - 1) + (gap,), other)))
+        == []
+    )
 
 
 def test_touching_without_names_is_told(shared_tmp_path: Path) -> None:

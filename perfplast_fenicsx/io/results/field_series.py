@@ -22,7 +22,6 @@ from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import LevelReport
 
-
 log = logging.getLogger(__name__)
 
 
@@ -49,7 +48,9 @@ class FieldSeries:
             InputError: If the files cannot be written.
         """
         self._folder, self._prescribed = folder, prescribed
-        there = folder.comm.bcast([number for number in range(1, len(kept) + 1) if self._has(number)])
+        there = folder.comm.bcast(
+            [number for number in range(1, len(kept) + 1) if self._has(number)]
+        )
         self._times = {number: prescribed.of(kept[number - 1]) for number in there}
         if len(there) < len(kept) and folder.comm.rank == 0:
             log.warning(

@@ -59,7 +59,9 @@ def _changed(key: str, new: object, old: object) -> str:
     if now is NOTHING:
         return f"{key} has {len(new)} entries, but had {len(old)}"
     if then is NOTHING:
-        return f"{key} has {len(new)} entries, but had {len(old)}; the first one more is {shown(now)}"
+        return (
+            f"{key} has {len(new)} entries, but had {len(old)}; the first one more is {shown(now)}"
+        )
     return f"{key}: entry {number} is {shown(now)}, but was {shown(then)}"
 
 

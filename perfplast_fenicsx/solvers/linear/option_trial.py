@@ -31,12 +31,12 @@ INNER = re.compile(
 )
 """Prefixes of solvers within preconditioners, whose options are those of any solver."""
 
-VIEWERS = re.compile(r"^(ksp|pc|snes|mat)_.*(view|monitor|converged_reason|converged_rate|error)")
+VIEWERS = re.compile(r"^(ksp|pc|snes|mat)_.*(view|monitor|converged_reason|converged_rate)")
 """Options that show something; a trial would show it, too."""
 
 VALUE = (56, 62, 63, 86, 92)
-"""PETSc's errors of values: not supported, wrong, out of range or no number, of unknown type, and of
-a factorisation that is not there."""
+"""PETSc's errors of values: not supported, wrong, out of range or no number, of unknown type, and
+of a factorisation that is not there."""
 
 
 def check_options(given: Mapping[str, str | None]) -> None:

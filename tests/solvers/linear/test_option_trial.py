@@ -1,7 +1,8 @@
 """PETSc options that are unknown or wrong are told before a run, and right ones are not."""
 
-import pytest
 from petsc4py import PETSc
+
+import pytest
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.solvers.linear.option_trial import check_options
