@@ -38,7 +38,7 @@ class Slabs:
 
         Args:
             rows: Shape (n,), of a structured type.
-            low: Where they begin along :attr:`axis`, shape (n,).
+            low: Where they begin along ``axis``, shape (n,).
             high: Where they end.
         """
         if self._comm.size == 1:
