@@ -136,8 +136,8 @@ def test_a_mark_in_front(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("a.inp", "convert it by meshio, as docs/howto/mesh.md shows under 'Other formats'"),
-        ("a.vtu", "convert it by meshio"),
+        ("a.inp", "turn it into a mesh and a case by perfplast mesh"),
+        ("a.vtu", "convert it by meshio, as docs/howto/mesh.md shows under 'Other formats'"),
         ("a.step", "give it as file of a [geometry] in place of [mesh]"),
     ],
 )
