@@ -18,7 +18,7 @@ from perfplast_fenicsx.cli.follow import Follower
 from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, meshing_options
 from perfplast_fenicsx.cli.model_command import is_model, mesh_model
 from perfplast_fenicsx.cli.parser import read_arguments
-from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED, run
+from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED, run, warn_of
 from perfplast_fenicsx.cli.run_log import logged_to_console
 from perfplast_fenicsx.cli.signals import leave_pipes_to_python
 from perfplast_fenicsx.cli.system_info import surroundings, versions
@@ -65,15 +65,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     return status
 
 
-def check(comm: MPI.Intracomm, path: str) -> int:
+def check(comm: MPI.Intracomm, path: str, trust: bool = False) -> int:
     """Check a case, its mesh, names and contact included, without solving it. Collective.
+
+    Args:
+        comm: The ranks.
+        path: Case file.
+        trust: Run a script that the mesh is made of.
 
     Raises:
         InputError: If the case cannot be used.
     """
-    case = read_case(path, comm)
+    case = read_case(path, comm, trust)
     problem = case.problem(comm)
     case.history(problem)
+    warn_of(comm, case, problem)
     text = describe(case.title, case.method_on(problem), problem, case.options)
     Terminal(comm).say(f"{text}\n{case.path} can be run.")
     return SOLVED
@@ -87,13 +93,18 @@ def info(comm: MPI.Intracomm) -> int:
     return SOLVED
 
 
-def about(comm: MPI.Intracomm, path: str) -> int:
+def about(comm: MPI.Intracomm, path: str, trust: bool = False) -> int:
     """Say what the numbers of a case mean. Collective.
+
+    Args:
+        comm: The ranks.
+        path: Case file.
+        trust: Run a script that the mesh is made of.
 
     Raises:
         InputError: If the case cannot be used.
     """
-    case = read_case(path, comm)
+    case = read_case(path, comm, trust)
     tagged_mesh = case.tagged_mesh(comm)
     terminal = Terminal(comm)
     terminal.say(f"{case.title}: {', '.join(case.materials)}")
@@ -189,15 +200,16 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
         with logged_to_console(comm, chosen.log_level, terminal.clear):
             where = (chosen.case, chosen.restart or chosen.output, chosen.force)
             restart = chosen.restart is not None
+            how = (chosen.log_level, restart, chosen.report, chosen.trust)
             try:
-                return run(comm, *where, terminal, chosen.log_level, restart, chosen.report)
+                return run(comm, *where, terminal, *how)
             finally:
                 terminal.clear()
     with logged_to_console(comm):
         if chosen.command == "check":
-            return check(comm, chosen.case)
+            return check(comm, chosen.case, chosen.trust)
         if chosen.command == "info":
-            return about(comm, chosen.case) if chosen.case else info(comm)
+            return about(comm, chosen.case, chosen.trust) if chosen.case else info(comm)
         if chosen.command == "materials":
             Terminal(comm).say(common_materials(chosen.units))
             return SOLVED
@@ -209,7 +221,7 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
         if chosen.command == "mesh":
             glued = Glued.ALL if chosen.tied else Glued.BOLTS if chosen.bolted else Glued.NOTHING
             where = (chosen.geometry, chosen.output, meshing_options(chosen))
-            mesh(comm, *where, chosen.material, glued, chosen.force)
+            mesh(comm, *where, chosen.material, glued, chosen.force, chosen.trust)
             return SOLVED
         if chosen.command == "plot" and chosen.follow:
             return follow(comm, chosen.results, chosen.output, chosen.wait)

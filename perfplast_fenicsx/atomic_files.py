@@ -12,7 +12,8 @@ def replace(path: Path, content: bytes) -> None:
     """
     part = path.with_name(path.name + ".part")
     try:
-        with part.open("wb") as file:
+        part.unlink(missing_ok=True)  # it may be a link that leads elsewhere
+        with part.open("xb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())

@@ -1,6 +1,7 @@
 """Processes that a rank starts, and that are no ranks themselves."""
 
 import os
+import site
 from pathlib import Path
 
 REFUSED = 2
@@ -13,8 +14,18 @@ def environment_apart() -> dict[str, str]:
     return {key: value for key, value in os.environ.items() if not key.startswith(hidden)}
 
 
-def environment_with_package() -> dict[str, str]:
+def environment_for_gmsh(home: Path) -> dict[str, str]:
+    """The same for a program that starts gmsh, which writes settings into the user's home.
+
+    Args:
+        home: A folder that serves as such.
+    """
+    homes = {"HOME": str(home), "XDG_CONFIG_HOME": str(home)}
+    return environment_apart() | homes | {"PYTHONUSERBASE": site.getuserbase()}
+
+
+def environment_with_package(environment: dict[str, str] | None = None) -> dict[str, str]:
     """The same for a program of this package, which it finds wherever this one has found it."""
-    environment = environment_apart()
+    environment = environment_apart() if environment is None else environment
     places = [environment.get("PYTHONPATH"), str(Path(__file__).parents[1])]
     return environment | {"PYTHONPATH": os.pathsep.join(filter(None, places))}

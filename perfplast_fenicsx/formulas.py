@@ -50,6 +50,9 @@ OPERATORS: dict[type[ast.AST], tuple[str, Callable[..., Any]]] = {
 LONGEST = 1000
 """Characters a formula may have; the parser's recursion is bounded by it."""
 
+SHOWN = 60
+"""Characters of a formula that a message shows."""
+
 _SILENT: tuple[type[ast.AST], ...] = (
     *(ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare),
     *(ast.Call, ast.Name, ast.Load, ast.Constant),
@@ -116,7 +119,7 @@ def check(formula: str, place: str) -> None:
     """
     if len(formula) > LONGEST:
         raise InputError(
-            f"{place}: the formula '{formula[:40]}...' has {len(formula)} characters, more than"
+            f"{place}: the formula '{_cut(formula)}' has {len(formula)} characters, more than"
             f" {LONGEST}; shorten it."
         )
     try:
@@ -180,12 +183,17 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
 
 
 def _quoted(formula: float | str) -> str:
-    return f"the formula '{formula}'" if isinstance(formula, str) else str(formula)
+    return f"the formula '{_cut(formula)}'" if isinstance(formula, str) else str(formula)
+
+
+def _cut(formula: str) -> str:
+    return formula if len(formula) <= SHOWN else f"{formula[:SHOWN]}..."
 
 
 def _refusal(formula: str, place: str, fault: str) -> InputError:
     operators = " ".join(dict.fromkeys(sign for sign, _ in OPERATORS.values()))
     return InputError(
-        f"{place}: the formula '{formula}' {fault}; allowed are numbers, {', '.join(VARIABLES)},"
-        f" parentheses, {operators} and the functions {', '.join(FUNCTIONS)}."
+        f"{place}: the formula '{_cut(formula)}' {_cut(fault)}; allowed are numbers,"
+        f" {', '.join(VARIABLES)}, parentheses, {operators} and the functions"
+        f" {', '.join(FUNCTIONS)}."
     )

@@ -34,6 +34,7 @@ def mesh(
     material: str | None = None,
     glued: Glued = Glued.NOTHING,
     force: bool = False,
+    trust: bool = False,
 ) -> None:
     """Mesh a geometry file, say what is in it, and write mesh and first case. Collective.
 
@@ -45,6 +46,7 @@ def mesh(
         material: Of all bodies, by its name in the table of ``perfplast materials``.
         glued: What of that which touches.
         force: Replace a mesh and a case file.
+        trust: Run a .geo script.
 
     Raises:
         InputError: If the file cannot be meshed, or the folder has a case file already.
@@ -54,7 +56,7 @@ def mesh(
     def meshed() -> Survey:
         terminal.status(f"meshing {source}")
         try:
-            return _mesh(Path(source), Path(output), options, material, glued, force)
+            return _mesh(Path(source), Path(output), options, material, glued, force, trust)
         finally:
             terminal.clear()
 
@@ -149,6 +151,7 @@ def _mesh(
     material: str | None,
     glued: Glued,
     force: bool,
+    trust: bool,
 ) -> Survey:
     filled = find(material) if material else None
     existing = [name for name in (CASE, MESH) if (output / name).exists()]
@@ -159,7 +162,7 @@ def _mesh(
     file = os.path.relpath(source.resolve(), output.resolve())
     with tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch)
-        survey = _survey(source, made, options)
+        survey = _survey(source, made, options, trust)
         case = first_case(survey, source.stem, file, options, filled, glued)
         (made / CASE).write_text(case, encoding="utf-8")
         try:
@@ -172,10 +175,10 @@ def _mesh(
     return survey
 
 
-def _survey(source: Path, output: Path, options: MeshingOptions) -> Survey:
+def _survey(source: Path, output: Path, options: MeshingOptions, trust: bool) -> Survey:
     """Mesh, and draw what there is; without a graphics system there is a mesh all the same."""
     skin = output / "skin.npz"
-    survey = make_mesh(source, output / MESH, options, skin)
+    survey = make_mesh(source, output / MESH, options, skin, trust)
     try:
         draw_parts(skin, output / PICTURE)
     except InputError as error:

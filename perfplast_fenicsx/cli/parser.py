@@ -12,6 +12,7 @@ from perfplast_fenicsx.cli.run_log import LEVELS
 from perfplast_fenicsx.cli.shell_completion import complete
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.materials.common import TABLE
+from perfplast_fenicsx.solvers.linear.option_trial import check_options
 from perfplast_fenicsx.units import SYSTEMS
 
 
@@ -58,26 +59,29 @@ def set_petsc_options(arguments: Sequence[str]) -> None:
     """Put options such as ``-perfplast_ksp_rtol 1e-10`` into PETSc's database.
 
     Raises:
-        InputError: If an argument is neither an option nor the value of one.
+        InputError: If an argument is neither an option nor the value of one, or an option is
+            unknown or has a wrong value.
     """
     options = PETSc.Options()
     name = None
-    names = []
+    given: dict[str, str | None] = {}
     for argument in arguments:
         is_name = argument.startswith("-") and argument[1:2].isalpha()
         if is_name:
             name = argument[1:]
-            options[name] = None
-            names.append(name)
+            given[name] = None
         elif name is not None:
-            options[name] = argument
+            given[name] = argument
             name = None
         else:
             raise InputError(
                 f"after '--' stands '{argument}', which is neither a PETSc option nor its value;"
                 " write for instance -- -perfplast_ksp_rtol 1e-10."
             )
-    for name in names:  # the solvers copy what has their prefix; PETSc warns of unused copies
+    check_options(given)
+    for name, value in given.items():
+        options[name] = value
+    for name in given:  # the solvers copy what has their prefix; PETSc warns of unused copies
         if name.startswith("perfplast_"):
             options.hasName(name)
 
@@ -112,10 +116,17 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     parser.comm = comm
     parser.add_argument("--version", action="version", version=f"perfplast {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    scripts = _Parser(add_help=False)
+    scripts.add_argument(
+        "--trust",
+        action="store_true",
+        help="run a .geo script, which may run any command: only where you know what is in it",
+    )
     parser.commands = commands.choices
 
     run = commands.add_parser(
         "run",
+        parents=[scripts],
         help="solve a case",
         description="Solve a case on any number of ranks, e.g. mpirun -n 2 perfplast run ...",
         epilog="PETSc options follow two dashes: -- -perfplast_ksp_rtol 1e-10 for the linear"
@@ -142,6 +153,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
 
     mesh = commands.add_parser(
         "mesh",
+        parents=[scripts],
         help="turn a STEP, BREP, .geo or .inp file into a mesh and a first case file",
         description="Read the bodies of a geometry file, find out where they touch, and write"
         " DIR/case.msh and DIR/case.toml, in which materials, supports and loads are to be filled"
@@ -199,7 +211,9 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     mesh.add_argument("--force", action="store_true", help="replace mesh and case file in DIR")
 
     check = commands.add_parser(
-        "check", help="check a case, its mesh and names included, without solving it"
+        "check",
+        parents=[scripts],
+        help="check a case, its mesh and names included, without solving it",
     )
     check.add_argument("case", metavar="CASE.toml", help="what to check")
 
@@ -260,6 +274,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     )
     info = commands.add_parser(
         "info",
+        parents=[scripts],
         help="say what the numbers of a case mean; or show versions, for bug reports",
         description="Say what the load factor of a case multiplies and what its numbers are in."
         " Without a case, show versions, PETSc's packages, BLAS, ranks and threads, for bug"

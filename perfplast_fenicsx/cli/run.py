@@ -6,15 +6,18 @@ from typing import Any
 
 from mpi4py import MPI
 
+import numpy as np
+
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.cli.recorder import Recorder, RunContext
 from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
-from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.case import Case, read_case
 from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.io.case.loading_options import BoundsControl, DisplacementControl
 from perfplast_fenicsx.io.case.schema import at
+from perfplast_fenicsx.io.case.units_table import odd_magnitudes
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
@@ -48,6 +51,7 @@ def run(
     log_level: str = "info",
     restart: bool = False,
     report: bool = False,
+    trust: bool = False,
 ) -> int:
     """Solve a case and write its results. Collective.
 
@@ -60,6 +64,7 @@ def run(
         log_level: What is in ``run.log`` beside what always is (:class:`run_log.RunLog`).
         restart: Go on from the last level that is solved in the folder.
         report: Write ``report.html`` at the end, also where a signal is what ends the run.
+        trust: Run a script that the mesh is made of.
 
     Returns:
         :data:`SOLVED`, :data:`NO_SOLUTION` where a level has none, or the status of an interrupt.
@@ -69,7 +74,7 @@ def run(
     """
     began = time.perf_counter()
     with Interrupts(comm) as interrupts:
-        case = read_case(path, comm)
+        case = read_case(path, comm, trust)
         folder = ResultFolder(comm, output, force, restart)
         if restart:
             check_case(folder, case.table, case.path.name)
@@ -87,6 +92,7 @@ def run(
             on_friction = _on_friction(problem)
             for remark in on_friction:
                 terminal.say(f"{remark}.")
+            warn_of(comm, case, problem)
             remarks = [*problem.constraints.remarks, *left_out(problem), *on_friction]
             journal.header(case, [describe(case.title, method, problem, case.options), *remarks])
             context = RunContext(
@@ -115,6 +121,15 @@ def run(
             if report and (page := report_on(folder)) is not None:
                 terminal.say(f"Report: {page}")
             return status
+
+
+def warn_of(comm: MPI.Intracomm, case: Case, problem: Problem) -> None:
+    """Warn of what is odd in a case, though it can be run. Collective."""
+    points = problem.tagged_mesh.mesh.geometry.x
+    odd = odd_magnitudes(case.units, case.materials, comm, np.asarray(points, dtype=np.float64))
+    for remark in (*problem.tagged_mesh.remarks, *odd):
+        if comm.rank == 0:
+            log.warning("%s", remark)
 
 
 def _on_friction(problem: Problem) -> list[str]:

@@ -12,7 +12,11 @@ from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.sparse_rows import entries_of, matrix_of_entries
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
+
+ROUNDING = 1e-12
+"""Coordinates below this share of the size of all bodies are zero."""
 
 NEGLIGIBLE = 1e-10
 """Eigenvalues below this times the largest one count as zero."""
@@ -45,8 +49,11 @@ class RigidMotions:
             tied = rigid_jumps(V, bodies, ties.B)
             self._supports = self._supports + V.mesh.comm.allreduce(tied.T @ tied)
 
-    def check(self) -> None:
+    def check(self, tagged_mesh: TaggedMesh) -> None:
         """Refuse bodies that supports and contact leave free to move rigidly. Collective.
+
+        Args:
+            tagged_mesh: Has the names of the bodies.
 
         Raises:
             InputError: Naming the motion and where the body is.
@@ -60,9 +67,10 @@ class RigidMotions:
         gdim = V.mesh.geometry.dim
         x = V.tabulate_dof_coordinates()[bodies.of_node == body, :gdim]
         low, high = bounding_box(V.mesh.comm, x)
-        where = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True))
+        ends = np.where(abs(np.stack([low, high])) < ROUNDING * bodies.size, 0.0, [low, high])
+        where = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in ends.T)
         raise InputError(
-            f"the body in the box [{where}] can move as a rigid body"
+            f"'{_name(tagged_mesh, V, bodies, body)}' in the box [{where}] can move as a rigid body"
             f" ({bodies.kinematics.motions[motion]}): neither supports nor contact hold it; add a"
             " support, or a contact that stops this motion."
         )
@@ -84,6 +92,14 @@ class RigidMotions:
         """Motions that supports and these pairs leave free, as columns. Collective."""
         rows = self._jumps[held]
         return null_space(self._supports + self._V.mesh.comm.allreduce(rows.T @ rows))
+
+
+def _name(tagged_mesh: TaggedMesh, V: fem.FunctionSpace, bodies: Bodies, body: int) -> str:
+    """The names of the volumes that a body consists of. Collective."""
+    inside = bodies.of_node[V.dofmap.list[tagged_mesh.cell_tags.indices, 0]] == body
+    own = set(tagged_mesh.cell_tags.values[inside].tolist())
+    tags = set().union(*V.mesh.comm.allgather(own))
+    return "', '".join(name for name, tag in tagged_mesh.volumes.items() if tag in tags)
 
 
 def rigid_jumps(V: fem.FunctionSpace, bodies: Bodies, B: PETSc.Mat) -> Floats:

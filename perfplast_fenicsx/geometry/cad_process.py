@@ -8,9 +8,14 @@ from pathlib import Path
 
 import msgspec
 
-from perfplast_fenicsx.child_process import REFUSED, environment_with_package
+from perfplast_fenicsx.child_process import (
+    REFUSED,
+    environment_for_gmsh,
+    environment_with_package,
+)
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.parts import check_file, check_trust
 from perfplast_fenicsx.geometry.progress import last_of
 from perfplast_fenicsx.geometry.survey import Survey
 
@@ -20,6 +25,7 @@ def mesh_geometry(
     target: str | Path,
     options: MeshingOptions | None = None,
     skin: str | Path | None = None,
+    trust: bool = False,
 ) -> Survey:
     """Mesh a geometry file: one mesh in which bodies touch with matching nodes and share none.
 
@@ -30,10 +36,14 @@ def mesh_geometry(
         target: The .msh file to write.
         options: Sizes and degree of the elements.
         skin: An .npz file to write for pictures (:func:`skin.skin_of`); none where it is missing.
+        trust: Run gmsh's scripts, which may run any command in turn.
 
     Raises:
-        InputError: If the file cannot be read or meshed; nothing is written then.
+        InputError: If the file cannot be read or meshed, or is a script without trust; nothing is
+            written then.
     """
+    check_file(Path(source))
+    check_trust(Path(source), trust)
     options = options or MeshingOptions()
     with tempfile.TemporaryDirectory() as folder:
         mesh, survey = Path(folder) / "mesh.msh", Path(folder) / "survey.json"
@@ -47,7 +57,7 @@ def mesh_geometry(
         try:
             done = subprocess.run(
                 [*program, *map(str, arguments)],
-                env=environment_with_package(),
+                env=environment_with_package(environment_for_gmsh(Path(folder))),
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
                 encoding="utf-8",

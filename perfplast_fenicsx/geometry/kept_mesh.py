@@ -13,7 +13,7 @@ from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.cad_process import mesh_geometry
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
-from perfplast_fenicsx.geometry.parts import NAMED_BY_FILE, check_file
+from perfplast_fenicsx.geometry.parts import check_file, check_trust, is_script
 from perfplast_fenicsx.geometry.survey import Survey
 
 READS_OTHERS = re.compile(rb"\b(Merge|Include|ShapeFromFile)\b")
@@ -25,17 +25,19 @@ MARK = b"$Comments\nmade by perfplast of "
 END = b"\n$EndComments\n"
 
 
-def keep_mesh(source: Path, mesh: Path, options: MeshingOptions) -> None:
+def keep_mesh(source: Path, mesh: Path, options: MeshingOptions, trust: bool = False) -> None:
     """Make a mesh unless it is there, of the same geometry by the same options. Not collective.
 
     Args:
         source: The geometry file.
         mesh: The .msh file.
         options: How it is to be meshed.
+        trust: Run a script. None is run where the mesh that is there is still right.
 
     Raises:
         InputError: If the file cannot be read or meshed, or the mesh not be written, or there is
-            one that was not made so; nothing is written then.
+            one that was not made so, or the file is a script without trust; nothing is written
+            then.
     """
     check_file(source)
     try:
@@ -48,13 +50,18 @@ def keep_mesh(source: Path, mesh: Path, options: MeshingOptions) -> None:
             f"'{mesh}' is to be made of '{source}', but there is such a file already, from"
             " elsewhere; move it, or give it as [mesh] file instead of [geometry]."
         )
-    scripted = source.suffix.lower() in NAMED_BY_FILE and READS_OTHERS.search(content)
+    scripted = is_script(source) and READS_OTHERS.search(content)
     if before != _fingerprint(content, options) or scripted:
-        make_mesh(source, mesh, options)
+        check_trust(source, trust)
+        make_mesh(source, mesh, options, trust=trust)
 
 
 def make_mesh(
-    source: Path, mesh: Path, options: MeshingOptions, skin: Path | None = None
+    source: Path,
+    mesh: Path,
+    options: MeshingOptions,
+    skin: Path | None = None,
+    trust: bool = False,
 ) -> Survey:
     """Make a mesh that says what it was made of. Not collective.
 
@@ -63,6 +70,7 @@ def make_mesh(
         mesh: The .msh file; it is replaced as a whole.
         options: How it is to be meshed.
         skin: An .npz file to write for pictures, if any.
+        trust: Run a script.
 
     Returns:
         What is in it.
@@ -73,7 +81,7 @@ def make_mesh(
     """
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / "made.msh"
-        survey = mesh_geometry(source, made, options, skin)
+        survey = mesh_geometry(source, made, options, skin, trust)
         try:
             mark = MARK + _fingerprint(source.read_bytes(), options) + END
             replace(mesh, made.read_bytes() + mark)

@@ -30,6 +30,16 @@ from perfplast_fenicsx.mesh.split_bodies import write_split
 ELEMENTS = 15_000
 """About so many a mesh has without a size given."""
 
+NO_VOLUME = 1e-10
+"""Elements of less quality have no volume, or a negative one: no run takes them."""
+
+FLAT = 1e-7
+"""Elements of less quality are as good as flat, and another algorithm is tried."""
+
+ALGORITHMS = ((6, 1), (6, 10), (1, 1))
+"""Gmsh's, of faces and of bodies: frontal Delaunay and Delaunay, which are its defaults; HXT, which
+places nodes otherwise; MeshAdapt, which copes with the oddest faces."""
+
 POOR = 0.02
 """Elements of less quality are told of."""
 
@@ -99,14 +109,7 @@ def _mesh(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
     gmsh.option.setNumber("Mesh.MeshSizeMax", max([size, *options.sizes.values()]))
     _without_size(max([size, *options.sizes.values()]))
     _sizes_by_body(dim, parts, options.sizes, size)
-    try:
-        gmsh.model.mesh.generate(dim)
-    except Exception as error:  # gmsh raises nothing more specific
-        raise InputError(_fault(dim, parts, str(error))) from error
-    for part in parts:
-        if not elements(dim, part).size:
-            reason = gmsh.logger.getLastError() or "gmsh made no elements"
-            raise InputError(_fault(dim, [part], reason))
+    _generate(dim, parts)
     if options.order == 2:
         gmsh.model.mesh.setOrder(2)
         if min(qualities(dim, part).min() for part in parts) < 10 * POOR:
@@ -118,6 +121,42 @@ def _mesh(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
                     " = 1."
                 )
     return size
+
+
+def _generate(dim: int, parts: Sequence[Part]) -> None:
+    """Mesh by the first algorithm whose elements are fine, or else by the best of all."""
+    worst: dict[tuple[int, int], dict[str, float]] = {}
+    for algorithm in ALGORITHMS:
+        worst[algorithm] = _worst_by(dim, parts, algorithm)
+        if min(worst[algorithm].values()) >= FLAT:
+            return
+    best = max(ALGORITHMS, key=lambda one: min(worst[one].values()))
+    flat = [name for name, quality in worst[best].items() if quality < NO_VOLUME]
+    if flat:
+        raise InputError(
+            f"{' and '.join(map(repr, flat))} cannot be meshed without elements of no volume, by"
+            f" any of {len(ALGORITHMS)} algorithms; remove tiny edges and faces in the CAD system,"
+            " or give another size."
+        )
+    if best != ALGORITHMS[-1]:
+        _worst_by(dim, parts, best)
+
+
+def _worst_by(dim: int, parts: Sequence[Part], algorithm: tuple[int, int]) -> dict[str, float]:
+    """Mesh by an algorithm; the quality of the worst element of each body."""
+    if any(elements(dim, part).size for part in parts):  # what is not ours may not be cleared
+        gmsh.model.mesh.clear()
+    for name, number in zip(("Algorithm", "Algorithm3D"), algorithm, strict=True):
+        gmsh.option.setNumber(f"Mesh.{name}", number)
+    try:
+        gmsh.model.mesh.generate(dim)
+    except Exception as error:  # gmsh raises nothing more specific
+        raise InputError(_fault(dim, parts, str(error))) from error
+    for part in parts:
+        if not elements(dim, part).size:
+            reason = gmsh.logger.getLastError() or "gmsh made no elements"
+            raise InputError(_fault(dim, [part], reason))
+    return {part.name: float(qualities(dim, part).min()) for part in parts}
 
 
 def _names_of_faces(dim: int, parts: Sequence[Part]) -> dict[int, str]:

@@ -9,23 +9,30 @@ from pathlib import Path
 import gmsh
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.gmsh_subprocess import windows_path
 
 NO_NAME = re.compile(
     r"^the product name$|open cascade step translator|^=>|^\[?\d+[:.\d\]]*$", re.IGNORECASE
 )
 """What writers of STEP files put where a part has no name."""
 
-NAMED_BY_FILE = (".geo", ".geo_unrolled")
-"""Gmsh's own files, in which physical groups may have names."""
+SCRIPTS = (".geo", ".geo_unrolled")
+"""Gmsh's own files. Physical groups may have names in them; they may also run any command."""
+
+PROGRAMS = (".py", ".m", ".jl", ".exe", ".sh", ".bat")
+"""Files that make geometries or meshes when they are run, which nothing here does."""
 
 STEP = b"ISO-10303-21"
 
+IGES = re.compile(rb"^.{72}[SBC][ 0]{6}1", re.MULTILINE)
+"""The first line of an IGES file has the letter of its section in column 73, and its number."""
+
 IMPORTED = {
-    ".step": STEP,
-    ".stp": STEP,
-    ".brep": b"CASCADE Topology",
-    ".iges": b"",
-    ".igs": b"",
+    ".step": re.compile(STEP),
+    ".stp": re.compile(STEP),
+    ".brep": re.compile(b"CASCADE Topology"),
+    ".iges": IGES,
+    ".igs": IGES,
 }
 """What OpenCASCADE reads, and what such a file has in its beginning."""
 
@@ -46,7 +53,7 @@ class Part:
 
 
 def read_parts(path: Path) -> tuple[int, list[Part]]:
-    """Read a geometry file into gmsh's current model.
+    """Read a geometry file, which :func:`check_file` has seen, into gmsh's current model.
 
     Returns:
         3 for solids or 2 for faces of a plane model, and the bodies.
@@ -54,11 +61,12 @@ def read_parts(path: Path) -> tuple[int, list[Part]]:
     Raises:
         InputError: If the file cannot be read, or there is no solid in it.
     """
-    check_file(path)
-    if path.suffix.lower() in NAMED_BY_FILE:
+    if is_script(path):
         return _read_script(path)
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
-    if IMPORTED[path.suffix.lower()] == STEP:  # the others have no units, or gmsh reads none
+    if (
+        IMPORTED[path.suffix.lower()].pattern == STEP
+    ):  # the others have no units, or gmsh reads none
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
     try:
         found = gmsh.model.occ.importShapes(str(path), highestDimOnly=True)
@@ -82,6 +90,28 @@ def read_parts(path: Path) -> tuple[int, list[Part]]:
     ]
 
 
+def is_script(path: Path) -> bool:
+    """Whether gmsh would run what is in a file, by its name."""
+    return path.suffix.lower() in SCRIPTS
+
+
+def check_trust(path: Path, trust: bool) -> None:
+    """Refuse a script that nobody has vouched for.
+
+    Args:
+        path: A geometry file.
+        trust: Whether the user has said that its scripts may be run.
+
+    Raises:
+        InputError: Naming the file.
+    """
+    if is_script(path) and not trust:
+        raise InputError(
+            f"'{path}' is a script, by which gmsh may run any command and write any file; give"
+            " --trust if you know what is in it, or export the geometry as STEP."
+        )
+
+
 def check_file(path: Path) -> None:
     """Refuse what is no geometry file.
 
@@ -89,8 +119,13 @@ def check_file(path: Path) -> None:
         InputError: Naming the file.
     """
     suffix = path.suffix.lower()
-    if suffix not in (*IMPORTED, *NAMED_BY_FILE):
-        known = ", ".join((*IMPORTED, *NAMED_BY_FILE))
+    if suffix in PROGRAMS:
+        raise InputError(
+            f"'{path}' is a program, which is never run here; run it yourself if you know what is"
+            " in it, and give the geometry that it writes."
+        )
+    if suffix not in (*IMPORTED, *SCRIPTS):
+        known = ", ".join((*IMPORTED, *SCRIPTS))
         raise InputError(
             f"'{path}' is no geometry file by its name; it must end in one of {known}."
         )
@@ -98,14 +133,21 @@ def check_file(path: Path) -> None:
         with path.open("rb") as file:
             head = file.read(2000)
     except OSError as error:
-        raise InputError(f"'{path}' cannot be read: {error.strerror}; check the path.") from error
+        raise InputError(
+            f"'{path}' cannot be read: {error.strerror}; {windows_path(path)}."
+        ) from error
     if not head.strip():
         raise InputError(f"'{path}' is empty; export the geometry again.")
-    if IMPORTED.get(suffix, b"") not in head:
+    if not _begins_as(suffix, head):
         kind = suffix[1:].upper()
         raise InputError(
             f"'{path}' is no {kind} file, whatever its name; export the parts as {kind}."
         )
+
+
+def _begins_as(suffix: str, head: bytes) -> bool:
+    """Whether a file of this name begins as such files do; scripts have no beginning."""
+    return suffix in SCRIPTS or IMPORTED[suffix].search(head) is not None
 
 
 def unique_names(wanted: Iterable[str]) -> list[str]:

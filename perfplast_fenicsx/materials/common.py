@@ -100,6 +100,43 @@ def find(name: str, system: Name = TABLE) -> Common:
     return names[name.lower()].in_system(system)
 
 
+STIFFEST = 1e12
+"""Young's modulus beyond which there is no solid (Pa); diamond has 1.1e12."""
+
+SOFTEST = 1e3
+"""Young's modulus below which there is none that is of use (Pa); a gel has about so much."""
+
+YIELD_STRAINS = 1e-5, 0.1
+"""Yield stress over Young's modulus: lead has 1e-4, rubber and polymers a few hundredths."""
+
+
+def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -> list[str]:
+    """What is to be said of numbers that no material has, a sentence each.
+
+    Args:
+        young: Of a material (stress).
+        yield_stress: Of it (stress), if it yields.
+        system: What they are in, if that is known.
+    """
+    told = []
+    if system is not None:
+        pascals, unit = young * SYSTEMS[system].pascals, SYSTEMS[system].stress
+        if not SOFTEST <= pascals <= STIFFEST:
+            told.append(
+                f"young = {young:g} {unit} is {pascals / 1e9:.3g} GPa, and steel has 210; is it in"
+                f" {unit}, as [units] says"
+            )
+    if yield_stress is not None:
+        least, most = YIELD_STRAINS
+        strain = yield_stress / young
+        if not least <= strain <= most:
+            told.append(
+                f"yield_stress / young = {strain:.3g}, and materials have {least:g} to {most:g}"
+                " (steel 0.001); are both in the same unit"
+            )
+    return told
+
+
 def check_units(young: float, poisson: float, yield_stress: float, system: Name) -> None:
     """Refuse numbers that are those of a common material in another system of units.
 

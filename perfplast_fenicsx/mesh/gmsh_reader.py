@@ -115,6 +115,7 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
         raise InputError(f"'{path}' is read as a plane mesh but its nodes have different z")
     cells = np.searchsorted(used, cells)
     _check_cells(path, points, cells, gdim)
+    _check_facets(path, points, cells, gdim)
     corners = np.sort(facets[:, :gdim], axis=1)
     doubled = len(corners) - len(np.unique(corners, axis=0))
     if doubled:
@@ -162,6 +163,24 @@ def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> N
         raise InputError(
             f"{np.count_nonzero(flat)} cells of '{path}' have no volume, the first at ({at}); mesh"
             " the bodies again"
+        )
+
+
+def _check_facets(path: str | Path, points: Floats, cells: Longs, gdim: int) -> None:
+    """Refuse facets of more than two cells, over which DOLFINx breaks down."""
+    places = [np.delete(np.arange(gdim + 1), place) for place in range(gdim + 1)]
+    facets = np.sort(np.concatenate([cells[:, place] for place in places]), axis=1)
+    if float(len(points)) ** gdim < 2.0**63:  # rows as numbers, which are sorted much faster
+        numbers = facets @ len(points) ** np.arange(gdim, dtype=np.int64)
+        _, first, counts = np.unique(numbers, return_index=True, return_counts=True)
+    else:
+        _, first, counts = np.unique(facets, axis=0, return_index=True, return_counts=True)
+    if (counts > 2).any():
+        middle = points[facets[first[np.argmax(counts)]], :gdim].mean(axis=0)
+        at = ", ".join(f"{coordinate:.6g}" for coordinate in middle)
+        raise InputError(
+            f"{np.count_nonzero(counts > 2)} facets of '{path}' belong to more than two cells, one"
+            f" at ({at}): cells are there twice or lie in each other; mesh the bodies again"
         )
 
 

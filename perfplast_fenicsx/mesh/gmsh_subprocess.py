@@ -12,10 +12,25 @@ from pathlib import Path
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.child_process import environment_apart
+from perfplast_fenicsx.child_process import environment_for_gmsh
 from perfplast_fenicsx.errors import InputError
 
 NO_GMSH = "gmsh's Python module cannot be loaded; install it (Debian package python3-gmsh)"
+
+
+CONVERT = "convert it by meshio, as docs/howto/mesh.md shows under 'Other formats'"
+
+REMEDIES = {
+    **dict.fromkeys((".bdf", ".nas", ".unv", ".med", ".vtk", ".vtu", ".e", ".exo"), CONVERT),
+    **dict.fromkeys((".xdmf", ".h5"), "convert it by meshes/from_xdmf.py (docs/howto/mesh.md)"),
+    **dict.fromkeys(
+        (".step", ".stp", ".brep", ".iges", ".igs", ".geo"),
+        "give it as file of a [geometry] in place of [mesh], or mesh it by perfplast mesh",
+    ),
+    ".inp": "turn it into a mesh and a case by perfplast mesh",
+    ".py": "it is a program, which is never run here; run it, and give the mesh that it writes",
+}
+"""What to do with files of other kinds, by the ends of their names."""
 
 
 @dataclass(frozen=True)
@@ -58,12 +73,15 @@ def read_content(path: Path) -> Content:
     _check_header(path)
     program = Path(__file__).with_name("gmsh_dump.py")
     with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "mesh.npz"
-        command = [sys.executable, "-P", str(program), str(path.absolute()), str(target)]
+        # Gmsh goes by a file's name, and runs the options of a script FILE.msh.opt beside it.
+        alone, target = Path(folder) / "mesh.msh", Path(folder) / "mesh.npz"
+        alone.symlink_to(path.absolute())
+        command = [sys.executable, "-P", str(program), str(alone), str(target)]
         try:
             done = subprocess.run(
                 command,
-                env=environment_apart(),
+                env=environment_for_gmsh(Path(folder)),
+                cwd=folder,
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
                 check=False,
@@ -83,7 +101,8 @@ def read_content(path: Path) -> Content:
         with np.load(target) as arrays:
             about = json.loads(str(arrays["about"]))
             if about["fault"] is not None:
-                raise InputError(f"gmsh cannot read '{path}': {about['fault']}")
+                fault = about["fault"].replace(str(alone), str(path))
+                raise InputError(f"gmsh cannot read '{path}': {fault}")
             blocks = [
                 Block(dim, entity, groups, kind, arrays[f"block_{number}"].astype(np.int64))
                 for number, (dim, entity, groups, kind) in enumerate(about["blocks"])
@@ -91,6 +110,14 @@ def read_content(path: Path) -> Content:
             types = {int(kind): tuple(properties) for kind, properties in about["types"].items()}
             nodes = (arrays["tags"].astype(np.int64), arrays["coordinates"])
             return Content(blocks, about["groups"], types, *nodes)
+
+
+def windows_path(path: Path) -> str:
+    """The remedy where a file of this name is not there."""
+    name = str(path)
+    if not name.isprintable():  # "C:\temp\new.msh" has a tab and a new line in it
+        return "in double quotes \\ is an escape: write / in the path, or put it in single quotes"
+    return "write / for \\ in the path" if "\\" in name else "check the path"
 
 
 def _check_header(path: Path) -> None:
@@ -102,11 +129,12 @@ def _check_header(path: Path) -> None:
         with path.open("rb") as file:
             head = file.read(11)
     except FileNotFoundError as error:
-        raise InputError(f"mesh file '{path}' does not exist; check the path") from error
+        raise InputError(f"mesh file '{path}' does not exist; {windows_path(path)}") from error
     except (OSError, ValueError) as error:  # the latter for a name that no file can have
         if isinstance(error, InputError):
             raise
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"mesh file '{path}' cannot be read: {reason}") from error
     if not head.startswith((b"$MeshFormat", b"$Comments")):
-        raise InputError(f"'{path}' is not a gmsh .msh file; save the mesh from gmsh as .msh")
+        remedy = REMEDIES.get(path.suffix.lower(), "save the mesh from gmsh as .msh")
+        raise InputError(f"'{path}' is not a gmsh .msh file; {remedy}")

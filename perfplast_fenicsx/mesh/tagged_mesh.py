@@ -15,6 +15,7 @@ from dolfinx.mesh import CellType, Mesh, MeshTags, create_mesh, meshtags_from_en
 
 from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.errors import InputError, on_rank0
+from perfplast_fenicsx.mesh.facet_sides import check_sides
 from perfplast_fenicsx.mesh.gmsh_reader import GmshMesh, read_msh
 from perfplast_fenicsx.mesh.kinematics import KINDS, ON_AXIS, Kinematics
 from perfplast_fenicsx.parallel import bounding_box
@@ -36,6 +37,7 @@ class TaggedMesh:
         surfaces: Name to tag, the same on all ranks.
         axisymmetric: Whether the plane of the mesh is half a section of bodies of revolution
             (:meth:`turned`); otherwise triangles are of plane strain.
+        remarks: What a user should know of the mesh, a sentence each.
     """
 
     mesh: Mesh
@@ -44,6 +46,7 @@ class TaggedMesh:
     volumes: dict[str, int]
     surfaces: dict[str, int]
     axisymmetric: bool = False
+    remarks: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         topology = self.mesh.topology
@@ -88,7 +91,7 @@ class TaggedMesh:
         Raises:
             InputError: If there is no such volume, on every rank alike.
         """
-        return self.cell_tags.find(_tag("volume", name, self.volumes))
+        return self.cell_tags.find(_tag("volume", name, self.volumes, self.surfaces))
 
     def facets(self, name: str) -> Ints:
         """Local indices of the facets of a surface, sorted; empty on ranks without any.
@@ -96,7 +99,7 @@ class TaggedMesh:
         Raises:
             InputError: If there is no such surface, on every rank alike.
         """
-        return self.facet_tags.find(_tag("surface", name, self.surfaces))
+        return self.facet_tags.find(_tag("surface", name, self.surfaces, self.volumes))
 
     def check_tagged(self) -> None:
         """Make sure that every cell belongs to a named volume. Collective.
@@ -112,9 +115,14 @@ class TaggedMesh:
             raise InputError(f"{missing} cells belong to no named volume; name every body")
 
 
-def _tag(kind: str, name: str, tags: dict[str, int]) -> int:
+def _tag(kind: str, name: str, tags: dict[str, int], others: dict[str, int]) -> int:
     if name not in tags:
         known = ", ".join(sorted(tags)) or "none"
+        if name in others:
+            other = "surface" if kind == "volume" else "volume"
+            raise InputError(
+                f"'{name}' is a {other} of this mesh, but a {kind} belongs here: {known}"
+            )
         raise InputError(f"'{name}' is not a {kind} of this mesh; it has {known}")
     return tags[name]
 
@@ -133,7 +141,8 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) ->
 
     Raises:
         InputError: On every rank, for what :func:`gmsh_reader.read_msh` refuses,
-            cells without a name, and named facets that are not facets of cells.
+            cells without a name, named facets that are not facets of cells, and a mesh that is
+            folded over itself.
     """
     data: GmshMesh | None = on_rank0(comm, lambda: read_msh(path, gdim))
     without_arrays = comm.bcast(data.without_arrays() if data else None)
@@ -166,6 +175,7 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) ->
             f"{data.facet_count - found} of the {data.facet_count} named surface elements of "
             f"'{path}' are no facets of cells, or named twice; save the whole of one mesh"
         )
+    check_sides(mesh)
     return tagged_mesh
 
 

@@ -14,6 +14,7 @@ from perfplast_fenicsx.pictures.acting import acting
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.field_figure import deformation_scale, in_words, level_caption
 from perfplast_fenicsx.pictures.figure_panels import compose, panels
+from perfplast_fenicsx.pictures.heading import heading
 from perfplast_fenicsx.pictures.loading_curve import draw_curve, draw_stroke
 from perfplast_fenicsx.pictures.renderer import Renderer
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
@@ -61,7 +62,7 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
 
         images = [renderer.draw(number, panel) for panel in shown]
         state = level_caption(report, scene.driven, unit)
-        words = (scene.title, f"{state},   {in_words(scale)}{scene.view}")
+        words = (heading(scene.title), f"{state},   {in_words(scale)}{scene.view}")
         canvas = FigureCanvasAgg(compose(shown, images, words, DPI, curve))
         canvas.draw()
         frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))

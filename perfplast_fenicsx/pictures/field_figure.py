@@ -10,6 +10,7 @@ from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.pictures.acting import Acting
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.figure_panels import compose, panels
+from perfplast_fenicsx.pictures.heading import heading
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.pictures.renderer import Renderer
 from perfplast_fenicsx.problem.report import LevelReport
@@ -50,7 +51,7 @@ def draw_fields(
     scale = deformation_scale([surface], wanted)
     renderer = Renderer([surface], scene, scale, PIXELS, [state or Acting()])
     images = [renderer.draw(0, panel) for panel in shown]
-    words = (scene.title, f"{caption},   {in_words(scale)}{scene.view}")
+    words = (heading(scene.title), f"{caption},   {in_words(scale)}{scene.view}")
     replace_picture(path, compose(shown, images, words))
 
 

@@ -54,10 +54,14 @@ def _levels(reader: ResultReader, target: Path) -> Iterator[str]:
     scene, levels = reader.scene, reader.levels
     unit = scene.unit_of_work(reader.gdim) if levels else ""
     with _drawing(target / "path.png") as path:
+        from perfplast_fenicsx.pictures.heading import heading, remark_on
         from perfplast_fenicsx.pictures.loading_curve import save_curve
 
-        save_curve(reader.reports, scene.title, path, reader.limit, unit, scene.driven)
+        title, remark = heading(scene.title), remark_on(scene.title)
+        save_curve(reader.reports, title, path, reader.limit, unit, scene.driven)
     yield str(path)
+    if remark is not None:
+        yield remark
     if not any(report.converged for report in reader.reports):
         yield "No level is solved: there are no fields to draw."
         return

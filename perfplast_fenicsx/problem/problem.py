@@ -275,7 +275,7 @@ class Problem:
         self.sliding, friction = tangential_rows(V, self.constraints, *told, taken)
         held = stacked(V, [self.sliding, self.ties])
         motions = RigidMotions(V, self.bodies, fixed, self.constraints, held)
-        motions.check()
+        motions.check(tagged_mesh)
         rows = stacked(V, [self.constraints, held])
         for loose in loose_motions(V, self.bodies, fixed, rows):
             if self.comm.rank == 0:

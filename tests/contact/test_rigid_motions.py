@@ -69,4 +69,4 @@ def test_without_rows_the_upper_block_flies(comm: MPI.Intracomm) -> None:
     none = replace(rows, B=rows.B.duplicate())
     none.B.assemble()
     motions = RigidMotions(V, held.bodies, held.fixed, none)
-    assert_refused(motions.check, flying)
+    assert_refused(lambda: motions.check(held.tagged_mesh), flying)

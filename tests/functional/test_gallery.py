@@ -46,7 +46,7 @@ def run_small(folder: Path, name: str) -> dict[str, Any]:
             text = text.replace(old, new)
         case.write_text(f"{text}\n[output]\nfields = false\npictures = false\n", encoding="utf-8")
     MPI.COMM_WORLD.barrier()
-    assert main(["run", str(case), "-o", str(folder / name), "--quiet"]) == 0
+    assert main(["run", str(case), "-o", str(folder / name), "--quiet", "--trust"]) == 0
     return dict(json.loads((folder / name / "summary.json").read_text(encoding="utf-8")))
 
 

@@ -38,7 +38,7 @@ def survey_of(source: Path, mesh: Path, options: MeshingOptions | None = None) -
     found: Survey | InputError | None = None
     if MPI.COMM_WORLD.rank == 0:
         try:
-            found = mesh_geometry(source, mesh, options)
+            found = mesh_geometry(source, mesh, options, trust=True)
         except InputError as error:
             found = error
     found = MPI.COMM_WORLD.bcast(found)

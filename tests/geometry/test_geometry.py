@@ -7,14 +7,16 @@ from pathlib import Path
 from mpi4py import MPI
 
 import gmsh
+import numpy as np
+import numpy.typing as npt
 import pytest
 
 from perfplast_fenicsx import read_gmsh
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.geometry import MeshingOptions, Survey
+from perfplast_fenicsx.geometry import MeshingOptions, Survey, mesher
 from perfplast_fenicsx.geometry.first_case import Glued, first_case
-from perfplast_fenicsx.geometry.parts import check_file, unique_names
+from perfplast_fenicsx.geometry.parts import Part, check_file, unique_names
 from perfplast_fenicsx.geometry.survey import Body, Joint
 from perfplast_fenicsx.mesh import gmsh_session
 from tests.geometry.files import pin_in_plate, survey_of, write
@@ -256,3 +258,42 @@ def test_a_screw_of_others(shared_tmp_path: Path) -> None:
     found = survey_of(FOREIGN / "step" / "screw.step", shared_tmp_path / "out.msh")
     assert len(found.bodies) == 1
     assert found.bodies[0].volume == pytest.approx(3734, rel=0.02)
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process meshes")
+def test_elements_without_volume(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the first algorithm makes such, the next is tried, and the best is taken or none."""
+    step = write(tmp_path / "block.step", lambda: gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1))
+
+    def meshed(*worst: float) -> list[tuple[float, ...]]:
+        """Mesh where algorithms leave elements of these qualities; the ones that were tried."""
+        tried: list[tuple[float, ...]] = []
+
+        def worst_of(dim: int, part: Part) -> npt.NDArray[np.float64]:
+            names = ("Mesh.Algorithm", "Mesh.Algorithm3D")
+            now = tuple(gmsh.option.getNumber(name) for name in names)
+            if not tried or tried[-1] != now:
+                tried.append(now)
+            return np.array([worst[mesher.ALGORITHMS.index(now)], 0.5])  # type: ignore[arg-type]
+
+        monkeypatch.setattr(mesher, "qualities", worst_of)
+        with gmsh_session():
+            mesher.mesh_file(step, tmp_path / "block.msh", MeshingOptions(size=0.5))
+        return tried
+
+    first, second, third = mesher.ALGORITHMS
+    assert meshed(0.3, 0.0, 0.0) == [first]
+    assert meshed(0.0, 0.3, 0.0) == [first, second]
+    assert meshed(-1e-12, 2e-8, 1e-9) == [first, second, third, second]
+    (tmp_path / "block.msh").unlink()
+    with pytest.raises(InputError, match=r"'part' cannot be meshed without elements of no volume"):
+        meshed(0.0, -1e-3, 1e-12)
+    assert not (tmp_path / "block.msh").exists()
+
+
+@pytest.mark.skipif(not (FOREIGN / "occ" / "CrankArm.brep").exists(), reason="no such file")
+def test_a_drawing_of_others_with_tiny_edges(shared_tmp_path: Path) -> None:
+    """By default gmsh gives it elements of no volume."""
+    found = survey_of(FOREIGN / "occ" / "CrankArm.brep", shared_tmp_path / "crank.msh")
+    assert min(body.worst for body in found.bodies) > mesher.NO_VOLUME
+    assert read_gmsh(MPI.COMM_WORLD, shared_tmp_path / "crank.msh").volumes

@@ -7,7 +7,7 @@ or ``[[stage]]``, ``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from perfplast_fenicsx.io.case.loading_options import (
     StageControl,
 )
 from perfplast_fenicsx.io.case.loading_table import moved_by, read_loading, remembering
-from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
+from perfplast_fenicsx.io.case.mesh_table import load_mesh, read_adaptation, read_mesh
 from perfplast_fenicsx.io.case.method_table import read_method
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
@@ -49,8 +49,7 @@ from perfplast_fenicsx.io.case.units_table import read_units
 from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod, method_for
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
-from perfplast_fenicsx.mesh.sample_meshes import build
-from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.initial_strain import Initial, InitialStress, Temperature
 from perfplast_fenicsx.problem.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.loads import Load
@@ -67,7 +66,7 @@ from perfplast_fenicsx.units import Units
 class Case:
     """A case file, read and checked as far as it can be without its mesh.
 
-    ``text`` is what it says, ``table`` the same as TOML.
+    ``text`` is what it says, ``table`` the same as TOML; with ``trust`` scripts may be run.
     """
 
     path: Path
@@ -91,6 +90,7 @@ class Case:
     output: OutputOptions
     units: Units
     initial: list[Initial]
+    trust: bool = False
 
     @property
     def scene(self) -> Scene:
@@ -130,12 +130,7 @@ class Case:
         """
         made = isinstance(self.mesh, GeometryFile)
         with at(f"{self.path.name}, [{'geometry' if made else 'mesh'}]"):
-            if isinstance(self.mesh, GeometryFile):
-                mesh = self.mesh.mesh(comm, self.path)
-            elif isinstance(self.mesh, MeshBuilder):
-                mesh = build(comm, self.mesh.builder, **self.mesh.arguments)
-            else:
-                mesh = read_gmsh(comm, self.path.parent / self.mesh.file)
+            mesh = load_mesh(comm, self.mesh, self.path, self.contacts, self.trust)
             if self.adapt is not None:
                 with at("adapt"):
                     self.adapt.check(mesh)
@@ -192,12 +187,13 @@ class Case:
         return str(LimitMethod.INTERIOR_POINT) if direct else self.method
 
 
-def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
+def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD, trust: bool = False) -> Case:
     """Read a case file on rank 0 and check it on every rank alike. Collective.
 
     Args:
         path: The TOML file.
         comm: The ranks that need the case.
+        trust: Let gmsh run the script that the mesh is made of, if it is one.
 
     Raises:
         InputError: A file that cannot be read or is not TOML, unknown or missing keys, or values of
@@ -205,7 +201,7 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Case:
     """
     path = Path(path)
     text: str = comm.bcast(on_rank0(comm, lambda: read_text(path)))
-    return _case(path, text)
+    return replace(_case(path, text), trust=trust)
 
 
 def _case(path: Path, text: str) -> Case:

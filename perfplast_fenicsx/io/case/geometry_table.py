@@ -17,6 +17,8 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 class GeometryFile:
     """A STEP, BREP or IGES file, or gmsh's ``.geo``, whose bodies are meshed for the run.
 
+    A ``.geo`` is a script that may run any command: it is run with ``--trust`` alone.
+
     The mesh is kept beside the case file, as ``case.msh`` for ``case.toml``, and is made anew where
     the geometry file or this table has changed. ``perfplast mesh`` writes a first case file with
     the names of all bodies and faces.
@@ -31,14 +33,19 @@ class GeometryFile:
     options: MeshingOptions
     adapt: Table | None = None
 
-    def mesh(self, comm: MPI.Intracomm, case: Path) -> TaggedMesh:
+    def mesh(self, comm: MPI.Intracomm, case: Path, trust: bool = False) -> TaggedMesh:
         """The mesh of a case, which rank 0 makes unless it is there. Collective.
 
+        Args:
+            comm: The ranks.
+            case: The case file.
+            trust: Run a script.
+
         Raises:
-            InputError: If the file cannot be read or meshed.
+            InputError: If the file cannot be read or meshed, or is a script without trust.
         """
-        mesh = case.with_suffix(".msh")
-        on_rank0(comm, lambda: keep_mesh(case.parent / self.file, mesh, self.options))
+        source, mesh = case.parent / self.file, case.with_suffix(".msh")
+        on_rank0(comm, lambda: keep_mesh(source, mesh, self.options, trust))
         return read_gmsh(comm, mesh)
 
 

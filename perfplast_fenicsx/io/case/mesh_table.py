@@ -1,11 +1,21 @@
 """``[mesh]`` or ``[geometry]`` of a case file, and how the mesh is adapted."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile, read_geometry
 from perfplast_fenicsx.io.case.loading_options import BoundsControl, Control
 from perfplast_fenicsx.io.case.schema import Table, convert
 from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile
 from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
+from perfplast_fenicsx.mesh.overlapping_bodies import check_bodies
+from perfplast_fenicsx.mesh.sample_meshes import build
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 
 
 def read_mesh(
@@ -35,6 +45,36 @@ def read_mesh(
     arguments = {key: value for key, value in table.items() if key not in ("builder", "adapt")}
     named = {key: table[key] for key in ("builder", "adapt") if key in table}
     return convert(named | {"arguments": arguments}, MeshBuilder, place)
+
+
+def load_mesh(
+    comm: MPI.Intracomm,
+    mesh: MeshFile | MeshBuilder | GeometryFile,
+    case: Path,
+    contacts: Sequence[Contact],
+    trust: bool,
+) -> TaggedMesh:
+    """Build the mesh of a case, or read it and look whether its bodies are sound. Collective.
+
+    Args:
+        comm: The ranks.
+        mesh: Which one.
+        case: The case file.
+        contacts: Where one is an interference that is measured, bodies may overlap.
+        trust: Run a script that it is made of.
+
+    Raises:
+        InputError: If there is no such builder or file, its arguments or content are wrong, or
+            bodies overlap or are cut inside.
+    """
+    if isinstance(mesh, MeshBuilder):
+        return build(comm, mesh.builder, **mesh.arguments)
+    if isinstance(mesh, GeometryFile):
+        found = mesh.mesh(comm, case, trust)
+    else:
+        found = read_gmsh(comm, case.parent / mesh.file)
+    meant = any(contact.interference and contact.gap is None for contact in contacts)
+    return replace(found, remarks=tuple(check_bodies(found, meant)))
 
 
 def read_adaptation(table: Table | None, loading: Control, place: str) -> Adaptation | None:

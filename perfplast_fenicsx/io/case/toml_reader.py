@@ -1,6 +1,7 @@
 """TOML files as tables; what is no file, no text or no TOML is refused."""
 
 import errno
+import re
 import stat
 import tomllib
 from pathlib import Path
@@ -34,7 +35,7 @@ def read_text(path: Path) -> str:
             " as a mesh file."
         )
     try:
-        return content.decode()
+        return content.decode("utf-8-sig")  # Windows' editors begin files with a mark
     except UnicodeDecodeError as error:
         raise InputError(
             f"'{path}' is not a text file in UTF-8; give a case file (TOML)."
@@ -48,6 +49,25 @@ def _content(path: Path) -> bytes:
         raise OSError(errno.EINVAL, "no regular file")
     with path.open("rb") as file:
         return file.read(LARGEST_FILE + 1)
+
+
+COMMA = re.compile(r"=\s*([+-]?\d+),(\d+)\s*(#.*)?$")
+"""A number with a decimal comma behind a key, alone in its line."""
+
+WINDOWS = re.compile(r'=\s*"([^"]*\\[^"]*)"')
+"""A text in double quotes with a backslash, as in a path of Windows."""
+
+
+def _remedy(text: str, reason: str) -> str:
+    """What to do where TOML cannot be read, by the line that it could not be read at."""
+    at = re.search(r"line (\d+)", reason)
+    lines = text.splitlines()
+    line = lines[int(at[1]) - 1] if at and int(at[1]) <= len(lines) else ""
+    if comma := COMMA.search(line):
+        return f"write a decimal point, {comma[1]}.{comma[2]} for {comma[1]},{comma[2]}"
+    if path := WINDOWS.search(line):
+        return f"write / for \\ in paths, \"{path[1].replace(chr(92), '/')}\", or 'single quotes'"
+    return "correct this place"
 
 
 def parse(text: str, name: str) -> Table:
@@ -66,7 +86,8 @@ def parse(text: str, name: str) -> Table:
     except (ValueError, RecursionError) as error:  # TOMLDecodeError is one of the former
         reason = str(error).partition("; use sys.")[0]  # not for who writes a case
         reason = reason[:1].lower() + reason[1:]
-        raise InputError(f"{name} is not valid TOML: {reason}; correct this place.") from error
+        remedy = _remedy(text, reason)
+        raise InputError(f"{name} is not valid TOML: {reason}; {remedy}.") from error
     entries: list[tuple[str, Any]] = list(table.items())
     while entries:
         key, value = entries.pop()

@@ -2,13 +2,59 @@
 
 from collections.abc import Mapping
 
+from mpi4py import MPI
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.io.case.schema import Table, at, convert
-from perfplast_fenicsx.materials.common import check_units
+from perfplast_fenicsx.materials.common import check_units, odd_numbers
 from perfplast_fenicsx.materials.laws import Material
+from perfplast_fenicsx.parallel import bounding_box
 from perfplast_fenicsx.units import Units
 
 COPIED = ("young", "poisson", "yield_stress")
 """What ``perfplast materials`` shows of a material."""
+
+
+SIZES = 1e-6, 1e4
+"""Lengths of bodies that are computed with (m): a thousandth of a millimetre to ten kilometres."""
+
+
+MILLIMETRE = 1e-3
+"""The smallest unit of length that a case without [units] may be in (m)."""
+
+
+def odd_magnitudes(
+    units: Units, materials: Mapping[str, Material], comm: MPI.Intracomm, points: Floats
+) -> list[str]:
+    """What is to be said of numbers that hardly are in these units, a sentence each. Collective.
+
+    Args:
+        units: What the case says they are in.
+        materials: Of each body.
+        comm: The ranks.
+        points: Of the mesh, on this rank, shape (n, 3).
+    """
+    told = []
+    for body, material in materials.items():
+        numbers = (getattr(material, key, None) for key in ("young", "yield_stress"))
+        young, yield_stress = (one if isinstance(one, float) else None for one in numbers)
+        if young:
+            odd = odd_numbers(young, yield_stress, units.name)
+            told += [f"material '{body}': {text}?" for text in odd]
+    low, high = bounding_box(comm, points)
+    size = float(np.max(high - low))
+    least, most = SIZES
+    if units.known and not least <= size * units.known.metres <= most:
+        length = units.known.length
+        told.append(
+            f"the mesh is {size:.3g} {length} large, that is {size * units.known.metres:.3g} m; is"
+            f" it in {length}, as [units] says?"
+        )
+    elif not units.known and not least <= size <= most / MILLIMETRE:
+        told.append(f"the mesh is {size:.3g} large, in whatever unit; is that right?")
+    return told
 
 
 def read_units(table: Table, materials: Mapping[str, Material], name: str) -> Units:

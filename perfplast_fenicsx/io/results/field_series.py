@@ -9,6 +9,7 @@ ParaView opens ``fields.vtkhdf.series``; PyVista shows a level by one line::
 """
 
 import json
+import logging
 from collections.abc import Mapping, Sequence
 
 from dolfinx import fem
@@ -20,6 +21,8 @@ from perfplast_fenicsx.io.results.vtkhdf import FieldWriter
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import LevelReport
+
+log = logging.getLogger(__name__)
 
 
 class FieldSeries:
@@ -45,7 +48,16 @@ class FieldSeries:
             InputError: If the files cannot be written.
         """
         self._folder, self._prescribed = folder, prescribed
-        self._times = {i + 1: prescribed.of(report) for i, report in enumerate(kept)}
+        there = folder.comm.bcast(
+            [number for number in range(1, len(kept) + 1) if self._has(number)]
+        )
+        self._times = {number: prescribed.of(kept[number - 1]) for number in there}
+        if len(there) < len(kept) and folder.comm.rank == 0:
+            log.warning(
+                "the fields of %d of the %d levels that are solved are missing in '%s': they are"
+                " not listed, and have no pictures; to have them, run the case anew with --force",
+                *(len(kept) - len(there), len(kept), folder.file(FIELDS)),
+            )
         folder.on_root(lambda: folder.file(FIELDS).mkdir(exist_ok=True))
         self._writer = FieldWriter(folder, problem, folder.file(MESH))
         self._list_levels()
@@ -86,6 +98,9 @@ class FieldSeries:
         """
         facts = {"zeta": zeta, "alpha": alpha}
         self._writer.write(self._folder.file(MECHANISM), fields, facts)
+
+    def _has(self, number: int) -> bool:
+        return self._folder.file(level_file(number)).is_file()
 
     def _list_levels(self) -> None:
         """Replace the list of the levels. Collective."""

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterator
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,10 @@ def case_hash(table: Table) -> str:
 
 
 def first_difference(now: Table, then: Table) -> str | None:
-    """Where a case differs from an earlier one, in words; None where it does not."""
+    """Where a case differs from an earlier one, in words; None where it does not.
+
+    More load levels behind the earlier ones are no difference.
+    """
     entries, earlier = dict(_entries(now)), dict(_entries(then))
     for key in (*entries, *earlier):
         new, old = entries.get(key, NOTHING), earlier.get(key, NOTHING)
@@ -31,9 +35,34 @@ def first_difference(now: Table, then: Table) -> str | None:
             return f"{key} is not given, but was {shown(old)}"
         if old is NOTHING:
             return f"{key} = {shown(new)}, but was not given"
-        if new != old:
-            return f"{key} = {shown(new)}, but was {shown(old)}"
+        if new != old and not (key in LEVELS and _goes_on(new, old)):
+            return _changed(key, new, old)
     return None
+
+
+LEVELS = ("loading.values",)
+"""Lists to which a restart may append."""
+
+
+def _goes_on(new: object, old: object) -> bool:
+    """Whether a list is an earlier one with more behind."""
+    both = isinstance(new, list) and isinstance(old, list)
+    return both and len(new) > len(old) and new[: len(old)] == old  # type: ignore[arg-type,index]
+
+
+def _changed(key: str, new: object, old: object) -> str:
+    """What was changed; of lists the first entry that was."""
+    if not (isinstance(new, list) and isinstance(old, list)):
+        return f"{key} = {shown(new)}, but was {shown(old)}"
+    pairs = enumerate(zip_longest(new, old, fillvalue=NOTHING), start=1)
+    number, (now, then) = next((n, both) for n, both in pairs if both[0] != both[1])
+    if now is NOTHING:
+        return f"{key} has {len(new)} entries, but had {len(old)}"
+    if then is NOTHING:
+        return (
+            f"{key} has {len(new)} entries, but had {len(old)}; the first one more is {shown(now)}"
+        )
+    return f"{key}: entry {number} is {shown(now)}, but was {shown(then)}"
 
 
 def mesh_hash(tagged_mesh: TaggedMesh, cells: Ordering) -> str:

@@ -79,6 +79,7 @@ def write_arrays(
     offsets: dict[str, int] = {}
 
     def lay_out() -> None:
+        part.unlink(missing_ok=True)  # it may be a link that leads elsewhere
         _reserve(part, LAYOUT + sum(_bytes(block) for block in blocks.values()))
         offsets.update(_lay_out(part, blocks, describe))
         _reserve(part, part.stat().st_size)

@@ -148,9 +148,16 @@ class ResultFolder:
                 return self._unwritable(f"'{there}' is not a folder")
             if not os.access(there, os.W_OK | os.X_OK):
                 return self._unwritable(f"no right to write in '{there}'")
-            found = self.found()
+            found, links = self.found(), self._links()
         except OSError as error:
             return self._unwritable(error.strerror or str(error))
+        if links:
+            return (
+                f"'{links[0].name}' in '{links[0].parent}' is a link, which would lead what is"
+                " written elsewhere; remove it."
+            )
+        if restart and not self.path.exists():
+            return f"the folder '{self.path}' does not exist; give that of the run to go on with."
         if restart and not {NEWEST, BEFORE} & set(found):
             return (
                 f"the folder '{self.path}' has no {NEWEST} to go on from; start anew with"
@@ -162,6 +169,13 @@ class ResultFolder:
                 " another folder, --force to replace them, or --restart to go on from them."
             )
         return None
+
+    def _links(self) -> list[Path]:
+        """Links in the places of what a run writes; the folder itself may be one."""
+        ours = [self.file(name) for name in (*RESULT_FILES, FIELDS)]
+        fields = self.file(FIELDS)
+        inside = [*fields.glob("*.vtkhdf"), *fields.glob("*.h5")]
+        return [path for path in (*ours, *inside) if path.is_symlink()]
 
     def _unwritable(self, reason: str) -> str:
         return f"the output folder '{self.path}' cannot be written ({reason}); give another one."
@@ -250,6 +264,8 @@ def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
         row |= {f"{key} {name}".replace(" ", "_"): a for name, a in row.pop(f"{key}s").items()}
     for name, force in row.pop("reactions").items():
         row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(axes, force, strict=False)}
+    if str(row["stage"]).startswith(("=", "+", "-", "@")):  # a formula for spreadsheets
+        row["stage"] = f"'{row['stage']}"
     return row
 
 

@@ -1,0 +1,50 @@
+"""Which cells are near points: candidates for what overlaps or lies on each other."""
+
+from collections.abc import Iterator
+from itertools import chain
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from perfplast_fenicsx.arrays import Floats, Longs
+
+AT_ONCE = 20_000
+"""So many points are looked up together, which bounds the memory for pairs."""
+
+
+class CellSearch:
+    """Cells by their places; those of about the same size are in one tree."""
+
+    def __init__(self, x: Floats) -> None:
+        """Put cells into trees.
+
+        Args:
+            x: Their vertices, shape (num_cells, gdim + 1, gdim).
+        """
+        centres = x.mean(axis=1)
+        radii = np.linalg.norm(x - centres[:, None], axis=2).max(axis=1)
+        sizes = np.floor(np.log2(radii / radii.min(initial=np.inf)))
+        self._trees: list[tuple[KDTree, Longs, float]] = []
+        for size in np.unique(sizes):
+            cells = np.flatnonzero(sizes == size)
+            self._trees.append((KDTree(centres[cells]), cells, float(radii[cells].max())))
+
+    def near(self, points: Floats, within: Floats) -> Iterator[tuple[Longs, Longs]]:
+        """Pairs of a point and a cell no farther from it than ``within``, some that are, too.
+
+        Args:
+            points: Shape (n, gdim).
+            within: Shape (n,).
+
+        Yields:
+            Numbers of points and of cells; each pair comes once.
+        """
+        for tree, cells, radius in self._trees:
+            for first in range(0, len(points), AT_ONCE):
+                some = slice(first, first + AT_ONCE)
+                found = tree.query_ball_point(points[some], within[some] + radius)
+                counts = np.fromiter(map(len, found), dtype=np.int64, count=len(found))
+                members = np.fromiter(
+                    chain.from_iterable(found), dtype=np.int64, count=int(counts.sum())
+                )
+                yield np.repeat(np.arange(first, first + len(found)), counts), cells[members]

@@ -1,0 +1,236 @@
+"""Cells that lie in each other, and bodies that are cut inside: faults that no facet shows.
+
+Bodies that overlap have a cell at the surface of one that overlaps a cell of the other; so has a
+body that overlaps itself. Where facets stand for curved surfaces they may enter each other by their
+sagitta, which is allowed.
+"""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import la
+from dolfinx.common import IndexMap
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.mesh.cell_search import CellSearch
+from perfplast_fenicsx.mesh.facet_sides import sides_of_facets
+from perfplast_fenicsx.mesh.simplex_overlaps import overlap_depths
+from perfplast_fenicsx.mesh.slabs import Slabs
+from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import bounding_box
+
+ROUNDING = 1e-3
+"""Overlaps below this share of a cell's longest edge are none: nodes are known no better."""
+
+SMOOTH = np.cos(np.deg2rad(25.0))
+"""Facets that are aslant to the mean normal at a vertex by less belong to one curved surface there:
+contact takes facets for one surface up to 40°, of which either has half."""
+
+CAUTION = 2.0
+"""Sagittas count so many times, as mean normals are known roughly alone."""
+
+TOUCHING = 1e-6
+"""Overlaps below this share of the size of all bodies are none: surfaces touch within it."""
+
+BEYOND = 1e-4
+"""So far outside of a facet, relative to its size, it is looked whether there is another cell."""
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """Cells of this rank as rows that travel, and points just outside of outer facets."""
+
+    rows: npt.NDArray
+    outside: npt.NDArray
+
+
+def check_bodies(tagged_mesh: TaggedMesh, overlaps: bool = False) -> list[str]:
+    """Refuse bodies that overlap or are cut inside. Collective.
+
+    Args:
+        tagged_mesh: The bodies.
+        overlaps: Whether different ones may, as in a press fit.
+
+    Returns:
+        What is to be said of bodies that touch and have no surface there by a name.
+
+    Raises:
+        InputError: Naming the bodies and a place.
+    """
+    comm, gdim = tagged_mesh.mesh.comm, tagged_mesh.mesh.geometry.dim
+    cells = _cells(tagged_mesh)
+    x = cells.rows["x"]
+    slabs = Slabs(comm, x.mean(axis=1))
+    low, high = (end(x[:, :, slabs.axis], axis=1) for end in (np.min, np.max))
+    rows = slabs.send(cells.rows, low, high)
+    at = cells.outside["point"][:, slabs.axis]
+    outside = slabs.send(cells.outside, at, at)
+    search = CellSearch(rows["x"])
+    names = {tag: name for name, tag in tagged_mesh.volumes.items()}
+    extent = float(np.linalg.norm(np.subtract(*bounding_box(comm, x.reshape(-1, gdim)))))
+    raise_together(comm, _deepest(rows, search, names, extent, overlaps))
+    cut = np.concatenate(comm.allgather(_covered(rows, outside, search)))
+    pairs, first, counts = np.unique(cut[["one", "other"]], return_index=True, return_counts=True)
+    told = []
+    for (one, other), number, count in zip(pairs.tolist(), first, counts, strict=True):
+        place = _place(cut["point"][number])
+        if one == other:
+            raise InputError(
+                f"the body '{names[one]}' is cut inside: {count} of its outer facets have cells on"
+                f" their other side that do not share their nodes, one at {place}; glue them (in"
+                " gmsh: Coherence, or remove duplicate nodes), or give the facets of a cut that is"
+                " meant a name"
+            )
+        told.append(
+            f"'{names[one]}' touches '{names[other]}' at {count} facets without a name, one at"
+            f" {place}: nothing keeps them from entering each other there"
+        )
+    return told
+
+
+def _cells(tagged_mesh: TaggedMesh) -> _Cells:
+    """Collective."""
+    mesh = tagged_mesh.mesh
+    tdim, gdim = mesh.topology.dim, mesh.geometry.dim
+    cells, points = corners(mesh)
+    sides = sides_of_facets(mesh)
+    x, outer = points[cells], (sides.count == 1)[sides.of_cell]
+    rows = np.zeros(
+        len(cells),
+        dtype=[
+            *(("x", "f8", (tdim + 1, gdim)), ("vertices", "i8", (tdim + 1,))),
+            *(("body", "i8"), ("outer", "?"), ("allowed", "f8")),
+        ],
+    )
+    rows["x"], rows["outer"] = x, outer.any(axis=1)
+    vertices = mesh.topology.index_map(0)
+    rows["vertices"] = vertices.local_to_global(cells.ravel()).reshape(cells.shape)
+    tags = tagged_mesh.cell_tags
+    own = tags.indices < len(cells)
+    rows["body"][tags.indices[own]] = tags.values[own]
+    at, place = np.nonzero(outer)
+    facets = np.array([np.delete(np.arange(tdim + 1), i) for i in range(tdim + 1)])[place]
+    corner = np.take_along_axis(x[at], facets[:, :, None], axis=1)
+    area = _area_vectors(corner)
+    inside = x[at, place] - corner[:, 0]
+    area *= -np.sign(np.einsum("ni,ni->n", area, inside))[:, None]
+    length = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
+    ends = np.take_along_axis(cells[at], facets, axis=1)
+    rows["allowed"] = _sagittas(mesh.comm, vertices, ends, area, length)[cells].max(axis=1)
+
+    named = np.zeros(len(sides.count), dtype=np.bool_)
+    named[tagged_mesh.facet_tags.indices] = True
+    plain = ~named[sides.of_cell[at, place]]
+    outside = np.zeros(int(plain.sum()), dtype=[("point", "f8", (gdim,)), ("body", "i8")])
+    normal = area / np.linalg.norm(area, axis=1, keepdims=True)
+    beyond = corner.mean(axis=1) + BEYOND * length[:, None] * normal
+    outside["point"], outside["body"] = beyond[plain], rows["body"][at[plain]]
+    return _Cells(rows, outside)
+
+
+def _area_vectors(corner: Floats) -> Floats:
+    """Normals of facets, of the size of their area, shape (n, gdim)."""
+    edges = corner[:, 1:] - corner[:, :1]
+    if edges.shape[1] == 1:
+        return np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
+    return np.asarray(np.cross(edges[:, 0], edges[:, 1]) / 2)
+
+
+def _sagittas(
+    comm: MPI.Intracomm, vertices: IndexMap, ends: npt.NDArray, area: Floats, length: Floats
+) -> Floats:
+    """How far facets at each local vertex may be from the curved surface they stand for.
+
+    Collective. Where all are in a plane this is zero; of several facets it is about the largest.
+    """
+    sums = la.vector(vertices, area.shape[1], dtype=np.float64)
+    mean = sums.array.reshape(-1, area.shape[1])
+    mean[:] = 0.0
+    np.add.at(mean, ends.ravel(), np.repeat(area, ends.shape[1], axis=0))
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    across = np.einsum("nki,ni->nk", mean[ends], area)
+    sizes = np.linalg.norm(mean[ends], axis=2) * np.linalg.norm(area, axis=1)[:, None]
+    cosine = np.clip(across / np.maximum(sizes, np.finfo(float).tiny), -1, 1)
+    aslant = np.where(cosine > SMOOTH, np.arccos(cosine), 0.0)
+    sagitta = CAUTION * length * np.tan(aslant.max(axis=1, initial=0) / 2) / 2
+    longest = comm.allreduce(float(length.max(initial=0)), MPI.MAX) or 1.0
+    powers = la.vector(vertices, 1, dtype=np.float64)  # whose sum is about the largest one's
+    powers.array[:] = 0.0
+    np.add.at(powers.array, ends.ravel(), np.repeat((sagitta / longest) ** 8, ends.shape[1]))
+    powers.scatter_reverse(la.InsertMode.add)
+    powers.scatter_forward()
+    return np.asarray(longest * powers.array ** (1 / 8))
+
+
+def _deepest(
+    rows: npt.NDArray, search: CellSearch, names: dict[int, str], extent: float, overlaps: bool
+) -> str | None:
+    """What is to be said of the cells that lie deepest in each other, if any do."""
+    outer = np.flatnonzero(rows["outer"])
+    x = rows["x"]
+    edge = np.linalg.norm(x[:, :, None] - x[:, None], axis=3).max(axis=(1, 2), initial=0)
+    centres = x[outer].mean(axis=1)
+    radii = np.linalg.norm(x[outer] - centres[:, None], axis=2).max(axis=1, initial=0)
+    low, high = x.min(axis=1), x.max(axis=1)
+    worst, said = 0.0, None
+    for one, other in search.near(centres, radii):
+        one = outer[one]
+        apart = rows["body"][one] != rows["body"][other]
+        asked = one != other
+        asked &= ~(overlaps & apart)
+        asked &= ~(rows["outer"][other] & (other < one))  # the pair comes twice
+        one, other = one[asked], other[asked]
+        least = ROUNDING * np.maximum(edge[one], edge[other]) + TOUCHING * extent
+        least += rows["allowed"][one] + rows["allowed"][other]
+        boxes = np.minimum(high[one] - low[other], high[other] - low[one])
+        asked = (boxes > least[:, None]).all(axis=1)
+        one, other, least = one[asked], other[asked], least[asked]
+        shared = rows["vertices"][one][:, :, None] == rows["vertices"][other][:, None]
+        asked = ~shared.any(axis=(1, 2))
+        one, other, least = one[asked], other[asked], least[asked]
+        depth = overlap_depths(x[one], x[other], least)
+        if depth.max(initial=0) <= worst:
+            continue
+        at = int(np.argmax(depth))
+        worst = float(depth[at])
+        bodies = sorted({names[int(rows["body"][cell])] for cell in (one[at], other[at])})
+        who = f"the body '{bodies[0]}' overlaps itself"
+        if len(bodies) == 2:
+            who = f"the bodies '{bodies[0]}' and '{bodies[1]}' overlap"
+        said = (
+            f"{who}: cells about {_place(x[one[at]].mean(axis=0))} lie in each other by"
+            f" {worst:.3g}; mesh the bodies so that they touch at most, or give their contact"
+            " interference = true"
+        )
+    return said
+
+
+def _covered(rows: npt.NDArray, outside: npt.NDArray, search: CellSearch) -> npt.NDArray:
+    """Points outside of one body that lie in a cell, of the same or of another one."""
+    found = [np.zeros(0, dtype=[("one", "i8"), ("other", "i8"), ("point", outside.dtype["point"])])]
+    points = outside["point"]
+    low, high = rows["x"].min(axis=1), rows["x"].max(axis=1)
+    for point, cell in search.near(points, np.zeros(len(points))):
+        at = points[point]
+        close = ((low[cell] <= at) & (at <= high[cell])).all(axis=1)
+        point, cell = point[close], cell[close]
+        x = rows["x"][cell]
+        local = np.linalg.solve(
+            (x[:, 1:] - x[:, :1]).transpose(0, 2, 1), (points[point] - x[:, 0])[:, :, None]
+        )[:, :, 0]
+        inside = (local >= 0).all(axis=1) & (local.sum(axis=1) <= 1)
+        hits = np.zeros(int(inside.sum()), dtype=found[0].dtype)
+        ends = np.sort([outside["body"][point[inside]], rows["body"][cell[inside]]], axis=0)
+        hits["one"], hits["other"], hits["point"] = *ends, points[point[inside]]
+        found.append(hits)
+    return np.concatenate(found)
+
+
+def _place(x: Floats) -> str:
+    return "(" + ", ".join(f"{a:.6g}" for a in x + 0.0) + ")"

@@ -1,0 +1,34 @@
+"""The title of a case as a heading of pictures: cut short, and of characters that the font has."""
+
+from matplotlib.font_manager import findfont, get_font
+
+LONGEST = 90
+"""Characters of a heading; more do not fit on a picture."""
+
+MISSING = "?"
+"""Stands for a character that the font has not."""
+
+
+def heading(title: str) -> str:
+    """What stands over a picture.
+
+    Args:
+        title: Of the case, whatever it consists of.
+    """
+    font = get_font(findfont("sans"))
+    words = _short(title)
+    return "".join(one if font.get_char_index(ord(one)) else MISSING for one in words)
+
+
+def remark_on(title: str) -> str | None:
+    """What is to be said where a heading is not what the title is; None where it is."""
+    if heading(title) == " ".join(title.split()):
+        return None
+    if heading(title) == _short(title):
+        return f"The title is cut to {LONGEST} characters in pictures."
+    return f"The font of pictures lacks characters of the title: {MISSING} stands for them."
+
+
+def _short(title: str) -> str:
+    words = " ".join(title.split())
+    return words if len(words) <= LONGEST else f"{words[: LONGEST - 3].rstrip()}..."

@@ -1,0 +1,148 @@
+"""A trial of the user's PETSc options on tiny solvers: what is unknown is told before a run.
+
+PETSc itself reports options that nobody has read at the end, and unknown types when a solver is
+made, far inside of a run.
+"""
+
+import ctypes
+import difflib
+import re
+from collections.abc import Mapping
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.solvers.linear.petsc_options import ACTIVE_SET, KINDS, LINEAR
+
+Options = Mapping[str, str]
+
+FACTOR = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+
+BASES: tuple[Options, ...] = (
+    *({}, FACTOR, {"ksp_type": "cg", "pc_type": "mg"}, {"ksp_type": "cg", "pc_type": "gamg"}),
+    {"ksp_type": "cg", "pc_type": "jacobi"},
+)
+"""What the solvers begin with; one that is known to any of them is known."""
+
+INNER = re.compile(
+    r"^(mg_(levels|coarse|fine)(_\d+)?|sub|redundant|telescope|esteig|ksp_chebyshev_esteig)_"
+)
+"""Prefixes of solvers within preconditioners, whose options are those of any solver."""
+
+VIEWERS = re.compile(r"^(ksp|pc|snes|mat)_.*(view|monitor|converged_reason|converged_rate)")
+"""Options that show something; a trial would show it, too."""
+
+VALUE = (56, 62, 63, 86, 92)
+"""PETSc's errors of values: not supported, wrong, out of range or no number, of unknown type, and
+of a factorisation that is not there."""
+
+
+def check_options(given: Mapping[str, str | None]) -> None:
+    """Refuse options of perfplast's solvers that none of them knows, or whose value is wrong.
+
+    Not collective: each rank tries them by itself.
+
+    Args:
+        given: Values by names without the leading dash; others than perfplast's are PETSc's.
+
+    Raises:
+        InputError: Naming the option.
+    """
+    by_kind: dict[str, dict[str, str]] = {}
+    for name, value in given.items():
+        if not name.startswith(LINEAR):
+            first = name.partition("_")[0]
+            if difflib.SequenceMatcher(None, first, LINEAR[:-1]).ratio() > 0.8:
+                raise InputError(
+                    f"the PETSc option '-{name}' begins as none of perfplast's; did you mean"
+                    f" '-{LINEAR}{name.partition('_')[2]}'?"
+                )
+            continue
+        kind = max((one for one in KINDS if name.startswith(one)), key=len)
+        by_kind.setdefault(kind, {})[name.removeprefix(kind)] = value or ""
+    for kind, options in by_kind.items():
+        _check(kind, options)
+
+
+def _check(kind: str, options: Options) -> None:
+    groups: dict[str, dict[str, str]] = {}
+    for name, value in options.items():
+        inner = name
+        while match := INNER.match(inner):
+            inner = inner[match.end() :]
+        if not VIEWERS.match(inner):
+            groups.setdefault(name.removesuffix(inner), {})[inner] = value
+    for within, tried in groups.items():
+        known: set[str] = set()
+        for base in BASES:
+            try:
+                known |= _read(kind, {**base, **tried})
+            except PETSc.Error as error:
+                if error.ierr in VALUE:
+                    name = _culprit(kind, tried)
+                    raise InputError(
+                        f"the PETSc option '-{kind}{within}{name} {tried[name]}' cannot be used:"
+                        f" {_reason(error)}; correct its value."
+                    ) from error
+                raise
+        for name in tried:
+            if name not in known:
+                raise InputError(
+                    f"the PETSc option '-{kind}{within}{name}' is unknown to the solvers that it is"
+                    " for; check its name, or leave it out."
+                )
+
+
+def _culprit(kind: str, tried: Options) -> str:
+    """The first option that fails by itself, or else the last."""
+    for name, value in tried.items():
+        try:
+            _read(kind, {name: value})
+        except PETSc.Error:
+            return name
+    return name
+
+
+def _reason(error: PETSc.Error) -> str:
+    last = str(error).splitlines()[-1].partition("] ")[2].strip()
+    return last[:1].lower() + last[1:]
+
+
+def _read(kind: str, options: Options) -> set[str]:
+    """Make a solver of these options; the names of those that it has read.
+
+    Raises:
+        PETSc.Error: If it cannot be made.
+    """
+    database, prefix = PETSc.Options(), f"{kind}trial_"
+    for name, value in options.items():
+        database[prefix + name] = value or None
+    rows = np.arange(5, dtype=PETSc.IntType)
+    identity = (rows, rows[:-1], np.ones(4))
+    matrix = PETSc.Mat().createAIJ((4, 4), csr=identity, comm=PETSc.COMM_SELF)
+    ksp, snes = PETSc.KSP().create(PETSc.COMM_SELF), PETSc.SNES().create(PETSc.COMM_SELF)
+    try:
+        if kind == ACTIVE_SET:
+            snes.setOptionsPrefix(prefix)
+            snes.setType("vinewtonrsls")
+            snes.setFromOptions()
+        ksp.setOptionsPrefix(prefix)
+        ksp.setOperators(matrix)
+        ksp.setFromOptions()
+        if ksp.pc.getType() in ("cholesky", "lu"):  # which read more when they factorise
+            ksp.setUp()
+        return {name for name in options if _was_read(prefix + name)}
+    finally:
+        for name in options:
+            database.delValue(prefix + name)
+        for made in (ksp, snes, matrix):
+            made.destroy()
+
+
+def _was_read(name: str) -> bool:
+    """Whether anybody has asked for an option; petsc4py has no word for it."""
+    read = ctypes.c_int(0)
+    ctypes.CDLL(PETSc.__file__).PetscOptionsUsed(None, name.encode(), ctypes.byref(read))
+    return bool(read.value)

@@ -1,0 +1,303 @@
+"""A case from the mail is data: nothing in it is run, and nothing is written elsewhere."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.geometry import MeshingOptions
+from perfplast_fenicsx.geometry.kept_mesh import END, MARK, _fingerprint
+
+TOUCH = 'SystemCall "touch PWNED";\n'
+"""By this a script of gmsh runs a command."""
+
+SOLID = """SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 1, 1, 1};
+"""
+
+CASE = """
+title = "from the mail"
+{source}
+
+[material.block]
+law = "elastic"
+young = 200e3
+poisson = 0.3
+
+[[support]]
+on = "low"
+components = "xyz"
+
+[[load]]
+on = "high"
+traction = [0.0, 0.0, 1.0]
+
+[element]
+degree = 1
+
+[loading]
+control = "load"
+values = [1.0]
+"""
+
+
+def mesh_file(body: str = "block", surface: str = "low") -> str:
+    """A cube of six tetrahedra in gmsh's format 2.2."""
+    corners = [(i & 1, i >> 1 & 1, i >> 2) for i in range(8)]
+    paths = [(1, 3), (1, 5), (2, 3), (2, 6), (4, 5), (4, 6)]
+    lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", "3"]
+    lines += [f'3 1 "{body}"', f'2 2 "{surface}"', '2 3 "high"', "$EndPhysicalNames"]
+    lines += ["$Nodes", "8", *(f"{n} {x} {y} {z}" for n, (x, y, z) in enumerate(corners, 1))]
+    lines += ["$EndNodes", "$Elements", "10"]
+    triangles = [(2, 0, 1, 3), (2, 0, 2, 3), (3, 4, 5, 7), (3, 4, 6, 7)]
+    for number, (tag, *nodes) in enumerate(triangles, 1):
+        lines.append(f"{number} 2 2 {tag} {tag} " + " ".join(str(n + 1) for n in nodes))
+    for number, (one, two) in enumerate(paths, 5):
+        lines.append(f"{number} 4 2 1 1 1 {one + 1} {two + 1} 8")
+    return "\n".join([*lines, "$EndElements", ""])
+
+
+MESH = mesh_file()
+
+FORMULA = """
+[[initial_stress]]
+on = "block"
+stress = ["{}", 0.0, 0.0, 0.0, 0.0, 0.0]
+"""
+
+STAGE = """
+[[stage]]
+name = "=HYPERLINK(2)"
+steps = 1
+factors = {high = 1.0}
+"""
+
+STEP_LIKE = "// ISO-10303-21;\n"
+IGES_LIKE = f"{'//':72}S      1\n"
+
+
+@dataclass(frozen=True)
+class Hostile:
+    """What comes with the mail.
+
+    Attributes:
+        name: Of the mesh or geometry file.
+        content: Of it.
+        says: What is in the refusal; nothing where the file is harmless after all.
+        beside: Other files, by name.
+        table: Of the case that names the file.
+        more: What the case has besides.
+    """
+
+    name: str
+    content: str
+    says: str = ""
+    beside: dict[str, str] = field(default_factory=dict)
+    table: str = "geometry"
+    more: str = ""
+
+
+SCRIPT = "is a script, by which gmsh may run any command"
+NOT_RUN = "is a program, which is never run here"
+NO_MESH = "is not a gmsh .msh file"
+
+HOSTILE = {
+    "SystemCall": Hostile("a.geo", TOUCH + SOLID, SCRIPT),
+    "upper case": Hostile("a.GEO", TOUCH + SOLID, SCRIPT),
+    "unrolled": Hostile("a.geo_unrolled", TOUCH + SOLID, SCRIPT),
+    "NonBlocking": Hostile("a.geo", "NonBlocking" + TOUCH + SOLID, SCRIPT),
+    "Include": Hostile("a.geo", 'Include "b.geo";\n' + SOLID, SCRIPT, {"b.geo": TOUCH}),
+    "Merge": Hostile("a.geo", 'Merge "b.opt";\n' + SOLID, SCRIPT, {"b.opt": TOUCH}),
+    "Save": Hostile("a.geo", SOLID + 'Save "PWNED.msh";\n', SCRIPT),
+    "Print": Hostile("a.geo", SOLID + 'Mesh 2;\nPrint "PWNED.msh";\n', SCRIPT),
+    "Printf": Hostile("a.geo", SOLID + 'Printf("x") > "PWNED";\n', SCRIPT),
+    "OnelabRun": Hostile("a.geo", SOLID + 'OnelabRun("x", "touch PWNED");\n', SCRIPT),
+    "Plugin": Hostile("a.geo", SOLID + "Plugin(NewView).Run;\nSave View[0] 'PWNED';\n", SCRIPT),
+    "options": Hostile("a.geo", SOLID, SCRIPT, {"a.geo.opt": TOUCH}),
+    "Python": Hostile("a.py", "open('PWNED', 'w')\n", NOT_RUN),
+    "shell": Hostile("a.sh", "touch PWNED\n", NOT_RUN),
+    "as STEP": Hostile("a.step", TOUCH + SOLID, "is no STEP file, whatever its name"),
+    "in STEP": Hostile("a.step", STEP_LIKE + TOUCH + SOLID, "cannot be read"),
+    "STEP's options": Hostile(
+        "a.stp", STEP_LIKE, "cannot be read", {"a.stp.opt": TOUCH, "a.opt": TOUCH}
+    ),
+    "as BREP": Hostile("a.brep", TOUCH + SOLID, "is no BREP file, whatever its name"),
+    "in BREP": Hostile("a.brep", "// CASCADE Topology\n" + TOUCH + SOLID, "a.brep'"),
+    "as IGES": Hostile("a.iges", TOUCH + SOLID, "is no IGES file, whatever its name"),
+    "in IGES": Hostile("a.igs", IGES_LIKE + TOUCH + SOLID, "a.igs'"),
+    "as STL": Hostile("a.stl", TOUCH + SOLID, "no geometry file by its name"),
+    "as options": Hostile("a.opt", TOUCH + SOLID, "no geometry file by its name"),
+    "its own trust": Hostile("a.geo", TOUCH + SOLID, "no key 'trust'", more="trust = true"),
+    "as mesh": Hostile("a.msh", TOUCH + SOLID, NO_MESH, table="mesh"),
+    "script for mesh": Hostile("a.geo", TOUCH + SOLID, NO_MESH, table="mesh"),
+    "view for mesh": Hostile("a.pos", TOUCH + SOLID, NO_MESH, table="mesh"),
+    "behind a head": Hostile("a.msh", "$MeshFormat\n" + TOUCH, "cannot read", table="mesh"),
+    "behind comments": Hostile(
+        "a.msh", "$Comments\n$EndComments\n" + TOUCH, "cannot read", table="mesh"
+    ),
+    "behind a mesh": Hostile("a.msh", MESH + TOUCH, table="mesh"),
+    "mesh's options": Hostile(
+        "a.msh", MESH, "", {"a.msh.opt": TOUCH, "a.opt": TOUCH}, table="mesh"
+    ),
+    "settings": Hostile(
+        "a.msh", MESH, "", {name: TOUCH for name in (".gmshrc", ".gmsh-options")}, table="mesh"
+    ),
+    "mesh as program": Hostile("a.exe", "$MeshFormat; touch PWNED\n", "", table="mesh"),
+    "mesh as Python": Hostile("a.py", MESH, table="mesh"),
+    "name as command": Hostile("x;touch PWNED;.msh.gz", "\x1f\x8b", NO_MESH, table="mesh"),
+    "names as commands": Hostile(
+        "a.msh", mesh_file("$(touch PWNED)", "`touch PWNED`"), "it has $(touch PWNED)", table="mesh"
+    ),
+    "formula": Hostile(
+        "a.msh",
+        MESH,
+        "the formula",
+        table="mesh",
+        more=FORMULA.format("__import__('os').system('touch PWNED')"),
+    ),
+    "formula of classes": Hostile(
+        "a.msh",
+        MESH,
+        "the formula",
+        table="mesh",
+        more=FORMULA.format("().__class__.__base__.__subclasses__()"),
+    ),
+}
+
+
+def files_below(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*")}
+
+
+@pytest.fixture
+def mail(shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Hostile], Path]:
+    """Unpacks it in a folder, which is the working directory and the home, and gives the case."""
+
+    def unpack(hostile: Hostile) -> Path:
+        path = shared_tmp_path / "case.toml"
+        if MPI.COMM_WORLD.rank == 0:
+            for name, content in {hostile.name: hostile.content, **hostile.beside}.items():
+                (shared_tmp_path / name).write_text(content, encoding="latin-1")
+            source = f"[{hostile.table}]\nfile = '{hostile.name}'\n{hostile.more}"
+            path.write_text(CASE.format(source=source), encoding="utf-8")
+        MPI.COMM_WORLD.barrier()
+        monkeypatch.chdir(shared_tmp_path)
+        monkeypatch.setenv("HOME", str(shared_tmp_path))
+        return path
+
+    return unpack
+
+
+@pytest.mark.parametrize("hostile", HOSTILE.values(), ids=HOSTILE)
+def test_nothing_is_run(
+    hostile: Hostile, mail: Callable[[Hostile], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Not by ``check``, ``info`` and ``run``, nor by ``mesh``: one sentence, and nothing else."""
+    case = mail(hostile)
+    before = files_below(case.parent)
+    commands = [["check", str(case)]]
+    if hostile.says:
+        commands.append(["run", str(case), "-o", "out"])
+    if hostile.table == "geometry":
+        commands.append(["info", str(case)])
+        if not hostile.more:
+            commands.append(["mesh", hostile.name, "-o", "out"])
+    for command in commands:
+        status = main(command)
+        told = MPI.COMM_WORLD.bcast(capsys.readouterr().err)
+        assert files_below(case.parent) == before
+        if hostile.says:
+            assert status == 2
+            assert hostile.says in told
+            assert told.count("\n") == 1
+        MPI.COMM_WORLD.barrier()
+
+
+def test_names_are_text(
+    mail: Callable[[Hostile], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In the page they are escaped, and no cell of the table begins as a formula does."""
+    sheet, html = "=HYPERLINK(1)", "<img src=x onerror=alert(1)>"
+    case = mail(Hostile("a.msh", mesh_file(html, sheet), table="mesh"))
+    if MPI.COMM_WORLD.rank == 0:
+        text = case.read_text().replace('on = "low"', f'on = "{sheet}"')
+        text = text.replace("material.block", f'material."{html}"')
+        text = text.partition("[loading]")[0] + STAGE
+        case.write_text(text.replace("from the mail", "../../PWNED </script><script>alert(1)"))
+    MPI.COMM_WORLD.barrier()
+    before = files_below(case.parent)
+    assert main(["run", str(case), "-o", "out", "--report", "--quiet"]) == 0
+    MPI.COMM_WORLD.barrier()
+    written = files_below(case.parent) - before
+    written = {name for name in written if not name.startswith(("out", "."))}  # no cache
+    assert written == set()
+    page = Path("out/report.html").read_text(encoding="utf-8")
+    assert "alert(1)" in page
+    assert html not in page
+    assert "<script>alert(1)" not in page
+    cells = Path("out/path.csv").read_text(encoding="utf-8").replace("\n", ",").split(",")
+    assert f"support_{sheet}_x" in cells
+    assert "'=HYPERLINK(2)" in cells
+    assert not [cell for cell in cells if cell.startswith(("=", "+", "@"))]
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process reads, whatever the ranks")
+def test_a_script_is_run_where_it_is_trusted(
+    mail: Callable[[Hostile], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Then its mesh is kept, and serves without trust as long as nothing changes."""
+    case = mail(Hostile("a.geo", TOUCH + SOLID))
+    text = case.read_text().replace('"low"', '"part_z_low"').replace('"high"', '"part_z_high"')
+    case.write_text(text.replace("material.block", "material.part"))
+    assert main(["check", str(case)]) == 2
+    assert not Path("PWNED").exists()
+    assert main(["check", str(case), "--trust"]) == 0
+    assert Path("PWNED").exists()  # otherwise the table above shows nothing
+    Path("PWNED").unlink()
+    assert main(["check", str(case)]) == 0
+    assert not Path("PWNED").exists()
+    Path("a.geo").write_text(TOUCH + SOLID + "//")
+    assert main(["check", str(case)]) == 2
+    assert main(["mesh", "a.geo", "-o", "made", "--trust"]) == 0
+    assert Path("PWNED").exists()
+    assert "give --trust" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process reads, whatever the ranks")
+def test_a_mesh_that_says_what_it_was_made_of(mail: Callable[[Hostile], Path]) -> None:
+    """Anybody can write so; the mesh is data all the same, and the script is not run."""
+    case = mail(Hostile("a.geo", TOUCH + SOLID))
+    mark = MARK + _fingerprint(Path("a.geo").read_bytes(), MeshingOptions()) + END
+    case.with_suffix(".msh").write_bytes(MESH.encode() + mark)
+    case.with_suffix(".msh.opt").write_text(TOUCH)
+    assert main(["check", str(case)]) == 0
+    assert not Path("PWNED").exists()
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process writes, whatever the ranks")
+def test_links_do_not_lead_out(
+    tmp_path: Path, mail: Callable[[Hostile], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where a mail has links in the places of what is written, their ends stay as they are."""
+    victim = tmp_path.parent / f"{tmp_path.name}_victim"
+    victim.write_text("mine")
+    case = mail(Hostile("a.msh", MESH, table="mesh"))
+    os.symlink(victim, "case.msh.part")
+    text = case.read_text().replace('"low"', '"part_z_low"').replace('"high"', '"part_z_high"')
+    text = text.replace("material.block", "material.part").replace("a.msh", "a.geo")
+    Path("made.toml").write_text(text.replace("[mesh]", "[geometry]"))
+    Path("a.geo").write_text(SOLID)
+    os.symlink(victim, "made.msh.part")
+    assert main(["check", "made.toml", "--trust"]) == 0
+    for name in ("run.log", "summary.json", "checkpoint.h5", "fields"):
+        folder = Path(f"out_{name}")
+        folder.mkdir()
+        os.symlink(victim, folder / name)
+        assert main(["run", str(case), "-o", str(folder), "--force"]) == 2
+        assert f"'{name}' in" in capsys.readouterr().err.replace(f"{folder}/", "")
+    assert victim.read_text() == "mine"
