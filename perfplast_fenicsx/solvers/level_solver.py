@@ -97,6 +97,10 @@ def solve_level(
     """
     zeta, active = stepper.begin(value, start)
     progress = Progress(stepper.iterate, stepper.linear, monitor)
+    loads = stepper.iterate.problem.loads
+    driven = stepper.iterate.problem.free.driven([loads.dead, loads.live])
+    if driven is not None:
+        return progress.level(zeta, active, False, driven)
     history, doubts = progress.history, 0
     while len(history) < stepper.max_iterations:
         try:

@@ -86,6 +86,7 @@ class Progress:
         """Judge the iterate and report it. Collective."""
         iterate, history = self._iterate, self.history
         problem, fields, comm = iterate.problem, iterate.fields, iterate.problem.comm
+        problem.free.centre(fields.u)
         certificate = certify(problem, fields, zeta)
         if converged and not abs(certificate.duality_gap) <= CREDIBLE:
             converged, reason = False, not_credible(certificate.duality_gap)
