@@ -55,7 +55,10 @@ def _rounds(problem: Problem, solve: Solve, start: State | None, bounds: Floats)
         level = solve(start)
         rounds.append(level)
         if not level.report.converged:
-            reason = f"round {len(rounds)} of Coulomb's friction: {level.report.reason}"
+            bounds_of = "with the last round's forces of contact" if len(rounds) > 1 else "at first"
+            reason = (
+                f"round {len(rounds)} of Coulomb's friction, {bounds_of}: {level.report.reason}"
+            )
             return _together(rounds, False, reason)
         start = level.state
         bounds = _bounds(problem, level.contact_forces)

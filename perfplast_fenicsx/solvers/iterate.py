@@ -186,7 +186,8 @@ class Iterate:
             direction.beta.value = beta
             return direction.slope() - load + self._rubbing(beta)
 
-        return step_length(slope, self._noise, self._longest if stretch else None)
+        rubs = self.problem.friction.count > 0
+        return step_length(slope, self._noise, self._longest if stretch else None, kinked=rubs)
 
     def _noise(self) -> tuple[float, float]:
         """Rounding errors of slopes: of the terms of their sum, and of the strains in them."""

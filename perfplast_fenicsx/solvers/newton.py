@@ -44,9 +44,8 @@ class Newton(LevelSolver):
         """Compile the forms and create the solvers, or borrow another algorithm's. Collective."""
         self.options = options or NewtonOptions()
         criterion = criterion_met(self.options)
-        super().__init__(
-            problem, self.options.max_iterations, criterion, lender, self.options.subdivision
-        )
+        end = (self.options.tolerance, self.options.max_iterations)
+        super().__init__(problem, end, criterion, lender, self.options.subdivision)
         self._first_work = 0.0
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:

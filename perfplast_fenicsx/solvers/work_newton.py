@@ -61,7 +61,7 @@ class WorkNewton(LevelSolver):
         self.options = options or NewtonOptions()
         super().__init__(
             problem,
-            self.options.max_iterations,
+            (self.options.tolerance, self.options.max_iterations),
             criterion_met(self.options),
             subdivision=self.options.subdivision,
         )
