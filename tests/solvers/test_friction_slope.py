@@ -1,4 +1,4 @@
-"""A block on a slope, Coulomb's friction: at rest below the angle of friction, and no level above."""
+"""A block on a slope with Coulomb friction: at rest below its angle, and no level above."""
 
 import math
 
