@@ -21,7 +21,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.contact.one_sided_motions import OneSidedMotions
 from perfplast_fenicsx.contact.rigid_motion_names import motion_name
+from perfplast_fenicsx.contact.rigid_motions import RigidMotions
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
 
@@ -46,6 +48,7 @@ class FreeMotions:
             (bodies.count * bodies.num_modes, count).
         at_nodes: F at the local (owned) displacement unknowns, shape (num_unknowns, count).
         unknowns: Which of these get springs.
+        leaving: Motions that contact stops one way only.
     """
 
     bodies: Bodies
@@ -53,6 +56,7 @@ class FreeMotions:
     basis: Floats
     at_nodes: csr_array
     unknowns: Ints
+    leaving: OneSidedMotions
 
     @property
     def count(self) -> int:
@@ -106,6 +110,7 @@ class FreeMotions:
         refusal = self.driven(forces)
         if refusal is not None:
             raise InputError(refusal)
+        self.leaving.warn(forces)
         if self.count and forces[0].comm.rank == 0:
             log.warning(
                 "nothing resists a rigid motion of %s, and no load does work on it: it is held"
@@ -147,7 +152,7 @@ def _together(names: Sequence[str]) -> str:
 
 
 def held_motions(
-    V: fem.FunctionSpace, bodies: Bodies, names: Sequence[str], free: Floats
+    V: fem.FunctionSpace, bodies: Bodies, names: Sequence[str], motions: RigidMotions
 ) -> FreeMotions:
     """Choose where free motions are held. Collective.
 
@@ -155,27 +160,31 @@ def held_motions(
         V: Displacement space.
         bodies: That move.
         names: What they are called.
-        free: Orthonormal columns of coefficients of all bodies' rigid motions.
+        motions: What supports and contact say of their motions.
     """
+    free = motions.free()
+    leaving = OneSidedMotions(V, bodies, names, *motions.one_sided(free))
     basis, groups = _untangled(bodies, free)
     nodes, gdim = V.dofmap.index_map.size_local, bodies.gdim
     row, column, value, chosen = [], [], [], []
-    for moving, motions in groups:
+    for moving, numbers in groups:
         some = np.flatnonzero(np.isin(bodies.of_node[:nodes], moving))
-        each = basis[:, motions].reshape(bodies.count, bodies.num_modes, len(motions))
+        each = basis[:, numbers].reshape(bodies.count, bodies.num_modes, len(numbers))
         modes = bodies.rigid_modes(V.tabulate_dof_coordinates()[some])
-        moved = (modes @ each[bodies.of_node[some]]).reshape(-1, len(motions))
+        moved = (modes @ each[bodies.of_node[some]]).reshape(-1, len(numbers))
         unknowns = (some[:, None] * gdim + np.arange(gdim)).ravel()
-        row.append(np.repeat(unknowns, len(motions)))
-        column.append(np.tile(motions, len(unknowns)))
+        row.append(np.repeat(unknowns, len(numbers)))
+        column.append(np.tile(numbers, len(unknowns)))
         value.append(moved.ravel())
         chosen.append(unknowns[_pivots(V.mesh.comm, moved)])
     shape = (nodes * gdim, free.shape[1])
     if not groups:
-        return FreeMotions(bodies, names, basis, csr_array(shape), np.zeros(0, dtype=np.int32))
+        return FreeMotions(
+            bodies, names, basis, csr_array(shape), np.zeros(0, dtype=np.int32), leaving
+        )
     entries = (np.concatenate(value), (np.concatenate(row), np.concatenate(column)))
     held = np.concatenate(chosen).astype(np.int32)
-    return FreeMotions(bodies, names, basis, csr_array(entries, shape), held)
+    return FreeMotions(bodies, names, basis, csr_array(entries, shape), held, leaving)
 
 
 def _untangled(bodies: Bodies, free: Floats) -> tuple[Floats, list[tuple[Ints, Ints]]]:

@@ -61,6 +61,19 @@ class RigidMotions:
         largest = np.linalg.eigvalsh(gram).max(initial=0)
         return np.asarray(nearly @ vectors[:, values <= EXACT**2 * max(largest, 1e-300)])
 
+    def one_sided(self, free: Floats) -> tuple[Floats, Floats]:
+        """Motions that supports and ties leave, but for the free ones. Collective.
+
+        Args:
+            free: What :meth:`free` returns.
+
+        Returns:
+            Orthonormal columns; and what they close of the pairs hosted here, shape (num_pairs,
+            number of motions).
+        """
+        basis = null_space(self._supports + free @ free.T * np.trace(self._supports + 1.0))
+        return basis, self._jumps @ basis
+
     def first_active(self) -> PairFlags:
         """Pairs that an active set begins with, so that they leave no body freer. Collective.
 

@@ -277,7 +277,7 @@ class Problem:
         held = stacked(V, [self.sliding, self.ties])
         motions = RigidMotions(V, self.bodies, fixed, self.constraints, held)
         names = body_names(V, tagged_mesh, self.bodies)
-        self.free: FreeMotions = held_motions(V, self.bodies, names, motions.free())
+        self.free: FreeMotions = held_motions(V, self.bodies, names, motions)
         rows = stacked(V, [self.constraints, held])
         warn_of_loose_motions(V, self.bodies, names, fixed, rows, self.free.basis)
         self.first_active: PairFlags = motions.first_active()

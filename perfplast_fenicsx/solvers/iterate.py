@@ -224,13 +224,6 @@ class Iterate:
         direction.beta.value = (max(abs(work), 10 * abs(here)) - here) / along
         return direction.slope() + self._rubbing(float(direction.beta.value)) < along
 
-    def aim_along(self) -> None:
-        """Take the direction of u itself: where bodies have flown far, that is how they collapse.
-
-        Collective.
-        """
-        self.aim(self.y.copy(self._gradient_y))
-
     def take_step(self, beta: float, stopping: str, zeta: float = 0.0) -> float:
         """Advance by β δu and tell how large the step was by a criterion of Remark 1.
 

@@ -108,7 +108,8 @@ def solve_level(
         try:
             step = stepper.step(value, zeta, active, history)
         except LinearFailure as failure:
-            return progress.level(zeta, active, False, str(failure))
+            told = _pushed_away(stepper.iterate.problem, zeta) or str(failure)
+            return progress.level(zeta, active, False, told)
         zeta, active = step.zeta, step.active
         progress.add(step)
         if step.finished:
@@ -121,7 +122,16 @@ def solve_level(
         if reason is not None:
             return progress.level(zeta, active, False, reason)
     reason = no_convergence(stepper.max_iterations, stepper.steps_called)
+    reason = _pushed_away(stepper.iterate.problem, zeta) or reason
     return progress.level(zeta, active, False, reason)
+
+
+def _pushed_away(problem: Problem, zeta: float) -> str | None:
+    """Why a level has failed, if the loads push a body away. Collective."""
+    force = problem.loads.total(zeta, problem.create_vector())
+    told = problem.free.leaving.pushed_away(force)
+    force.destroy()
+    return told
 
 
 class LevelSolver(Stepper, ABC):

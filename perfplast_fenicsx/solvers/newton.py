@@ -82,7 +82,7 @@ class Newton(LevelSolver):
         far = BEYOND * self._first_work
         descends = self.iterate.descends_until(far, zeta)
         if not descends and len(history) % LOOK_AROUND == 0:
-            self.iterate.aim_along()
+            self.iterate.aim(self.iterate.y)
             descends = self.iterate.descends_until(far, zeta)
         if not descends:
             return None
