@@ -68,7 +68,8 @@ class Newton(LevelSolver):
         rho = regularisation(options, history, iterate.lifted)
         found = newton_direction(self, options, zeta, active, history, rho)
         iterate.aim(found.delta)
-        beta = iterate.line_search(zeta, stretch=True) if options.damping else 1.0
+        halted = bool(history) and history[-1].beta <= 0
+        beta = iterate.line_search(zeta, stretch=True, halted=halted) if options.damping else 1.0
         increment = iterate.take_step(beta, options.stopping, zeta)
         finished = increment < options.tolerance and found.settled and beta == 1
         if not history:

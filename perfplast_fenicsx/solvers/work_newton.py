@@ -101,7 +101,8 @@ class WorkNewton(LevelSolver):
         zeta += found.multiplier
         iterate.aim(found.delta)
         damp = options.damping and history and (self.damped or diverges(history))
-        beta = iterate.line_search(zeta) if damp else 1.0
+        halted = bool(history) and history[-1].beta <= 0
+        beta = iterate.line_search(zeta, halted=halted) if damp else 1.0
         increment = iterate.take_step(beta, options.stopping)
         change = _change(found.multiplier, zeta)
         if increment < options.tolerance <= change:
