@@ -67,11 +67,12 @@ class OneSidedMotions:
         )
 
     def warn(self, forces: Sequence[PETSc.Vec]) -> None:
-        """Tell of bodies that may leave without any of these forces against it. Collective."""
+        """Tell of bodies that may leave without work of any of these forces. Collective."""
         comm = self.V.mesh.comm
         pairs = max(comm.allreduce(len(self.jumps)), 1)
         opening = -comm.allreduce(self.jumps.sum(axis=0)) / pairs
-        v = self._most(opening, [self._gain(force) for force in forces])
+        gains = [self._gain(force) for force in forces]
+        v = self._most(opening, [sign * gain for gain in gains for sign in (1, -1)])
         if v is None or not opening @ v > AWAY or comm.rank:
             return
         log.warning(
