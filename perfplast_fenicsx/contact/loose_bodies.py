@@ -4,6 +4,8 @@ A round bolt without friction turns about its axis but for the normals of its fa
 little aslant. Such a motion costs next to nothing, and what it comes to says nothing of the body.
 """
 
+import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -15,6 +17,7 @@ from scipy.linalg import eigh
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.constraints import Constraints
+from perfplast_fenicsx.contact.rigid_motion_names import motion_name
 from perfplast_fenicsx.contact.rigid_motions import rigid_jumps
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
 from perfplast_fenicsx.parallel import bounding_box
@@ -31,32 +34,49 @@ STILL = 1e-3
 """Places that move less than so, relative to all of them, are on the axis of a rotation."""
 
 
+log = logging.getLogger(__name__)
+
+
 @dataclass(frozen=True)
 class LooseMotion:
     """A motion of a body, the others at rest, that hardly anything resists.
 
     Attributes:
         body: Its number.
-        low: Corner of the box around it, shape (gdim,).
-        high: The opposite corner.
         motion: In words.
     """
 
     body: int
-    low: Floats
-    high: Floats
     motion: str
 
-    def __str__(self) -> str:
-        box = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(self.low, self.high, strict=True))
+    def told(self, names: Sequence[str]) -> str:
+        """A sentence; ``names`` are those of all bodies."""
         return (
-            f"the body in the box [{box}] is loosely held ({self.motion}): only the facets of round"
-            " surfaces resist this motion; hold it by a support if it matters"
+            f"the body {names[self.body]} is loosely held ({self.motion}): only the facets of"
+            " round surfaces resist this motion; hold it by a support if it matters"
         )
 
 
+def warn_of_loose_motions(
+    V: fem.FunctionSpace,
+    bodies: Bodies,
+    names: Sequence[str],
+    fixed: npt.NDArray[np.bool_],
+    constraints: Constraints,
+    free: Floats,
+) -> None:
+    """Say what is loosely held, by the names of bodies; see :func:`loose_motions`. Collective."""
+    for loose in loose_motions(V, bodies, fixed, constraints, free):
+        if V.mesh.comm.rank == 0:
+            log.warning("%s", loose.told(names))
+
+
 def loose_motions(
-    V: fem.FunctionSpace, bodies: Bodies, fixed: npt.NDArray[np.bool_], constraints: Constraints
+    V: fem.FunctionSpace,
+    bodies: Bodies,
+    fixed: npt.NDArray[np.bool_],
+    constraints: Constraints,
+    free: Floats | None = None,
 ) -> list[LooseMotion]:
     """Find what is loosely held. Collective.
 
@@ -65,6 +85,8 @@ def loose_motions(
         bodies: The bodies.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
         constraints: The rows of B.
+        free: Motions that nothing resists at all, orthonormal columns of coefficients of all
+            bodies' rigid motions, which are not meant; None for none.
     """
     nodes = V.tabulate_dof_coordinates()
     supported, axes = np.nonzero(fixed[: V.dofmap.index_map.size_local])
@@ -75,13 +97,23 @@ def loose_motions(
     motions = bodies.rigid_modes(places)
     found = []
     for body in range(bodies.count):
-        own = rows[:, body * bodies.num_modes : (body + 1) * bodies.num_modes]
+        here = slice(body * bodies.num_modes, (body + 1) * bodies.num_modes)
+        own = rows[:, here]
         touched = own.any(axis=1)
         for v in _weak(V.mesh.comm, own[touched], motions[touched]):
+            if free is not None and _is_free(v, free, here):
+                continue
             x = nodes[bodies.of_node == body, : fixed.shape[1]]
             low, high = bounding_box(V.mesh.comm, x)
-            found.append(LooseMotion(body, low, high, _name(bodies, v, (low + high) / 2)))
+            found.append(LooseMotion(body, motion_name(bodies, v, (low + high) / 2)))
     return found
+
+
+def _is_free(v: Floats, free: Floats, here: slice) -> bool:
+    """Whether a motion of a body, whose coefficients are ``here``, is one of the free ones."""
+    whole = np.zeros(len(free))
+    whole[here] = v
+    return bool(np.linalg.norm(whole - free @ (free.T @ whole)) < STILL * np.linalg.norm(v))
 
 
 def _weak(comm: MPI.Intracomm, rows: Floats, motions: Floats) -> list[Floats]:
@@ -101,20 +133,3 @@ def _weak(comm: MPI.Intracomm, rows: Floats, motions: Floats) -> list[Floats]:
         if not comm.allreduce(bool(resisted.any()), MPI.LOR):
             weak.append(v)
     return weak
-
-
-def _name(bodies: Bodies, v: Floats, middle: Floats) -> str:
-    """Rotation or translation, and its axis."""
-    gdim = bodies.gdim
-    along = bodies.rigid_modes(np.pad(middle, (0, 3 - gdim))[None])[0] @ v
-    spin = v[gdim:]
-    if np.linalg.norm(along) > np.linalg.norm(spin):
-        return f"translation along {_direction(along)}"
-    return f"rotation about {_direction(spin)}" if gdim == 3 else "rotation"
-
-
-def _direction(d: Floats) -> str:
-    """Of unit length, the first large component positive."""
-    d = d / np.linalg.norm(d)
-    d *= np.sign(d[np.argmax(np.abs(d))])
-    return "(" + ", ".join(f"{a + 0.0:.2f}" for a in np.round(d, 2)) + ")"

@@ -10,16 +10,13 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats, Longs, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints
 from perfplast_fenicsx.contact.sparse_rows import entries_of, matrix_of_entries
-from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
-from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.parallel import bounding_box
-
-ROUNDING = 1e-12
-"""Coordinates below this share of the size of all bodies are zero."""
 
 NEGLIGIBLE = 1e-10
 """Eigenvalues below this times the largest one count as zero."""
+
+EXACT = 1e-9
+"""Jumps below this share of the largest ones are rounding: a motion with no others is free."""
 
 
 class RigidMotions:
@@ -42,64 +39,60 @@ class RigidMotions:
             constraints: The rows of B.
             ties: Rows that are held for ever.
         """
-        self._V, self._bodies, self._gap = V, bodies, constraints.gap
-        self._supports = _support_gram(V, bodies, fixed)
+        self._comm, self._gap = V.mesh.comm, constraints.gap
         self._jumps = rigid_jumps(V, bodies, constraints.B)
+        self._held = _supported(V, bodies, fixed)
         if ties is not None:
-            tied = rigid_jumps(V, bodies, ties.B)
-            self._supports = self._supports + V.mesh.comm.allreduce(tied.T @ tied)
+            self._held = np.concatenate([self._held, rigid_jumps(V, bodies, ties.B)])
+        self._supports = self._comm.allreduce(self._held.T @ self._held)
 
-    def check(self, tagged_mesh: TaggedMesh) -> None:
-        """Refuse bodies that supports and contact leave free to move rigidly. Collective.
+    def free(self) -> Floats:
+        """Motions that supports, ties and contact leave free, both ways. Collective.
+
+        Returns:
+            Orthonormal columns, shape (bodies.count * bodies.num_modes, number of motions).
+        """
+        jumps = self._comm.allreduce(self._jumps.T @ self._jumps)
+        gram = self._supports + jumps
+        nearly = null_space(gram)
+        taken = [rows @ nearly for rows in (self._jumps, self._held)]
+        left = self._comm.allreduce(sum(rows.T @ rows for rows in taken))
+        values, vectors = np.linalg.eigh(left)
+        largest = np.linalg.eigvalsh(gram).max(initial=0)
+        return np.asarray(nearly @ vectors[:, values <= EXACT**2 * max(largest, 1e-300)])
+
+    def one_sided(self, free: Floats) -> tuple[Floats, Floats]:
+        """Motions that supports and ties leave, but for the free ones. Collective.
 
         Args:
-            tagged_mesh: Has the names of the bodies.
+            free: What :meth:`free` returns.
 
-        Raises:
-            InputError: Naming the motion and where the body is.
+        Returns:
+            Orthonormal columns; and what they close of the pairs hosted here, shape (num_pairs,
+            number of motions).
         """
-        free = self._left_free(np.ones(len(self._gap), dtype=bool))
-        if not free.shape[1]:
-            return
-        V, bodies = self._V, self._bodies
-        strongest = int(np.argmax(np.abs(free).max(axis=1)))
-        body, motion = divmod(strongest, bodies.num_modes)
-        gdim = V.mesh.geometry.dim
-        x = V.tabulate_dof_coordinates()[bodies.of_node == body, :gdim]
-        low, high = bounding_box(V.mesh.comm, x)
-        ends = np.where(abs(np.stack([low, high])) < ROUNDING * bodies.size, 0.0, [low, high])
-        where = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in ends.T)
-        raise InputError(
-            f"'{_name(tagged_mesh, V, bodies, body)}' in the box [{where}] can move as a rigid body"
-            f" ({bodies.kinematics.motions[motion]}): neither supports nor contact hold it; add a"
-            " support, or a contact that stops this motion."
-        )
+        basis = null_space(self._supports + free @ free.T * np.trace(self._supports + 1.0))
+        return basis, self._jumps @ basis
 
     def first_active(self) -> PairFlags:
-        """Pairs that an active set begins with, so that no body is free to move. Collective.
+        """Pairs that an active set begins with, so that they leave no body freer. Collective.
 
         These are the ones without a gap. Where they leave a motion free that all pairs together
         stop, those with the smallest gaps are added.
         """
-        largest = self._V.mesh.comm.allreduce(float(self._gap.max(initial=0)), MPI.MAX)
+        largest = self._comm.allreduce(float(self._gap.max(initial=0)), MPI.MAX)
+        at_least = self._left_free(np.ones(len(self._gap), dtype=bool))
         for width in (0.0, *(largest * 2.0**k for k in range(-20, 1))):
             held: PairFlags = self._gap <= width
-            if not self._left_free(held).shape[1]:
+            if self._left_free(held) <= at_least:
                 break
         return held
 
-    def _left_free(self, held: PairFlags) -> Floats:
-        """Motions that supports and these pairs leave free, as columns. Collective."""
+    def _left_free(self, held: PairFlags) -> int:
+        """How many motions supports and these pairs leave nearly free. Collective."""
         rows = self._jumps[held]
-        return null_space(self._supports + self._V.mesh.comm.allreduce(rows.T @ rows))
-
-
-def _name(tagged_mesh: TaggedMesh, V: fem.FunctionSpace, bodies: Bodies, body: int) -> str:
-    """The names of the volumes that a body consists of. Collective."""
-    inside = bodies.of_node[V.dofmap.list[tagged_mesh.cell_tags.indices, 0]] == body
-    own = set(tagged_mesh.cell_tags.values[inside].tolist())
-    tags = set().union(*V.mesh.comm.allgather(own))
-    return "', '".join(name for name, tag in tagged_mesh.volumes.items() if tag in tags)
+        gram = self._supports + self._comm.allreduce(rows.T @ rows)
+        return int(null_space(gram).shape[1])
 
 
 def rigid_jumps(V: fem.FunctionSpace, bodies: Bodies, B: PETSc.Mat) -> Floats:
@@ -142,12 +135,12 @@ def null_space(gram: Floats) -> Floats:
     return vectors[:, values <= NEGLIGIBLE * max(values.max(initial=0), 1e-300)]
 
 
-def _support_gram(V: fem.FunctionSpace, bodies: Bodies, fixed: npt.NDArray[np.bool_]) -> Floats:
-    """Σ over supported components of their square, as a quadratic form in the rigid motions.
+def _supported(V: fem.FunctionSpace, bodies: Bodies, fixed: npt.NDArray[np.bool_]) -> Floats:
+    """Components that supports hold, in the rigid motions.
 
-    Collective.
+    Returns:
+        Shape (number on this rank, bodies.count * bodies.num_modes).
     """
     nodes, axes = np.nonzero(fixed[: V.dofmap.index_map.size_local])
     x = V.tabulate_dof_coordinates()[nodes]
-    rows = bodies.functionals(bodies.of_node[nodes], x, np.eye(fixed.shape[1])[axes])
-    return V.mesh.comm.allreduce(rows.T @ rows)
+    return bodies.functionals(bodies.of_node[nodes], x, np.eye(fixed.shape[1])[axes])

@@ -62,6 +62,7 @@ class ConicStiffness(SprungMatrix):
         self._stiffness.zeroEntries()
         fem_petsc.assemble_matrix(self._stiffness, self._form, self._problem.bcs)  # type: ignore[arg-type]
         self._stiffness.assemble()
+        self._problem.free.hold(self._stiffness)
         self._operator.hold(held)
 
     def add_springs(self, springs: tuple[Ints, Floats]) -> None:

@@ -206,6 +206,7 @@ class ViscousFlow:
         self._stiffness.zeroEntries()
         fem_petsc.assemble_matrix(self._stiffness, self._operator_form, self._problem.bcs)  # type: ignore[arg-type]
         self._stiffness.assemble()
+        self._problem.free.hold(self._stiffness)
         friction = self._problem.friction
         each = self.drag[:, None, None] * np.eye(friction.index.shape[1])
         self._operator.add_springs((friction.index, each) if friction.count else None)

@@ -34,6 +34,7 @@ class Rubbed:
         jumps: The slip there (length), same shape.
         energy: Σ c‖slip‖, which it has dissipated.
         excess: Largest ‖μ‖ − c, relative to the largest c; 0 where none is larger.
+        unbalanced: The same relative to the largest force of contact or friction.
         slipping: Places that slip.
     """
 
@@ -41,6 +42,7 @@ class Rubbed:
     jumps: Floats
     energy: float
     excess: float
+    unbalanced: float
     slipping: int
 
 
@@ -85,7 +87,7 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     slack = comm.allreduce(float(np.dot(forces, room)))
     resisted = comm.allreduce(float(np.dot(forces, basis.gap)))
     energy = fields.potential() - problem.loads.work(fields.u.x.petsc_vec, zeta)
-    rubbed = _rubbed(problem, y, r)
+    rubbed = _rubbed(problem, y, r, forces)
     energy += rubbed.energy
     moved = _moved(problem, internal)
     resisted += comm.allreduce(float(np.sum(rubbed.forces * problem.friction.origin)))
@@ -144,21 +146,29 @@ def _left(problem: Problem, stress: fem.Function, zeta: float) -> PETSc.Vec:
     return r
 
 
-def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec) -> Rubbed:
-    """Friction at y, with the forces that the gradient r leaves to it. Collective."""
+def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats) -> Rubbed:
+    """Friction at y, with the forces that the gradient r leaves to it. Collective.
+
+    Args:
+        problem: Whose friction is meant.
+        y: Displacement in the jump basis.
+        r: Gradient there.
+        pushes: Contact forces, shape (num_pairs,).
+    """
     friction, comm = problem.friction, problem.comm
     jumps, forces = friction.slip(y), -friction.jumps(r)
     if not friction.count:
-        return Rubbed(forces, jumps, 0.0, 0.0, 0)
+        return Rubbed(forces, jumps, 0.0, 0.0, 0.0, 0)
     sizes = norms(jumps)
     slips = sizes > ROUNDING * y.norm(PETSc.NormType.NORM_INFINITY)
     energy = comm.allreduce(friction.energy(np.where(slips[:, None], jumps, 0.0)))
     excess = float((norms(forces) - friction.bound).max(initial=0))
     finite = friction.bound[np.isfinite(friction.bound)]
-    most = np.array([excess, finite.max(initial=0)])
+    largest = max(norms(forces).max(initial=0), np.abs(pushes).max(initial=0))
+    most = np.array([excess, finite.max(initial=0), largest])
     comm.Allreduce(MPI.IN_PLACE, most, MPI.MAX)
-    relative = float(most[0] / most[1]) if most[1] > 0 else 0.0
-    return Rubbed(forces, jumps, energy, relative, comm.allreduce(int(slips.sum())))
+    relative, of_all = (float(most[0] / size) if size > 0 else 0.0 for size in most[1:])
+    return Rubbed(forces, jumps, energy, relative, of_all, comm.allreduce(int(slips.sum())))
 
 
 @dataclass(frozen=True)

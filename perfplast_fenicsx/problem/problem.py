@@ -4,7 +4,6 @@
         (v_a − v_b)·n ≤ g at contact nodes
 """
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -21,15 +20,17 @@ from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
 from perfplast_fenicsx.contact.constraints import Constraints, stacked
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.formulations import find_constraints
+from perfplast_fenicsx.contact.free_motions import FreeMotions, held_motions
 from perfplast_fenicsx.contact.friction import Friction
 from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
-from perfplast_fenicsx.contact.loose_bodies import loose_motions
+from perfplast_fenicsx.contact.loose_bodies import warn_of_loose_motions
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.contact.rigid_motions import RigidMotions
 from perfplast_fenicsx.contact.tangential_rows import tangential_rows
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Material
+from perfplast_fenicsx.mesh.body_names import body_names
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
 from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
@@ -50,8 +51,6 @@ from perfplast_fenicsx.problem.rigid_surface import RigidSurface, name_of
 from perfplast_fenicsx.problem.spaces import make_spaces, space_at_points
 from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.profiling import phase
-
-log = logging.getLogger(__name__)
 
 
 class Problem:
@@ -87,6 +86,7 @@ class Problem:
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
         sliding: The rows of jumps along surfaces that rub.
         friction: What resists these.
+        free: Rigid motions that nothing resists, and where they are held.
         first_active: Pairs that an active set begins with, so that no body is free to move.
         basis: Basis in which contact is a bound. What u_D and moving obstacles close of a gap, at
             that ζ, is taken from it.
@@ -147,6 +147,7 @@ class Problem:
         told = (self.motion.driven, self.initial_strain is not None)
         self.loads: LoadCase = declared_loads(self.V, tagged_mesh, loads, self.bcs, rigid, *told)
         self._declared = self.loads
+        self.free.check([self.loads.dead, self.loads.live])
 
     def __repr__(self) -> str:
         topology = self.tagged_mesh.mesh.topology
@@ -275,11 +276,10 @@ class Problem:
         self.sliding, friction = tangential_rows(V, self.constraints, *told, taken)
         held = stacked(V, [self.sliding, self.ties])
         motions = RigidMotions(V, self.bodies, fixed, self.constraints, held)
-        motions.check(tagged_mesh)
+        names = body_names(V, tagged_mesh, self.bodies)
+        self.free: FreeMotions = held_motions(V, self.bodies, names, motions)
         rows = stacked(V, [self.constraints, held])
-        for loose in loose_motions(V, self.bodies, fixed, rows):
-            if self.comm.rank == 0:
-                log.warning("%s", loose)
+        warn_of_loose_motions(V, self.bodies, names, fixed, rows, self.free.basis)
         self.first_active: PairFlags = motions.first_active()
         basis = make_basis(V, rows, fixed, len(self.ties.host), len(self.sliding.host))
         self.friction: Friction = friction.at(basis.sliding)

@@ -32,13 +32,14 @@ class Stiffness:
     def assemble(self, rho: float) -> PETSc.Mat:
         """Bring the matrix to the strains, with this ρ.
 
-        Supported unknowns keep a diagonal of its mean. Collective.
+        Supported unknowns keep a diagonal of its mean, and free motions get springs. Collective.
         """
         self._tangent.update(rho)
         self.matrix.zeroEntries()
         fem_petsc.assemble_matrix(self.matrix, self._tangent.form, self._problem.bcs)  # type: ignore[arg-type]
         self.matrix.assemble()
         self._scale_supports()
+        self._problem.free.hold(self.matrix)
         return self.matrix
 
     def _scale_supports(self) -> None:

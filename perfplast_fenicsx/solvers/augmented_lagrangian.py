@@ -111,7 +111,8 @@ class AugmentedLagrangian(LevelSolver):
                 )
         self.options = options or AugmentedLagrangianOptions()
         criterion = "primal and dual residual met"
-        super().__init__(problem, self.options.max_iterations, criterion)
+        end = (self.options.tolerance, self.options.max_iterations)
+        super().__init__(problem, end, criterion)
         operator = self.iterate.operator(rho=1.0)
         self._splitting: FrictionSplitting | None = None
         if problem.friction.count:

@@ -22,6 +22,9 @@ MOST_ROUNDS = 100
 SETTLED = 1e-8
 """Change of the bounds in a round, relative to the largest one, that makes it the last."""
 
+NOTHING = 1e-10
+"""Bounds below this share of the largest that a level has had are rounding of unloaded surfaces."""
+
 Solve = Callable[[State | None], Level]
 """Solves a level with Tresca's friction from a state."""
 
@@ -38,31 +41,47 @@ def solve_coulomb(problem: Problem, solve: Solve, start: State | None, pushes: F
     """
     first = _bounds(problem, pushes)
     if start is not None and problem.comm.allreduce(float(first.sum())) > 0:
-        level = _rounds(problem, solve, start, first)
+        level = _rounds(problem, solve, start, first, 0.0)
         if level.report.converged or level.report.rounds > 1:
             return level
-    return _rounds(problem, solve, start, np.full_like(first, np.inf))
+    largest = float(first.max(initial=0))
+    return _rounds(problem, solve, start, np.full_like(first, np.inf), largest)
 
 
-def _rounds(problem: Problem, solve: Solve, start: State | None, bounds: Floats) -> Level:
-    """Rounds from first bounds until these settle. Collective."""
+def _rounds(
+    problem: Problem, solve: Solve, start: State | None, bounds: Floats, most: float
+) -> Level:
+    """Rounds from first bounds until these settle. Collective.
+
+    Args:
+        problem: Whose friction is brought up to date.
+        solve: See :func:`solve_coulomb`.
+        start: State to begin with; None for none.
+        bounds: The first ones.
+        most: Bounds that surfaces on this rank have had before.
+    """
     friction, comm = problem.friction, problem.comm
     follows = friction.coulomb > 0
     friction.bound[follows] = bounds
+    most = comm.allreduce(float(bounds[np.isfinite(bounds)].max(initial=most)), MPI.MAX)
     rounds: list[Level] = []
     reason = f"the bounds of friction have not settled in {MOST_ROUNDS} rounds"
     for _ in range(MOST_ROUNDS):
         level = solve(start)
         rounds.append(level)
         if not level.report.converged:
-            reason = f"round {len(rounds)} of Coulomb's friction: {level.report.reason}"
+            bounds_of = "with the last round's forces of contact" if len(rounds) > 1 else "at first"
+            reason = (
+                f"round {len(rounds)} of Coulomb's friction, {bounds_of}: {level.report.reason}"
+            )
             return _together(rounds, False, reason)
         start = level.state
         bounds = _bounds(problem, level.contact_forces)
         change = np.abs(bounds - friction.bound[follows]).max(initial=0)
         largest = np.array([change, bounds.max(initial=0)])
         comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-        if largest[0] <= SETTLED * largest[1]:
+        most = max(most, float(largest[1]))
+        if largest[0] <= SETTLED * largest[1] or largest[1] <= NOTHING * most:
             return _together(rounds, True, level.report.reason)
         friction.bound[follows] = bounds
     return _together(rounds, False, reason)

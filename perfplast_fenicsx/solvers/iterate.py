@@ -172,12 +172,13 @@ class Iterate:
         self.direction.update()
 
     @phase("line search")
-    def line_search(self, zeta: float, stretch: bool = False) -> float:
+    def line_search(self, zeta: float, stretch: bool = False, halted: bool = False) -> float:
         """β along δu, from the derivative of J_ζ(u + β δu); see :func:`line_search.step_length`.
 
         Args:
             zeta: Load factor.
             stretch: Whether to go on beyond β = 1 where J_ζ falls much there.
+            halted: Whether the last step had β = 0, so that another one would change nothing.
         """
         direction = self.direction
         load = self.problem.loads.work(direction.du.x.petsc_vec, zeta)
@@ -186,7 +187,8 @@ class Iterate:
             direction.beta.value = beta
             return direction.slope() - load + self._rubbing(beta)
 
-        return step_length(slope, self._noise, self._longest if stretch else None)
+        rubs = self.problem.friction.count > 0 and not halted
+        return step_length(slope, self._noise, self._longest if stretch else None, kinked=rubs)
 
     def _noise(self) -> tuple[float, float]:
         """Rounding errors of slopes: of the terms of their sum, and of the strains in them."""

@@ -38,6 +38,7 @@ class Stepper(Protocol):
         iterate: u, which steps advance.
         linear: The linear solver, for its counts.
         max_iterations: Most steps of a level.
+        tolerance: Value of the stopping criterion that ends them.
         steps_called: What a message calls them.
         criterion: What a message says of steps that have become small enough.
     """
@@ -45,6 +46,7 @@ class Stepper(Protocol):
     iterate: Iterate
     linear: LinearSolver
     max_iterations: int
+    tolerance: float
     steps_called: str
     criterion: str
 
@@ -96,13 +98,18 @@ def solve_level(
         iterate, which is not a solution.
     """
     zeta, active = stepper.begin(value, start)
-    progress = Progress(stepper.iterate, stepper.linear, monitor)
+    progress = Progress(stepper.iterate, stepper.linear, monitor, stepper.tolerance)
+    loads = stepper.iterate.problem.loads
+    driven = stepper.iterate.problem.free.driven([loads.dead, loads.live])
+    if driven is not None:
+        return progress.level(zeta, active, False, driven)
     history, doubts = progress.history, 0
     while len(history) < stepper.max_iterations:
         try:
             step = stepper.step(value, zeta, active, history)
         except LinearFailure as failure:
-            return progress.level(zeta, active, False, str(failure))
+            told = _pushed_away(stepper.iterate.problem, zeta) or str(failure)
+            return progress.level(zeta, active, False, told)
         zeta, active = step.zeta, step.active
         progress.add(step)
         if step.finished:
@@ -115,7 +122,16 @@ def solve_level(
         if reason is not None:
             return progress.level(zeta, active, False, reason)
     reason = no_convergence(stepper.max_iterations, stepper.steps_called)
+    reason = _pushed_away(stepper.iterate.problem, zeta) or reason
     return progress.level(zeta, active, False, reason)
+
+
+def _pushed_away(problem: Problem, zeta: float) -> str | None:
+    """Why a level has failed, if the loads push a body away. Collective."""
+    force = problem.loads.total(zeta, problem.create_vector())
+    told = problem.free.leaving.pushed_away(force)
+    force.destroy()
+    return told
 
 
 class LevelSolver(Stepper, ABC):
@@ -138,18 +154,26 @@ class LevelSolver(Stepper, ABC):
     def __init__(
         self,
         problem: Problem,
-        max_iterations: int,
+        end: tuple[float, int],
         criterion: str,
         lender: "LevelSolver | None" = None,
         subdivision: Subdivision | None = None,
     ) -> None:
         """Compile the forms and create the solvers, or borrow another algorithm's. Collective.
 
+        Args:
+            problem: What is solved.
+            end: Tolerance of the steps, and most of them.
+            criterion: What is said of a level that has met its stopping criterion.
+            lender: Whose solvers are used.
+            subdivision: Of Total FETI.
+
         Raises:
             InputError: If Total FETI, which a subdivision asks for, does not go with the problem.
         """
         self.problem = problem
-        self.max_iterations, self.criterion = max_iterations, criterion
+        self.tolerance, self.max_iterations = end
+        self.criterion = criterion
         self.linear: LinearSolver = lender.linear if lender else LinearSolver(problem)
         self.iterate: Iterate
         self.program: ContactSolver

@@ -25,6 +25,7 @@ def step_length(
     slope: Slope,
     noise: Callable[[], tuple[float, float]],
     longest: Callable[[], float] | None = None,
+    kinked: bool = False,
 ) -> float:
     """β = argmin over (0, 1] of the energy, or up to ``longest`` where it falls on much at 1.
 
@@ -36,6 +37,8 @@ def step_length(
         noise: Rounding errors of φ' as a sum, and of that with what it is a sum of; asked only
             where they decide.
         longest: How long the step may be; None for no longer than 1.
+        kinked: Whether the energy has kinks that a step may be wrong about: where it rises from
+            the start on, β = 0, and the next step knows better.
     """
     at_zero, at_one = slope(0.0), slope(1.0)
     if -STRETCHABLE * abs(at_zero) <= at_one <= SLOPE_REDUCTION * abs(at_zero):
@@ -44,6 +47,8 @@ def step_length(
     enough = max(SLOPE_REDUCTION * abs(at_zero), of_sum)
     if at_one > max(enough, of_all) and at_zero < -of_sum:
         return _bisected(slope, 0.0, 1.0, enough)
+    if kinked and at_one > max(enough, of_all) and at_zero > max(of_sum, of_all):
+        return 0.0
     if longest is None or at_zero >= -of_all or at_one >= -STRETCHABLE * abs(at_zero):
         return 1.0
     return _stretched(slope, STRETCHABLE * abs(at_zero), longest())

@@ -28,6 +28,10 @@ from perfplast_fenicsx.solvers.newton_options import (
 from perfplast_fenicsx.solvers.progress import Step
 from perfplast_fenicsx.solvers.verdicts import BEYOND, above_limit
 
+LOOK_AROUND = 5
+"""So often the whole displacement is looked at as a collapse mechanism, beside the last step, which
+may be of a few pairs alone."""
+
 
 class Newton(LevelSolver):
     """ALG1, which prescribes ζ."""
@@ -44,9 +48,8 @@ class Newton(LevelSolver):
         """Compile the forms and create the solvers, or borrow another algorithm's. Collective."""
         self.options = options or NewtonOptions()
         criterion = criterion_met(self.options)
-        super().__init__(
-            problem, self.options.max_iterations, criterion, lender, self.options.subdivision
-        )
+        end = (self.options.tolerance, self.options.max_iterations)
+        super().__init__(problem, end, criterion, lender, self.options.subdivision)
         self._first_work = 0.0
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
@@ -65,7 +68,8 @@ class Newton(LevelSolver):
         rho = regularisation(options, history, iterate.lifted)
         found = newton_direction(self, options, zeta, active, history, rho)
         iterate.aim(found.delta)
-        beta = iterate.line_search(zeta, stretch=True) if options.damping else 1.0
+        halted = bool(history) and history[-1].beta <= 0
+        beta = iterate.line_search(zeta, stretch=True, halted=halted) if options.damping else 1.0
         increment = iterate.take_step(beta, options.stopping, zeta)
         finished = increment < options.tolerance and found.settled and beta == 1
         if not history:
@@ -74,7 +78,14 @@ class Newton(LevelSolver):
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
         """Whether J_ζ falls on for ever. Collective."""
-        if len(history) < 3 or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
+        if len(history) < 3:
+            return None
+        far = BEYOND * self._first_work
+        descends = self.iterate.descends_until(far, zeta)
+        if not descends and len(history) % LOOK_AROUND == 0:
+            self.iterate.aim(self.iterate.y)
+            descends = self.iterate.descends_until(far, zeta)
+        if not descends:
             return None
         return above_limit(zeta, history, self.problem.loads.grows())
 
@@ -108,14 +119,14 @@ def newton_direction(
     sets = most_sets(options, history)
     if not history:
         iterate.first_force = float(gradient.norm(PETSc.NormType.NORM_INFINITY))
+    first = iterate.first_force
     if solver.friction is None:
         solver.program.set_operator(operator)
-        first = iterate.first_force
         return solver.program.solve(gradient, room, active, rtol, sets, work, first=first)
     solver.friction.set_operator(operator)
     jumps, slip = iterate.jumps(), iterate.slip
     sets = sets if sets == 1 else None  # linearisations are searched to the end, or not at all
-    found = solver.friction.solve(gradient, room, active, jumps, slip, rtol, sets, work)
+    found = solver.friction.solve(gradient, room, active, jumps, slip, rtol, sets, work, first)
     iterate.slip = found.slip
     return found.step
 

@@ -16,7 +16,7 @@ from perfplast_fenicsx.problem.state import Level
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor
-from perfplast_fenicsx.solvers.verdicts import CREDIBLE, not_credible
+from perfplast_fenicsx.solvers.verdicts import CREDIBLE, SLIDES, not_credible, slides_on
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,15 @@ class Progress:
         history: The iterations so far.
     """
 
-    def __init__(self, iterate: Iterate, linear: LinearSolver, monitor: Monitor | None) -> None:
-        """Start the clock and note the solver's counts."""
+    def __init__(
+        self,
+        iterate: Iterate,
+        linear: LinearSolver,
+        monitor: Monitor | None,
+        tolerance: float,
+    ) -> None:
+        """Start the clock and note the solver's counts; ``tolerance`` is that of the steps."""
+        self._slides = max(SLIDES, 10 * tolerance)
         self.history: list[Iteration] = []
         self._iterate, self._linear, self._monitor = iterate, linear, monitor
         self._began = time.perf_counter()
@@ -86,9 +93,14 @@ class Progress:
         """Judge the iterate and report it. Collective."""
         iterate, history = self._iterate, self.history
         problem, fields, comm = iterate.problem, iterate.fields, iterate.problem.comm
+        problem.free.centre(fields.u)
         certificate = certify(problem, fields, zeta)
         if converged and not abs(certificate.duality_gap) <= CREDIBLE:
             converged, reason = False, not_credible(certificate.duality_gap)
+        unbalanced = certificate.friction.unbalanced
+        off = max(unbalanced, abs(certificate.duality_gap))
+        if converged and problem.friction.count and not off <= self._slides:
+            converged, reason = False, slides_on(unbalanced, certificate.duality_gap)
         nodal = fields.u.x.array.reshape(-1, problem.V.dofmap.index_map_bs)
         largest = float(np.linalg.norm(nodal, axis=1).max(initial=0))
         solves, setups, krylov = (

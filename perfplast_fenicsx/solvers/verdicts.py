@@ -10,6 +10,11 @@ BEYOND = 1e3
 CREDIBLE = 1e-2
 """A state with a larger duality gap is no solution, whatever the steps to it were."""
 
+SLIDES = 1e-6
+"""Where surfaces rub, a larger duality gap, or force of friction beyond its bound, is no solution
+that steps were too coarse for: bodies slide on, and steps that are nearly rigid motions look small.
+Levels with a coarser tolerance may have ten times that."""
+
 
 def above_limit(zeta: float, history: Sequence[Iteration], grows: bool = True) -> str:
     """The verdict that (P)_ζ has no solution, with its evidence.
@@ -40,6 +45,15 @@ def not_credible(duality_gap: float) -> str:
     return (
         f"the steps have become small at a state that is no solution (duality gap"
         f" {duality_gap:.2g}), as where bodies lose all contact"
+    )
+
+
+def slides_on(unbalanced: float, duality_gap: float) -> str:
+    """The verdict on an end of the steps where surfaces still slide."""
+    return (
+        "the steps have become small while bodies slide on: friction is out of balance by"
+        f" {unbalanced:.2g} of the largest force between surfaces (duality gap {duality_gap:.2g}),"
+        " as where it is overcome and a body slides as a whole"
     )
 
 

@@ -11,10 +11,11 @@ minimised along δu. ALG4 is Newton's method for ζ and u together,
 
 which the paper confines to problems without contact. On a given active set both solves run on the
 free unknowns, and they solve ALG3's quadratic program there; the active set is updated until it is
-the solution's. So both are one method here, which ALG3 damps and ALG4 does not.
+the solution's. So both are one method here, which ALG3 damps, and ALG4 where it would diverge.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -61,7 +62,7 @@ class WorkNewton(LevelSolver):
         self.options = options or NewtonOptions()
         super().__init__(
             problem,
-            self.options.max_iterations,
+            (self.options.tolerance, self.options.max_iterations),
             criterion_met(self.options),
             subdivision=self.options.subdivision,
         )
@@ -99,8 +100,9 @@ class WorkNewton(LevelSolver):
         found = newton_direction(self, options, zeta, active, history, rho, missing)
         zeta += found.multiplier
         iterate.aim(found.delta)
-        damp = self.damped and options.damping and history
-        beta = iterate.line_search(zeta) if damp else 1.0
+        damp = options.damping and history and (self.damped or diverges(history))
+        halted = bool(history) and history[-1].beta <= 0
+        beta = iterate.line_search(zeta, halted=halted) if damp else 1.0
         increment = iterate.take_step(beta, options.stopping)
         change = _change(found.multiplier, zeta)
         if increment < options.tolerance <= change:
@@ -193,10 +195,20 @@ class WorkNewton(LevelSolver):
 
 
 class BorderedNewton(WorkNewton):
-    """ALG4, which prescribes α: undamped Newton for ζ and u together, with contact."""
+    """ALG4, which prescribes α: undamped Newton for ζ and u together, with contact.
+
+    Undamped steps need not converge from afar, with constant loads and without: once they have
+    grown, a level goes on with ALG3's damping.
+    """
 
     method = "bordered-newton"
     damped = False
+
+
+def diverges(history: Sequence[Iteration]) -> bool:
+    """Whether an increment has ever grown, behind the second, which may well be the largest."""
+    sizes = [record.increment for record in history[1:]]
+    return any(a < b for a, b in pairwise(sizes))
 
 
 def _change(multiplier: float, zeta: float) -> float:

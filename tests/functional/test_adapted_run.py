@@ -84,9 +84,8 @@ TUBE = (
 REFUSED = {
     "nothing holds a body": (
         stacked(ROLLERS, contact=""),
-        "can move as a rigid body (translation in",
+        "can move as a rigid body",
     ),
-    "nothing holds it along y": (stacked([ROLLERS[0], ROLLERS[2]]), "supports nor contact hold it"),
     "lifted off": (
         stacked(ROLLERS).replace("pressure = 1.0", "pressure = -1.0"),
         "no stress can carry the loads: they move bodies off what holds them",

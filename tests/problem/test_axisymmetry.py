@@ -278,7 +278,7 @@ def test_only_the_axis_can_be_moved_along() -> None:
         loads = [Traction("top", (1.0, -1.0))]
         return Problem(blocks, {"lower": SOFT, "upper": SOFT}, supports, loads, **about)
 
-    free = ["can move as a rigid body (translation along the axis)"]
+    free = ["the body 'upper' (translation along the axis) can move as a rigid body"]
     assert_refused(lambda: problem(Support("bottom", "y")), free)
     assert_refused(
         lambda: problem(Support("x0", "x", 0.1), Support("bottom", "y")), ["axis r = 0", "along x"]

@@ -127,7 +127,7 @@ class Scripted(LevelSolver):
         ends: int = 0,
         size: float = 1.0,
     ) -> None:
-        super().__init__(problem, max_iterations, "small enough")
+        super().__init__(problem, (1e-8, max_iterations), "small enough")
         self._finished, self._fails, self._ends, self._size = finished, fails, ends, size
 
     def begin(self, value: float, start: State | None) -> tuple[float, np.ndarray]:

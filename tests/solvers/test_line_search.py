@@ -57,3 +57,10 @@ def test_steps_of_yielding_bodies_are_stretched_and_the_last_one_is_not() -> Non
     assert max(step.beta for step in level.iterations) > 1
     assert level.iterations[-1].beta == pytest.approx(1.0)
     assert (np.diff(energies) <= 1e-12 * abs(energies[-1])).all()
+
+
+def test_a_step_up_is_not_taken_where_there_are_kinks() -> None:
+    """A linearisation of friction that is wrong about a side throws bodies along such steps."""
+    assert step_length(lambda b: b + 0.5, exact, None, kinked=True) == pytest.approx(0.0)
+    assert step_length(lambda b: b - 2.0, exact, None, kinked=True) == pytest.approx(1.0)
+    assert step_length(lambda b: b + 0.5, noisy, None, kinked=True) == pytest.approx(1.0)

@@ -9,17 +9,31 @@ import numpy as np
 import pytest
 import ufl
 
-from perfplast_fenicsx import InputError, Newton, NewtonOptions, load_path
+from perfplast_fenicsx import (
+    BodyForce,
+    Contact,
+    InputError,
+    Newton,
+    NewtonOptions,
+    PorePressure,
+    Pressure,
+    Problem,
+    Support,
+    load_path,
+)
+from perfplast_fenicsx.problem import Load
 from perfplast_fenicsx.problem.integrals import Integral
 from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
 from perfplast_fenicsx.solvers.work_newton import BorderedNewton, WorkNewton
+from tests.contact.blocks_apart import blocks_apart
 from tests.models import (
     PUNCH_LIMIT,
     STACK_HEIGHTS,
     STACK_YOUNG,
+    STEEL,
     punch_problem,
     stack_problem,
     two_blocks_problem,
@@ -202,3 +216,28 @@ def test_no_work_is_no_displacement() -> None:
 def test_impossible_work_is_refused(method: type[WorkNewton], alpha: float, words: str) -> None:
     with pytest.raises(InputError, match=words):
         method(punch_problem(2)).solve(alpha)
+
+
+@pytest.mark.parametrize(
+    "constant",
+    [
+        [],
+        [BodyForce("upper", (0.0, -10.0), constant=True)],
+        [PorePressure("upper", 5.0, constant=True)],
+    ],
+)
+def test_alg4_far_beyond_first_yield(constant: list[Load]) -> None:
+    """Undamped steps from there diverge: they are damped then, and meet ALG3."""
+    problem = Problem(
+        blocks_apart(MPI.COMM_WORLD, [4, 4], [4, 4], moved_by=0.0),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom"), Support("x0", "x"), Support("upper_x0", "x")],
+        [Pressure("top", 1.0), *constant],
+        [Contact("lower_top", "upper_bottom")],
+        degree=2,
+    )
+    damped, mended = converged(
+        [method(problem).solve(0.02) for method in (WorkNewton, BorderedNewton)]
+    )
+    assert mended.report.zeta == pytest.approx(damped.report.zeta, rel=1e-6)
+    assert mended.iterations[1].beta == pytest.approx(1.0)

@@ -62,6 +62,7 @@ class _Asked:
     jumps: Floats
     rtol: float
     work: float | None
+    first: float
 
 
 class FrictionProgram:
@@ -90,6 +91,7 @@ class FrictionProgram:
         rtol: float,
         most_sets: int | None = None,
         work: float | None = None,
+        first: float = 0.0,
     ) -> FrictionStep:
         """Solve the contact QP with friction. Collective.
 
@@ -103,11 +105,12 @@ class FrictionProgram:
             most_sets: Solve with one linearisation, and no more sets of held pairs; None to go on
                 until both are right.
             work: ℓᵀδ if it is prescribed, where ℓ are the loads.
+            first: Largest force where the level began.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.
         """
-        asked = _Asked(r, room, jumps, rtol, work)
+        asked = _Asked(r, room, jumps, rtol, work, first)
         found = self._linearise(asked, active, slip, most_sets)
         for steps in SPLITTINGS if most_sets is None else ():
             if found.step.settled or not found.turns:
@@ -138,7 +141,7 @@ class FrictionProgram:
             self._program.set_operator(self._operator)
             held = Held(friction.unknowns(slip.sticks), -jumps[self._there(slip)])
             step = self._program.solve(
-                self._r, asked.room, active, asked.rtol, most_sets, asked.work, held
+                self._r, asked.room, active, asked.rtol, most_sets, asked.work, held, asked.first
             )
             iterations += step.iterations
             after = jumps + friction.jumps(step.delta)
@@ -175,7 +178,9 @@ class FrictionProgram:
         for _ in range(steps):
             asked.r.copy(self._r)
             splitting.add_gradient(asked.jumps, 1.0, self._r)
-            step = self._program.solve(self._r, asked.room, active, asked.rtol, None, asked.work)
+            step = self._program.solve(
+                self._r, asked.room, active, asked.rtol, None, asked.work, first=asked.first
+            )
             splitting.follow(asked.jumps + friction.jumps(step.delta), 1.0)
             active, iterations = step.active, iterations + step.iterations
         return splitting.slip(), active, iterations

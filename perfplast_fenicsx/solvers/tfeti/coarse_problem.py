@@ -28,9 +28,16 @@ class CoarseProblem:
         size: Rigid motions of all pieces.
     """
 
-    def __init__(self, comm: MPI.Intracomm, pieces: Subdomains, B: PETSc.Mat) -> None:
-        """Form G of all rows. Collective."""
-        self._comm, self._pieces = comm, pieces
+    def __init__(self, comm: MPI.Intracomm, pieces: Subdomains, B: PETSc.Mat, free: int) -> None:
+        """Form G of all rows. Collective.
+
+        Args:
+            comm: The ranks.
+            pieces: Of all bodies.
+            B: Their rows.
+            free: How many rigid motions of the bodies no row resists.
+        """
+        self._comm, self._pieces, self._free = comm, pieces, free
         torn, gdim, modes = pieces.motions.shape
         self.size = pieces.total * modes
         self._here = slice(pieces.first * modes, (pieces.first + pieces.count) * modes)
@@ -62,12 +69,14 @@ class CoarseProblem:
         gram = self._comm.allreduce((self._G @ self._G.T).toarray())
         if not self.size:
             return
-        values = eigh(gram, eigvals_only=True)
-        if values[0] <= NEGLIGIBLE * values[-1]:
+        values, vectors = eigh(gram)
+        free = vectors[:, values <= NEGLIGIBLE * values[-1]]
+        if free.shape[1] > self._free:
             raise LinearFailure(
                 "a subdomain can move as a rigid body: neither supports nor closed contact hold it"
             )
-        self._factors = cho_factor(gram)
+        # no load does work on what is free, so that its part of all right-hand sides is zero
+        self._factors = cho_factor(gram + values[-1] * free @ free.T)
 
     def balance(self, multipliers: Floats) -> Floats:
         """G λ, alike on every rank, shape (size,). Collective."""

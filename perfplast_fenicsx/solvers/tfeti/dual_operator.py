@@ -29,8 +29,8 @@ class DualOperator:
         norm: ‖PFP‖, estimated, of the first stiffness or the last :meth:`measure`.
     """
 
-    def __init__(self, comm: MPI.Intracomm, pieces: Subdomains, gluing: Gluing) -> None:
-        """Form G. Collective.
+    def __init__(self, comm: MPI.Intracomm, pieces: Subdomains, gluing: Gluing, free: int) -> None:
+        """Form G of the rows of ``gluing``, which leave so many rigid motions free. Collective.
 
         Raises:
             LinearFailure: If a piece can move as a rigid one, whatever the rows are.
@@ -45,7 +45,7 @@ class DualOperator:
         self._force: npt.NDArray[np.bool_] = np.ones(rows, dtype=np.bool_)
         self._border: Floats = np.zeros(self._u.getLocalSize())
         self._stiffness: TornStiffness | None = None
-        self.coarse = CoarseProblem(comm, pieces, self._B)
+        self.coarse = CoarseProblem(comm, pieces, self._B, free)
         self.norm = 0.0
         self._measured = self._ready = False
         self._renew()

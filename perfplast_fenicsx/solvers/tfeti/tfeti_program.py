@@ -63,7 +63,7 @@ class TfetiProgram:
         self._problem, self._linear, self._comm = problem, linear, problem.comm
         gluing = make_gluing(problem, pieces)
         self._length = gluing.length
-        self._dual = DualOperator(self._comm, pieces, gluing)
+        self._dual = DualOperator(self._comm, pieces, gluing, problem.free.count)
         self._bodies = TornBodies(problem, gluing)
         self._faces = DirichletPreconditioner(self._dual, gluing, problem.bodies.gdim)
         self._index = problem.basis.index

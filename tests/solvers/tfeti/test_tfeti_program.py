@@ -137,7 +137,7 @@ def test_bodies_that_lose_all_contact() -> None:
     )
     level = Newton(problem, tfeti(4)).solve(1.0)
     assert not level.report.converged
-    assert "bodies" in level.report.reason
+    assert "push the body 'upper' away" in level.report.reason
 
 
 def test_above_the_limit() -> None:
