@@ -82,6 +82,6 @@ def moved_by(
     if not isinstance(loading, StageControl):
         return lambda name, on: isinstance(loading, DisplacementControl)
     named = {name for stage in loading.stages for name in stage.factors}
-    warmed = [one for one in initial if isinstance(one, Temperature)]
-    taken = {called(one) for one in (*loads, *warmed)}
+    taken = {called(load) for load in loads}
+    taken |= {called(one) for one in initial if isinstance(one, Temperature)}
     return lambda name, on: name in named or (not name and on in named - taken)
