@@ -18,7 +18,7 @@ import ufl
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
-from perfplast_fenicsx.contact.constraints import Constraints, stacked
+from perfplast_fenicsx.contact.constraints import Constraints, named, stacked
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.formulations import find_constraints
 from perfplast_fenicsx.contact.friction import Friction
@@ -265,10 +265,11 @@ class Problem:
     ) -> JumpBasis:
         """Find the rows, and a basis in which they are bounds. Collective."""
         V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
-        self.constraints: Constraints = find_constraints(V, tagged_mesh, contacts, obstacles, taken)
-        named = [name for a in contacts for name in (a.primary, a.secondary)]
-        named += [obstacle.on for obstacle in obstacles]
-        self.contact_tags = tuple(sorted({tagged_mesh.surfaces[name] for name in named}))
+        rows = find_constraints(V, tagged_mesh, contacts, obstacles, taken)
+        self.constraints: Constraints = named(self.comm, rows)
+        touching = [name for a in contacts for name in (a.primary, a.secondary)]
+        touching += [source.on for source in self.constraints.sources if source.on]
+        self.contact_tags = tuple(sorted({tagged_mesh.surfaces[name] for name in touching}))
         self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
         told = (contacts, obstacles, self.given.ties)
@@ -288,8 +289,7 @@ class Problem:
     def _motion(self, displacement: Floats) -> GivenMotion:
         """What moves. Collective."""
         V, (contacts, obstacles) = self.V, (self.given.contacts, self.given.obstacles)
-        rows = (self.constraints, self.sliding, self.friction)
-        motion = given_motion(V, displacement, *rows, contacts, obstacles)
+        motion = given_motion(V, displacement, self.constraints, self.sliding, self.friction)
         self.interferes: bool = self.comm.allreduce(bool((motion.gap[0] < 0).any()), MPI.LOR)
         if motion.moves_supports or motion.driven:
             known = (self.constraints, self.fixed, displacement)
