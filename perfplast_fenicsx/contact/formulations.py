@@ -96,7 +96,7 @@ def _of_contact(contact: Contact) -> Source:
 
 def _of_obstacle(obstacle: Obstacle, gdim: int) -> Source:
     called = obstacle.name or obstacle.on
-    move = tuple(move_of(obstacle, gdim).tolist())
+    move = [float(part) for part in move_of(obstacle, gdim)]
     return Source(
         f"obstacle {called}", obstacle.on, called, obstacle.tresca, obstacle.coulomb, move
     )

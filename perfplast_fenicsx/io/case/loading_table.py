@@ -53,7 +53,7 @@ def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str
         InputError: If a limit load is sought that hardening bodies do not have, or there are stages
             for a body that cannot remember.
     """
-    hard = sorted(name for name, a in materials.items() if isinstance(a, Hardening))
+    hard = sorted(name for name, a in materials.items() if a.law.carries_any_load)
     if hard and loading.limit_tolerance is not None:
         raise InputError(
             f"the material of '{hard[0]}' hardens, so that bodies carry any load, and there is no"
