@@ -1,6 +1,7 @@
 """What has no limit load, or none that a method can find, and is refused."""
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.materials.law import carries_any_load
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -35,7 +36,7 @@ def check_bodies_have_limits(problem: Problem) -> None:
         InputError: If one of them hardens.
     """
     for name, material in problem.given.materials.items():
-        if getattr(material.law, "carries_any_load", False):
+        if carries_any_load(material):
             raise InputError(
                 f"the material of '{name}' hardens, so that bodies carry any load, and there is no"
                 " limit load to be sought; load by given values, or give VonMises in its place."
