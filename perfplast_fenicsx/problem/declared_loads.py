@@ -37,7 +37,8 @@ def declared_loads(
         bcs: Supports.
         rigid: Surfaces that forces may act on.
         driven: Whether ζ moves supports, obstacles or overlaps: there may then be no load.
-        strained: Whether there is an initial strain: there may then be no load either.
+        strained: Whether strains, overlaps or displacements that stay load the bodies: there may
+            then be no load either.
 
     Raises:
         InputError: If a load does not fit the mesh, or nothing grows.

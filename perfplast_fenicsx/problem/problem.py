@@ -144,7 +144,8 @@ class Problem:
         self.motion, self.in_stages = self._motion(displacement), False
         self.prescribed = self.motion.displacement_at(0.0)
         self.move_to(0.0)
-        told = (self.motion.driven, self.initial_strain is not None)
+        stays = self.initial_strain is not None or self.interferes or self.motion.moves_supports
+        told = (self.motion.driven, stays)
         self.loads: LoadCase = declared_loads(self.V, tagged_mesh, loads, self.bcs, rigid, *told)
         self._declared = self.loads
 

@@ -47,8 +47,14 @@ def check_loading(
         return
     staged = isinstance(loading, StageControl)
     moving = any(follows(mover) for mover in (*supports, *obstacles, *contacts))
-    if not loads and not (staged and (strained or moving)):
-        raise InputError("no load is given; add a [[load]] table.")
+    settled = any(support.moves for support in supports)
+    alone = (strained or settled) and isinstance(loading, LoadControl)
+    if not loads and not (alone or (staged and (strained or moving))):
+        raise InputError(
+            "no load is given; add a [[load]] table. Without one control = 'load' goes with an"
+            " interference, a temperature, an initial stress or a displacement that stays, and"
+            " control = 'displacement' or stages with motions that grow."
+        )
     for obstacle in obstacles:
         if any(obstacle.move) and not staged:
             raise InputError(
