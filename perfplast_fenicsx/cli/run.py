@@ -25,6 +25,7 @@ from perfplast_fenicsx.io.results.run_lock import INTERRUPTED
 from perfplast_fenicsx.limit_analysis.adaptation import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body_bounds import bounds_of_mesh, limit_bounds
 from perfplast_fenicsx.limit_analysis.drucker import drucker_bounds
+from perfplast_fenicsx.limit_analysis.limit_checks import ignored
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod, method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.pictures.drawing_process import draw
@@ -89,11 +90,13 @@ def run(
             folder.create()
             checkpoints.write(saved)
         with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
-            on_friction = _on_friction(problem)
-            for remark in on_friction:
+            said = _on_friction(problem)
+            if method == LimitMethod.INTERIOR_POINT:
+                said += ignored(problem)
+            for remark in said:
                 terminal.say(f"{remark}.")
             warn_of(comm, case, problem)
-            remarks = [*problem.constraints.remarks, *left_out(problem), *on_friction]
+            remarks = [*problem.constraints.remarks, *left_out(problem), *said]
             journal.header(case, [describe(case.title, method, problem, case.options), *remarks])
             context = RunContext(
                 case=case,

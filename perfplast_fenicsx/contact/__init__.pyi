@@ -1,5 +1,6 @@
 from .constraints import Constraints as Constraints
 from .constraints import Formulation as Formulation
+from .constraints import Source as Source
 from .constraints import make_constraints as make_constraints
 from .contact import Contact as Contact
 from .obstacles import OBSTACLES as OBSTACLES

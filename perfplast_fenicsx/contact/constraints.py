@@ -1,9 +1,10 @@
 """Contact as rows B u ≤ g: what every formulation makes of surfaces, and all else is made of."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.contact.friction_terms import FrictionTerms
 from perfplast_fenicsx.contact.sparse_rows import (
     Entries,
     Sizes,
@@ -18,7 +20,34 @@ from perfplast_fenicsx.contact.sparse_rows import (
     matrix_of_entries,
     unknowns,
 )
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
+
+@dataclass(frozen=True)
+class Source(FrictionTerms):
+    """A contact, an obstacle or what else has rows: what all but the rows themselves is told of it.
+
+    Attributes:
+        name: What resultants call it.
+        on: Surface of its hosts, for messages and pressures.
+        called: What stages call it.
+        tresca: See :class:`friction_terms.FrictionTerms`; ``coulomb`` too.
+        coulomb: The same.
+        move: How far what is opposite moves by itself for ζ = 1 (length, one number a direction);
+            empty for not at all.
+        grows: Whether ζ multiplies the overlap that its bodies have.
+        inner: Whether its rows are between bodies, so that their forces are none on all together.
+    """
+
+    name: str
+    on: str = ""
+    called: str = ""
+    tresca: float | None = None
+    coulomb: float | None = None
+    move: Sequence[float] = ()
+    grows: bool = False
+    inner: bool = False
 
 
 @dataclass(frozen=True)
@@ -39,8 +68,8 @@ class Constraints:
         gap: Initial gap g (length), negative for interference, shape (m_local,).
         normal: Unit normal out of a's body, shape (m_local, gdim); where a row is one of several
             nodes whose normals turn, its resultant force for λ = 1, of nearly that length.
-        surface: Number of the contact or obstacle from 0, shape (m_local,); obstacles count on
-            behind the contacts.
+        surface: Which of ``sources`` a row belongs to, shape (m_local,); without sources any
+            numbers (:func:`named`).
         shares: Which share of a row's force each node gets along the normal: 1 at the host and its
             guest where nodes match. On either side the shares add up to 1; on elements of second
             order some may be negative. Shape (m, num_nodes), sparse, distributed as B and V's
@@ -52,6 +81,7 @@ class Constraints:
         in_mean: Whether any row holds a mean of the jump on a surface, so that bodies may enter
             each other a little between nodes and at them.
         remarks: What there is to say of how contacts were made, a sentence each.
+        sources: What the rows come from, the same on every rank.
     """
 
     B: PETSc.Mat
@@ -64,6 +94,7 @@ class Constraints:
     area: Floats
     in_mean: bool = False
     remarks: tuple[str, ...] = ()
+    sources: tuple[Source, ...] = ()
 
     def __repr__(self) -> str:
         return f"Constraints({len(self.host)} hosted by this rank)"
@@ -109,6 +140,7 @@ def make_constraints(
     remarks: tuple[str, ...] = (),
     area: Floats | None = None,
     shares: Sequence[Floats] | None = None,
+    sources: tuple[Source, ...] = (),
 ) -> Constraints:
     """Rows as sums of terms c·u at nodes. Collective.
 
@@ -117,7 +149,7 @@ def make_constraints(
         host: See :class:`Constraints`, as the next three.
         gap: Initial gaps (length).
         normal: Unit normals.
-        surface: Numbers of the contacts.
+        surface: Numbers of sources.
         terms: Lists of terms, each of nodes on one side: local rows, shape (n,), global block dofs
             of the nodes, shape (n,), and coefficients c, shape (n, gdim).
         in_mean: See :class:`Constraints`.
@@ -125,6 +157,7 @@ def make_constraints(
         area: The same; without it there can be no friction.
         shares: The same, of each term of each list; None where coefficients are along the row's
             normal, and say it.
+        sources: The same.
     """
     comm, gdim = V.mesh.comm, V.dofmap.index_map_bs
     rows = (len(host), comm.allreduce(len(host)))
@@ -143,12 +176,52 @@ def make_constraints(
     at_nodes = matrix_of_entries(comm, rows, _nodes(V), parts)
     weights = matrix_of_entries(comm, rows, _nodes(V), signed)
     known = np.zeros(len(host)) if area is None else area
-    return Constraints(B, host, gap, normal, surface, at_nodes, weights, known, in_mean, remarks)
+    return Constraints(
+        B, host, gap, normal, surface, at_nodes, weights, known, in_mean, remarks, sources
+    )
 
 
-def joined(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
-    """The rows of all parts, whose matrices are destroyed. Collective."""
-    whole = stacked(V, parts)
+def named(comm: MPI.Intracomm, constraints: Constraints) -> Constraints:
+    """The same rows with sources that ``surface`` indexes. Collective.
+
+    Rows without sources get one for each number that they have, ``surface NUMBER``, which nothing
+    rubs on or moves; it is one between bodies if none of its rows is without guests.
+
+    Raises:
+        InputError: If there are sources, and numbers of others.
+    """
+    numbers = np.unique(np.concatenate(comm.allgather(np.unique(constraints.surface))))
+    count = len(constraints.sources)
+    if count:
+        if len(numbers) and not (numbers[0] >= 0 and numbers[-1] < count):
+            raise InputError(
+                f"rows of contact have the surfaces {numbers.tolist()}, but there are"
+                f" {count} sources; number these from 0, or give no sources."
+            )
+        return constraints
+    place = np.searchsorted(numbers, constraints.surface).astype(np.int32)
+    lone = np.zeros(len(numbers), dtype=np.int64)
+    np.add.at(lone, place[_without_guests(constraints)], 1)
+    lone = comm.allreduce(lone)
+    sources = [
+        Source(f"surface {number}", inner=not alone)
+        for number, alone in zip(numbers.tolist(), lone.tolist(), strict=True)
+    ]
+    return replace(constraints, surface=place, sources=tuple(sources))
+
+
+def _without_guests(constraints: Constraints) -> npt.NDArray[np.bool_]:
+    """Rows that only their hosts have a part in."""
+    row, _, share = entries_of(constraints.shares)
+    alone: npt.NDArray[np.bool_] = np.bincount(row[share != 0], minlength=len(constraints.host)) < 2
+    return alone
+
+
+def joined(
+    V: fem.FunctionSpace, parts: Sequence[Constraints], sources: Sequence[Source] = ()
+) -> Constraints:
+    """The rows of all parts, which have numbers of these sources and are destroyed. Collective."""
+    whole = replace(stacked(V, parts), sources=tuple(sources))
     for part in parts:
         part.B.destroy()
         part.shares.destroy()
@@ -157,7 +230,7 @@ def joined(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
 
 
 def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
-    """The rows of all parts, on each rank one below the other. Collective."""
+    """The rows of all parts, on each rank one below the other; without sources. Collective."""
     count = sum(len(part.host) for part in parts)
     rows = (count, V.mesh.comm.allreduce(count))
     none = np.zeros(0, dtype=np.int32)

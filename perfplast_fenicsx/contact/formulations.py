@@ -7,13 +7,13 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.contact.constraints import Constraints, Formulation, joined
+from perfplast_fenicsx.contact.constraints import Constraints, Formulation, Source, joined
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.gap_function import NoPartners
 from perfplast_fenicsx.contact.mortar import Mortar
 from perfplast_fenicsx.contact.node_to_node import NodeToNode
 from perfplast_fenicsx.contact.node_to_obstacle import NodeToObstacle
-from perfplast_fenicsx.contact.obstacles import Obstacle
+from perfplast_fenicsx.contact.obstacles import Obstacle, move_of
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
@@ -70,10 +70,33 @@ def find_constraints(
         InputError: If surfaces do not fit each other or an obstacle.
     """
     chosen: list[Formulation] = []
+    sources = [_of_contact(contact) for contact in contacts]
+    sources += [_of_obstacle(obstacle, V.mesh.geometry.dim) for obstacle in obstacles]
     for count, contact in enumerate(contacts, start=1):
         place = f"contact {count} ('{contact.primary}', '{contact.secondary}')"
         chosen.append(FORMULATIONS[contact.formulation](contact, place, len(chosen)))
     for count, obstacle in enumerate(obstacles, start=1):
         place = f"obstacle {count} ({type(obstacle).__name__.lower()} at '{obstacle.on}')"
         chosen.append(NodeToObstacle(obstacle, place, len(chosen)))
-    return joined(V, [formulation.constraints(V, tagged_mesh, fixed) for formulation in chosen])
+    parts = [formulation.constraints(V, tagged_mesh, fixed) for formulation in chosen]
+    return joined(V, parts, sources)
+
+
+def _of_contact(contact: Contact) -> Source:
+    return Source(
+        f"contact {contact.primary} {contact.secondary}",
+        contact.secondary,
+        contact.name or contact.on,
+        contact.tresca,
+        contact.coulomb,
+        grows=not contact.constant,
+        inner=True,
+    )
+
+
+def _of_obstacle(obstacle: Obstacle, gdim: int) -> Source:
+    called = obstacle.name or obstacle.on
+    move = [float(part) for part in move_of(obstacle, gdim)]
+    return Source(
+        f"obstacle {called}", obstacle.on, called, obstacle.tresca, obstacle.coulomb, move
+    )

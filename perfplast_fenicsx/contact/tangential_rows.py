@@ -44,8 +44,8 @@ def tangential_rows(
 
     Args:
         V: Displacement space.
-        constraints: The rows of contact.
-        contacts: Some of which may rub.
+        constraints: The rows of contact, whose sources say what rubs.
+        contacts: As declared, of which none may rub where it is tied.
         obstacles: The same.
         ties: Which nothing can rub on.
         taken: Components of local nodes that supports hold or ties host, shape (num_nodes, gdim).
@@ -57,11 +57,11 @@ def tangential_rows(
         InputError: If a surface has friction and is tied, or supports hold hosts along the surface
             where their guests are free.
     """
-    comm, gdim, rubbing = V.mesh.comm, V.mesh.geometry.dim, (*contacts, *obstacles)
+    comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     _check_ties(contacts, obstacles, ties)
-    place = _places(comm, constraints, rubbing)
+    place = _places(comm, constraints)
     parts = entries_of(constraints.weights)
-    _check_guests(V, constraints, rubbing, taken, place, _of(constraints, place, *parts))
+    _check_guests(V, constraints, taken, place, _of(constraints, place, *parts))
     directions, there = _directions(constraints.normal[place], ~taken[constraints.host[place]])
     some = there.any(axis=1)
     place, directions, there = place[some], directions[some], there[some]
@@ -88,7 +88,7 @@ def tangential_rows(
     )
     surface, area = constraints.surface[place], constraints.area[place]
     tresca, coulomb = (
-        np.array([getattr(one, key) or 0.0 for one in rubbing] or [0.0])[surface]
+        np.array([getattr(one, key) or 0.0 for one in constraints.sources])[surface]
         for key in ("tresca", "coulomb")
     )
     friction = Friction(
@@ -119,20 +119,16 @@ def _check_ties(
         )
 
 
-def _places(
-    comm: MPI.Intracomm, constraints: Constraints, rubbing: Sequence[Contact | Obstacle]
-) -> Longs:
+def _places(comm: MPI.Intracomm, constraints: Constraints) -> Longs:
     """Rows of contact with friction: those of hosts with one row. Collective."""
-    rows = rows_that_rub(comm, constraints, rubbing)
+    rows = rows_that_rub(comm, constraints)
     hosts, counts = np.unique(constraints.host, return_counts=True)
     return rows[counts[np.searchsorted(hosts, constraints.host[rows])] == 1]
 
 
-def rows_that_rub(
-    comm: MPI.Intracomm, constraints: Constraints, rubbing: Sequence[Contact | Obstacle]
-) -> Longs:
+def rows_that_rub(comm: MPI.Intracomm, constraints: Constraints) -> Longs:
     """Rows of contact of surfaces with friction that stand for a part of them. Collective."""
-    rubs = np.array([one.rubs for one in rubbing] or [False])[constraints.surface]
+    rubs = np.array([one.rubs for one in constraints.sources], dtype=np.bool_)[constraints.surface]
     largest = comm.allreduce(float(constraints.area.max(initial=0)), MPI.MAX)
     return np.flatnonzero(rubs & (constraints.area > NOTHING * largest))
 
@@ -169,7 +165,6 @@ def _of(
 def _check_guests(
     V: fem.FunctionSpace,
     constraints: Constraints,
-    rubbing: Sequence[Contact | Obstacle],
     taken: npt.NDArray[np.bool_],
     place: Longs,
     terms: tuple[Longs, Longs, Floats],
@@ -188,12 +183,11 @@ def _check_guests(
     for thing in (W, moves, moved):
         thing.destroy()
     where = constraints.surface[place[held > 0]]
-    first = comm.allreduce(int(where.min(initial=len(rubbing))), MPI.MIN)
-    if first < len(rubbing):
-        one = rubbing[first]
-        name = f"'{one.primary}' and '{one.secondary}'" if isinstance(one, Contact) else one.on
+    count = len(constraints.sources)
+    first = comm.allreduce(int(where.min(initial=count)), MPI.MIN)
+    if first < count:
         raise InputError(
-            f"friction of {name}: supports hold nodes of one surface along it where the other is"
-            " free; give hosts = 'primary' or 'secondary', the surface that is free, or hold both"
-            " surfaces alike."
+            f"friction of {constraints.sources[first].name}: supports hold nodes of one surface"
+            " along it where the other is free; give hosts = 'primary' or 'secondary', the surface"
+            " that is free, or hold both surfaces alike."
         )

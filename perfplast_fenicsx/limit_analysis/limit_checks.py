@@ -1,8 +1,7 @@
 """What has no limit load, or none that a method can find, and is refused."""
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.materials.hardening import Hardening
-from perfplast_fenicsx.materials.plastic_flow import Flow
+from perfplast_fenicsx.materials.law import carries_any_load
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -37,24 +36,52 @@ def check_bodies_have_limits(problem: Problem) -> None:
         InputError: If one of them hardens.
     """
     for name, material in problem.given.materials.items():
-        body = material.body if isinstance(material, Flow) else material
-        if isinstance(body, Hardening):
+        if carries_any_load(material):
             raise InputError(
                 f"the material of '{name}' hardens, so that bodies carry any load, and there is no"
                 " limit load to be sought; load by given values, or give VonMises in its place."
             )
 
 
+def grows_by_loads_alone(problem: Problem) -> bool:
+    """Whether all that does work at collapse grows with ζ, and is a load. Collective.
+
+    Displacements, overlaps and strains that stay do none: supports are at rest in a mechanism, and
+    stresses in balance without loads do no work on its strain rates.
+    """
+    loads = problem.loads
+    return loads.is_proportional() and loads.grows() and not problem.motion.driven
+
+
 def check_proportional(problem: Problem) -> None:
-    """Refuse loads and motions of which some do not grow with the load factor. Collective.
+    """Refuse loads and motions that a limit load of growing loads does not know. Collective.
 
     Raises:
-        InputError: If supports or obstacles move, loads are constant, or bodies are strained at
-            first.
+        InputError: If loads are constant, ζ moves supports or obstacles, or no load grows.
     """
-    if not problem.is_proportional():
+    what = "strict bounds and the interior point method are for loads that all grow"
+    other = "give method = 'path'"
+    if not problem.loads.is_proportional():
+        raise InputError(f"loads are constant, and {what}; {other}, or leave these out.")
+    if problem.motion.driven:
         raise InputError(
-            "supports move, loads are constant or bodies are strained at first, and strict bounds"
-            " and the interior point method are for loads that all grow; give method = 'path', or"
-            " leave out what does not grow with the load factor."
+            f"the load factor moves supports or obstacles, and {what}; let these rest."
         )
+    if not problem.loads.grows():
+        raise InputError(f"no load grows, and {what}; give a load.")
+
+
+def ignored(problem: Problem) -> list[str]:
+    """What of a problem changes no limit load, in a sentence, if anything. Collective."""
+    found = {
+        "displacements of supports": problem.motion.moves_supports,
+        "overlaps": problem.interferes,
+        "temperatures and initial stresses": problem.initial_strain is not None,
+    }
+    names = [name for name, there in found.items() if there]
+    if not names:
+        return []
+    return [
+        f"{', '.join(names)} stay, and do no work at collapse: they change no limit load of perfect"
+        " plasticity, and are ignored"
+    ]

@@ -15,6 +15,7 @@ from perfplast_fenicsx.limit_analysis.discrete_limit import (
     can_bound,
     interior_point,
 )
+from perfplast_fenicsx.limit_analysis.limit_checks import grows_by_loads_alone
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level
 
@@ -107,7 +108,7 @@ class LimitLoad:
 
 def method_for(problem: Problem) -> LimitMethod:
     """The interior point method where it knows laws and loads, and a factorisation fits."""
-    if not problem.is_proportional():
+    if not grows_by_loads_alone(problem):
         return LimitMethod.PATH
     small = problem.num_dofs <= MOST_UNKNOWNS[problem.bodies.gdim]
     return LimitMethod.INTERIOR_POINT if small and can_bound(problem) else LimitMethod.PATH

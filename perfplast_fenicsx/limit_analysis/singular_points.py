@@ -6,6 +6,7 @@ whatever the mesh elsewhere.
 
 from collections.abc import Hashable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from dolfinx import la
@@ -15,7 +16,6 @@ from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.given import Given
-from perfplast_fenicsx.problem.loads import BodyForce, PorePressure
 
 ROUNDING = 1e-6
 """What an angle is beyond that of a straight line by rounding."""
@@ -71,9 +71,10 @@ def _columns(*columns: Floats | float) -> Floats:
 
 def _kinds(tagged_mesh: TaggedMesh, given: Given) -> Longs:
     """A number for each local facet, the same where the same holds and pushes it."""
-    loads = [load for load in given.loads if not isinstance(load, BodyForce | PorePressure)]
+    loads = [load for load in given.loads if not load.in_volume]
     acting: dict[str, set[Hashable]] = {name: set() for name in tagged_mesh.surfaces}
-    for what in (*given.supports, *loads, *given.obstacles):
+    surroundings: list[Any] = [*given.supports, *loads, *given.obstacles]
+    for what in surroundings:
         acting[what.on].add(repr(replace(what, on="")))
     for contact in given.contacts:
         for name in (contact.primary, contact.secondary):

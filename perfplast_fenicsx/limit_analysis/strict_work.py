@@ -68,7 +68,7 @@ def strict_upper_bound(
         work, and of the mesh alone where the reasons say so.
 
     Raises:
-        InputError: If supports or obstacles move, loads are constant, bodies are strained at first,
+        InputError: If ζ moves supports or obstacles, loads are constant, none grows,
             or friction is Coulomb's.
     """
     check_friction_has_limits(problem)

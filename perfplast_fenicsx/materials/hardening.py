@@ -36,6 +36,7 @@ class HardeningLaw(FirstYield):
     isotropic: Expr
     kinematic: Expr
     projects: ClassVar[bool] = False
+    carries_any_load: ClassVar[bool] = True
 
     @property
     def perfect(self) -> VonMisesLaw:

@@ -127,3 +127,8 @@ class Material(Protocol):
     def parameters(self) -> Mapping[str, float]:
         """Numbers of the law, by the names of its arguments."""
         ...
+
+
+def carries_any_load(material: Material) -> bool:
+    """Whether a body hardens, so that it has no limit load; not where its law says nothing."""
+    return bool(getattr(material.law, "carries_any_load", False))

@@ -121,6 +121,10 @@ class FlowLaw(FirstYield, Step):
         """What has flowed."""
         return old[STRAIN]
 
+    def cone(self) -> Expr | None:
+        """That of the law of total strain: what has flowed changes no yield set."""
+        return self.perfect.cone()
+
     def inadmissible(self, rate: Expr) -> Expr | None:
         """The spherical part."""
         return self.perfect.inadmissible(rate)
@@ -138,6 +142,11 @@ class HardeningFlowLaw(FlowLaw):
     isotropic: Expr
     kinematic: Expr
     projects: ClassVar[bool] = False
+    carries_any_load: ClassVar[bool] = True
+
+    def cone(self) -> None:
+        """None: the yield set does not stay."""
+        return None
 
     def hencky(self, old: Old) -> VonMisesLaw | HardeningLaw:
         """With the radius γ + √⅔ H_i p̄."""

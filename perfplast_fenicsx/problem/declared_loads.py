@@ -13,7 +13,7 @@ from perfplast_fenicsx.compat import create_vector
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.load_case import LoadCase
-from perfplast_fenicsx.problem.loads import Force, Load
+from perfplast_fenicsx.problem.loads import Force, Load, SpreadLoad
 from perfplast_fenicsx.problem.rigid_rows import find_leaders
 from perfplast_fenicsx.problem.rigid_surface import RigidSurface, fitting
 from perfplast_fenicsx.problem.work_form import work_form
@@ -37,7 +37,8 @@ def declared_loads(
         bcs: Supports.
         rigid: Surfaces that forces may act on.
         driven: Whether ζ moves supports, obstacles or overlaps: there may then be no load.
-        strained: Whether there is an initial strain: there may then be no load either.
+        strained: Whether strains, overlaps or displacements that stay load the bodies: there may
+            then be no load either.
 
     Raises:
         InputError: If a load does not fit the mesh, or nothing grows.
@@ -81,7 +82,7 @@ def declared_loads(
 
 def work_vector(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> PETSc.Vec:
     """L(v) of some loads as a vector, at supported unknowns too. Collective."""
-    spread = [load for load in loads if not isinstance(load, Force)]
+    spread = [load for load in loads if isinstance(load, SpreadLoad)]
     if spread:
         form = work_form(tagged_mesh, spread, ufl.TestFunction(V))
         work = fem_petsc.assemble_vector(fem.form(form))

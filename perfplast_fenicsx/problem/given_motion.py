@@ -12,7 +12,7 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.constraints import Constraints
+from perfplast_fenicsx.contact.constraints import Constraints, Source
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.friction import Friction
 from perfplast_fenicsx.contact.obstacles import Obstacle, move_of
@@ -30,7 +30,8 @@ class GivenMotion:
             and times ζ, shape (2, num_pairs).
         slide: Jumps in the jump basis at which, beside this motion, nothing has slipped (length),
             constant and times ζ, shape (2, num_places, gdim − 1).
-        obstacles: How far each obstacle moves for ζ = 1 (length), shape (num_obstacles, gdim).
+        sources: How far what is opposite moves by itself for ζ = 1 (length), for each source of
+            contact, shape (num_sources, gdim).
         overlap: How much more the bodies of each pair overlap by themselves for ζ = 1 (length),
             shape (num_pairs,).
         moves_supports: Whether u_D is ever anything but 0.
@@ -41,7 +42,7 @@ class GivenMotion:
     displacement: Floats
     gap: Floats
     slide: Floats
-    obstacles: Floats
+    sources: Floats
     overlap: Floats
     moves_supports: bool
     driven: bool
@@ -65,7 +66,7 @@ class GivenMotion:
         """Surfaces in contact, and how far what is opposite moves by itself for ζ = 1 (length)."""
         rest = np.zeros(self.displacement.shape[2])
         of_contacts = [(name, rest) for a in contacts for name in (a.primary, a.secondary)]
-        of_obstacles = [(one.on, self.obstacles[i]) for i, one in enumerate(obstacles)]
+        of_obstacles = [(one.on, move_of(one, len(rest))) for one in obstacles]
         return of_contacts + of_obstacles
 
 
@@ -75,40 +76,39 @@ def given_motion(
     constraints: Constraints,
     sliding: Constraints,
     friction: Friction,
-    contacts: Sequence[Contact],
-    obstacles: Sequence[Obstacle],
+    sources: Sequence[Source] = (),
 ) -> GivenMotion:
     """Put together what moves. Collective.
 
     Args:
         V: Displacement space.
         displacement: See :class:`GivenMotion`.
-        constraints: The rows of contacts and, behind them, of obstacles.
+        constraints: The rows of contact.
         sliding: The rows of jumps along surfaces that rub.
         friction: Its places.
-        contacts: Pairs of surfaces, some of which may overlap more and more.
-        obstacles: What surfaces cannot penetrate.
+        sources: Theirs, of which some may move or overlap more and more; those of the rows by
+            default.
 
     Raises:
-        InputError: If a move does not fit the mesh, or nothing overlaps that is to grow.
+        InputError: If nothing overlaps that is to grow.
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
-    moves = np.array([move_of(obstacle, gdim) for obstacle in obstacles]).reshape(-1, gdim)
-    number = constraints.surface - len(contacts)
-    moving = (number >= 0) & (number < len(moves))
-    of_surface = np.zeros((len(number), gdim))
-    of_surface[moving] = moves[number[moving]]
+    sources = sources or constraints.sources
+    moves = np.zeros((len(sources), gdim))
+    for number, source in enumerate(sources):
+        if len(source.move):
+            moves[number] = source.move
+    of_surface = moves[constraints.surface]
     opened = np.sum(constraints.normal * of_surface, axis=1)
-    growing = np.flatnonzero([not a.constant for a in contacts])
+    growing = np.flatnonzero([source.grows for source in sources])
     grow = np.isin(constraints.surface, growing)
     overlap = np.where(grow, np.maximum(-constraints.gap, 0.0), 0.0)
     for i in growing:
         most = float(overlap[constraints.surface == i].max(initial=0))
         if not comm.allreduce(most, MPI.MAX) > 0:
             raise InputError(
-                f"the contact of '{contacts[i].primary}' and '{contacts[i].secondary}' has"
-                " constant = false, but no node that is free to give way overlaps; give a negative"
-                " gap, or leave constant out."
+                f"the {sources[i].name} has constant = false, but no node that is free to give"
+                " way overlaps; give a negative gap, or leave constant out."
             )
     gap = np.stack([constraints.gap + overlap, opened - overlap])
     dragged = np.einsum("nij,nj->ni", friction.direction, of_surface[friction.pair])

@@ -17,32 +17,34 @@ def left_out(problem: Problem) -> list[str]:
     """
     given, constraints, comm = problem.given, problem.constraints, problem.comm
     told = []
-    for number, obstacle in enumerate(given.obstacles, start=len(given.contacts)):
-        count = comm.allreduce(_unseen(problem, obstacle, number))
+    for obstacle in given.obstacles:
+        count = comm.allreduce(_unseen(problem, obstacle))
         if count:
             told.append(
                 f"the obstacle at '{obstacle.on}' does not see {count} of its nodes, which follow a"
                 " tie or a rigid surface; let the other body of the tie follow (hosts)"
             )
-    rubbing = (*given.contacts, *given.obstacles)
-    rows = rows_that_rub(comm, constraints, rubbing)
+    rows = rows_that_rub(comm, constraints)
     smooth = np.setdiff1d(rows, problem.friction.pair)
-    for number, one in enumerate(rubbing):
+    for number, source in enumerate(constraints.sources):
         of_this = constraints.surface == number
         counts = comm.allreduce(np.array([of_this[smooth].sum(), of_this[rows].sum()]))
         if counts[0]:
-            on = one.on if isinstance(one, Obstacle) else one.secondary
             told.append(
-                f"{counts[0]} of the {counts[1]} nodes that rub at '{on}' have no friction: they"
-                " are at an edge of two faces, or supports or ties hold them along the surface"
+                f"{counts[0]} of the {counts[1]} nodes that rub at '{source.on}' have no"
+                " friction: they are at an edge of two faces, or supports or ties hold them along"
+                " the surface"
             )
     return told
 
 
-def _unseen(problem: Problem, obstacle: Obstacle, number: int) -> int:
+def _unseen(problem: Problem, obstacle: Obstacle) -> int:
     """Nodes of this rank that could host a row and do not."""
     nodes = surface_nodes(problem.V, problem.tagged_mesh, obstacle.on, problem.fixed)
     nodes = nodes[np.unique(nodes["node"], return_index=True)[1]]
     _, into = obstacle.towards(nodes["x"][:, : problem.bodies.gdim])
-    hosts = problem.constraints.host[problem.constraints.surface == number]
+    constraints = problem.constraints
+    name = f"obstacle {obstacle.name or obstacle.on}"
+    numbers = [i for i, source in enumerate(constraints.sources) if source.name == name]
+    hosts = constraints.host[np.isin(constraints.surface, numbers)]
     return int((can_host(nodes, into) & ~np.isin(nodes["node"], hosts)).sum())

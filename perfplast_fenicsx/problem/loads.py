@@ -1,25 +1,80 @@
-"""Loads, named by physical surface or volume.
+"""Loads, named by physical surface or volume: each is a class that says all of itself.
+
+A load has the class attributes of :class:`Load`, and one that is spread over its surface or volume
+the term in the work L(v) as well (:class:`SpreadLoad`). Case files, units, words and reports read
+these, so that a new one is its class and an entry of :data:`LOADS`.
 
 What a load is given by may be a formula in the coordinates, such as ``"10*maximum(8 - y, 0)"``
 (:mod:`perfplast_fenicsx.formulas`). It is taken at the nodes of quadratic cells, so that one of
 degree 2 is exact.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 
+if TYPE_CHECKING:  # what reads results for pictures and reports starts no DOLFINx
+    from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
 Formula = float | str
 """A number, or a formula in x, y, z."""
 
+Quantities = Mapping[str, str]
+
+
+class Load:
+    """What each load says.
+
+    Attributes:
+        words: What reports call it.
+        quantities: Units of what it is given by, by the keys of :meth:`units.Units.table`: those of
+            ``value``, which case files call as the load's kind, and of other fields that are a load
+            by themselves.
+        in_volume: Whether ``on`` is a volume, and no surface.
+        on: Physical surface or volume.
+        value: A number or formula, or one a direction.
+        name: What messages and stages call it.
+        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+    """
+
+    words: ClassVar[str]
+    quantities: ClassVar[Quantities]
+    in_volume: ClassVar[bool] = False
+
+    on: str
+    value: Formula | Sequence[Formula]
+    name: str
+    constant: bool
+
+
+class SpreadLoad(Load):
+    """A load with a density in its volume or on its surface.
+
+    Attributes:
+        scalar: Whether ``value`` is one number or formula, and not one a direction.
+    """
+
+    scalar: ClassVar[bool] = False
+
+    def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
+        """Its work for each volume or area, what L(v) is the integral of.
+
+        Args:
+            value: Of the load in UFL, a scalar or a vector.
+            v: Displacement, a vector in UFL.
+            tagged_mesh: What it acts on.
+        """
+        raise NotImplementedError
+
 
 @dataclass(frozen=True)
-class Traction:
+class Traction(SpreadLoad):
     """Force per area on a surface.
 
     Args:
@@ -29,14 +84,23 @@ class Traction:
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
+    words: ClassVar[str] = "traction"
+    quantities: ClassVar[Quantities] = MappingProxyType({"value": "stress"})
+
     on: str
     value: Sequence[Formula]
     name: str = ""
     constant: bool = False
 
+    def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
+        """t·v."""
+        import ufl
+
+        return ufl.inner(value, v)
+
 
 @dataclass(frozen=True)
-class Pressure:
+class Pressure(SpreadLoad):
     """Pressure on a surface.
 
     Args:
@@ -46,14 +110,24 @@ class Pressure:
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
+    words: ClassVar[str] = "pressure"
+    quantities: ClassVar[Quantities] = MappingProxyType({"value": "stress"})
+    scalar: ClassVar[bool] = True
+
     on: str
     value: Formula
     name: str = ""
     constant: bool = False
 
+    def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
+        """−p n·v."""
+        import ufl
+
+        return ufl.inner(-value * ufl.FacetNormal(tagged_mesh.mesh), v)
+
 
 @dataclass(frozen=True)
-class BodyForce:
+class BodyForce(SpreadLoad):
     """Force per volume.
 
     Args:
@@ -63,14 +137,24 @@ class BodyForce:
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
+    words: ClassVar[str] = "force per volume"
+    quantities: ClassVar[Quantities] = MappingProxyType({"value": "force_density"})
+    in_volume: ClassVar[bool] = True
+
     on: str
     value: Sequence[Formula]
     name: str = ""
     constant: bool = False
 
+    def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
+        """f·v."""
+        import ufl
+
+        return ufl.inner(value, v)
+
 
 @dataclass(frozen=True)
-class PorePressure:
+class PorePressure(SpreadLoad):
     """Pressure p of water in the pores of a volume, whose law is one of effective stresses.
 
     The total stress is σ − p δ (tension is positive), so that p does the work ∫ p div v.
@@ -82,34 +166,47 @@ class PorePressure:
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
+    words: ClassVar[str] = "water pressure in the pores"
+    quantities: ClassVar[Quantities] = MappingProxyType({"value": "stress"})
+    in_volume: ClassVar[bool] = True
+    scalar: ClassVar[bool] = True
+
     on: str
     value: Formula
     name: str = ""
     constant: bool = True
 
+    def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
+        """P div v."""
+        from perfplast_fenicsx.mesh.kinematics import divergence
+
+        return value * divergence(tagged_mesh.kinematics, v)
+
 
 @dataclass(frozen=True)
-class Force:
+class Force(Load):
     """Force and moment on a rigid surface that is free to move.
 
     Args:
         on: The rigid surface.
-        value: The force, one number a direction; in the plane for each unit of depth.
-        moment: About the point: a number in the plane, one for each axis in space; 0 without.
-        point: Where the force acts (length; 2 or 3 numbers).
+        value: On a rigid surface that is free to move, one number a direction; in the plane for
+            each unit of depth.
+        moment: With or in place of a force, a number in the plane, one for each axis in space.
+        point: Where the force acts, and what the moment is about (length); the origin without.
         name: What messages call it.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
+    words: ClassVar[str] = "force"
+    quantities: ClassVar[Quantities] = MappingProxyType({"value": "force", "moment": "moment"})
+
     on: str
-    value: Sequence[float]
+    value: Sequence[float] = ()
     moment: float | Sequence[float] = ()
     point: Sequence[float] = ()
     name: str = ""
     constant: bool = False
 
-
-Load = Traction | Pressure | BodyForce | PorePressure | Force
 
 LOADS: dict[str, type[Any]] = {
     "traction": Traction,
@@ -120,23 +217,34 @@ LOADS: dict[str, type[Any]] = {
 }
 """Kinds of loads by their name in case files."""
 
+UNIFORM = (Traction, Pressure, BodyForce)
+"""Loads that strict bounds and proofs know, where they are numbers; of any other kind their
+tractions, or forces per volume, are unknown there."""
+
+
+def kind_of(load: Load) -> str:
+    """How case files call a load's kind; the name of its class where it is in no case file."""
+    known = (kind for kind, cls in LOADS.items() if cls is type(load))
+    return next(known, type(load).__name__)
+
 
 def is_uniform(load: Load) -> bool:
-    """Whether a load is a traction, a pressure or a force given as numbers."""
-    numbers = np.asarray(load.value).dtype.kind in "fiu"
-    return numbers and not isinstance(load, PorePressure | Force)
+    """Whether a load is a traction, a pressure or a force per volume, given as numbers."""
+    return isinstance(load, UNIFORM) and np.asarray(load.value).dtype.kind in "fiu"
 
 
 def uniform(load: Load) -> Floats:
     """What a load gives, as numbers: one of a pressure, else one a direction.
 
     Raises:
-        InputError: If it is a formula, or the pressure in pores, which strict bounds do not know.
+        InputError: If it is a formula, or of a kind that strict bounds do not know.
     """
-    values = np.atleast_1d(np.asarray(load.value))
     if not is_uniform(load):
+        kind = kind_of(load).replace("_", " ")
+        what = "formula" if isinstance(load, UNIFORM) else kind
         raise InputError(
-            f"the load on '{load.on}' is a formula, a pore pressure or a force, and strict bounds"
-            " are for uniform loads; give it as numbers, or seek the limit load of the mesh alone."
+            f"the load on '{load.on}' is a {what}, and strict bounds are for uniform loads:"
+            " tractions, pressures and forces per volume that are numbers; give one of these, or"
+            " seek the limit load of the mesh alone (control = 'work', until = 'limit')."
         )
-    return values.astype(np.float64)
+    return np.atleast_1d(np.asarray(load.value)).astype(np.float64)

@@ -17,7 +17,7 @@ import ufl
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
-from perfplast_fenicsx.contact.constraints import Constraints, stacked
+from perfplast_fenicsx.contact.constraints import Constraints, named, stacked
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.formulations import find_constraints
 from perfplast_fenicsx.contact.free_motions import FreeMotions, held_motions
@@ -144,7 +144,8 @@ class Problem:
         self.motion, self.in_stages = self._motion(displacement), False
         self.prescribed = self.motion.displacement_at(0.0)
         self.move_to(0.0)
-        told = (self.motion.driven, self.initial_strain is not None)
+        stays = self.initial_strain is not None or self.interferes or self.motion.moves_supports
+        told = (self.motion.driven, stays)
         self.loads: LoadCase = declared_loads(self.V, tagged_mesh, loads, self.bcs, rigid, *told)
         self._declared = self.loads
         self.free.check([self.loads.dead, self.loads.live])
@@ -266,10 +267,11 @@ class Problem:
     ) -> JumpBasis:
         """Find the rows, and a basis in which they are bounds. Collective."""
         V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
-        self.constraints: Constraints = find_constraints(V, tagged_mesh, contacts, obstacles, taken)
-        named = [name for a in contacts for name in (a.primary, a.secondary)]
-        named += [obstacle.on for obstacle in obstacles]
-        self.contact_tags = tuple(sorted({tagged_mesh.surfaces[name] for name in named}))
+        rows = find_constraints(V, tagged_mesh, contacts, obstacles, taken)
+        self.constraints: Constraints = named(self.comm, rows)
+        touching = [name for a in contacts for name in (a.primary, a.secondary)]
+        touching += [source.on for source in self.constraints.sources if source.on]
+        self.contact_tags = tuple(sorted({tagged_mesh.surfaces[name] for name in touching}))
         self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
         told = (contacts, obstacles, self.given.ties)
@@ -288,8 +290,7 @@ class Problem:
     def _motion(self, displacement: Floats) -> GivenMotion:
         """What moves. Collective."""
         V, (contacts, obstacles) = self.V, (self.given.contacts, self.given.obstacles)
-        rows = (self.constraints, self.sliding, self.friction)
-        motion = given_motion(V, displacement, *rows, contacts, obstacles)
+        motion = given_motion(V, displacement, self.constraints, self.sliding, self.friction)
         self.interferes: bool = self.comm.allreduce(bool((motion.gap[0] < 0).any()), MPI.LOR)
         if motion.moves_supports or motion.driven:
             known = (self.constraints, self.fixed, displacement)

@@ -85,8 +85,7 @@ def resultants(
     reaction[held_by < 0] = 0
 
     names = list(problem.support_names)
-    names += [f"contact {a.primary} {a.secondary}" for a in problem.given.contacts]
-    names += [f"obstacle {obstacle.name or obstacle.on}" for obstacle in problem.given.obstacles]
+    names += [source.name for source in problem.constraints.sources]
     supports, sums = len(problem.support_names), np.zeros((len(names) + 1, gdim))
     for axis in range(gdim):
         held = held_by[:, axis] >= 0
@@ -104,17 +103,18 @@ def resultants(
     forces: dict[str, Floats] = {"loads": np.zeros(gdim)}
     for name, force in zip([*names, "loads"], sums, strict=True):
         forces[name] = forces.get(name, np.zeros(gdim)) + force
-    outer = [force for name, force in forces.items() if not name.startswith("contact ")]
+    inner = {source.name for source in problem.constraints.sources if source.inner}
+    outer = [force for name, force in forces.items() if name not in inner]
     parts = (external, pushed, reaction)
     total = comm.allreduce(sum(float(np.linalg.norm(part, axis=1).sum()) for part in parts))
     total = max(total, least)
     missing = _missing(problem, np.sum(outer, axis=0), external + pushed + reaction)
-    pushing = sums[supports + len(problem.given.contacts) : -1]
+    pushing = sums[supports:-1]
 
     def driven(motion: GivenMotion) -> float:
         moved = comm.allreduce(float(np.sum(reaction * motion.displacement[1][: len(reaction)])))
         spread = comm.allreduce(float(contact @ motion.overlap))
-        return moved + spread + float(np.sum(pushing * motion.obstacles))
+        return moved + spread + float(np.sum(pushing * motion.sources))
 
     told = {name: [float(number) for number in force] for name, force in forces.items()}
     by_name = {name: driven(part) for name, part in problem.motion.parts.items()}

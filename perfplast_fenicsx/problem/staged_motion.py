@@ -35,10 +35,12 @@ def named_motions(problem: Problem) -> dict[str, GivenMotion]:
     for name in dict.fromkeys(name for name in names if name is not None):
         mine = np.array([*(follower == name for follower in followers), False])  # -1: nobody's
         moved = np.where(mine[holder], values[1], 0.0)
-        obstacles = [a if called(a) == name else replace(a, move=()) for a in given.obstacles]
-        contacts = [a if called(a) == name else replace(a, constant=True) for a in given.contacts]
+        sources = [
+            one if one.called == name else replace(one, move=(), grows=False)
+            for one in problem.constraints.sources
+        ]
         both = np.stack([np.zeros_like(moved), moved])
-        parts[name] = given_motion(V, both, *rows, contacts, obstacles)
+        parts[name] = given_motion(V, both, *rows, sources)
     return parts
 
 
@@ -59,20 +61,20 @@ def in_stage(
     displacement = np.stack([constant.displacement[0], np.zeros_like(constant.displacement[0])])
     gap = np.stack([constant.gap[0], np.zeros_like(constant.gap[0])])
     slide = np.stack([constant.slide[0], np.zeros_like(constant.slide[0])])
-    obstacles, overlap = np.zeros_like(constant.obstacles), np.zeros_like(constant.overlap)
+    sources, overlap = np.zeros_like(constant.sources), np.zeros_like(constant.overlap)
     for name, part in parts.items():
         both = np.array([first[name], rate[name]])
         displacement += np.multiply.outer(both, part.displacement[1])
         gap += np.multiply.outer(both, part.gap[1])
         slide += np.multiply.outer(both, part.slide[1])
-        obstacles += rate[name] * part.obstacles
+        sources += rate[name] * part.sources
         overlap += rate[name] * part.overlap
     return replace(
         constant,
         displacement=displacement,
         gap=gap,
         slide=slide,
-        obstacles=obstacles,
+        sources=sources,
         overlap=overlap,
         parts=parts,
     )

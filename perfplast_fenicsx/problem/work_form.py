@@ -10,19 +10,11 @@ from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.materials.mandel import Expr
-from perfplast_fenicsx.mesh.kinematics import divergence
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.loads import (
-    LOADS,
-    BodyForce,
-    Formula,
-    Load,
-    PorePressure,
-    Pressure,
-)
+from perfplast_fenicsx.problem.loads import Formula, SpreadLoad, kind_of
 
 
-def work_form(tagged_mesh: TaggedMesh, loads: Sequence[Load], v: ufl.Argument) -> ufl.Form:
+def work_form(tagged_mesh: TaggedMesh, loads: Sequence[SpreadLoad], v: ufl.Argument) -> ufl.Form:
     """The linear form L(v) of some loads but forces on rigid surfaces, at least one. Collective.
 
     Raises:
@@ -36,25 +28,16 @@ def work_form(tagged_mesh: TaggedMesh, loads: Sequence[Load], v: ufl.Argument) -
     )
     terms = []
     for load in loads:
-        density = _density(tagged_mesh, load)
-        if isinstance(load, PorePressure):
-            terms.append(density[0] * divergence(kinematics, v) * dx(tagged_mesh.volumes[load.on]))
-        elif isinstance(load, BodyForce):
-            terms.append(ufl.inner(density, v) * dx(tagged_mesh.volumes[load.on]))
-        elif isinstance(load, Pressure):
-            push = -density[0] * ufl.FacetNormal(mesh)
-            terms.append(ufl.inner(push, v) * ds(tagged_mesh.surfaces[load.on]))
-        else:
-            terms.append(ufl.inner(density, v) * ds(tagged_mesh.surfaces[load.on]))
+        value = _value(tagged_mesh, load)
+        tag = (tagged_mesh.volumes if load.in_volume else tagged_mesh.surfaces)[load.on]
+        terms.append(load.work(value, v, tagged_mesh) * (dx if load.in_volume else ds)(tag))
     return sum(terms[1:], start=terms[0])
 
 
-def _density(tagged_mesh: TaggedMesh, load: Load) -> Expr:
-    """What a load gives, as a vector of one number or formula or of one a direction."""
+def _value(tagged_mesh: TaggedMesh, load: SpreadLoad) -> Expr:
+    """What a load is given by in UFL, a scalar or a vector of a number or formula a direction."""
     mesh = tagged_mesh.mesh
-    in_volume, scalar = (
-        isinstance(load, kinds) for kinds in ((BodyForce, PorePressure), (Pressure, PorePressure))
-    )
+    in_volume, scalar = load.in_volume, load.scalar
     entities = tagged_mesh.cells(load.on) if in_volume else tagged_mesh.facets(load.on)
     values: list[Formula] = [load.value] if scalar else list(load.value)  # type: ignore[list-item, arg-type]
     expected = 1 if scalar else mesh.geometry.dim
@@ -65,14 +48,15 @@ def _density(tagged_mesh: TaggedMesh, load: Load) -> Expr:
             f" number{'s are' if expected > 1 else ' is'} needed; correct its value."
         )
     if len(numbers) == len(values):
-        return fem.Constant(mesh, np.asarray(values, dtype=default_scalar_type))
+        constant = fem.Constant(mesh, np.asarray(values, dtype=default_scalar_type))
+        return constant[0] if scalar else constant
     tdim = mesh.topology.dim
     found = [_field(tagged_mesh, load, value, tdim - (not in_volume), entities) for value in values]
-    return ufl.as_vector(found)
+    return found[0] if scalar else ufl.as_vector(found)
 
 
 def _field(
-    tagged_mesh: TaggedMesh, load: Load, value: Formula, dim: int, entities: Ints
+    tagged_mesh: TaggedMesh, load: SpreadLoad, value: Formula, dim: int, entities: Ints
 ) -> fem.Function | fem.Constant:
     """A number, or a formula at the nodes of quadratic cells; 0 where the load does not act."""
     mesh = tagged_mesh.mesh
@@ -93,7 +77,7 @@ def _field(
     return field
 
 
-def _kind(load: Load) -> str:
+def _kind(load: SpreadLoad) -> str:
     """What messages call a load."""
-    kind = next(kind for kind, cls in LOADS.items() if isinstance(load, cls)).replace("_", " ")
+    kind = kind_of(load).replace("_", " ")
     return f"{kind} '{load.name}'" if load.name else kind

@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from perfplast_fenicsx.problem.loads import LOADS
+
 AXES = "xyz"
 """The letters that case files have for components, whatever the axes are called."""
 
@@ -32,14 +34,6 @@ MODELS = {
     "space": "in space (3D)",
     "plane-strain": "plane strain",
     "axisymmetric": "axisymmetric: half a section through bodies of revolution",
-}
-
-LOADS = {
-    "traction": ("traction", "stress"),
-    "pressure": ("pressure", "stress"),
-    "body_force": ("force per volume", "force_density"),
-    "pore_pressure": ("water pressure in the pores", "stress"),
-    "force": ("force", "force"),
 }
 
 
@@ -94,7 +88,8 @@ class CaseWords:
         """What acts where."""
         rows = []
         for load in self._given.get("loads", []):
-            words, unit = LOADS.get(load["kind"], (load["kind"], ""))
+            known = LOADS.get(load["kind"])
+            words, unit = (known.words, known.quantities["value"]) if known else (load["kind"], "")
             how = self._full if load["constant"] else self._times
             name = f"{load['name']}: " if load.get("name") else ""
             rows.append((load["on"], f"{name}{words} {self.number(load['value'], unit)}, {how}"))

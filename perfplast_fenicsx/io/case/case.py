@@ -18,6 +18,7 @@ from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile
+from perfplast_fenicsx.io.case.load_table import read_load
 from perfplast_fenicsx.io.case.loading_checks import check_loading
 from perfplast_fenicsx.io.case.loading_options import (
     BoundsControl,
@@ -38,7 +39,6 @@ from perfplast_fenicsx.io.case.support_tables import (
 from perfplast_fenicsx.io.case.tables import (
     Document,
     ElementOptions,
-    LoadTable,
     MeshBuilder,
     MeshFile,
     ModelOptions,
@@ -216,7 +216,7 @@ def _case(path: Path, text: str) -> Case:
     units = read_units(top.units, materials, name)
     loads = []
     for place, load in _numbered(top.load, f"{name}, [[load]]"):
-        loads.append(convert(load, LoadTable, place).load(place))
+        loads.append(read_load(load, place))
     supports = _numbered(top.support, f"{name}, [[support]]")
     contacts = _numbered(top.contact, f"{name}, [[contact]]")
     obstacles: list[Obstacle] = []

@@ -19,12 +19,12 @@ from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.docstrings import arguments, summary
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.io.case.load_table import load_table
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.case.support_tables import RigidSurfaceTable, SupportTable
 from perfplast_fenicsx.io.case.tables import (
     Document,
     ElementOptions,
-    LoadTable,
     MeshBuilder,
     MeshFile,
     ModelOptions,
@@ -86,7 +86,7 @@ def _tables() -> dict[str, Schema]:
         "geometry": _geometry(),
         "material": _choice("law", MATERIALS),
         "support": _table(SupportTable),
-        "load": _table(LoadTable),
+        "load": _table(load_table()),
         "temperature": _table(Temperature),
         "initial_stress": _table(InitialStress),
         "contact": _table(Contact),

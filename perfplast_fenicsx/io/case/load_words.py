@@ -2,21 +2,11 @@
 
 from typing import TYPE_CHECKING, Any
 
-from perfplast_fenicsx.problem.loads import LOADS, Load
+from perfplast_fenicsx.problem.loads import Load, kind_of
 from perfplast_fenicsx.units import Units
 
 if TYPE_CHECKING:  # what reads results for reports starts no MPI
     from perfplast_fenicsx.io.case.case import Case
-
-QUANTITIES = {
-    "traction": "stress",
-    "pressure": "stress",
-    "pore_pressure": "stress",
-    "body_force": "force_density",
-    "force": "force",
-    "moment": "moment",
-}
-"""What a kind of load is measured as, by the keys of :meth:`units.Units.table`."""
 
 
 def load_in_words(load: Load, units: Units, whole: bool = True) -> str:
@@ -27,14 +17,13 @@ def load_in_words(load: Load, units: Units, whole: bool = True) -> str:
         units: Of its numbers.
         whole: As for :meth:`units.Units.table`.
     """
-    (kind,) = (name for name, cls in LOADS.items() if cls is type(load))
-    given: dict[str, Any] = {kind: load.value, "moment": getattr(load, "moment", ())}
     table = units.table(whole)
-    words = [
-        f"{name.replace('_', ' ')} {_value(value)} {table[QUANTITIES[name]]}".rstrip()
-        for name, value in given.items()
-        if not hasattr(value, "__len__") or len(value)
-    ]
+    words = []
+    for field, quantity in load.quantities.items():
+        value = getattr(load, field)
+        if not hasattr(value, "__len__") or len(value):
+            what = kind_of(load) if field == "value" else field
+            words.append(f"{what.replace('_', ' ')} {_value(value)} {table[quantity]}".rstrip())
     return f"{' and '.join(words)} on '{load.on}'"
 
 

@@ -47,8 +47,14 @@ def check_loading(
         return
     staged = isinstance(loading, StageControl)
     moving = any(follows(mover) for mover in (*supports, *obstacles, *contacts))
-    if not loads and not (staged and (strained or moving)):
-        raise InputError("no load is given; add a [[load]] table.")
+    settled = any(support.moves for support in supports)
+    alone = (strained or settled) and isinstance(loading, LoadControl)
+    if not loads and not (alone or (staged and (strained or moving))):
+        raise InputError(
+            "no load is given; add a [[load]] table. Without one control = 'load' goes with an"
+            " interference, a temperature, an initial stress or a displacement that stays, and"
+            " control = 'displacement' or stages with motions that grow."
+        )
     for obstacle in obstacles:
         if any(obstacle.move) and not staged:
             raise InputError(
@@ -57,7 +63,7 @@ def check_loading(
             )
     constant = any(load.constant for load in loads)
     if constant or any(support.moves for support in supports) or strained:
-        _check_not_proportional(loading)
+        _check_constant(loading, loads)
     elif isinstance(loading, LoadControl | WorkControl):
         loading.check_proportional()
     if loading.prescribes is Prescribed.WORK and all(load.constant for load in loads):
@@ -83,12 +89,13 @@ def _check_driven(loads: Sequence[Load], movers: Sequence[Mover]) -> None:
         )
 
 
-def _check_not_proportional(loading: Control) -> None:
-    """Refuse what is for loads that all grow, and nothing else."""
+def _check_constant(loading: Control, loads: Sequence[Load]) -> None:
+    """Refuse constant loads beside what is for loads that all grow; all else that stays may."""
     interior = loading.limit_method == LimitMethod.INTERIOR_POINT
-    if interior or isinstance(loading, BoundsControl):
-        raise InputError(
-            "supports move, loads are constant or bodies are strained at first, and strict bounds"
-            " and the interior point method are for loads that all grow; give control = 'work',"
-            " until = 'limit' and limit_method = 'path', or leave out what does not grow."
-        )
+    for load in loads:
+        if load.constant and (interior or isinstance(loading, BoundsControl)):
+            raise InputError(
+                f"the load on '{load.on}' is constant, and strict bounds and the interior point"
+                " method are for loads that all grow; give control = 'work', until = 'limit' and"
+                " limit_method = 'path', or leave out what does not grow."
+            )

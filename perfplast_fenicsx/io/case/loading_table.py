@@ -13,6 +13,7 @@ from perfplast_fenicsx.io.case.schema import choose, convert
 from perfplast_fenicsx.io.case.tables import Document
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.hardening import Hardening
+from perfplast_fenicsx.materials.law import carries_any_load
 from perfplast_fenicsx.materials.laws import Material
 from perfplast_fenicsx.materials.plastic_flow import Flow
 from perfplast_fenicsx.materials.von_mises import VonMises
@@ -53,7 +54,7 @@ def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str
         InputError: If a limit load is sought that hardening bodies do not have, or there are stages
             for a body that cannot remember.
     """
-    hard = sorted(name for name, a in materials.items() if isinstance(a, Hardening))
+    hard = sorted(name for name, a in materials.items() if carries_any_load(a))
     if hard and loading.limit_tolerance is not None:
         raise InputError(
             f"the material of '{hard[0]}' hardens, so that bodies carry any load, and there is no"
@@ -82,6 +83,6 @@ def moved_by(
     if not isinstance(loading, StageControl):
         return lambda name, on: isinstance(loading, DisplacementControl)
     named = {name for stage in loading.stages for name in stage.factors}
-    warmed = [one for one in initial if isinstance(one, Temperature)]
-    taken = {called(one) for one in (*loads, *warmed)}
+    taken = {called(load) for load in loads}
+    taken |= {called(one) for one in initial if isinstance(one, Temperature)}
     return lambda name, on: name in named or (not name and on in named - taken)

@@ -4,16 +4,12 @@ Those of materials, contacts, obstacles, loadings and algorithms are of the modu
 use them.
 """
 
-import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.formulas import check
-from perfplast_fenicsx.io.case.schema import Table, shown
+from perfplast_fenicsx.io.case.schema import Table
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.loads import LOADS, Force, Load
-from perfplast_fenicsx.problem.rigid_surface import Turn
 
 
 @dataclass(frozen=True)
@@ -148,76 +144,3 @@ class MeshBuilder:
     builder: str
     arguments: dict[str, Any]
     adapt: Table | None = None
-
-
-@dataclass(frozen=True)
-class LoadTable:
-    """A load on a surface or in a volume: give exactly one of its kinds.
-
-    Numbers may be formulas in x, y, z, such as ``"10*maximum(8 - y, 0)"``, which are taken at the
-    nodes of quadratic cells.
-
-    Args:
-        on: Physical surface, or volume for a ``body_force`` or ``pore_pressure``.
-        traction: Force per area (stress), one number or formula a direction.
-        pressure: Pressure (stress), a number or formula; a positive one pushes on the body.
-        body_force: Force per volume, one number or formula a direction.
-        pore_pressure: Pressure of water in the pores (stress), a number or formula; the stress of
-            the material is then the effective one.
-        force: On a rigid surface that is free to move, one number a direction; in the plane for
-            each unit of depth.
-        moment: With or in place of a force, a number in the plane, one for each axis in space.
-        point: Where the force acts, and what the moment is about (length); the origin without.
-        constant: Whether the load acts in full at any load factor, as a weight does; without it
-            true of a ``pore_pressure``, and false of others.
-        name: What messages and stages call the load.
-    """
-
-    on: str
-    traction: list[float | str] | None = None
-    pressure: float | str | None = None
-    body_force: list[float | str] | None = None
-    pore_pressure: float | str | None = None
-    force: list[float] | None = None
-    moment: float | list[float] | None = None
-    point: list[float] | None = None
-    constant: bool | None = None
-    name: str = ""
-
-    def load(self, place: str) -> Load:
-        """The load that it describes.
-
-        Raises:
-            InputError: If it has none or several of the kinds, or one that is not finite.
-        """
-        given = {kind: getattr(self, kind) for kind in LOADS}
-        if self.moment is not None and self.force is None:
-            given["force"] = []
-        given = {kind: value for kind, value in given.items() if value is not None}
-        if len(given) != 1:
-            what = " and ".join(given) or "no load"
-            raise InputError(
-                f"{place}: '{self.on}' has {what}; give exactly one of traction, pressure,"
-                " body_force, pore_pressure and force (several loads are several [[load]] tables)."
-            )
-        ((kind, value),) = given.items()
-        numbers = value if isinstance(value, list) else [value]
-        if not all(isinstance(one, str) or math.isfinite(one) for one in numbers):
-            raise InputError(
-                f"{place}: {kind} = {shown(value)} is not finite; give finite numbers."
-            )
-        for formula in numbers:
-            if isinstance(formula, str):
-                check(formula, f"{place}: {kind}")
-        cls = LOADS[kind]
-        constant = cls.constant if self.constant is None else self.constant
-        if cls is Force:
-            moment: Turn = () if self.moment is None else self.moment
-            return Force(self.on, numbers, moment, self.point or (), self.name, constant)
-        if self.point is not None or self.moment is not None:
-            raise InputError(
-                f"{place}: the {kind} on '{self.on}' has a point or a moment, which go with a force"
-                " on a rigid surface; leave them out."
-            )
-        load: Load = cls(self.on, value, self.name, constant)
-        return load

@@ -10,17 +10,13 @@ from perfplast_fenicsx.problem.given import Given
 from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
 from perfplast_fenicsx.problem.loads import LOADS
 
-KINDS: dict[type, str] = {
-    kind: name
-    for kinds in (
-        MATERIALS,
-        LOADS,
-        OBSTACLES,
-        {"temperature": Temperature, "initial_stress": InitialStress},
-    )
-    for name, kind in kinds.items()
-}
-"""How case files call what may be of several kinds."""
+KINDS: tuple[Mapping[str, type[Any]], ...] = (
+    MATERIALS,
+    LOADS,
+    OBSTACLES,
+    {"temperature": Temperature, "initial_stress": InitialStress},
+)
+"""What may be of several kinds, by how case files call them."""
 
 
 def given_table(given: Given) -> dict[str, Any]:
@@ -37,7 +33,8 @@ def _told(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         names = [field.name for field in dataclasses.fields(value)]
         fields = {name: _told(getattr(value, name)) for name in names}
-        return {"kind": KINDS.get(type(value), type(value).__name__)} | fields
+        known = (name for kinds in KINDS for name, kind in kinds.items() if kind is type(value))
+        return {"kind": next(known, type(value).__name__)} | fields
     if isinstance(value, Mapping):
         return {str(key): _told(entry) for key, entry in value.items()}
     if isinstance(value, str | bool | int | float) or value is None:

@@ -1,7 +1,5 @@
 """Fields people look at: stress tensor, plastic zone, contact pressure of a level."""
 
-from mpi4py import MPI
-
 import basix.ufl
 import numpy as np
 import ufl
@@ -138,8 +136,7 @@ class OutputFields:
         pressure.petsc_vec.array[:] /= self._areas
         pressure.scatter_forward()
 
-        count = comm.allreduce(int(constraints.surface.max(initial=-1)) + 1, MPI.MAX)
-        resultants = np.zeros((count, constraints.normal.shape[1]))
+        resultants = np.zeros((len(constraints.sources), constraints.normal.shape[1]))
         np.add.at(resultants, constraints.surface, -forces[:, None] * constraints.normal)
         self.resultants = comm.allreduce(resultants)
 

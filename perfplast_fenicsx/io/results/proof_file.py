@@ -25,6 +25,7 @@ from perfplast_fenicsx.io.results.global_ordering import (
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.limit_checks import grows_by_loads_alone
 from perfplast_fenicsx.limit_analysis.point_strains import radii_of_cells
 from perfplast_fenicsx.limit_analysis.stress_cells import matrices
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
@@ -125,8 +126,8 @@ def _check(problem: Problem) -> None:
         if not isinstance(load, Pressure | Traction | BodyForce):
             raise InputError(f"a {type(load).__name__} is no load that a proof can have.")
         uniform(load)
-    if not problem.is_proportional():
-        raise InputError("supports move or loads are constant; a proof knows loads that all grow.")
+    if not grows_by_loads_alone(problem):
+        raise InputError("a load is constant, or ζ moves supports; a proof knows loads that grow.")
 
 
 def _named(group: str, blocks: Blocks) -> Blocks:

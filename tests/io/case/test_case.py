@@ -419,7 +419,7 @@ FORMAT_FAULTS = [
     ("[solve]", f"{RIGID}constant = false\n[solve]", ["[[rigid_surface]]", "constant = false"]),
     ("[solve]", f'{RIGID}rotation = "a"\n[solve]', ["[[rigid_surface]]", "rotation = 'a'"]),
     ("traction =", "point = [0, 0, 0]\ntraction =", ["the traction on 'top'", "force"]),
-    ("traction =", "moment = 1\ntraction =", ["traction and force", "exactly one"]),
+    ("traction =", "moment = 1\ntraction =", ["traction and moment", "exactly one"]),
     # elements and obstacles
     ("[solve]", "[element]\ndegree = 3\n[solve]", ["[element]", "degree = 3", "1 or 2"]),
     ("[solve]", '[element]\ndegree = "2"\n[solve]', ["[element]", "degree = '2'"]),
