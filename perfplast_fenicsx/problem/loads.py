@@ -122,18 +122,24 @@ LOADS: dict[str, type[Any]] = {
 
 
 def is_uniform(load: Load) -> bool:
-    """Whether a load is a traction, a pressure or a force given as numbers."""
-    numbers = np.asarray(load.value).dtype.kind in "fiu"
-    return numbers and not isinstance(load, PorePressure | Force)
+    """Whether a load is a traction, a pressure or a body force, and no other, given as numbers."""
+    known = type(load) in (Traction, Pressure, BodyForce)
+    return known and np.asarray(load.value).dtype.kind in "fiu"
 
 
 def uniform(load: Load) -> Floats:
     """What a load gives, as numbers: one of a pressure, else one a direction.
 
     Raises:
-        InputError: If it is a formula, or the pressure in pores, which strict bounds do not know.
+        InputError: If it is a formula, or of a kind that strict bounds do not know, such as the
+            pressure in pores.
     """
     values = np.atleast_1d(np.asarray(load.value))
+    if type(load) not in LOADS.values():
+        raise InputError(
+            f"the load on '{load.on}' is a {type(load).__name__}, which strict bounds do not know;"
+            " give a Traction, a Pressure or a BodyForce, or seek the limit load of the mesh alone."
+        )
     if not is_uniform(load):
         raise InputError(
             f"the load on '{load.on}' is a formula, a pore pressure or a force, and strict bounds"
