@@ -94,13 +94,21 @@ class Body:
         self._check_facets()
 
     @classmethod
-    def of(cls, arrays: Mapping[str, npt.NDArray]) -> "Body":
+    def of(cls, arrays: Mapping[str, npt.NDArray], known: "Body | None" = None) -> "Body":
         """The bodies of arrays by name.
+
+        Args:
+            arrays: The arrays.
+            known: Bodies that are returned where the arrays are theirs.
 
         Raises:
             ProofError: If one is missing or of another kind, or they do not fit together.
         """
-        return cls(**checked(arrays, tuple(cls.__dataclass_fields__)))
+        values = checked(arrays, tuple(cls.__dataclass_fields__))
+        same = known is not None and all(
+            np.array_equal(getattr(known, name), value) for name, value in values.items()
+        )
+        return known if known is not None and same else cls(**values)
 
     @property
     def dim(self) -> int:

@@ -83,12 +83,14 @@ class _Half:
     Attributes:
         checked: What it proves.
         body: The bodies.
+        overlaps: How many points of cells are in others too.
         forces: The sum of forces without balance.
         speed: The largest velocity, relative to L(v).
     """
 
     checked: Checked
     body: Body
+    overlaps: int
     forces: float = 0.0
     speed: float = 0.0
 
@@ -105,14 +107,15 @@ def check(path: str | Path) -> dict[str, Checked]:
     Raises:
         ProofError: If the file cannot be read, or is no proof.
     """
-    checks: dict[str, Callable[[Mapping[str, npt.NDArray]], _Half]]
+    checks: dict[str, Callable[[Mapping[str, npt.NDArray], _Half | None], _Half]]
     checks = {"lower": _lower, "upper": _upper}
+    before: _Half | None = None
     halves: dict[str, _Half] = {}
     try:
         with h5py.File(path, "r", locking=False) as file, np.errstate(all="ignore"):
             for kind, judge in checks.items():
                 if kind in file:
-                    halves[kind] = judge(stored_arrays(file[kind]))
+                    before = halves[kind] = judge(stored_arrays(file[kind]), before)
     except MemoryError as fault:
         raise ProofError(f"'{path}' is no proof of bounds: it is too large for this machine.") from fault
     except (OSError, KeyError, AttributeError, TypeError, ValueError, RuntimeError) as fault:
@@ -136,7 +139,7 @@ def check_lower(arrays: Mapping[str, npt.NDArray]) -> Checked:
         ProofError: If the arrays do not fit together.
     """
     with np.errstate(all="ignore"):
-        return _lower(arrays).checked
+        return _lower(arrays, None).checked
 
 
 def check_upper(arrays: Mapping[str, npt.NDArray]) -> Checked:
@@ -146,17 +149,17 @@ def check_upper(arrays: Mapping[str, npt.NDArray]) -> Checked:
         ProofError: If the arrays do not fit together.
     """
     with np.errstate(all="ignore"):
-        return _upper(arrays).checked
+        return _upper(arrays, None).checked
 
 
-def _lower(arrays: Mapping[str, npt.NDArray]) -> _Half:
+def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     claimed = bound_of(arrays["bound"])
     stress = checked(arrays, ("stress",))["stress"]
-    body = Body.of(arrays)
+    body, overlaps = _body(arrays, before)
     if stress.shape != (len(body.cells), body.dim + 1, body.dim, body.dim):
         raise ProofError("the stress does not fit the cells.")
     left = measure_stress(body, stress, claimed)
-    faults = (*_reasons(body, left.reason), *_left(left.measured))
+    faults = (*_reasons(overlaps, left.reason), *_left(left.measured))
     proven = None if faults else claimed / max(1.0, left.measured["yield_ratio"])
     sums = (
         f"Forces without balance are {left.forces:.2g} in all, of {left.loads:.6g} that the loads"
@@ -164,19 +167,20 @@ def _lower(arrays: Mapping[str, npt.NDArray]) -> _Half:
     )
     words = (taken_as_written(body), sums)
     found = Checked("lower", claimed, proven, left.measured, faults, words)
-    return _Half(found, body, forces=left.forces)
+    return _Half(found, body, overlaps, forces=left.forces)
 
 
-def _upper(arrays: Mapping[str, npt.NDArray]) -> _Half:
+def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     claimed = bound_of(arrays["bound"])
     given = checked(arrays, ("velocity", "nodes"))
-    body, velocity, nodes = Body.of(arrays), given["velocity"], given["nodes"]
+    velocity, nodes = given["velocity"], given["nodes"]
+    body, overlaps = _body(arrays, before)
     if velocity.ndim != 2 or velocity.shape[1] != body.dim or not np.isfinite(velocity).all():
         raise ProofError("the velocity is none of these bodies.")
     check_nodes(body, nodes, len(velocity))
     v = velocity[nodes]
     flow = measure_velocity(body, v, SUBDIVISIONS)
-    faults = (*_reasons(body, flow.reason), *_left(flow.measured))
+    faults = (*_reasons(overlaps, flow.reason), *_left(flow.measured))
     proven, speed = None, np.inf
     if not flow.work > 0:
         faults = (*faults, "the loads do no work")
@@ -184,14 +188,16 @@ def _upper(arrays: Mapping[str, npt.NDArray]) -> _Half:
         proven, speed = flow.dissipation / flow.work, float(np.abs(v).max() / flow.work)
         if not proven <= claimed * (1 + ROUNDING):
             faults = (*faults, f"only {proven:.9g} is proven")
-    words = (taken_as_written(body),)
+    same = before is not None and body is before.body
+    words = ("Of the same bodies.",) if same else (taken_as_written(body),)
     found = Checked("upper", claimed, None if faults else proven, flow.measured, faults, words)
-    return _Half(found, body, speed=speed)
+    return _Half(found, body, overlaps, speed=speed)
 
 
 def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
     """What forbids that both halves stand in one file, and what one says of the other."""
-    faults = differences(lower.body, upper.body)
+    same = upper.body is lower.body
+    faults = [] if same else differences(lower.body, upper.body)
     low, high = lower.checked.claimed, upper.checked.claimed
     if not low <= high * (1 + ROUNDING):
         faults.append(f"the lower bound {low:.9g} is above the upper one {high:.9g}")
@@ -207,11 +213,18 @@ def _with(half: Checked, faults: list[str]) -> Checked:
     return replace(half, proven=None, faults=(*half.faults, *faults))
 
 
-def _reasons(body: Body, reason: str | None) -> list[str]:
+def _body(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> tuple[Body, int]:
+    """The bodies of a half, and how often they overlap; those before, where they are the same."""
+    body = Body.of(arrays, None if before is None else before.body)
+    if before is not None and body is before.body:
+        return body, before.overlaps
+    return body, overlapping(body)
+
+
+def _reasons(overlaps: int, reason: str | None) -> list[str]:
     """What forbids to judge."""
-    count = overlapping(body)
-    overlap = [f"cells overlap ({count} points of cells are in others too)"] if count else []
-    return overlap + ([] if reason is None else [reason])
+    words = f"cells overlap ({overlaps} points of cells are in others too)"
+    return [words] * (overlaps > 0) + ([] if reason is None else [reason])
 
 
 def _left(measured: Mapping[str, float]) -> list[str]:

@@ -1,8 +1,8 @@
 """Whether cells overlap: whether points of cells are in another cell too.
 
 Where inner facets have their cells on both sides, the number of cells around a point changes only
-where an outer facet is crossed. So points just inside of outer facets show what overlaps, and one
-point in each cell shows bodies that lie in others.
+where an outer facet is crossed, and each body has such facets. So points just inside of them show
+what overlaps, and what lies in others.
 """
 
 import numpy as np
@@ -30,6 +30,7 @@ def overlapping(body: Body) -> int:
     low, high = first.min(axis=1), first.max(axis=1)
     levels = np.ceil(np.log2((high - low).max(axis=1))).astype(np.int64)
     origin, count = low.min(axis=0), 0
+    low, high = np.asfortranarray(low), np.asfortranarray(high)
     for level in np.unique(levels):
         some = np.flatnonzero(levels == level)
         edge = np.ldexp(1.0, int(level))
@@ -54,8 +55,12 @@ def overlapping(body: Body) -> int:
                 np.cumsum(number[piece]) - number[piece], number[piece]
             )
             in_cell = members[np.repeat(start[piece], number[piece]) + within]
-            other = in_cell != own[of]
-            count += _count_inside(body, points[of[other]], in_cell[other])
+            may = in_cell != own[of]
+            for axis in range(body.dim):
+                of, in_cell = of[may], in_cell[may]
+                at = points[of, axis]
+                may = (low[in_cell, axis] < at) & (at < high[in_cell, axis])
+            count += _count_inside(body, points[of[may]], in_cell[may])
     return count
 
 
@@ -69,15 +74,13 @@ def _points(body: Body) -> tuple[Floats, Longs]:
     near = np.full((d, d), SPREAD) + (1 - d * SPREAD) * np.eye(d)
     places = np.concatenate([near, np.full((1, d), 1 / d)])
     inside = (1 - DEPTH) * (places @ corners) + DEPTH * opposite[:, None]
-    centres = body.vertices[body.cells].mean(axis=1)
-    points = np.concatenate([inside.reshape(-1, d), centres])
-    return points, np.concatenate([np.repeat(cells, d + 1), np.arange(len(centres))])
+    return inside.reshape(-1, d), np.repeat(cells, d + 1)
 
 
 def _keys(boxes: Longs) -> Longs:
     """A number for each box; those of different boxes may be equal, and seldom are."""
     factors = np.array([73_856_093, 19_349_663 << 20, 83_492_791 << 34])[: boxes.shape[1]]
-    keys: Longs = (boxes * factors).sum(axis=1)
+    keys: Longs = boxes @ factors
     return keys
 
 

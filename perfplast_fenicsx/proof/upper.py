@@ -65,10 +65,10 @@ class Flow:
     """What is left of the conditions of a velocity, and what it does.
 
     Attributes:
-        measured: ``volume_change`` and ``elastic_strain``, ``entering_work``: the work of a stress
-            as large as the loads cause (:attr:`Body.load_stress`) at what is left, relative to
-            L(v); of volume change that of a pressure γ too, relative to the dissipation, where that
-            is more. ``entering``: relative to the largest velocity on the same facets.
+        measured: ``volume_change``, ``elastic_strain`` and ``entering_work``: the work of a stress
+            as large as the loads cause (:attr:`Body.load_stress`) at what is left in each cell and
+            facet, all added up, relative to L(v), which is what it changes the bound by.
+            ``entering``: relative to the largest velocity on the same facets.
             ``moved_supports``: relative to the largest velocity.
         dissipation: From above.
         work: L(v).
@@ -95,17 +95,13 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     deviator = rates - trace[..., None, None] / d * np.eye(d)
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
     entering, entered, reason = _entering(body, at_facets)
-    radii = np.where(plastic, body.yield_radius, 0.0)
     dissipation = _dissipation(body, deviator[plastic], subdivisions)
     work = _work(body, v, at_facets)
     volumes = np.where(plastic, np.abs(trace).max(axis=1), 0.0) * body.volumes
     strains = np.linalg.norm(rates[~plastic], axis=(2, 3)).max(axis=1) @ body.volumes[~plastic]
     moved = float(np.abs(at_facets * body.held[:, None]).max(initial=0))
     measured = {
-        "volume_change": max(
-            _share(float(radii @ volumes), dissipation),
-            _share(body.load_stress * float(volumes.sum()), work),
-        ),
+        "volume_change": _share(body.load_stress * float(volumes.sum()), work),
         "elastic_strain": _share(body.load_stress * float(strains), work),
         "moved_supports": _share(moved, float(np.abs(v).max(initial=0))),
         "entering": entering,
