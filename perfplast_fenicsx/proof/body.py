@@ -50,7 +50,10 @@ class Body:
 
     def __post_init__(self) -> None:
         n, d = self.vertices.shape if self.vertices.ndim == 2 else (0, 0)
-        c, f, k = len(self.cells), len(self.facets), len(self.obstacles)
+        c, f, k, pairs = (
+            a.shape[0] if a.ndim else 0
+            for a in (self.cells, self.facets, self.obstacles, self.contacts)
+        )
         shapes = {
             "cells": (c, d + 1),
             "yield_radius": (c,),
@@ -59,7 +62,7 @@ class Body:
             "surface": (f,),
             "held": (f, d),
             "traction": (f, d, d),
-            "contacts": (len(self.contacts), 2),
+            "contacts": (pairs, 2),
             "obstacles": (k,),
             "obstacle_normals": (k, d),
         }
