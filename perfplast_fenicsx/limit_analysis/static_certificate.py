@@ -11,7 +11,7 @@ from perfplast_fenicsx.limit_analysis.static_program import StaticProgram
 
 ROUNDING = 1e-10
 """What may be left of a condition, relative to the least yield radius of the cells it touches: mean
-stresses, which nothing bounds, have a rounding that may be a hundred thousand times that of yield radii."""
+stresses, which nothing bounds, may be 1e5 times as large, and have their own rounding."""
 
 LEFT_OF_LOAD = 1e-10
 """All forces without balance together, relative to the loads: bounds are never sought nearer to

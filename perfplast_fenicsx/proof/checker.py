@@ -117,7 +117,9 @@ def check(path: str | Path) -> dict[str, Checked]:
                 if kind in file:
                     before = halves[kind] = judge(stored_arrays(file[kind]), before)
     except MemoryError as fault:
-        raise ProofError(f"'{path}' is no proof of bounds: it is too large for this machine.") from fault
+        raise ProofError(
+            f"'{path}' is no proof of bounds: it is too large for this machine."
+        ) from fault
     except (OSError, KeyError, AttributeError, TypeError, ValueError, RuntimeError) as fault:
         raise ProofError(f"'{path}' is no proof of bounds: {fault}") from fault
     if not halves:

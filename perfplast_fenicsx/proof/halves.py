@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from perfplast_fenicsx.proof.body import Body, Floats
+from perfplast_fenicsx.proof.body import Body, Floats, Longs
 
 SAME = 1e-9
 """Volumes, areas, places and forces that differ by less, relative to the largest, are the same."""
@@ -93,10 +93,10 @@ def _areas(body: Body, tags: np.ndarray) -> Floats:
 def _supports(body: Body, tags: np.ndarray) -> Floats:
     """Area of each surface that is held in each way."""
     d = body.dim
-    ways = body.held @ (1 << np.arange(d))
+    ways: Longs = body.held @ (1 << np.arange(d))
     at = np.searchsorted(tags, body.surface) * 2**d + ways
     areas = np.bincount(at, weights=body.areas, minlength=len(tags) * 2**d)
-    return areas[:, None]
+    return np.asarray(areas[:, None], dtype=np.float64)
 
 
 def _resultants(body: Body, tags: np.ndarray) -> Floats:
@@ -132,7 +132,7 @@ def _same_obstacles(lower: Body, upper: Body) -> bool:
     if len(lower.obstacles) != len(upper.obstacles):
         return False
     one, other = (
-        np.column_stack([body.obstacles, body.obstacle_normals])[np.argsort(body.obstacles)]
+        np.column_stack([body.obstacles.astype(np.float64), body.obstacle_normals])[np.argsort(body.obstacles)]
         for body in (lower, upper)
     )
     return _alike(one, other)

@@ -112,9 +112,7 @@ def _inner_tractions(body: Body, stress: Floats, sides: np.ndarray) -> Floats:
     return tractions
 
 
-def _outer(
-    body: Body, stress: Floats, load: float
-) -> tuple[dict[str, Floats], float, str | None]:
+def _outer(body: Body, stress: Floats, load: float) -> tuple[dict[str, Floats], float, str | None]:
     """What is left on outer facets, relative to the weakest; the sum of forces, and a reason."""
     d = body.dim
     cells = body.outer // (d + 1)

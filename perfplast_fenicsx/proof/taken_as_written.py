@@ -42,7 +42,9 @@ def _supports(body: Body) -> str:
     words = []
     for tag in np.unique(body.surface[body.held.any(axis=1)]):
         here = body.on(tag)
-        axes = [axis for axis, held in zip("xyz", body.held[here].any(axis=0), strict=False) if held]
+        axes = [
+            axis for axis, held in zip("xyz", np.atleast_1d(body.held[here].any(axis=0)), strict=False) if held
+        ]
         count = int(body.held[here].any(axis=1).sum())
         words.append(f"{', '.join(axes)} of surface {tag} ({count} facets)")
     return f"supports hold {_listed(words)}" if words else "no supports"
@@ -51,7 +53,7 @@ def _supports(body: Body) -> str:
 def _contacts(body: Body) -> str:
     words = [f"surfaces {one} and {other}" for one, other in body.contacts]
     for tag, normal in zip(body.obstacles, body.obstacle_normals, strict=True):
-        along = ", ".join(f"{part:.4g}" for part in normal)
+        along = ", ".join(f"{part:.4g}" for part in np.atleast_1d(normal))
         words.append(f"surface {tag} and a plane towards ({along})")
     return f"contact without friction of {_listed(words)}" if words else "no contact"
 

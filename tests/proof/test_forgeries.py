@@ -425,7 +425,11 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     ),
     # the stress
     "asymmetric by the last bit": (
-        low(lambda them: them["stress"].__setitem__((0, 0, 0, 1), them["stress"][0, 0, 0, 1] + 1e-14)),
+        low(
+            lambda them: them["stress"].__setitem__(
+                (0, 0, 0, 1), them["stress"][0, 0, 0, 1] + 1e-14
+            )
+        ),
         "asymmetry",
     ),
     "everywhere a little pull": (low(lambda them: raised(them, 1e-6)), "tractions|tension"),
@@ -453,11 +457,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     ),
     # the velocity
     "supports move by 1e-300": (
-        high(
-            lambda them: put(
-                "velocity", (slice(None), 0), them["velocity"][:, 0] + 1e-300
-            )(them)
-        ),
+        high(lambda them: put("velocity", (slice(None), 0), them["velocity"][:, 0] + 1e-300)(them)),
         "moved supports",
     ),
     "into the plane": (high(moved(-1, -1e-3)), "entering"),
