@@ -31,6 +31,7 @@ from perfplast_fenicsx import (
     Traction,
     machine_memory,
     two_blocks,
+    stacked_blocks,
 )
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis import (
@@ -40,6 +41,7 @@ from perfplast_fenicsx.limit_analysis import (
     interior_point,
     strict_lower_bound,
     strict_upper_bound,
+    limit_bounds,
 )
 from perfplast_fenicsx.limit_analysis.facet_pairs import facet_type, pair_facets
 from perfplast_fenicsx.problem import LoadCase

@@ -425,11 +425,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     ),
     # the stress
     "asymmetric by the last bit": (
-        low(
-            lambda them: them["stress"].__setitem__(
-                (0, 0, 0, 1), them["stress"][0, 0, 0, 1] + 1e-14
-            )
-        ),
+        low(lambda them: put("stress", (0, 0, 0, 1), them["stress"][0, 0, 0, 1] + 1e-14)(them)),
         "asymmetry",
     ),
     "everywhere a little pull": (low(lambda them: raised(them, 1e-6)), "tractions|tension"),
