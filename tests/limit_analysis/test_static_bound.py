@@ -32,6 +32,7 @@ from perfplast_fenicsx import (
     machine_memory,
     two_blocks,
     stacked_blocks,
+    VonMises,
 )
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis import (
