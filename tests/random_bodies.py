@@ -98,8 +98,13 @@ def _seams(dim: int, heights: Sequence[float]) -> list[list[int]]:
     return [[tag for tag in on_plane(dim, dim, z) if tag in interface(dim)] for z in level]
 
 
-def problem_of(it: Stack, mesh: TaggedMesh) -> tuple[Problem, float | None]:
+def problem_of(it: Stack, mesh: TaggedMesh, contrast: float = 1) -> tuple[Problem, float | None]:
     """Random materials, supports and loads on it, quadratic.
+
+    Args:
+        it: The stack.
+        mesh: Of it.
+        contrast: A random block is so many times as strong as it was.
 
     Returns:
         The problem, and its limit load where that is known.
@@ -107,6 +112,7 @@ def problem_of(it: Stack, mesh: TaggedMesh) -> tuple[Problem, float | None]:
     random, dim = Random(it.seed), it.dim
     names = [f"block{i}" for i in range(len(it.heights))]
     strengths = {name: random.choice([1.0, random.uniform(0.5, 2.0)]) for name in names}
+    strengths[Random(it.seed).choice(names)] *= contrast
     materials: dict = {
         name: VonMises(young=1e3, poisson=0.3, yield_stress=strength)
         for name, strength in strengths.items()

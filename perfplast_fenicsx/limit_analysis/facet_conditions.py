@@ -14,7 +14,7 @@ from perfplast_fenicsx.limit_analysis.entering import CURVED
 from perfplast_fenicsx.limit_analysis.facet_pairs import FacetRows, facet_type, pair_facets
 from perfplast_fenicsx.limit_analysis.facet_velocities import FacetNumbers, facet_numbers
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
-from perfplast_fenicsx.problem.loads import BodyForce, Pressure, is_uniform, uniform
+from perfplast_fenicsx.problem.loads import LOADS, BodyForce, Pressure, is_uniform, uniform
 from perfplast_fenicsx.problem.problem import Problem
 
 ALONG = 1e-10
@@ -25,6 +25,8 @@ UNMATCHED = "surfaces in contact do not match facet by facet"
 OBLIQUE = "a support holds a surface in contact obliquely to its normal"
 
 VARYING = "a load is a formula or a pressure in pores"
+
+UNKNOWN = "a load is of a kind that strict bounds do not know"
 
 TWICE = "a surface is in contact with more than one other"
 
@@ -112,11 +114,9 @@ def facet_conditions(problem: Problem) -> FacetConditions:
     facets = _Facets(problem, numbers, vertices)
     held = _held(problem, facets)
     tractions, forces = np.zeros((facets.num, tdim)), np.zeros((len(vertices), tdim))
-    varies = False
-    for load in given.loads:
-        if not is_uniform(load):
-            varies = True
-            continue
+    unknown = any(type(load) not in LOADS.values() for load in given.loads)
+    varies = not unknown and not all(is_uniform(load) for load in given.loads)
+    for load in filter(is_uniform, given.loads):
         value = uniform(load)
         if isinstance(load, BodyForce):
             cells = problem.tagged_mesh.cells(load.on)
@@ -173,6 +173,7 @@ def facet_conditions(problem: Problem) -> FacetConditions:
         RIGID: len(given.rigid) > 0,
         TIED: problem.num_tied > 0,
         VARYING: varies,
+        UNKNOWN: unknown,
         UNMATCHED: not matched,
         OBLIQUE: oblique,
         TWICE: len(np.unique(every)) < len(every),

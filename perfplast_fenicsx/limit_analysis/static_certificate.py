@@ -9,18 +9,29 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.static_program import StaticProgram
 
-ROUNDING = 1e-9
-"""What a certificate may leave, relative to the largest yield radius."""
+ROUNDING = 1e-10
+"""What may be left of a condition, relative to the least yield radius of the cells it touches: mean
+stresses, which nothing bounds, may be 1e5 times as large, and have their own rounding."""
+
+LEFT_OF_LOAD = 1e-10
+"""All forces without balance together, relative to the loads: bounds are never sought nearer to
+each other than 1e-4, and this is a millionth of it."""
+
+LEFT_OF_STRENGTH = 1e-7
+"""All forces without balance together, relative to what the weakest cell can bear: even if one cell
+had to bear them all, that would be a ten-millionth of its strength."""
 
 
 @dataclass(frozen=True)
 class StaticCertificate:
     """How far a stress is from being admissible.
 
-    All but the last are relative to the largest yield radius γ, as in
-    :func:`perfplast_fenicsx.proof.lower.measure_stress`: what is left has to be balanced by stress
-    that plastic bodies have to bear beside this one. Mean stresses and those of elastic bodies are
-    no measure of that, since nothing bounds them: beside a large one much could be left.
+    The first four are stresses relative to the least finite yield radius γ of the cells that each
+    condition touches: of a cell itself and those that share its facets, of a facet those on both
+    sides; of tension, and where all of these are elastic, to the least γ of all. The next two tell
+    of the sum of all forces that are not balanced, since these could add up, or be borne by a
+    body that is weaker than those in which they stand.
+    :func:`perfplast_fenicsx.proof.lower.measure_stress` finds the like anew.
 
     Attributes:
         equilibrium: Largest div σ + λb, times the cell's size; in space also jumps of tractions
@@ -28,6 +39,10 @@ class StaticCertificate:
         traction: Largest jump of tractions between cells, or traction that is not that of the load.
         shear: Largest tangential traction on surfaces in contact.
         tension: Largest pull on surfaces in contact.
+        left_of_load: The sum of the magnitudes of all forces without balance, relative to that of
+            the loads at λ.
+        left_of_strength: The same sum, relative to the least γV^((d − 1)/d) of all cells that can
+            yield, V being the volume.
         overstress: ‖dev σ‖/γ − 1 where that is largest; negative in bodies far from yield.
     """
 
@@ -35,12 +50,19 @@ class StaticCertificate:
     traction: float
     shear: float
     tension: float
+    left_of_load: float
+    left_of_strength: float
     overstress: float
 
     @property
     def holds(self) -> bool:
         """Whether the stress is admissible, but for rounding."""
-        return all(value <= ROUNDING for value in vars(self).values())
+        each = (self.equilibrium, self.traction, self.shear, self.tension, self.overstress)
+        return (
+            all(value <= ROUNDING for value in each)
+            and self.left_of_load <= LEFT_OF_LOAD
+            and self.left_of_strength <= LEFT_OF_STRENGTH
+        )
 
 
 def certify_stress(
@@ -65,21 +87,57 @@ def certify_stress(
     left.destroy()
     count, tdim = strains.facets.count, strains.gdim
     on_facets = residual[:count] / np.repeat(static.areas, tdim**2)
-    inside = strains.inner(residual) / (static.volumes ** ((tdim - 1) / tdim))[:, None]
+    sections = static.volumes ** ((tdim - 1) / tdim)
+    of_facets, of_cells = _weakness(static)
+    inside = strains.inner(residual) / sections[:, None] * of_cells[:, None]
+    between = np.abs(on_facets) * of_facets
     others = ~(static.jumps | static.slips)
     sizes, radii = np.linalg.norm(deviator, axis=1), strains.radii
+    cell_radii = radii.reshape(strains.num_cells, -1)[:, 0]
     largest: Floats = np.array(
         [
             np.abs(inside).max(initial=0),
-            np.abs(on_facets[others]).max(initial=0),
-            np.abs(on_facets[static.slips]).max(initial=0),
+            between[others].max(initial=0),
+            between[static.slips].max(initial=0),
             on_facets[static.jumps].max(initial=0),
-            radii[np.isfinite(radii)].max(initial=0),
             (sizes / radii - 1).max(initial=-1),
+            -(cell_radii * sections).min(initial=np.inf),
+            -cell_radii.min(initial=np.inf),
         ]
     )
     comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    *parts, radius, over = largest
-    in_cells, between, shear, tension = (float(part / radius) for part in parts)
-    certificate = StaticCertificate(in_cells, between, shear, tension, float(over))
+    in_cells, jump, shear, pull, over = (float(value) for value in largest[:5])
+    strength, radius = (-float(value) for value in largest[5:])
+    forces = np.abs(residual)
+    forces[:count][static.jumps] = np.maximum(residual[:count][static.jumps], 0.0)
+    sums: Floats = np.array([forces.sum(), np.abs(load * static.load).sum()])
+    comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
+    missing, whole = (float(value) for value in sums)
+    certificate = StaticCertificate(
+        equilibrium=in_cells,
+        traction=jump,
+        shear=shear,
+        tension=pull / radius,
+        left_of_load=missing / whole if whole > 0 else float(missing > 0),
+        left_of_strength=missing / strength,
+        overstress=over,
+    )
     return certificate, -on_facets[static.jumps]
+
+
+def _weakness(static: StaticProgram) -> tuple[Floats, Floats]:
+    """At least 1/γ of the weakest cell that each condition touches. Collective.
+
+    Inverse radii are added up where cells meet, which is more than the largest of them by a factor
+    of at most 2, and of 4 beside contact.
+
+    Returns:
+        Of the facets' unknowns that this rank owns, and of its cells.
+    """
+    strains, facets = static.strains, static.strains.facets
+    inverse = (1 / strains.radii).reshape(strains.num_cells, -1)[:, 0]
+    everywhere = static.program.comm.allreduce(float(inverse.max(initial=0)), MPI.MAX)
+    met = facets.add_up(np.repeat(inverse, facets.of_cells.shape[1]))
+    around = facets.gather(met).max(axis=1)
+    of_facets, of_cells = (np.where(sums > 0, sums, everywhere) for sums in (met, around))
+    return of_facets, of_cells

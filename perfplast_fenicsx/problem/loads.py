@@ -230,7 +230,7 @@ def kind_of(load: Load) -> str:
 
 def is_uniform(load: Load) -> bool:
     """Whether a load is a traction, a pressure or a force per volume, given as numbers."""
-    return isinstance(load, UNIFORM) and np.asarray(load.value).dtype.kind in "fiu"
+    return type(load) in UNIFORM and np.asarray(load.value).dtype.kind in "fiu"
 
 
 def uniform(load: Load) -> Floats:
@@ -241,7 +241,7 @@ def uniform(load: Load) -> Floats:
     """
     if not is_uniform(load):
         kind = kind_of(load).replace("_", " ")
-        what = "formula" if isinstance(load, UNIFORM) else kind
+        what = "formula" if type(load) in UNIFORM else kind
         raise InputError(
             f"the load on '{load.on}' is a {what}, and strict bounds are for uniform loads:"
             " tractions, pressures and forces per volume that are numbers; give one of these, or"

@@ -3,18 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from perfplast_fenicsx.proof.plain_arrays import ProofError, checked
 
 Floats = npt.NDArray[np.float64]
 Longs = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 
-class ProofError(ValueError):
-    """A file that is no proof; the message is a sentence."""
+FARTHEST = 1e12
+"""From the origin, relative to the cell: farther away its shape is lost to rounding."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,10 @@ class Body:
 
     def __post_init__(self) -> None:
         n, d = self.vertices.shape if self.vertices.ndim == 2 else (0, 0)
-        c, f, k = len(self.cells), len(self.facets), len(self.obstacles)
+        c, f, k, pairs = (
+            a.shape[0] if a.ndim else 0
+            for a in (self.cells, self.facets, self.obstacles, self.contacts)
+        )
         shapes = {
             "cells": (c, d + 1),
             "yield_radius": (c,),
@@ -58,13 +62,15 @@ class Body:
             "surface": (f,),
             "held": (f, d),
             "traction": (f, d, d),
-            "contacts": (len(self.contacts), 2),
+            "contacts": (pairs, 2),
             "obstacles": (k,),
             "obstacle_normals": (k, d),
         }
         wrong = [name for name, shape in shapes.items() if getattr(self, name).shape != shape]
         if d not in (2, 3) or wrong:
             raise ProofError(f"the shape of {', '.join(wrong) or 'vertices'} fits nothing.")
+        if not c:
+            raise ProofError("there is no cell, and nothing to be proven of no body.")
         for name in ("cells", "facets"):
             numbers = getattr(self, name)
             if numbers.size and not (numbers.min() >= 0 and numbers.max() < n):
@@ -76,26 +82,36 @@ class Body:
             raise ProofError("a yield radius is not positive.")
         if not (np.abs(np.linalg.norm(self.obstacle_normals, axis=1) - 1) <= 1e-12).all():
             raise ProofError("a normal of an obstacle is no unit vector.")
-        size = np.ptp(self.vertices[self.cells], axis=1).max(axis=1)
-        if not (self.volumes > 1e-12 * size**d).all():
+        if not self.plastic.any():
+            raise ProofError("no cell can yield, so that nothing limits the load.")
+        if not (self.body_force.any() or self.traction.any()):
+            raise ProofError("nothing is loaded, and every load factor would be a bound.")
+        places = self.vertices[self.cells]
+        size = np.ptp(places, axis=1).max(axis=1)
+        if not (np.abs(places).max(axis=(1, 2)) <= FARTHEST * size).all():
+            raise ProofError("a cell is too small for where it is: its shape is lost to rounding.")
+        if not (np.isfinite(size**d).all() and (self.volumes > 1e-12 * size**d).all()):
             raise ProofError("a cell has no volume.")
+        if not (np.isfinite(self.gradients).all() and (size**d > 0).all()):
+            raise ProofError("cells are too small or too large to compute with.")
         self._check_facets()
 
     @classmethod
-    def of(cls, arrays: Mapping[str, npt.NDArray]) -> "Body":
+    def of(cls, arrays: Mapping[str, npt.NDArray], known: "Body | None" = None) -> "Body":
         """The bodies of arrays by name.
 
+        Args:
+            arrays: The arrays.
+            known: Bodies that are returned where the arrays are theirs.
+
         Raises:
-            ProofError: If one is missing, or they do not fit together.
+            ProofError: If one is missing or of another kind, or they do not fit together.
         """
-        missing = [name for name in cls.__dataclass_fields__ if name not in arrays]
-        if missing:
-            raise ProofError(f"{', '.join(missing)} is missing.")
-        floats = ("vertices", "yield_radius", "body_force", "traction", "obstacle_normals")
-        longs = ("cells", "facets", "surface", "contacts", "obstacles")
-        values: dict[str, Any] = {name: np.asarray(arrays[name], np.float64) for name in floats}
-        values |= {name: np.asarray(arrays[name], np.int64) for name in longs}
-        return cls(**values, held=np.asarray(arrays["held"]) != 0)
+        values = checked(arrays, tuple(cls.__dataclass_fields__))
+        same = known is not None and all(
+            np.array_equal(getattr(known, name), value) for name, value in values.items()
+        )
+        return known if known is not None and same else cls(**values)
 
     @property
     def dim(self) -> int:
@@ -173,9 +189,31 @@ class Body:
     @cached_property
     def areas(self) -> Floats:
         """Of ``facets``."""
-        inward = self.gradients.reshape(-1, self.dim)[self.outer]
-        height = 1 / np.linalg.norm(inward, axis=1)
-        return self.dim * self.volumes[self.outer // (self.dim + 1)] / height
+        return self.areas_of(self.outer)
+
+    def areas_of(self, sides: Longs) -> Floats:
+        """Of sides."""
+        slope = np.linalg.norm(self.gradients.reshape(-1, self.dim)[sides], axis=1)
+        areas: Floats = self.dim * self.volumes[sides // (self.dim + 1)] * slope
+        return areas
+
+    @cached_property
+    def live_load(self) -> float:
+        """The sum of the magnitudes of all loads of λ = 1."""
+        on_facets = np.linalg.norm(self.traction, axis=2).mean(axis=1)
+        in_cells = np.linalg.norm(self.body_force, axis=1)
+        return float(self.areas @ on_facets + self.volumes @ in_cells)
+
+    @cached_property
+    def load_stress(self) -> float:
+        """A stress that loads of λ = 1 cause: the largest traction, and that of a column."""
+        largest = np.linalg.norm(self.traction, axis=2).max(initial=0)
+        heavy = self.body_force.any(axis=1)
+        if heavy.any():
+            there = self.vertices[self.cells[heavy]].reshape(-1, self.dim)
+            extent = np.linalg.norm(np.ptp(there, axis=0))
+            largest += np.linalg.norm(self.body_force, axis=1).max() * extent
+        return float(largest)
 
     def on(self, tag: np.int64) -> Longs:
         """Numbers of the facets of a surface."""
@@ -197,3 +235,6 @@ class Body:
     def _check_facets(self) -> None:
         if not self._found[1]:
             raise ProofError("facets are not those that bound the cells.")
+        one, other = self.sides[0].T
+        if not (np.einsum("fi,fi->f", self.normals_of(one), self.normals_of(other)) < 0).all():
+            raise ProofError("two cells lie on one side of a facet: cells are folded.")

@@ -3,55 +3,96 @@
 λ is a lower bound of the limit load of the bodies where div σ + λb = 0 in each cell, tractions are
 equal on both sides of inner facets and those of λ on outer ones, contact pushes and has no shear,
 and ‖dev σ‖ ≤ γ at each vertex, and so everywhere, ‖·‖ being convex (static theorem, W. Prager,
-P. G. Hodge, Theory of Perfectly Plastic Solids, 1951).
+P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). What is left by rounding is a load of its
+own: it is measured by what the weakest could bear of it, each row by itself and all together.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats
-from perfplast_fenicsx.proof.touching import touching
+from perfplast_fenicsx.proof.touching import Touching, touching
 
 UNDETERMINED = 1e-12
 """A contact whose normal leaves less than this free beside supports has no force to find."""
 
 
-def measure_stress(body: Body, stress: Floats, load: float) -> tuple[dict[str, float], str | None]:
-    """What is left of each condition, relative to the largest yield radius; and what forbids it.
+@dataclass(frozen=True)
+class Left:
+    """What is left of the conditions of a stress.
+
+    Attributes:
+        measured: ``equilibrium``, ``inner_tractions``, ``outer_tractions``, ``tension`` and
+            ``unequal_pressures``, as stresses relative to the least finite yield radius of the
+            cells that each row touches (a cell and those that share its facets; both sides of a
+            facet, of a contact too), and to the least of all where these are elastic;
+            ``asymmetry``, relative to the least of all; ``left_of_load``, the sum of all forces
+            without balance relative to that of the loads at λ, and ``left_of_strength``, relative
+            to the least γV^((d − 1)/d) of a cell of volume V; ``yield_ratio``, the largest
+            ‖dev σ‖/γ.
+        forces: The sum of the magnitudes of all forces without balance.
+        loads: That of the loads at λ.
+        reason: Why the conditions of contact cannot be told, or None.
+    """
+
+    measured: dict[str, float]
+    forces: float
+    loads: float
+    reason: str | None
+
+
+def measure_stress(body: Body, stress: Floats, load: float) -> Left:
+    """What is left of each condition, and what forbids to tell it.
 
     Args:
         body: The bodies.
         stress: σ at the vertices of each cell, shape (num_cells, d + 1, d, d).
         load: λ.
-
-    Returns:
-        ``asymmetry``, ``equilibrium``, ``inner_tractions``, ``outer_tractions``, ``tension``,
-        ``unequal_pressures`` and ``yield_ratio``, which is the largest ‖dev σ‖/γ. And a reason why
-        the conditions of contact cannot be told, or None.
     """
-    d, plastic = body.dim, body.plastic
-    unit = body.yield_radius[plastic].max(initial=0) or 1.0
-    size = np.ptp(body.vertices[body.cells], axis=1).max(axis=1, keepdims=True)
+    d, radii = body.dim, body.yield_radius
+    weakest = float(radii.min())
+    section = body.volumes ** ((d - 1) / d)
     divergence = np.einsum("cvij,cvj->ci", stress, body.gradients) + load * body.body_force
+    in_cells = np.linalg.norm(divergence, axis=1) * body.volumes
     traces = np.trace(stress, axis1=2, axis2=3)[..., None, None] / d
     sizes = np.linalg.norm(stress - traces * np.eye(d), axis=(2, 3))
     inner = body.sides[0]
     jumps = _inner_tractions(body, stress, inner[:, 0]) + _inner_tractions(
         body, stress, inner[:, 1]
     )
-    outer, tension, unequal, reason = _outer(body, stress, load)
-    left = {
-        "asymmetry": _largest(stress - stress.transpose(0, 1, 3, 2)),
-        "equilibrium": _largest(divergence * size),
-        "inner_tractions": _largest(jumps),
-        "outer_tractions": outer,
-        "tension": tension,
-        "unequal_pressures": unequal,
+    on_facets = np.linalg.norm(jumps, axis=2)
+    between = radii[inner // (d + 1)].min(axis=1)
+    around = radii.copy()
+    for side in (0, 1):
+        np.minimum.at(around, inner[:, side] // (d + 1), between)
+    outer, forces, reason = _outer(body, stress, load)
+    size = np.ptp(body.vertices[body.cells], axis=1).max(axis=1)
+    ratios = {
+        "equilibrium": np.linalg.norm(divergence, axis=1) * size / _finite(around, weakest),
+        "inner_tractions": on_facets / _finite(between, weakest)[:, None],
+        **outer,
     }
-    measured = {name: value / unit for name, value in left.items()}
-    measured["yield_ratio"] = float(
-        (sizes[plastic] / body.yield_radius[plastic, None]).max(initial=0)
-    )
-    return measured, reason
+    measured = {"asymmetry": _largest(stress - stress.transpose(0, 1, 3, 2)) / weakest}
+    measured |= {name: _largest(values) for name, values in ratios.items()}
+    forces += float(in_cells.sum() + body.areas_of(inner[:, 0]) @ on_facets.mean(axis=1))
+    loads = load * body.live_load
+    measured["left_of_load"] = _share(forces, loads)
+    measured["left_of_strength"] = _share(forces, float((radii * section).min()))
+    measured["yield_ratio"] = _largest(sizes[body.plastic] / radii[body.plastic, None])
+    return Left(measured, forces, loads, reason)
+
+
+def _finite(radii: Floats, weakest: float) -> Floats:
+    """Those that are finite, and the weakest for the others."""
+    return np.where(np.isfinite(radii), radii, weakest)
+
+
+def _share(part: float, whole: float) -> float:
+    """A part of a whole, ∞ if it is no number, or something of nothing."""
+    if part == 0:
+        return 0.0
+    return part / whole if np.isfinite(part) and whole > 0 else np.inf
 
 
 def _largest(values: Floats) -> float:
@@ -71,32 +112,40 @@ def _inner_tractions(body: Body, stress: Floats, sides: np.ndarray) -> Floats:
     return tractions
 
 
-def _outer(body: Body, stress: Floats, load: float) -> tuple[float, float, float, str | None]:
-    """What is not balanced on outer facets, tension, differences of pressure, and a reason."""
-    cells = body.outer // (body.dim + 1)
+def _outer(body: Body, stress: Floats, load: float) -> tuple[dict[str, Floats], float, str | None]:
+    """What is left on outer facets, relative to the weakest; the sum of forces, and a reason."""
+    d = body.dim
+    cells = body.outer // (d + 1)
     traction = np.einsum("fvij,fj->fvi", stress[cells[:, None], body.places], body.normals)
     rest = traction - load * body.traction
     free = ~body.held
     into = np.zeros_like(body.normals)  # where contact pushes from: σn = λt − p into
     times = np.zeros(len(into), dtype=int)
-    pairs = [touching(body, one, other) for one, other in body.contacts]
+    radii = body.yield_radius[cells]
+    pairs: list[Touching] = [touching(body, one, other) for one, other in body.contacts]
     for pair in pairs:
+        weaker = np.minimum(radii[pair.first], radii[pair.second])
         for facets in (pair.first, pair.second):
             into[facets] = body.normals[facets]
+            radii[facets] = weaker
             times[facets] += 1
     for tag, normal in zip(body.obstacles, body.obstacle_normals, strict=True):
         into[body.on(tag)] = normal
         times[body.on(tag)] += 1
     reason = "a facet touches two others" if (times > 1).any() else None
+    radii = _finite(radii, float(body.yield_radius.min()))[:, None]
     share = np.where(free, into, 0.0)
     square = np.einsum("fi,fi->f", share, share)
     told = square > UNDETERMINED
     pressure = np.zeros(rest.shape[:2])
     pressure[told] = -np.einsum("fvi,fi->fv", rest[told], share[told]) / square[told, None]
-    wrong = (rest + pressure[..., None] * into[:, None]) * free[:, None]
-    unequal = [0.0]
+    wrong = np.linalg.norm((rest + pressure[..., None] * into[:, None]) * free[:, None], axis=2)
+    tension = np.maximum(-pressure, 0.0)
+    unequal = np.zeros_like(pressure)
     for pair in pairs:
         both = told[pair.first] & told[pair.second]
         opposite = np.take_along_axis(pressure[pair.second], pair.order, axis=1)
-        unequal.append(_largest((pressure[pair.first] - opposite)[both]))
-    return _largest(wrong), max(0.0, -float(pressure.min(initial=0))), max(unequal), reason
+        unequal[pair.first] = np.abs(pressure[pair.first] - opposite) * both[:, None]
+    left = {"outer_tractions": wrong, "tension": tension, "unequal_pressures": unequal}
+    forces = float(body.areas @ (wrong + tension + unequal).mean(axis=1))
+    return {name: values / radii for name, values in left.items()}, forces, reason

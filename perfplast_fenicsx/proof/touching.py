@@ -1,7 +1,6 @@
 """Which facets of two surfaces lie opposite each other, found anew from their coordinates."""
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
@@ -11,10 +10,13 @@ SAME_NORMAL = 1e-8
 """Normals whose components differ by less are the same."""
 
 CLOSE = 1e-6
-"""Distance across the normal that counts as none, relative to the smallest facet."""
+"""Distance across the normal that counts as none, relative to the facet."""
 
 FACING = 0.1
 """Facets face each other where their normals point so much against each other."""
+
+AT_ONCE = 2_000_000
+"""Pairs of facets that are looked at together, for the memory they take."""
 
 
 @dataclass(frozen=True)
@@ -43,63 +45,104 @@ def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
         other: Tag of the other.
     """
     firsts, seconds = body.on(one), body.on(other)
-    found: list[tuple[Longs, Longs, Longs]] = []
-    apart = 0
-    while len(firsts):
-        normal = body.normals[firsts[0]]
-        along = body.normals @ normal
-        same = np.abs(body.normals[firsts] - normal).max(axis=1) <= SAME_NORMAL
-        a, firsts = firsts[same], firsts[~same]
-        b = seconds[np.abs(body.normals[seconds] + normal).max(axis=1) <= SAME_NORMAL]
-        across = np.linalg.qr(np.column_stack([normal, np.eye(body.dim)]))[0][:, 1:]
-        x = body.vertices[body.facets] @ across
-        close = CLOSE * np.ptp(x[np.concatenate([a, b])], axis=1).max(axis=1).min()
-        height = body.vertices[body.facets].mean(axis=1) @ normal
-        partner = _nearest(x.mean(axis=1), height, a, b, close)
-        a_found, b_found = a[partner >= 0], b[partner[partner >= 0]]
-        gaps = np.linalg.norm(x[a_found][:, :, None] - x[b_found][:, None], axis=3)
-        order = np.argmin(gaps, axis=2)
-        whole = (gaps.min(axis=2) <= close).all(axis=1)
-        whole &= (np.sort(order, axis=1) == np.arange(body.dim)).all(axis=1)
-        found.append((a_found[whole], b_found[whole], order[whole]))
-        left_a = np.setdiff1d(a, a_found[whole])
-        left_b = np.setdiff1d(seconds[along[seconds] < -FACING], b_found[whole])
-        apart += _overlapping(x, left_a, left_b, close)
-    if not found:
-        none = np.zeros(0, dtype=np.int64)
-        return Touching(none, none, np.zeros((0, body.dim), dtype=np.int64), 0)
-    first, second, order = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    return Touching(first, second, order, apart)
+    a, b = _nearest(body, *_candidates(body, firsts, seconds))
+    normal = body.normals[a][:, None, None]
+    x = body.vertices[body.facets]
+    away = x[b][:, None] - x[a][:, :, None]
+    away = away - np.sum(away * normal, axis=3, keepdims=True) * normal
+    gaps = np.linalg.norm(away, axis=3)
+    order = np.argmin(gaps, axis=2)
+    whole = (gaps.min(axis=2) <= _close(body, a)[:, None]).all(axis=1)
+    whole &= (np.sort(order, axis=1) == np.arange(body.dim)).all(axis=1)
+    first, second = a[whole], b[whole]
+    left = np.setdiff1d(firsts, first), np.setdiff1d(seconds, second)
+    return Touching(first, second, order[whole], _overlapping(body, *left))
 
 
-def _nearest(x: Floats, height: Floats, a: Longs, b: Longs, close: float) -> Longs:
-    """For each of a the place in b of the nearest facet straight above it; −1 if there is none."""
-    partner, distance = np.full(len(a), -1), np.full(len(a), np.inf)
-    box = np.floor(x / (4 * close)).astype(np.int64)
-    weights = np.array([1, 1_000_003])[: x.shape[1]]
-    order = np.argsort(box[b] @ weights)
-    keys = (box[b] @ weights)[order]
-    for shift in product((-1, 0, 1), repeat=x.shape[1]):
-        wanted = (box[a] + np.array(shift)) @ weights
-        start = np.searchsorted(keys, wanted, side="left")
-        stop = np.searchsorted(keys, wanted, side="right")
-        for step in range(int((stop - start).max(initial=0))):
-            has = np.flatnonzero(start + step < stop)
-            place = order[start[has] + step]
-            gap = height[b[place]] - height[a[has]]
-            above = (np.linalg.norm(x[a[has]] - x[b[place]], axis=1) <= close) & (gap >= -close)
-            nearer = above & (gap < distance[has])
-            partner[has[nearer]], distance[has[nearer]] = place[nearer], gap[nearer]
-    return partner
+def _close(body: Body, facets: Longs) -> Floats:
+    """What counts as no distance, at each facet."""
+    sizes = np.ptp(body.vertices[body.facets[facets]], axis=1).max(axis=1)
+    return CLOSE * np.asarray(sizes)
 
 
-def _overlapping(x: Floats, a: Longs, b: Longs, close: float) -> int:
-    """How many of a have boxes that overlap one of b's."""
+def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs]:
+    """Pairs of facets that may lie on one line along their normal, among them all that do.
+
+    Normal and foot of the line, put together, are seen along one direction, and sorted there.
+    """
+    none = np.zeros(0, dtype=np.int64)
+    if not (len(firsts) and len(seconds)):
+        return none, none
+    centres = body.vertices[body.facets].mean(axis=1)
+    middle = centres[firsts].mean(axis=0)
+    extent = float(np.ptp(centres[np.concatenate([firsts, seconds])], axis=0).max())
+    close = float(_close(body, firsts).max())
+    size = extent or close
+    along = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0])
+
+    def seen(facets: Longs, sign: float) -> Floats:
+        n = sign * body.normals[facets]
+        foot = centres[facets] - middle
+        foot = foot - np.sum(foot * n, axis=1, keepdims=True) * n
+        values: Floats = np.hstack([n, foot / size]) @ along[: 2 * body.dim]
+        return values
+
+    of_first, of_second = seen(firsts, 1.0), seen(seconds, -1.0)
+    order = np.argsort(of_second)
+    # a foot is moved by a normal's error times its distance, of at most 2 extents
+    reach = along.sum() * (5 * body.dim * SAME_NORMAL + close / size)
+    start = np.searchsorted(of_second[order], of_first - reach)
+    number = np.searchsorted(of_second[order], of_first + reach, side="right") - start
+    found_a, found_b = [none], [none]
+    pieces = np.cumsum(number) // AT_ONCE
+    for piece in np.split(np.arange(len(firsts)), np.flatnonzero(np.diff(pieces)) + 1):
+        many = number[piece]
+        within = np.arange(int(many.sum())) - np.repeat(np.cumsum(many) - many, many)
+        a = np.repeat(firsts[piece], many)
+        b = seconds[order[np.repeat(start[piece], many) + within]]
+        n, between = body.normals[a], centres[b] - centres[a]
+        height = np.sum(between * n, axis=1)
+        across = np.linalg.norm(between - height[:, None] * n, axis=1)
+        fits = np.abs(body.normals[b] + n).max(axis=1) <= SAME_NORMAL
+        fits &= (across <= _close(body, a)) & (height >= -_close(body, a))
+        found_a.append(a[fits])
+        found_b.append(b[fits])
+    return np.concatenate(found_a), np.concatenate(found_b)
+
+
+def _nearest(body: Body, a: Longs, b: Longs) -> tuple[Longs, Longs]:
+    """Of pairs that lie on one line, for each first the nearest second."""
+    centres = body.vertices[body.facets].mean(axis=1)
+    height = np.sum((centres[b] - centres[a]) * body.normals[a], axis=1)
+    order = np.lexsort([height, a])
+    a, b = a[order], b[order]
+    is_first = np.diff(a, prepend=-1) != 0
+    return a[is_first], b[is_first]
+
+
+def _overlapping(body: Body, a: Longs, b: Longs) -> int:
+    """How many of a have boxes, seen along their normals, that overlap one of b's facing them."""
     if not (len(a) and len(b)):
         return 0
-    low, high = x.min(axis=1), x.max(axis=1)
-    count = 0
-    for some in np.array_split(a, len(a) // 1000 + 1):
-        meet = (low[some][:, None] < high[b] - close) & (low[b] < high[some][:, None] - close)
-        count += int(meet.all(axis=2).any(axis=1).sum())
-    return count
+    x = body.vertices[body.facets]
+    centres = x.mean(axis=1)
+    radii = np.linalg.norm(x - centres[:, None], axis=2).max(axis=1)
+    meets = []
+    for some in np.array_split(a, len(a) * len(b) // AT_ONCE + 1):
+        n = body.normals[some]
+        between = centres[b] - centres[some][:, None]
+        height = np.einsum("abi,ai->ab", between, n)
+        across = np.maximum(np.einsum("abi,abi->ab", between, between) - height**2, 0)
+        near = across < (radii[some][:, None] + radii[b]) ** 2
+        near &= n @ body.normals[b].T < -FACING
+        i, j = np.nonzero(near)
+        frames = np.linalg.qr(
+            np.concatenate([n[:, :, None], np.tile(np.eye(body.dim), (len(n), 1, 1))], axis=2)
+        )[0][:, :, 1:]
+        mine, other = (x[f] @ frames[i] for f in (some[i], b[j]))
+        slack = _close(body, some)[i][:, None]
+        apart = (mine.min(axis=1) >= other.max(axis=1) - slack) | (
+            other.min(axis=1) >= mine.max(axis=1) - slack
+        )
+        meets.append(np.unique(some[i[~apart.any(axis=1)]]))
+    return len(np.unique(np.concatenate(meets)))

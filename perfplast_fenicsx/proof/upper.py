@@ -7,13 +7,15 @@ the linear interpolation of ‖ε(v)‖ on any subdivision (kinematic theorem, W
 Theory of Perfectly Plastic Solids, 1951).
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
 from math import factorial
 
 import numpy as np
 
-from perfplast_fenicsx.proof.body import Body, Floats, Longs, ProofError
+from perfplast_fenicsx.proof.body import Body, Floats, Longs
+from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.touching import touching
 
 CHILDREN = {
@@ -25,6 +27,9 @@ CHILDREN = {
 }
 """Parts of a simplex whose edges are halved, by dimension: ends of the edges whose middles are the
 vertices. The order is that of J. Bey, Tetrahedral grid refinement, Computing 55 (1995), 355."""
+
+AT_ONCE = 10_000
+"""Cells whose dissipation is found together, for the memory it takes."""
 
 
 def check_nodes(body: Body, nodes: Longs, count: int) -> None:
@@ -55,42 +60,81 @@ def check_nodes(body: Body, nodes: Longs, count: int) -> None:
             raise ProofError("the velocity is not continuous: a place has two nodes.")
 
 
-def measure_velocity(
-    body: Body, v: Floats, subdivisions: int
-) -> tuple[dict[str, float], float, float, str | None]:
-    """What is left of each condition, dissipation and work, and what forbids to tell.
+@dataclass(frozen=True)
+class Flow:
+    """What is left of the conditions of a velocity, and what it does.
+
+    Attributes:
+        measured: ``volume_change``, ``elastic_strain`` and ``entering_work``: the work of a stress
+            as large as the loads cause (:attr:`Body.load_stress`) at what is left in each cell and
+            facet, all added up, relative to L(v), which is what it changes the bound by.
+            ``entering``: relative to the largest velocity on the same facets.
+            ``moved_supports``: relative to the largest velocity.
+        dissipation: From above.
+        work: L(v).
+        reason: Why the conditions of contact cannot be told, or None.
+    """
+
+    measured: dict[str, float]
+    dissipation: float
+    work: float
+    reason: str | None
+
+
+def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
+    """What is left of each condition, and dissipation and work.
 
     Args:
         body: The bodies.
         v: Velocity at the nodes of each cell, shape (num_cells, nodes_per_cell, d).
         subdivisions: How often an edge is halved for the integral.
-
-    Returns:
-        ``volume_change`` and ``elastic_strain``, relative to ‖ε(v)‖; ``moved_supports`` and
-        ``entering``, relative to the largest velocity; the dissipation from above; L(v); a reason
-        why the conditions of contact cannot be told, or None.
     """
     d, plastic = body.dim, body.plastic
     rates = strain_rates(body, v)
     trace = np.trace(rates, axis1=2, axis2=3)
     deviator = rates - trace[..., None, None] / d * np.eye(d)
-    whole = _norm(body, rates) or 1.0
-    largest = float(np.abs(v).max(initial=0)) or 1.0
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
-    entering, reason = _entering(body, at_facets)
+    entering, entered, reason = _entering(body, at_facets)
+    dissipation = _dissipation(body, deviator[plastic], subdivisions)
+    work = _work(body, v, at_facets)
+    volumes = np.where(plastic, np.abs(trace).max(axis=1), 0.0) * body.volumes
+    strains = np.linalg.norm(rates[~plastic], axis=(2, 3)).max(axis=1) @ body.volumes[~plastic]
+    moved = float(np.abs(at_facets * body.held[:, None]).max(initial=0))
     measured = {
-        "volume_change": _norm(body, np.where(plastic[:, None], trace, 0.0)) / whole,
-        "elastic_strain": _norm(body, np.where(plastic[:, None, None, None], 0.0, rates)) / whole,
-        "moved_supports": float(np.abs(at_facets * body.held[:, None]).max(initial=0)) / largest,
-        "entering": entering / largest,
+        "volume_change": _share(body.load_stress * float(volumes.sum()), work),
+        "elastic_strain": _share(body.load_stress * float(strains), work),
+        "moved_supports": _share(moved, float(np.abs(v).max(initial=0))),
+        "entering": entering,
+        "entering_work": _share(body.load_stress * entered, work),
     }
-    radii = np.where(plastic, body.yield_radius, 0.0)
+    return Flow(measured, dissipation, work, reason)
+
+
+def _share(part: float, whole: float) -> float:
+    """A part of a whole, ∞ of none."""
+    if part == 0:
+        return 0.0
+    return part / whole if whole > 0 else np.inf
+
+
+def _dissipation(body: Body, deviator: Floats, subdivisions: int) -> float:
+    """From above, of the deviators at the vertices of those cells that can yield."""
+    d = body.dim
+    pairs = list(combinations(range(d), 2))
+    components = np.stack(
+        [deviator[:, :, i, i] for i in range(d)]
+        + [np.sqrt(2) * deviator[:, :, i, j] for i, j in pairs],
+        axis=2,
+    )
+    weights = (body.yield_radius * body.volumes)[body.plastic]
     points, shares = halved(d, subdivisions)
-    dissipation = 0.0
-    for point, share in zip(points, shares, strict=True):
-        norms = np.linalg.norm(np.einsum("v,cvij->cij", point, deviator), axis=(1, 2))
-        dissipation += share * float(norms @ (radii * body.volumes))
-    return measured, dissipation, _work(body, v, at_facets), reason
+    total = 0.0
+    for some in np.array_split(np.arange(len(weights)), len(weights) // AT_ONCE + 1):
+        squares = np.zeros((len(some), len(points)))
+        for component in components[some].transpose(2, 0, 1):
+            squares += (component @ points.T) ** 2
+        total += float(weights[some] @ np.sqrt(squares) @ shares)
+    return total
 
 
 def strain_rates(body: Body, v: Floats) -> Floats:
@@ -119,14 +163,6 @@ def halved(dim: int, times: int) -> tuple[Floats, Floats]:
         )
     points, inverse = np.unique(parts.reshape(-1, dim + 1), axis=0, return_inverse=True)
     return points, np.bincount(inverse.ravel()) / inverse.size
-
-
-def _norm(body: Body, values: Floats) -> float:
-    """The L² norm of what is linear in each cell, from its values at the vertices."""
-    d = body.dim
-    flat = values.reshape(len(values), d + 1, -1)
-    squares = (flat**2).sum(axis=(1, 2)) + (flat.sum(axis=1) ** 2).sum(axis=1)
-    return float(np.sqrt(body.volumes @ squares / ((d + 1) * (d + 2))))
 
 
 def _facet_nodes(body: Body) -> Longs:
@@ -173,9 +209,11 @@ def _nodal(moments: Floats, count: int) -> Floats:
     return found
 
 
-def _entering(body: Body, at_facets: Floats) -> tuple[float, str | None]:
-    """Largest Bernstein coefficient of what enters on facets of contact, and a reason."""
-    d, entering, reason = body.dim, 0.0, None
+def _entering(body: Body, at_facets: Floats) -> tuple[float, float, str | None]:
+    """What enters on facets of contact: relative to their velocities, as a volume, and a reason."""
+    d, reason = body.dim, None
+    relative, volume = 0.0, 0.0
+    speeds = np.abs(at_facets).max(axis=(1, 2), initial=0)
     for one, other in body.contacts:
         pair = touching(body, one, other)
         if pair.apart:
@@ -187,18 +225,28 @@ def _entering(body: Body, at_facets: Floats) -> tuple[float, str | None]:
             place[a, b] = node
         order = np.concatenate([pair.order, place[ends[..., 0], ends[..., 1]]], axis=1)
         opposite = np.take_along_axis(at_facets[pair.second], order[..., None], axis=1)
-        jump = at_facets[pair.first] - opposite
-        entering = max(entering, _bernstein(jump, body.normals[pair.first]))
+        enters = _bernstein(at_facets[pair.first] - opposite, body.normals[pair.first])
+        fastest = np.maximum(speeds[pair.first], speeds[pair.second])
+        relative = max(relative, _largest_share(enters, fastest))
+        volume += float(enters @ body.areas[pair.first])
     for tag, normal in zip(body.obstacles, body.obstacle_normals, strict=True):
         facets = body.on(tag)
-        entering = max(entering, _bernstein(at_facets[facets], np.tile(normal, (len(facets), 1))))
-    return entering, reason
+        enters = _bernstein(at_facets[facets], np.tile(normal, (len(facets), 1)))
+        relative = max(relative, _largest_share(enters, speeds[facets]))
+        volume += float(enters @ body.areas[facets])
+    return relative, volume, reason
 
 
-def _bernstein(jump: Floats, normals: Floats) -> float:
-    """Largest Bernstein coefficient of quadratic jumps along n; 0 if none is positive."""
+def _largest_share(parts: Floats, wholes: Floats) -> float:
+    """The largest part of its whole; parts of nothing are nothing."""
+    return float((parts / np.where(wholes > 0, wholes, 1.0)).max(initial=0))
+
+
+def _bernstein(jump: Floats, normals: Floats) -> Floats:
+    """Largest Bernstein coefficient of each quadratic jump along n; 0 if none is positive."""
     d = normals.shape[1]
     w = np.einsum("fni,fi->fn", jump, normals)
     for node, (a, b) in enumerate(combinations(range(d), 2), start=d):
         w[:, node] = 2 * w[:, node] - (w[:, a] + w[:, b]) / 2
-    return float(w.max(initial=0))
+    largest: Floats = np.maximum(w.max(axis=1, initial=0), 0)
+    return largest

@@ -29,7 +29,9 @@ from perfplast_fenicsx import (
     Support,
     TaggedMesh,
     Traction,
+    VonMises,
     machine_memory,
+    stacked_blocks,
     two_blocks,
 )
 from perfplast_fenicsx.arrays import Floats
@@ -38,6 +40,7 @@ from perfplast_fenicsx.limit_analysis import (
     StaticBound,
     Verdict,
     interior_point,
+    limit_bounds,
     strict_lower_bound,
     strict_upper_bound,
 )
@@ -439,3 +442,21 @@ def test_a_bound_that_does_not_fit_into_memory(monkeypatch: pytest.MonkeyPatch) 
 def test_a_tolerance_must_be_one(rtol: float) -> None:
     with pytest.raises(InputError, match="not between 0 and 1"):
         strict_lower_bound(punch_problem(2), rtol)
+
+
+class Wind(Traction):
+    """A load of a kind that no bound knows."""
+
+
+def test_loads_of_unknown_kinds_are_no_tractions() -> None:
+    mesh = stacked_blocks(COMM, 1)
+    material = VonMises(young=1e3, poisson=0.3, yield_stress=1.0)
+    supports = [Support("bottom"), Support("upper_bottom")]
+    problem = Problem(
+        mesh, {"lower": material, "upper": material}, supports, [Wind("top", (0, 0, -1))], degree=2
+    )
+    found = strict_lower_bound(problem)
+    assert found.bound.value is None
+    assert found.bound.why_not == ("a load is of a kind that strict bounds do not know",)
+    with pytest.raises(InputError, match="is a Wind, and strict bounds are for"):
+        limit_bounds(problem)

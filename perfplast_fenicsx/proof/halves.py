@@ -1,0 +1,140 @@
+"""Whether both halves of a proof are of the same bodies, however each is meshed."""
+
+import numpy as np
+
+from perfplast_fenicsx.proof.body import Body, Floats, Longs
+
+SAME = 1e-9
+"""Volumes, areas, places and forces that differ by less, relative to the largest, are the same."""
+
+
+def differences(lower: Body, upper: Body) -> list[str]:
+    """What differs between the bodies of two halves, in words.
+
+    Those of the upper half may be stronger: what is a bound from above of the stronger bodies is
+    one of the others.
+
+    Args:
+        lower: The bodies of the lower half.
+        upper: Those of the upper one.
+    """
+    if lower.dim != upper.dim:
+        return ["one half is plane, and the other in space"]
+    found = []
+    if not _alike(_masses(lower), _masses(upper)):
+        found.append("the halves have bodies of different volume or place")
+    elif not _is_weaker(lower, upper):
+        found.append("the upper half has weaker bodies than the lower one")
+    tags = np.union1d(lower.surface, upper.surface)
+    if not _alike(_areas(lower, tags), _areas(upper, tags)):
+        found.append("the halves have different surfaces")
+    if not _alike(*(_supports(body, tags) for body in (lower, upper))):
+        found.append("the halves have different supports")
+    if not _alike(*(_resultants(body, tags) for body in (lower, upper))):
+        found.append("the halves have different loads")
+    if _contacts(lower) != _contacts(upper) or not _same_obstacles(lower, upper):
+        found.append("the halves have different contacts")
+    return found
+
+
+def _alike(one: Floats, other: Floats) -> bool:
+    """Whether all columns are the same but for rounding."""
+    size = np.maximum(np.abs(one), np.abs(other)).max(axis=0, initial=0)
+    return bool((np.abs(one - other) <= SAME * size).all())
+
+
+def _centres(body: Body) -> Floats:
+    return np.asarray(body.vertices[body.cells].mean(axis=1))
+
+
+def _masses(body: Body) -> Floats:
+    """Volume, and its moments of first and second order as one column each, of all cells."""
+    x = _centres(body)
+    first = body.volumes @ x
+    nodes = body.vertices[body.cells]
+    second = (
+        (nodes**2).sum(axis=1) + nodes.sum(axis=1) ** 2  # exact on simplices
+    ) / ((body.dim + 1) * (body.dim + 2))
+    extent = np.abs(nodes).max()
+    parts = [body.volumes.sum(), *(first / extent), *(body.volumes @ second / extent**2)]
+    return np.array(parts)[:, None]
+
+
+def _is_weaker(lower: Body, upper: Body) -> bool:
+    """Whether for any radius the upper half has no more volume that is weaker than that.
+
+    Where both have the same volume of a radius, it must be in the same place.
+    """
+    radii = np.union1d(lower.yield_radius, upper.yield_radius)
+    total = lower.volumes.sum()
+    volumes, places = [], []
+    extent = np.abs(lower.vertices[lower.cells]).max()
+    for body in (lower, upper):
+        at = np.searchsorted(radii, body.yield_radius)
+        volumes.append(np.bincount(at, weights=body.volumes, minlength=len(radii)))
+        moments = body.volumes[:, None] * _centres(body) / extent
+        places.append(
+            np.stack([np.bincount(at, weights=m, minlength=len(radii)) for m in moments.T], axis=1)
+        )
+    less = np.cumsum(volumes[1]) <= np.cumsum(volumes[0]) + SAME * total
+    same = np.abs(volumes[1] - volumes[0]) <= SAME * total
+    near = (np.abs(places[1] - places[0]) <= SAME * total).all(axis=1)
+    return bool(less.all() and near[same].all())
+
+
+def _areas(body: Body, tags: np.ndarray) -> Floats:
+    """Area of each surface, and its first moments."""
+    at = np.searchsorted(tags, body.surface)
+    x = body.vertices[body.facets].mean(axis=1)
+    columns = [body.areas, *(body.areas * along for along in x.T)]
+    return np.stack([np.bincount(at, weights=c, minlength=len(tags)) for c in columns], axis=1)
+
+
+def _supports(body: Body, tags: np.ndarray) -> Floats:
+    """Area of each surface that is held in each way."""
+    d = body.dim
+    ways: Longs = body.held @ (1 << np.arange(d))
+    at = np.searchsorted(tags, body.surface) * 2**d + ways
+    areas = np.bincount(at, weights=body.areas, minlength=len(tags) * 2**d)
+    return np.asarray(areas[:, None], dtype=np.float64)
+
+
+def _resultants(body: Body, tags: np.ndarray) -> Floats:
+    """Force and moment about the origin of each surface's loads, and of body forces."""
+    d = body.dim
+    x = body.vertices[body.facets]
+    at = np.searchsorted(tags, body.surface)
+    exact = (np.eye(d) + 1) / (d * (d + 1))  # means of products of barycentric coordinates
+    force = body.areas[:, None] * body.traction.mean(axis=1)
+    moment = np.einsum("f,fai,ab,fbj->fij", body.areas, x, exact, body.traction)
+    moment = (moment - moment.transpose(0, 2, 1)).reshape(len(x), -1)
+    in_cells = body.volumes[:, None] * body.body_force
+    turning = np.einsum("ci,cj->cij", _centres(body), in_cells)
+    turning = (turning - turning.transpose(0, 2, 1)).reshape(len(in_cells), -1)
+    found = []
+    for on_surfaces, inside in ((force, in_cells), (moment, turning)):
+        rows = np.zeros((len(tags) + 1, on_surfaces.shape[1]))
+        np.add.at(rows, at, on_surfaces)
+        rows[-1] = inside.sum(axis=0)
+        found.append(rows.reshape(-1, 1))
+    # what cancels within a surface is rounding of its largest part
+    sizes = body.areas @ np.linalg.norm(body.traction, axis=2).mean(axis=1)
+    whole = sizes + body.volumes @ np.linalg.norm(body.body_force, axis=1)
+    extent = np.abs(body.vertices[body.cells]).max()
+    return np.concatenate([found[0], found[1] / extent, [[whole]]])
+
+
+def _contacts(body: Body) -> set[tuple[int, ...]]:
+    return {tuple(sorted(map(int, pair))) for pair in body.contacts}
+
+
+def _same_obstacles(lower: Body, upper: Body) -> bool:
+    if len(lower.obstacles) != len(upper.obstacles):
+        return False
+    one, other = (
+        np.column_stack([body.obstacles.astype(np.float64), body.obstacle_normals])[
+            np.argsort(body.obstacles)
+        ]
+        for body in (lower, upper)
+    )
+    return _alike(one, other)

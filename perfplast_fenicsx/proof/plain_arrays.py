@@ -1,0 +1,105 @@
+"""Arrays of numbers, as a file or a caller gives them, before anything is believed of them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+FLOATS = (
+    *("vertices", "yield_radius", "body_force", "traction", "obstacle_normals"),
+    *("stress", "velocity"),
+)
+LONGS = ("cells", "facets", "surface", "contacts", "obstacles", "nodes")
+FLAGS = ("held",)
+
+MOST_AXES = 4
+"""Of an array of a proof."""
+
+
+class ProofError(ValueError):
+    """A file that is no proof; the message is a sentence."""
+
+
+def plain(name: str, values: Any) -> npt.NDArray:
+    """An array of the kind that its name asks for: float64, int64 or bool.
+
+    Raises:
+        ProofError: If it has numbers of another kind, or flags that are neither 0 nor 1.
+    """
+    array = np.asarray(values)
+    kinds, what = "fiu", "real numbers"
+    if name in LONGS:
+        kinds, what = "iu", "whole numbers"
+    elif name in FLAGS:
+        kinds, what = "biu", "flags, 0 or 1"
+    if array.dtype.kind not in kinds or array.dtype.itemsize > 8:
+        raise ProofError(f"{name} is not made of {what} of at most 8 bytes, but of {array.dtype}.")
+    if name in FLAGS:
+        if not ((array == 0) | (array == 1)).all():
+            raise ProofError(f"{name} is not made of {what}.")
+        return array.astype(np.bool_)
+    if name in LONGS:
+        if array.size and not array.max() <= np.iinfo(np.int64).max:
+            raise ProofError(f"{name} has numbers that are too large.")
+        return array.astype(np.int64)
+    return array.astype(np.float64)
+
+
+def bound_of(values: Any) -> float:
+    """The bound that is claimed.
+
+    Raises:
+        ProofError: If it is not one finite real number, or negative.
+    """
+    array = np.asarray(values)
+    if array.shape != () or array.dtype.kind not in "fiu" or array.dtype.itemsize > 8:
+        raise ProofError("bound is not one real number.")
+    if not (np.isfinite(array) and array >= 0):
+        raise ProofError("bound is negative or not finite.")
+    return float(array)
+
+
+def stored_arrays(group: Any) -> dict[str, npt.NDArray]:
+    """Those of an HDF5 group, none of which is read before it is known to be in the file.
+
+    Raises:
+        ProofError: If the group is none, or an array is elsewhere, or larger than what is stored.
+    """
+    if not isinstance(group, h5py.Group):
+        raise ProofError("a half is no group of arrays.")
+    found: dict[str, npt.NDArray] = {}
+    for name in (*FLOATS, *LONGS, *FLAGS):
+        if name not in group:
+            continue
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            raise ProofError(f"{name} is a link.")
+        data = group[name]
+        if not isinstance(data, h5py.Dataset) or data.shape is None:
+            raise ProofError(f"{name} is no array.")
+        if data.is_virtual or data.external:
+            raise ProofError(f"{name} is not in the file itself.")
+        if len(data.shape) > MOST_AXES:
+            raise ProofError(f"the shape of {name} fits nothing.")
+        if data.dtype.kind not in "biuf":
+            raise ProofError(f"{name} is not made of numbers, but of {data.dtype}.")
+        size = int(np.prod([int(length) for length in data.shape], dtype=object))
+        if size * data.dtype.itemsize > data.id.get_storage_size():
+            raise ProofError(f"{name} declares {size:.3g} numbers and has fewer in the file.")
+        found[name] = np.asarray(data)
+    if "bound" not in group.attrs:
+        raise ProofError("bound is missing.")
+    return found | {"bound": np.asarray(group.attrs["bound"])}
+
+
+def checked(arrays: Mapping[str, npt.NDArray], names: tuple[str, ...]) -> dict[str, npt.NDArray]:
+    """Arrays by name, of the kinds that they ought to have.
+
+    Raises:
+        ProofError: If one is missing or of another kind.
+    """
+    missing = [name for name in names if name not in arrays]
+    if missing:
+        raise ProofError(f"{', '.join(missing)} is missing.")
+    return {name: plain(name, arrays[name]) for name in names}

@@ -1,0 +1,75 @@
+"""What a proof is about, in words: what the checker cannot know, and the reader can."""
+
+import numpy as np
+
+from perfplast_fenicsx.proof.body import Body
+
+MOST = 6
+"""Materials, surfaces and so on that are named one by one."""
+
+
+def taken_as_written(body: Body) -> str:
+    """The bodies, strengths, supports, contact and loads of a half, in one sentence."""
+    d = body.dim
+    parts = [
+        f"{len(body.cells)} {'triangles' if d == 2 else 'tetrahedra'} of volume"
+        f" {body.volumes.sum():.6g}, glued where they share vertices",
+        _strengths(body),
+        _supports(body),
+        _contacts(body),
+        _loads(body),
+    ]
+    return f"Taken as written: {'; '.join(parts)}."
+
+
+def _listed(words: list[str]) -> str:
+    """Words, and how many more there are."""
+    more = len(words) - MOST
+    return ", ".join(words[:MOST]) + (f" and {more} more" if more > 0 else "")
+
+
+def _strengths(body: Body) -> str:
+    radii, at = np.unique(body.yield_radius, return_inverse=True)
+    volumes = np.bincount(at.ravel(), weights=body.volumes)
+    words = [
+        f"{radius:.6g} in a volume of {volume:.6g}" if np.isfinite(radius) else "elastic cells"
+        for radius, volume in zip(radii, volumes, strict=True)
+    ]
+    return f"yield radii (the largest ‖dev σ‖) {_listed(words)}"
+
+
+def _supports(body: Body) -> str:
+    words = []
+    for tag in np.unique(body.surface[body.held.any(axis=1)]):
+        here = body.on(tag)
+        axes = [
+            axis
+            for axis, held in zip("xyz", np.atleast_1d(body.held[here].any(axis=0)), strict=False)
+            if held
+        ]
+        count = int(body.held[here].any(axis=1).sum())
+        words.append(f"{', '.join(axes)} of surface {tag} ({count} facets)")
+    return f"supports hold {_listed(words)}" if words else "no supports"
+
+
+def _contacts(body: Body) -> str:
+    words = [f"surfaces {one} and {other}" for one, other in body.contacts]
+    for tag, normal in zip(body.obstacles, body.obstacle_normals, strict=True):
+        along = ", ".join(f"{part:.4g}" for part in np.atleast_1d(normal))
+        words.append(f"surface {tag} and a plane towards ({along})")
+    return f"contact without friction of {_listed(words)}" if words else "no contact"
+
+
+def _loads(body: Body) -> str:
+    words = []
+    force = body.areas[:, None] * body.traction.mean(axis=1)
+    for tag in np.unique(body.surface[body.traction.any(axis=(1, 2))]):
+        total = force[body.on(tag)].sum(axis=0)
+        words.append(f"{_vector(total)} on surface {tag}")
+    if body.body_force.any():
+        words.append(f"{_vector(body.volumes @ body.body_force)} in the volume")
+    return f"loads whose resultants at λ = 1 are {_listed(words)}"
+
+
+def _vector(values: np.ndarray) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"

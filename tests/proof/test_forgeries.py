@@ -1,0 +1,543 @@
+"""Forged proofs are refused, each for the reason that it is false.
+
+A forgery changes arrays of honest files, one in the plane and one in space, in the lower half, the
+upper one or both. Where the dimension does not matter it is tried in both.
+"""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from perfplast_fenicsx import (
+    BodyForce,
+    Contact,
+    Plane,
+    Pressure,
+    Problem,
+    ResultFolder,
+    Support,
+    VonMises,
+    read_gmsh,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.proof import ProofError, check
+from tests.random_bodies import Stack, write_stack
+
+pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is serial")
+
+Arrays = dict[str, npt.NDArray]
+Halves = dict[str, Arrays]
+Forgery = Callable[[Halves], object]
+
+STRENGTHS = {"block0": 1.0, "block1": 3.0}
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
+    """The halves of a proof of two blocks on a plane, of different strength, with weight."""
+    dim, path = request.param, tmp_path_factory.mktemp("honest")
+    it = Stack(1, dim, (0.7, 1.2), ((1.0, 1.0),) * 2, 0.4 if dim == 2 else 0.7, plain=True)
+    write_stack(path / "stack.msh", it)
+    problem = Problem(
+        read_gmsh(MPI.COMM_WORLD, path / "stack.msh"),
+        {name: VonMises(young=1e3, poisson=0.3, yield_stress=s) for name, s in STRENGTHS.items()},
+        [Support("x0", "x"), *([Support("y0", "y")] if dim == 3 else [])],
+        [Pressure("top", 1.0), BodyForce("block1", [0.0] * (dim - 1) + [-0.1])],
+        [Contact("block0_seam0", "block1_seam0")],
+        [Plane("bottom", [0.0] * dim, [0.0] * (dim - 1) + [1.0])],
+        degree=2,
+    )
+    bounds = limit_bounds(problem)
+    assert bounds.strict
+    folder = ResultFolder(MPI.COMM_WORLD, path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
+    assert not any(of.faults for of in check(path / "bounds.h5").values())
+    with h5py.File(path / "bounds.h5") as file:
+        return {
+            kind: {name: np.asarray(half[name]) for name in half}
+            | {"bound": np.asarray(half.attrs["bound"])}
+            for kind, half in file.items()
+        }
+
+
+def write(path: Path, halves: Halves) -> Path:
+    """Write halves as they are."""
+    with h5py.File(path, "w") as file:
+        for kind, arrays in halves.items():
+            group = file.create_group(kind)
+            for name, values in arrays.items():
+                if name == "bound":
+                    group.attrs["bound"] = values
+                else:
+                    group[name] = values
+    return path
+
+
+def both(change: Callable[[Arrays], object]) -> Forgery:
+    """Changes both halves alike."""
+    return lambda halves: [change(arrays) for arrays in halves.values()]
+
+
+def low(change: Callable[[Arrays], object]) -> Forgery:
+    """Changes the lower half."""
+    return lambda halves: change(halves["lower"])
+
+
+def high(change: Callable[[Arrays], object]) -> Forgery:
+    """Changes the upper half."""
+    return lambda halves: change(halves["upper"])
+
+
+def alone(kind: str, change: Callable[[Arrays], object]) -> Forgery:
+    """Leaves one half, changed, so that nothing can be compared."""
+
+    def forge(halves: Halves) -> None:
+        del halves["upper" if kind == "lower" else "lower"]
+        change(halves[kind])
+
+    return forge
+
+
+def times(name: str, factor: npt.ArrayLike) -> Callable[[Arrays], None]:
+    """Multiplies an array."""
+    return lambda them: them.update({name: them[name] * np.asarray(factor)})
+
+
+def put(name: str, where: object, value: object) -> Callable[[Arrays], None]:
+    """Sets a part of an array."""
+    return lambda them: them[name].__setitem__(where, value)
+
+
+def make(name: str, change: Callable[[npt.NDArray], object]) -> Callable[[Arrays], None]:
+    """Replaces an array by what is made of it."""
+    return lambda them: them.update({name: np.asarray(change(them[name]))})
+
+
+def drop(name: str) -> Callable[[Arrays], object]:
+    """Leaves an array away."""
+    return lambda them: them.pop(name)
+
+
+def in_turn(*changes: Callable[[Arrays], object]) -> Callable[[Arrays], object]:
+    """Changes one after the other."""
+    return lambda them: [change(them) for change in changes]
+
+
+def free_cell(
+    radius: float, speed: float = 0.0, size: float = 1.0, pressed: float = 0.0
+) -> Callable[[Arrays], None]:
+    """A cell far off that nothing holds; it may be sheared, or pressed from all sides."""
+
+    def forge(them: Arrays) -> None:
+        d, n = them["vertices"].shape[1], len(them["vertices"])
+        x = 50.0 + size * np.concatenate([np.zeros((1, d)), np.eye(d)])
+        cell = np.arange(n, n + d + 1)
+        inward = np.concatenate([-np.ones((1, d)), np.eye(d)])
+        outward = -inward / np.linalg.norm(inward, axis=1, keepdims=True)
+        more: Arrays = {
+            "vertices": x,
+            "cells": cell[None],
+            "yield_radius": np.array([radius]),
+            "body_force": np.zeros((1, d)),
+            "facets": np.array([[v for v in cell if v != out] for out in cell]),
+            "surface": np.zeros(d + 1, dtype=int),
+            "held": np.zeros((d + 1, d), dtype=np.uint8),
+            "traction": np.repeat(-pressed * outward[:, None], d, axis=1),
+        }
+        if "stress" in them:
+            inside = -pressed * float(them["bound"]) * np.eye(d)
+            more["stress"] = np.tile(inside, (1, d + 1, 1, 1))
+        else:
+            pairs = [(a, b) for a in range(d + 1) for b in range(a + 1, d + 1)]
+            nodes = np.concatenate([x, np.array([(x[a] + x[b]) / 2 for a, b in pairs])])
+            v = np.zeros_like(nodes)
+            v[:, 0] = speed * (nodes[:, 1] - 50.0)
+            more["nodes"] = len(them["velocity"]) + np.arange(len(nodes))[None]
+            more["velocity"] = v
+        for name, rows in more.items():
+            them[name] = np.concatenate([them[name], rows])
+
+    return forge
+
+
+def nothing(them: Arrays) -> None:
+    """No rows at all."""
+    for name in them:
+        if name != "bound":
+            them[name] = them[name][:0]
+
+
+def twice_in_one_place(them: Arrays) -> None:
+    """All bodies once more, where they are."""
+    second_copy(them, 0.0)
+
+
+def second_copy(them: Arrays, shift: float) -> None:
+    """All bodies once more, moved along x."""
+    vertices, nodes = len(them["vertices"]), len(them.get("velocity", ()))
+    for name in them:
+        if name in ("bound", "contacts", "obstacles", "obstacle_normals"):
+            continue
+        more = them[name].copy()
+        if name in ("cells", "facets"):
+            more += vertices
+        if name == "nodes":
+            more += nodes
+        if name == "vertices":
+            more[:, 0] += shift
+        if name == "surface":
+            more[:] = 0  # without contact
+        them[name] = np.concatenate([them[name], more])
+
+
+def a_cell_within(them: Arrays) -> None:
+    """A small free cell inside of another."""
+    centre = them["vertices"][them["cells"][0]].mean(axis=0)
+    free_cell(1.0, size=1e-3)(them)
+    them["vertices"][-centre.size - 1 :] += centre - 50.0
+
+
+def folded(them: Arrays) -> None:
+    """The vertex of an outer facet's cell is drawn through the next cell."""
+    d, cells = them["vertices"].shape[1], them["cells"]
+    inner = np.setdiff1d(cells.ravel(), them["facets"].ravel())
+    v = inner[0] if len(inner) else cells[0, 0]
+    x = them["vertices"]
+    around = cells[(cells == v).any(axis=1)]
+    far = x[np.unique(around)]
+    x[v] = far.max(axis=0) + np.ptp(far, axis=0) * np.arange(1, d + 1)
+
+
+def weakest_cell(them: Arrays, speed: float) -> None:
+    """All moves down together, beside a quick cell that costs nothing."""
+    them["velocity"][:, -1] -= 1.0
+    free_cell(1e-40, speed)(them)
+
+
+def moved(axis: int, by: float) -> Callable[[Arrays], None]:
+    """All velocities."""
+
+    def forge(them: Arrays) -> None:
+        them["velocity"][:, axis] += by
+
+    return forge
+
+
+def raised(them: Arrays, by: float) -> None:
+    """The stress all over, so that only what bounds it can tell."""
+    d = them["vertices"].shape[1]
+    them["stress"] += by * np.eye(d)
+
+
+def swollen(them: Arrays, by: float) -> None:
+    """Velocity that grows with the distance from the corner, so that volume does."""
+    cells, nodes = them["cells"], them["nodes"]
+    d = them["vertices"].shape[1]
+    x = np.zeros_like(them["velocity"])
+    x[nodes[:, : d + 1]] = them["vertices"][cells]
+    pairs = [(a, b) for a in range(d + 1) for b in range(a + 1, d + 1)]
+    x[nodes[:, d + 1 :]] = them["vertices"][cells[:, pairs]].mean(axis=2)
+    them["velocity"] += by * x
+
+
+def without(tag_of: str) -> Callable[[Arrays], None]:
+    """No contact or no obstacle."""
+
+    def forge(them: Arrays) -> None:
+        them[tag_of] = them[tag_of][:0]
+        if tag_of == "obstacles":
+            them["obstacle_normals"] = them["obstacle_normals"][:0]
+
+    return forge
+
+
+LARGE = 1e300
+
+FORGERIES: dict[str, tuple[Forgery, str]] = {
+    # what passed once
+    "a strong free cell hides a load": (
+        both(in_turn(free_cell(1e12), times("bound", 100))),
+        "outer tractions",
+    ),
+    "a strong free cell hides that there is no stress": (
+        alone("lower", in_turn(times("stress", 0), times("bound", 1000), free_cell(1e14))),
+        "outer tractions",
+    ),
+    "a quick weak cell hides rigid motion": (
+        alone("upper", lambda them: weakest_cell(them, 1e20)),
+        "entering",
+    ),
+    "a quick weak cell hides moved supports": (
+        alone("upper", in_turn(moved(0, 1.0), free_cell(1e-40, 1e20))),
+        "moved supports",
+    ),
+    "a quick weak cell hides volume": (
+        alone("upper", in_turn(lambda them: swollen(them, -1.0), free_cell(1e-40, 1e20))),
+        "volume change",
+    ),
+    "all elastic, hardly loaded": (
+        alone("lower", in_turn(times("yield_radius", np.inf), times("traction", 1e-12))),
+        "no cell can yield",
+    ),
+    "no rows": (both(nothing), "no cell"),
+    "no rows, lower": (alone("lower", in_turn(nothing, put("bound", (), 1e9))), "no cell"),
+    "upper half weaker": (
+        high(in_turn(times("yield_radius", 0.5), times("bound", 0.6))),
+        "weaker bodies",
+    ),
+    "stress complex": (low(make("stress", lambda a: a + 1j)), "not made of numbers"),
+    "stress as text": (low(make("stress", lambda a: a.astype("S"))), "not made of numbers"),
+    "held as text": (both(make("held", lambda a: a.astype("S"))), "not made of numbers"),
+    "held nan": (both(make("held", lambda a: np.where(a, a, np.nan))), "flags"),
+    "held as floats": (both(make("held", lambda a: a.astype(float))), "flags"),
+    "cells 0.4 too large": (both(make("cells", lambda a: a + 0.4)), "whole numbers"),
+    "an obstacle turned round": (high(times("obstacle_normals", -1.0)), "different contacts"),
+    "bodies in one place": (both(twice_in_one_place), "overlap"),
+    # empty or harmless loads
+    "nothing is loaded": (both(in_turn(times("traction", 0), times("body_force", 0))), "loaded"),
+    "elastic alone": (alone("upper", times("yield_radius", np.inf)), "no cell can yield"),
+    # kinds of numbers
+    "velocity complex": (high(make("velocity", lambda a: a + 1j)), "not made of numbers"),
+    "vertices complex": (both(make("vertices", lambda a: a + 0j)), "not made of numbers"),
+    "vertices as text": (both(make("vertices", lambda a: a.astype("S"))), "not made of numbers"),
+    "long floats": (low(make("stress", lambda a: a.astype(np.longdouble))), "8 bytes"),
+    "nodes as floats": (high(make("nodes", lambda a: a.astype(float))), "whole numbers"),
+    "facets as floats": (both(make("facets", lambda a: a.astype(float))), "whole numbers"),
+    "surface as floats": (both(make("surface", lambda a: a.astype(float))), "whole numbers"),
+    "contacts as floats": (both(make("contacts", lambda a: a.astype(float))), "whole numbers"),
+    "cells as flags": (both(make("cells", lambda a: a.astype(bool))), "whole numbers"),
+    "huge vertex numbers": (
+        both(make("cells", lambda a: a.astype(np.uint64) + np.uint64(2**63))),
+        "too large",
+    ),
+    "held 2": (both(put("held", (0, 0), 2)), "flags"),
+    "held -1": (both(make("held", lambda a: -a.astype(np.int8))), "flags"),
+    # the bound
+    "bound text": (low(make("bound", lambda a: np.bytes_(b"1.0"))), "one real"),
+    "bound complex": (low(make("bound", lambda a: a + 1j)), "one real"),
+    "bound nan": (low(put("bound", (), np.nan)), "not finite"),
+    "bound infinite": (low(put("bound", (), np.inf)), "not finite"),
+    "upper bound infinite": (high(put("bound", (), np.inf)), "not finite"),
+    "bound negative": (high(times("bound", -1.0)), "negative"),
+    "two bounds": (low(make("bound", lambda a: np.array([a, a]))), "one real"),
+    "no bound": (low(drop("bound")), "bound is missing"),
+    "lower 1e-6 too large": (low(times("bound", 1 + 1e-6)), "outer tractions"),
+    "upper 1e-6 too small": (high(times("bound", 1 - 1e-6)), "only"),
+    # numbers that are none, or absurd
+    "vertices nan": (both(times("vertices", np.nan)), "not finite"),
+    "vertices huge": (both(times("vertices", LARGE)), "no volume"),
+    "vertices tiny": (both(times("vertices", 1e-300)), "no volume"),
+    "far from the origin": (both(make("vertices", lambda a: a + 1e14)), "volume|rounding"),
+    "radii nan": (both(put("yield_radius", 0, np.nan)), "not positive"),
+    "radii zero": (both(put("yield_radius", 0, 0.0)), "not positive"),
+    "radii minus infinite": (both(put("yield_radius", 0, -np.inf)), "not positive"),
+    "traction infinite": (both(put("traction", 0, np.inf)), "not finite"),
+    "body force nan": (both(put("body_force", 0, np.nan)), "not finite"),
+    "normals nan": (both(times("obstacle_normals", np.nan)), "not finite"),
+    "normals twice as long": (both(times("obstacle_normals", 2.0)), "unit vector"),
+    "stress nan": (low(put("stress", 0, np.nan)), "equilibrium"),
+    "stress infinite": (low(put("stress", 0, np.inf)), "equilibrium"),
+    "stress huge": (low(put("stress", 0, LARGE)), "equilibrium|tractions"),
+    "velocity infinite": (high(put("velocity", 0, np.inf)), "none of these"),
+    "velocity huge": (high(times("velocity", LARGE)), "left|no work|only"),
+    # shapes
+    "no axis": (both(make("vertices", np.ravel)), "fits nothing"),
+    "four coordinates": (both(make("vertices", lambda a: np.hstack([a, a]))), "fits nothing"),
+    "cells with one vertex less": (both(make("cells", lambda a: a[:, 1:])), "fits nothing"),
+    "a radius too few": (both(make("yield_radius", lambda a: a[1:])), "fits nothing"),
+    "a stress too few": (low(make("stress", lambda a: a[1:])), "does not fit"),
+    "a stress for each cell": (low(make("stress", lambda a: a[:, 0])), "does not fit"),
+    "a scalar": (both(make("cells", lambda a: a[0, 0])), "fits nothing"),
+    "too many axes": (low(make("stress", lambda a: a[None])), "fits nothing"),
+    "nodes of vertices alone": (high(make("nodes", lambda a: a[:, :3])), "do not fit"),
+    "node that there is not": (high(put("nodes", (0, 0), 10**9)), "without a velocity"),
+    "node before the first": (high(put("nodes", (0, 0), -1)), "without a velocity"),
+    "vertex before the first": (both(put("cells", (0, 0), -1)), "there are not"),
+    "no velocity": (high(drop("velocity")), "missing"),
+    "no stress": (low(drop("stress")), "missing"),
+    "no contacts array": (both(drop("contacts")), "missing"),
+    # geometry
+    "a cell twice": (
+        alone(
+            "lower",
+            lambda them: [
+                them.update({name: np.concatenate([them[name], them[name][:1]])})
+                for name in ("cells", "yield_radius", "body_force", "stress")
+            ],
+        ),
+        "facets|two cells",
+    ),
+    "a cell within another": (both(a_cell_within), "overlap"),
+    "bodies half in each other": (both(lambda them: second_copy(them, 0.3)), "overlap"),
+    "bodies by a hundredth in each other": (both(lambda them: second_copy(them, 0.99)), "overlap"),
+    "folded": (both(folded), "folded|overlap|no volume"),
+    "flat": (both(make("vertices", lambda a: a * ([1] * (a.shape[1] - 1) + [0]))), "no volume"),
+    "two vertices of a cell are one": (
+        both(lambda them: put("cells", (0, 0), them["cells"][0, 1])(them)),
+        "no volume",
+    ),
+    "a facet is forgotten": (
+        both(
+            lambda them: [
+                them.update({name: them[name][1:]})
+                for name in ("facets", "surface", "held", "traction")
+            ]
+        ),
+        "bound the cells",
+    ),
+    "a facet twice": (both(put("facets", 0, -1)), "there are not"),
+    # both halves are of different bodies
+    "larger in the upper half": (high(times("vertices", 1.01)), "volume or place"),
+    "elsewhere in the upper half": (high(make("vertices", lambda a: a + 1.0)), "volume or place"),
+    "strengths changed over": (
+        high(make("yield_radius", lambda a: a.max() + a.min() - a)),
+        "weaker bodies",
+    ),
+    "stronger in the lower half": (low(times("yield_radius", 1.5)), "weaker bodies"),
+    "loads twice as large above": (high(times("traction", 2.0)), "different loads"),
+    "heavier above": (high(times("body_force", 3.0)), "different loads"),
+    "weight turned above": (
+        high(make("body_force", lambda a: a[:, ::-1])),
+        "different loads",
+    ),
+    "loads half as large below": (
+        low(in_turn(*(times(name, 0.5) for name in ("traction", "body_force", "stress")))),
+        "different loads",
+    ),
+    "held below alone": (low(make("held", np.ones_like)), "different supports"),
+    "free above": (high(make("held", np.zeros_like)), "different supports"),
+    "other names of surfaces": (high(make("surface", lambda a: a + 1)), "different surfaces"),
+    "no contact above": (high(without("contacts")), "different contacts"),
+    "no contact below": (low(without("contacts")), "different contacts"),
+    "no obstacle above": (high(without("obstacles")), "different contacts"),
+    "lower above upper": (
+        lambda halves: halves["upper"]["bound"].__setitem__((), 0.5 * halves["lower"]["bound"]),
+        "above the upper one",
+    ),
+    # the stress
+    "asymmetric by the last bit": (
+        low(lambda them: put("stress", (0, 0, 0, 1), them["stress"][0, 0, 0, 1] + 1e-14)(them)),
+        "asymmetry",
+    ),
+    "everywhere a little pull": (low(lambda them: raised(them, 1e-6)), "tractions|tension"),
+    "stress larger by 1e-8": (low(times("stress", 1 + 1e-8)), "tractions"),
+    "one component": (low(lambda them: put("stress", (0, 0, 0, 0), 7.0)(them)), "equilibrium"),
+    "cells changed over": (
+        low(lambda them: put("stress", slice(0, 2), them["stress"][1::-1])(them)),
+        "tractions|equilibrium",
+    ),
+    "weaker by 1e-8": (both(times("yield_radius", 1 - 1e-4)), "times as large"),
+    "pull": (low(times("stress", -1.0)), "tension|tractions"),
+    "hidden forces, each small": (
+        low(make("body_force", lambda a: a + 1e-7 / len(a))),
+        "left of load|equilibrium",
+    ),
+    "hidden forces in a strong body under its own load": (
+        alone(
+            "lower",
+            in_turn(
+                free_cell(1e15, pressed=1e9),
+                put("body_force", (0, 0), 1e-6),
+            ),
+        ),
+        "left of strength|equilibrium",
+    ),
+    # the velocity
+    "supports move by 1e-300": (
+        high(lambda them: put("velocity", (slice(None), 0), them["velocity"][:, 0] + 1e-300)(them)),
+        "moved supports",
+    ),
+    "into the plane": (high(moved(-1, -1e-3)), "entering"),
+    "at rest": (high(times("velocity", 0.0)), "no work"),
+    "backwards": (high(times("velocity", -1.0)), "no work|entering"),
+    "swelling": (high(lambda them: swollen(them, 1e-6)), "volume change"),
+    "one node": (high(lambda them: put("velocity", 0, them["velocity"][0] + 1e-3)(them)), "left"),
+    "elastic where it flows": (
+        both(make("yield_radius", lambda a: np.where(a == a.min(), np.inf, a))),
+        "elastic strain",
+    ),
+    "nodes changed over": (
+        high(lambda them: put("nodes", (0, slice(0, 2)), them["nodes"][0, 1::-1])(them)),
+        "not continuous",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_a_forgery_is_refused(honest: Halves, name: str, tmp_path: Path) -> None:
+    forge, words = FORGERIES[name]
+    halves = {kind: {k: v.copy() for k, v in half.items()} for kind, half in honest.items()}
+    forge(halves)
+    path = write(tmp_path / "forged.h5", halves)
+    try:
+        said = "; ".join(fault for of in check(path).values() for fault in of.faults)
+    except ProofError as error:
+        said = str(error)
+    assert any(word in said for word in words.split("|")), said
+
+
+def test_arrays_that_are_not_in_the_file(honest: Halves, tmp_path: Path) -> None:
+    less = {kind: dict(half) for kind, half in honest.items()}
+    del less["upper"]["velocity"], less["lower"]["stress"]
+    path = write(tmp_path / "forged.h5", less)
+    with h5py.File(path, "a") as file:
+        file["lower"].create_dataset("stress", (10**6, 10**6), "f8", chunks=(1024, 1024))
+    refused(path, "declares 1e+12 numbers")
+    with h5py.File(path, "a") as file:
+        del file["lower"]
+        file["upper"]["velocity"] = h5py.ExternalLink("/dev/zero", "velocity")
+    refused(path, "velocity is a link")
+    with h5py.File(path, "a") as file:
+        del file["upper/velocity"]
+        place = [("/dev/zero", 0, h5py.h5f.UNLIMITED)]
+        file["upper"].create_dataset("velocity", (10**4, 2), "f8", external=place)
+    refused(path, "not in the file itself")
+    with h5py.File(path, "a") as file:
+        del file["upper/velocity"]
+        file.create_group("upper/velocity")
+    refused(path, "velocity is no array")
+    with h5py.File(path, "w") as file:
+        file["lower"] = 1.0
+    refused(path, "no group")
+    path.write_text("lower")
+    refused(path, "no proof of bounds")
+
+
+def refused(path: Path, words: str) -> None:
+    """What is no proof is said to be none."""
+    with pytest.raises(ProofError, match=words.replace("+", r"\+")):
+        check(path)
+
+
+def test_the_status_is_that_of_the_documentation(honest: Halves, tmp_path: Path) -> None:
+    good, bad, none = (tmp_path / name for name in ("good.h5", "bad.h5", "none.h5"))
+    write(good, honest)
+    low = {k: v.copy() for k, v in honest["lower"].items()}
+    write(bad, {"lower": low | {"stress": 2 * low["stress"]}})
+    write(none, {"lower": low | {"stress": low["stress"].astype("S")}})
+    for path, status in ((good, 0), (bad, 1), (none, 2)):
+        command = [sys.executable, "-m", "perfplast_fenicsx.proof", str(path)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == status, done.stderr
+        assert "Traceback" not in done.stderr
+        if status < 2:
+            for words in ("Taken as written", "yield radii", "supports hold", "contact", "loads"):
+                assert words in done.stdout
+            assert "Forces without balance are" in done.stdout
+
+
+def test_an_upper_half_of_stronger_bodies_is_one(honest: Halves, tmp_path: Path) -> None:
+    """What no velocity of stronger bodies does with less work, none of these does."""
+    upper = honest["upper"]
+    stronger = upper | {"yield_radius": 2 * upper["yield_radius"], "bound": 2 * upper["bound"]}
+    path = write(tmp_path / "stronger.h5", {"lower": honest["lower"], "upper": stronger})
+    assert not any(of.faults for of in check(path).values())
