@@ -17,6 +17,7 @@ from perfplast_fenicsx.limit_analysis.adaptation import Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
+from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -164,12 +165,13 @@ class Terminal:
         if not report.converged:
             self.say(f"No solution at zeta = {report.zeta:.6g}: {report.reason}.")
 
-    def limit(self, limit: LimitLoad) -> None:
-        """Say what is known of the limit load."""
+    def limit(self, limit: LimitLoad, last: bool = False) -> None:
+        """Say what is known of the limit load of the mesh, the last one of several if so."""
+        estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
+        met = limit.levelled_off and limit.upper is not None
         self.say(
-            f"Limit load of the mesh: lower bound {limit.lower:.6g}, estimate"
-            f" {number(limit.estimate)}, upper bound {number(limit.upper, 'none found')}"
-            f" ({effort(limit)}): {limit.reason}."
+            f"Limit load of {'the last' if last else 'this'} mesh: {estimate.in_words()}"
+            f" ({effort(limit)}{'' if met else f': {limit.reason}'})."
         )
 
     def reactions(self, report: LevelReport, problem: Problem, units: Units) -> None:
@@ -224,11 +226,6 @@ def effort(limit: LimitLoad) -> str:
     if limit.factorisations is None:
         return f"{limit.linear_solves} linear solves"
     return f"{limit.factorisations} factorisations"
-
-
-def number(bound: float | None, missing: str = "none") -> str:
-    """A bound, if there is one."""
-    return missing if bound is None else f"{bound:.6g}"
 
 
 def shows(stream: TextIO) -> bool:
