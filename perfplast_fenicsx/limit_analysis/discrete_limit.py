@@ -1,6 +1,6 @@
 """The limit load of the discrete problem by an interior point method, without a loading path.
 
-Static and kinematic limit load are brought together in 5 to 25 factorisations, whatever the mesh.
+Static and kinematic limit load are brought together in 5 to 30 factorisations, whatever the mesh.
 The bounds that are returned are those of the *discrete* problem: equilibrium is that of the finite
 elements, and yield and dissipation are those of the points of the quadrature.
 """
