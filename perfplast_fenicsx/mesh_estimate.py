@@ -2,23 +2,22 @@
 
 A mesh has a static side, the load of a stress in equilibrium and within yield at its points, and a
 kinematic one, the power of a mechanism. They bound the limit load of the finite elements from below
-and above, and that of the body, where it is coarse, on neither side. So both are told by their
-distance alone, in no more digits than that supports.
+and above, and that of the body on neither side. So both are told by their distance alone, and the
+estimate in few digits.
 """
 
-import math
 from dataclasses import dataclass
 
 from perfplast_fenicsx.rounding import rounded_down
 
-MOST_DIGITS = 6
-"""Significant digits of an estimate whose sides have met."""
+DIGITS = 4
+"""Significant digits of an estimate; a mesh is hardly ever fine enough for more."""
 
-FEWEST_DIGITS = 3
-"""Significant digits of an estimate whose sides are far apart."""
+WIDE = 0.01
+"""Distance of the sides, relative, beyond which an estimate has one digit less."""
 
-UNTESTED_DIGITS = 4
-"""Significant digits of an estimate that has one side only."""
+TOUCHING = 1e-5
+"""Distance of the sides, relative, below which its number tells nothing."""
 
 
 @dataclass(frozen=True)
@@ -44,35 +43,32 @@ class MeshEstimate:
 
     @property
     def shown(self) -> str:
-        """The estimate in as many digits as it is known to; "none" without one."""
+        """The estimate in a few digits; "none" without one."""
         if self.estimate is None:
             return "none"
-        return f"{self.estimate:.{self._digits()}g}"
+        wide = self.apart is not None and self.apart > WIDE
+        return f"{self.estimate:.{DIGITS - wide}g}"
 
-    def sides(self) -> str:
-        """How far the sides are apart, as part of a sentence."""
+    def in_words(self, zeta: str = "") -> str:
+        """The estimate and what it is worth: the rest of a sentence that names the mesh.
+
+        Args:
+            zeta: Stands before loads, such as "ζ = ".
+        """
+        if self.estimate is None:
+            carried = f", but not below {zeta}{rounded_down(self.static)}" if self.static else ""
+            beyond = "" if self.kinematic is None else f", nor above {zeta}{self.kinematic:.6g}"
+            return f"not found{carried}{beyond}; no bound of the body"
         apart = self.apart
         if apart is None:
-            return "known from its static side alone"
-        return f"its static and kinematic sides {percent(apart)} apart"
-
-    def in_words(self) -> str:
-        """The estimate and what it is worth, as the rest of a sentence that names the mesh."""
-        if self.estimate is not None:
-            return f"{self.shown}, {self.sides()}; no bound of the body"
-        if self.static > 0:
-            return f"not found, {rounded_down(self.static)} is carried; no bound of the body"
-        return "not found"
-
-    def _digits(self) -> int:
-        apart = self.apart
-        if apart is None:
-            return UNTESTED_DIGITS
-        if apart <= 10.0**-MOST_DIGITS:
-            return MOST_DIGITS
-        return min(max(FEWEST_DIGITS, 1 + math.ceil(-math.log10(apart))), MOST_DIGITS)
+            side = "static" if self.kinematic is None else "kinematic"
+            return f"{zeta}{self.shown}, known from its {side} side alone; no bound of the body"
+        sides = f"its static and kinematic sides {percent(apart)} apart"
+        return f"{zeta}{self.shown}, {sides}; no bound of the body"
 
 
 def percent(share: float) -> str:
-    """A share in percent, in two digits: "0.74 %"."""
+    """A distance in percent, in two digits: "0.74 %"."""
+    if share < TOUCHING:
+        return f"less than {100 * TOUCHING:g} %"
     return f"{100 * share:.2g} %"

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from perfplast_fenicsx.cli.remaining import next_level, remaining
-from perfplast_fenicsx.cli.terminal import Terminal, number
+from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.run_lock import ENDED, INTERRUPTED, is_held
+from perfplast_fenicsx.mesh_estimate import MeshEstimate
 
 PERIOD = 0.5
 """Time between two looks (s)."""
@@ -134,8 +135,8 @@ class Follower:
             return f"The run was killed, with {levels}; --restart {self.folder} goes on."
         limit, failed = summary["limit"], [a for a in summary["steps"] if not a["converged"]]
         if limit is not None:
-            levels += f"; limit load between {limit['lower']:.6g}"
-            levels += f" and {number(limit['upper'], 'none found')}"
+            estimate = MeshEstimate(limit["lower"], limit["estimate"], limit["upper"])
+            levels += f"; limit load of the mesh: {estimate.in_words()}"
         if failed:
             levels += f"; no solution at zeta = {failed[-1]['zeta']:.6g}"
         cause = next((a for a in (INTERRUPTED, "ended by", "ended: ") if a in before[-1]), "")

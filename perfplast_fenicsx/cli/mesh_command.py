@@ -134,7 +134,7 @@ def describe(survey: Survey) -> str:
         rows = [("apart", "", "gap")]
         rows += [(*near.bodies, f"{near.gap:.3g}") for near in survey.near]
         text += ["", *_aligned(rows)]
-    rows = [("no.", "free face", "area" if survey.dim == 3 else "length", "shape", "about")]
+    rows = [("no.", "free face", "area" if survey.dim == 3 else "length", "shape", "centre")]
     for face in survey.faces:
         rows.append(
             (f"{face.number}", face.name, f"{face.area:.5g}", face.shape, _place(face.centre))

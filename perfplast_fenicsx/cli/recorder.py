@@ -168,9 +168,9 @@ class Recorder:
         Raises:
             InputError: On every rank, if the system refuses.
         """
-        self._run.terminal.limit(limit)
         if body is not None:
-            self._run.terminal.body(body)
+            self._run.terminal.body(body, adapted=adaptive is not None)
+        self._run.terminal.limit(limit, last=adaptive is not None)
         self._run.journal.limit(limit, body)
         if not self.results.reports:  # without levels nothing else has counted it
             solve = time.perf_counter() - self._solving

@@ -17,6 +17,7 @@ from perfplast_fenicsx.limit_analysis.adaptation import Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
+from perfplast_fenicsx.mesh_estimate import MeshEstimate, percent
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -31,6 +32,9 @@ COLUMNS = (
 
 DRIVEN = "force"
 """Heading of the driving force, where ζ moves supports and obstacles and no load does work."""
+
+WIDE = 0.1
+"""Distance of bounds, relative, beyond which a run says what narrows them."""
 
 LIVE_PERIOD = 0.2
 """Shortest time between two live lines (s)."""
@@ -164,12 +168,13 @@ class Terminal:
         if not report.converged:
             self.say(f"No solution at zeta = {report.zeta:.6g}: {report.reason}.")
 
-    def limit(self, limit: LimitLoad) -> None:
-        """Say what is known of the limit load."""
+    def limit(self, limit: LimitLoad, last: bool = False) -> None:
+        """Say what is known of the limit load of the mesh, the last one of several if so."""
+        estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
+        met = limit.levelled_off and limit.upper is not None
         self.say(
-            f"Limit load of the mesh: lower bound {limit.lower:.6g}, estimate"
-            f" {number(limit.estimate)}, upper bound {number(limit.upper, 'none found')}"
-            f" ({effort(limit)}): {limit.reason}."
+            f"Limit load of {'the last' if last else 'this'} mesh: {estimate.in_words()}"
+            f" ({effort(limit)}{'' if met else f': {limit.reason}'})."
         )
 
     def reactions(self, report: LevelReport, problem: Problem, units: Units) -> None:
@@ -190,9 +195,17 @@ class Terminal:
             cells = "  ".join(f"{component:>12.6g}" for component in force)
             self.say(f"  {name:<{width}}  {cells}")
 
-    def body(self, bounds: BodyBounds) -> None:
-        """Say what is proven of the body."""
+    def body(self, bounds: BodyBounds, adapted: bool = False) -> None:
+        """Say what is proven of the body, and what narrows it, unless the mesh was adapted."""
         self.say(bounds.in_words())
+        lower, upper = bounds.lower, bounds.upper
+        if adapted or not (bounds.strict and lower.value and upper.value):
+            return
+        if (apart := upper.value / lower.value - 1) > WIDE:
+            self.say(
+                f"They are {percent(apart)} apart: a finer mesh brings them nearer, or"
+                " adapt = { until = 0.05, cells = 5000 } under [mesh], which takes longer."
+            )
 
     def results(self, folder: ResultFolder) -> None:
         """Say where the results are and which there are."""
@@ -224,11 +237,6 @@ def effort(limit: LimitLoad) -> str:
     if limit.factorisations is None:
         return f"{limit.linear_solves} linear solves"
     return f"{limit.factorisations} factorisations"
-
-
-def number(bound: float | None, missing: str = "none") -> str:
-    """A bound, if there is one."""
-    return missing if bound is None else f"{bound:.6g}"
 
 
 def shows(stream: TextIO) -> bool:

@@ -56,7 +56,7 @@ degree = 2
 
 [loading]
 control = "work"
-until = "limit"                 # at what load the bodies collapse
+until = "limit"                 # of the mesh, an estimate; control = "bounds" proves one
 
 [units]
 system = {system}             # or "m-kN-kPa", "SI", ...: what the numbers are in

@@ -36,7 +36,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)
 
-NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("none was sought, as with control = 'bounds'",))
+NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("not computed; control = 'bounds' computes it",))
 
 
 @dataclass(frozen=True)

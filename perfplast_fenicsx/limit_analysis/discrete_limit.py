@@ -1,6 +1,6 @@
 """The limit load of the discrete problem by an interior point method, without a loading path.
 
-Static and kinematic limit load are brought together in 5 to 25 factorisations, whatever the mesh.
+Static and kinematic limit load are brought together in 5 to 30 factorisations, whatever the mesh.
 The bounds that are returned are those of the *discrete* problem: equilibrium is that of the finite
 elements, and yield and dissipation are those of the points of the quadrature.
 """
@@ -31,6 +31,7 @@ from perfplast_fenicsx.limit_analysis.natural_units import (
     choose_units,
     next_start,
 )
+from perfplast_fenicsx.mesh_estimate import percent
 from perfplast_fenicsx.problem.problem import Problem
 
 CLOSER = 0.1
@@ -171,6 +172,13 @@ def _why(problem: Problem) -> str:
     return "they are borne by bodies that do not yield, or that cannot flow in any way"
 
 
+def _remedy(problem: Problem) -> str:
+    """What may have an admissible mechanism where this mesh has none."""
+    if problem.degree == 1:
+        return "as linear elements lock; quadratic ones (degree = 2 under [element]) may have one"
+    return "though a finer mesh may have one"
+
+
 def _result(
     problem: Problem,
     program: ConicProgram,
@@ -189,14 +197,14 @@ def _result(
         low = lower_bound(iteration)
         lower, unbalanced = low.value, low.unbalanced
         if lower is None and verdict is Verdict.FOUND:
-            reason += "; forces were not brought into balance, and so no lower bound but 0"
+            reason += "; forces were not brought into balance, so that no load is surely carried"
         _write_stress(iteration, stress)
         forces = iteration.now.forces * program.force_unit
         if verdict in (Verdict.FOUND, Verdict.STALLED):
             high = upper_bound(iteration)
             upper, inadmissible = high.value, high.inadmissible
             if upper is None:
-                reason += "; no admissible mechanism was found, and so no upper bound"
+                reason += f"; no admissible mechanism was found, {_remedy(problem)}"
                 verdict = verdict if inadmissible <= NEARLY else Verdict.STALLED
         if verdict is Verdict.FOUND or upper is not None:
             problem.basis.T.mult(iteration.velocity, mechanism.x.petsc_vec)
@@ -207,6 +215,9 @@ def _result(
             useful = upper is not None and upper <= POLLUTED * kinematic
             known = [bound for bound in (lower, upper if useful else None) if bound is not None]
             estimate = sum(known) / len(known) if known else steps[-1].load
+            if lower is not None and upper is not None and lower > 0:
+                apart = percent(abs(upper - lower) / lower)
+                reason = f"static and kinematic load are {apart} apart"
     return DiscreteLimit(
         verdict=verdict,
         reason=reason,

@@ -30,7 +30,7 @@ MOST_FACES = 64
 ROUNDING = 1e-9
 """Entering, relative to the largest velocity, that is rounding."""
 
-CURVED = "normals of contact are averaged, or those of a curved obstacle"
+CURVED = "on curved contact surfaces normals are averaged, or are those of a curved obstacle"
 
 IN_MEAN = "surfaces whose nodes do not match are kept apart in the mean alone"
 

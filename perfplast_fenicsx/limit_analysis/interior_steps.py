@@ -117,5 +117,5 @@ def iterate(
             )
             return Verdict.NO_RESISTANCE, reason
         if gap <= share * rtol * load:
-            return Verdict.FOUND, f"static and kinematic load are within {rtol:g} of each other"
+            return Verdict.FOUND, f"the steps have converged to {rtol:g}"
     return Verdict.STALLED, f"the bounds have not met in {MOST_STEPS} steps"

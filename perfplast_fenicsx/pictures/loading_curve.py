@@ -27,7 +27,7 @@ class Bounds(Protocol):
 
     @property
     def lower(self) -> float:
-        """A lower bound."""
+        """The static side, or the most that a path has reached."""
 
     @property
     def estimate(self) -> float | None:
@@ -35,7 +35,7 @@ class Bounds(Protocol):
 
     @property
     def upper(self) -> float | None:
-        """An upper bound; None where none is known."""
+        """The kinematic side; None where none is known."""
 
 
 def save_curve(
@@ -105,10 +105,10 @@ def draw_curve(
             label = f"no solution found at ζ = {report.zeta:.6g}"
             axes.axhline(report.zeta, color=LIMIT, linestyle="--", label=label)
     if limit is not None and limit.estimate is not None:
-        label = f"limit load, estimated {limit.estimate:.6g}"
+        label = f"limit load of this mesh, {limit.estimate:.4g}"
         axes.axhline(limit.estimate, color=LIMIT, linewidth=1, label=label)
         if limit.upper is not None:
-            label = f"bounds {limit.lower:.6g} to {limit.upper:.6g}"
+            label = f"its two sides on this mesh, {limit.lower:.6g} and {limit.upper:.6g}"
             axes.axhspan(limit.lower, limit.upper, color=LIMIT, alpha=0.15, label=label)
     if len(solved) > 1 and solved[-1].alpha > FAR * solved[0].alpha > 0:
         axes.set_xscale("symlog", linthresh=solved[0].alpha)

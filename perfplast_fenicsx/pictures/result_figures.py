@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -164,11 +165,14 @@ def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, 
 def _collapse(limit: StoredLimit) -> str:
     """The limit load in words: of the body where its bracket is known, else of the mesh."""
     lower, upper = (limit.body.get(name) for name in ("lower", "upper"))
-    zeta = f"ζ = {limit.lower:.6g} on this mesh"
+    estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
+    zeta = f"ζ = {estimate.shown} on this mesh"
+    if limit.estimate is None:
+        zeta = f"ζ = {rounded_down(limit.lower)} at least on this mesh"
     if lower is not None and upper is not None:
         zeta = f"ζ = {rounded_down(lower)} to {rounded_up(upper)}"
     elif upper is not None:
-        zeta += f"; the body's is {rounded_up(upper)} at most"
+        zeta += f"; that of the bodies is {rounded_up(upper)} at most"
     return f"collapse mechanism at {zeta}"
 
 

@@ -155,7 +155,10 @@ class ResultReader:
 
         def rows(path: Path) -> list[LevelReport]:
             with path.open(encoding="utf-8", newline="") as file:
-                return [_report(row) for row in csv.DictReader(file)]
+                table = csv.DictReader(file)
+                if "mesh" in (table.fieldnames or ()):  # of a limit load without levels
+                    return []
+                return [_report(row) for row in table]
 
         return self.read("path.csv", rows)
 

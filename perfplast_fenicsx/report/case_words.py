@@ -37,6 +37,10 @@ MODELS = {
 }
 
 
+FEW = 4
+"""Loads that are named where ζ is explained; all stand in the case."""
+
+
 class CaseWords:
     """Says what was given."""
 
@@ -52,6 +56,7 @@ class CaseWords:
             staged: Whether there are stages, with a factor for each name.
         """
         self._given, self._units, self._axes = given, units, axes
+        self._staged = staged
         self._times = "times its factor" if staged else "times ζ"
         self._full = "in full all the time" if staged else "in full at any ζ"
 
@@ -100,6 +105,26 @@ class CaseWords:
                 text = f"stress at first {self.number(first['stress'], 'stress')}"
             rows.append((first["on"], text))
         return rows
+
+    def meaning(self, driven: bool) -> str:
+        """What ζ multiplies, in a sentence; empty where nothing grows with it.
+
+        Args:
+            driven: Whether it moves supports, obstacles or overlaps, and no load does work.
+        """
+        if self._staged:
+            return "ζ is the time: it grows by 1 in each stage."
+        if driven:
+            return "ζ = 1 is the motion of supports, obstacles and overlaps as the case gives it."
+        live = []
+        for load in self._given.get("loads", []):
+            if not load["constant"]:
+                words, unit = LOADS.get(load["kind"], (load["kind"], ""))
+                live.append(f"{words} {self.number(load['value'], unit)} on {load['on']}")
+        if not live:
+            return ""
+        more = f" and {len(live) - FEW} more loads" if len(live) > FEW else ""
+        return f"ζ is the load factor: ζ = 1 is {', '.join(live[:FEW])}{more}."
 
     def contacts(self) -> list[Row]:
         """What touches what, and is tied to what."""

@@ -105,13 +105,13 @@ def curve_of(
 
 
 def _bounds(limit: StoredLimit | None) -> tuple[tuple[float, float] | None, str]:
-    """Bounds of the limit load: those of the bodies where both are proven, else of the mesh."""
+    """Bounds of the limit load of the bodies where both are proven, else the sides of the mesh."""
     if limit is None:
         return None, ""
     lower, upper = limit.body.get("lower"), limit.body.get("upper")
     if lower is not None and upper is not None:
         return (lower, upper), "limit load of the bodies"
-    return None if limit.upper is None else (limit.lower, limit.upper), "limit load of the mesh"
+    return None if limit.upper is None else (limit.lower, limit.upper), "estimate on this mesh"
 
 
 def to_svg(curve: Curve, sheet: Sheet = WIDE) -> str:

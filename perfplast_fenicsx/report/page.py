@@ -20,6 +20,7 @@ SCRIPTS = ("decode", "camera", "shaders", "colours", "drawing", "viewer", "gestu
 
 MARKS = {
     "proven": ("✓", "Proven of the bodies"),
+    "one-sided": ("◐", "One bound is proven of the bodies"),
     "found": ("●", "Found on this mesh"),
     "open": ("!", "Open"),
 }
@@ -42,7 +43,7 @@ def page_of(reader: ResultReader, view: View) -> str:
     return template.substitute(
         title=escape(scene.title or "A run"),
         style=_asset("page.css"),
-        verdict=_verdict(verdict_on(reader)),
+        verdict=_verdict(verdict_on(reader), words.meaning(scene.driven)),
         view=_view(view),
         curve=_curve(reader),
         levels=_levels(reader),
@@ -59,9 +60,9 @@ def _asset(name: str) -> str:
     return resources.files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
 
 
-def _verdict(verdict: Verdict) -> str:
+def _verdict(verdict: Verdict, meaning: str) -> str:
     sign, word = MARKS[verdict.mark]
-    details = "".join(f"<p>{_words(text)}</p>" for text in verdict.details)
+    details = "".join(f"<p>{_words(text)}</p>" for text in (meaning, *verdict.details) if text)
     return (
         f'<section id="verdict" class="{verdict.mark}" aria-label="Verdict">'
         f'<p class="badge"><span aria-hidden="true">{sign}</span> {word}</p>'
@@ -114,18 +115,28 @@ def _reactions(reader: ResultReader) -> str:
 
 
 def _case(summary: Summary, words: CaseWords) -> str:
-    mesh, degree, kind = summary.mesh, summary.given.get("degree"), summary.model["kind"]
-    elements = "" if degree is None else f", elements of degree {degree}"
-    size = f"{mesh['cells']} cells, {mesh['vertices']} vertices, {mesh['dofs']} unknowns{elements}"
+    kind = summary.model["kind"]
     parts = [
         ("Bodies", words.bodies()),
         ("Supports", words.supports()),
         ("Loads", words.loads()),
         ("Contact", words.contacts()),
     ]
-    text = pairs([("Model", MODELS.get(kind, kind)), ("Mesh", size)])
+    text = pairs([("Model", MODELS.get(kind, kind)), ("Mesh", mesh_in_words(summary))])
     text += "".join(f"<h3>{head}</h3>{pairs(rows)}" for head, rows in parts if rows)
     return _section("case", "The case", text)
+
+
+def mesh_in_words(summary: Summary) -> str:
+    """Sizes of the mesh; where there are several, of the last one, which the results are of."""
+    mesh, degree = summary.mesh, summary.given.get("degree")
+    elements = "" if degree is None else f", elements of degree {degree}"
+    size = f"{mesh['cells']} cells, {mesh['vertices']} vertices, {mesh['dofs']} unknowns"
+    meshes = ((summary.limit or {}).get("body") or {}).get("meshes", [])
+    if len(meshes) < 2:
+        return f"{size}{elements}"
+    last = f"{meshes[-1]['cells']} cells, the last of {len(meshes)} meshes{elements}"
+    return f"{last}; the first one: {size}"
 
 
 def _again(summary: Summary) -> str:

@@ -91,14 +91,21 @@ class _Step(TypedDict):
     reactions: dict[str, list[float]]
 
 
+class _Round(TypedDict):
+    cells: int
+
+
 class _Body(TypedDict):
     lower: float | None
     upper: float | None
     why_not: list[str]
-    meshes: list[Any]
+    meshes: list[_Round]
 
 
 class _Limit(TypedDict):
+    lower: float
+    estimate: float | None
+    upper: float | None
     levelled_off: bool
     reason: str
     body: NotRequired[_Body | None]

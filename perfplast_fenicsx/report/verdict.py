@@ -5,11 +5,15 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from perfplast_fenicsx.io.results.summary import Summary
+from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
 from perfplast_fenicsx.problem.report import LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
-Mark = Literal["proven", "found", "open"]
+Mark = Literal["proven", "one-sided", "found", "open"]
+
+FINER = "A finer mesh may give another load, mostly a lower one."
+"""What is said where nothing is proven of the bodies."""
 
 
 @dataclass(frozen=True)
@@ -17,7 +21,8 @@ class Verdict:
     """What a run has shown.
 
     Attributes:
-        mark: "proven" of the bodies, "found" on this mesh, or "open".
+        mark: "proven" of the bodies, "one-sided" if one bound of them is, "found" on this mesh, or
+            "open".
         sentence: The outcome.
         details: What it holds for, and what it does not, in sentences.
     """
@@ -41,9 +46,12 @@ def verdict_on(reader: ResultReader) -> Verdict:
 
 def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     lower, upper = limit.body.get("lower"), limit.body.get("upper")
-    mesh = _mesh_bracket(limit)
+    estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
+    mesh = "the last mesh" if limit.body.get("meshes") else "this mesh"
+    known = f"The limit load of {mesh} is {estimate.in_words('ζ = ')}."
     reasons = [f"{why[:1].upper()}{why[1:]}." for why in limit.body.get("why_not", [])]
-    early = "" if table["levelled_off"] else f" The search ended early: {table['reason']}."
+    met = table["levelled_off"] and limit.upper is not None
+    ended = [] if met else [f"How the search on {mesh} ended: {table['reason']}."]
     if lower is not None and upper is not None:
         return Verdict(
             "proven",
@@ -52,44 +60,39 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             [
                 "Both bounds are strict: they hold for the bodies that the mesh fills, and not just"
                 " for the mesh, but for rounding of the numbers.",
-                f"On {'the last' if limit.body.get('meshes') else 'this'} mesh {mesh}.{early}",
+                known,
+                *ended,
             ],
         )
     if upper is not None:
         return Verdict(
-            "found" if table["levelled_off"] else "open",
-            f"On this mesh {mesh}; the bodies themselves collapse at ζ = {rounded_up(upper)} at the"
-            " latest.",
+            "one-sided",
+            f"The bodies collapse at ζ = {rounded_up(upper)} at the latest.",
             [
-                "The bound of the bodies is strict. No load that they carry for certain is proven:",
+                "This bound is strict. No load that they carry for certain is proven:",
                 *reasons,
-            ]
-            + ([early.strip()] if early else []),
+                known,
+                *ended,
+            ],
         )
     if lower is not None:
         return Verdict(
-            "found" if table["levelled_off"] else "open",
-            f"The bodies carry ζ = {rounded_down(lower)} for certain; on this mesh {mesh}.",
-            ["No load at which the bodies collapse for certain is proven:", *reasons],
+            "one-sided",
+            f"The bodies carry ζ = {rounded_down(lower)} for certain.",
+            [
+                "This bound is strict. No load at which they collapse for certain is proven:",
+                *reasons,
+                known,
+                *ended,
+            ],
         )
-    details = ["This holds for the mesh. A finer one may give another load, mostly a lower one."]
-    if not table["levelled_off"]:
-        return Verdict(
-            "open",
-            f"No limit load was found; the mesh carries ζ = {rounded_down(limit.lower)}.",
-            [f"The search ended: {table['reason']}.", *details, *reasons],
-        )
-    return Verdict("found", f"On this mesh {mesh}.", [*details, *reasons])
-
-
-def _mesh_bracket(limit: StoredLimit) -> str:
-    """What is known of the mesh, as the end of a sentence."""
-    lower = rounded_down(limit.lower)
-    if limit.upper is not None:
-        return f"the bodies collapse between ζ = {lower} and {rounded_up(limit.upper)}"
-    if limit.estimate is not None:
-        return f"the bodies carry ζ = {lower}, and collapse at about {limit.estimate:.6g}"
-    return f"the bodies carry ζ = {lower}; a load at which they collapse was not found"
+    if limit.estimate is None:
+        sentence = "No limit load was found"
+        if limit.lower > 0:
+            sentence += f"; {mesh} carries ζ = {rounded_down(limit.lower)}"
+        return Verdict("open", f"{sentence}.", [*ended, FINER, *reasons])
+    mark: Mark = "found" if table["levelled_off"] else "open"
+    return Verdict(mark, known, [*ended, FINER, *reasons])
 
 
 def _of_levels(reader: ResultReader) -> Verdict:

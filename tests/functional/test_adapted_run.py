@@ -1,5 +1,6 @@
 """A case file whose mesh is adapted: a line a mesh, and bounds proven anew from the files."""
 
+import csv
 import json
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import Support
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.proof import check
 from tests.models import STEEL, case_text, write_case
 
@@ -58,8 +60,18 @@ def test_adapted_run(
     for kind in ("lower", "upper"):
         assert not proven[kind].faults
         assert proven[kind].proven == pytest.approx(body[kind], rel=1e-9)
+    with (results / "path.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["cells"]) for row in rows] == [mesh["cells"] for mesh in body["meshes"]]
+    assert [row["estimate"] == "" for row in rows] == [*[True] * (len(rows) - 1), False]
+    lower, upper = ([float(row[f"body_{kind}"]) for row in rows] for kind in ("lower", "upper"))
+    assert lower == sorted(lower)
+    assert upper == sorted(upper, reverse=True)
+    assert (lower[-1], upper[-1]) == pytest.approx((body["lower"], body["upper"]), rel=1e-12)
+    assert ResultReader(results).reports == []
     if comm.rank == 0:
         assert f"Mesh {last['number']}: {last['cells']} cells, lower bound" in out
+        assert "Limit load of the last mesh: " in out
 
 
 ADAPT = "adapt = { until = 0.2, cells = 800 }"

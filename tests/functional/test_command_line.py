@@ -168,9 +168,10 @@ def test_limit_load_by_a_path(
     assert limit["factorisations"] is limit["body"] is None
     assert (results / "mechanism.vtkhdf").exists()
     if comm.rank == 0:
-        found = re.search(r"Limit load of the mesh: lower bound ([0-9.]+)", out)
+        found = re.search(r"Limit load of this mesh: ([0-9.]+), .*; no bound of the body", out)
         assert found is not None
-        assert float(found[1]) == pytest.approx(limit["lower"], rel=1e-5)
+        assert float(found[1]) == pytest.approx(limit["estimate"], rel=1e-3)
+        assert "upper bound" not in out
 
 
 def test_limit_load_by_default(
@@ -194,7 +195,11 @@ def test_limit_load_by_default(
     assert body["upper"] == pytest.approx(100.0, rel=1e-3)
     assert body["lower"] is None
     assert not body["strict"]
-    assert body["why_not"] == ["lower bound: none was sought, as with control = 'bounds'"]
+    assert body["why_not"] == ["lower bound: not computed; control = 'bounds' computes it"]
+    assert re.fullmatch("static and kinematic load are .* % apart", limit["reason"])
+    with (results / "path.csv").open(encoding="utf-8", newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["body_lower"] == ""
     assert not (results / "bounds.h5").exists()  # a proof has quadratic velocities
     assert body["certificates"]["inadmissible"] < 1e-9
     log = (results / "run.log").read_text(encoding="utf-8")
@@ -223,6 +228,14 @@ def test_bounds(
     assert body["lower"] == pytest.approx(100.0, rel=2e-3)
     assert body["strict"]
     assert body["why_not"] == []
+    with (results / "path.csv").open(encoding="utf-8", newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert (row["mesh"], row["cells"]) == ("1", str(summary["mesh"]["cells"]))
+    for column, key in (("static", "lower"), ("estimate", "estimate"), ("kinematic", "upper")):
+        assert float(row[column]) == pytest.approx(summary["limit"][key], rel=1e-12)
+    for key in ("lower", "upper"):
+        assert float(row[f"body_{key}"]) == pytest.approx(body[key], rel=1e-12)
+    assert float(row["seconds"]) > 0
     proven = check(results / "bounds.h5")
     for kind in ("lower", "upper"):
         assert not proven[kind].faults
@@ -239,7 +252,9 @@ def test_bounds(
         assert len(cells["dissipation"]) == 4 * summary["mesh"]["cells"]
     if comm.rank == 0:
         assert "P2" in out
-        assert "The body that the mesh fills collapses" in out
+        *_, of_body, of_mesh, _, _, _ = out.splitlines()
+        assert of_body.startswith("The body that the mesh fills collapses between")
+        assert of_mesh.startswith("Limit load of this mesh: 100, its static and kinematic sides ")
 
 
 @pytest.mark.parametrize("control", ['control = "work"\nuntil = "limit"', 'control = "bounds"'])

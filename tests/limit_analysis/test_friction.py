@@ -58,6 +58,7 @@ def test_cones_of_friction_let_a_block_slide(gdim: int) -> None:
     assert found.upper - found.lower < 1e-5 * 40
 
 
+@pytest.mark.serial
 def test_path_and_interior_point_agree_where_bodies_flow_and_slip() -> None:
     """A block under a rough platen: both brackets overlap, above 2k and below that of a tie."""
     problem = Problem(

@@ -8,6 +8,8 @@ import pytest
 from perfplast_fenicsx import DruckerPrager, InputError, VonMises
 from tests.materials.properties import Array, Point, check_all, deviator
 
+pytestmark = pytest.mark.serial
+
 CLAY = DruckerPrager(1e4, 0.3, 10.0, 20.0, "compression")
 DENSE = DruckerPrager(1e5, 0.2, 1.0, 42.0, "plane-strain")
 NEARLY_INCOMPRESSIBLE = DruckerPrager(1e3, 0.499, 3.0, 5.0, "extension")

@@ -128,6 +128,7 @@ def test_duality_gap_with_all_terms_at_once(seed: int, degree: int) -> None:
     assert levels[1].report.plastic_fraction > 0 or degree == 1
 
 
+@pytest.mark.serial
 def test_thick_tube_between_smooth_planes_and_its_limit(read: Read) -> None:
     """Plane strain along the axis: Lamé's stresses, and p = 2/√3 σ_y ln(b/a)."""
     tube = read(write_ring, inner=1.0, outer=2.0, height=0.4, size=0.2).turned()

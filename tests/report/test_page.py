@@ -11,6 +11,7 @@ from perfplast_fenicsx.pictures.result_reader import StoredLimit
 from perfplast_fenicsx.report.case_words import CaseWords
 from perfplast_fenicsx.report.curve import NARROW, curve_of, far_ticks, ticks, to_svg
 from perfplast_fenicsx.report.field_words import words_of
+from perfplast_fenicsx.report.page import mesh_in_words
 from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import grade, level_table, pairs, reaction_table
 from perfplast_fenicsx.units import Units
@@ -70,6 +71,29 @@ def test_the_case_in_words() -> None:
     assert "&lt;" in pairs(words.bodies())
 
 
+def test_the_load_factor_in_words() -> None:
+    words = CaseWords(GIVEN, Units("mm", "MPa").table(), "xyz")
+    assert words.meaning(driven=False) == "ζ is the load factor: ζ = 1 is pressure 3*x MPa on top."
+    assert "motion of supports" in words.meaning(driven=True)
+    assert "ζ is the time" in CaseWords(GIVEN, {}, "xy", staged=True).meaning(driven=False)
+    assert CaseWords({"loads": GIVEN["loads"][1:]}, {}, "xy").meaning(driven=False) == ""
+    many = CaseWords({"loads": 7 * GIVEN["loads"][:1]}, {}, "xy").meaning(driven=False)
+    assert many.endswith("pressure 3*x on top and 3 more loads.")
+
+
+def test_the_mesh_is_that_of_the_results() -> None:
+    size = {"cells": 80, "vertices": 55, "dofs": 378}
+    summary = Summary("", "1", "bounds", "alpha", 1, size, {}, given={"degree": 2})
+    one = "80 cells, 55 vertices, 378 unknowns"
+    assert mesh_in_words(summary) == f"{one}, elements of degree 2"
+    summary.limit = {"body": {"meshes": [{"cells": 80}, {"cells": 3982}]}}
+    assert mesh_in_words(summary) == (
+        f"3982 cells, the last of 2 meshes, elements of degree 2; the first one: {one}"
+    )
+    summary.limit = {"body": None}
+    assert mesh_in_words(summary).startswith(one)
+
+
 def test_fields_that_nobody_knows_keep_their_names() -> None:
     assert words_of("my_own_field", {}).label == "my own field"
 
@@ -110,7 +134,7 @@ def test_a_curve() -> None:
     assert curve.x_label.endswith("(J)")
     svg = to_svg(curve)
     assert svg.count("<circle") == 3
-    assert "limit load of the mesh: 2 to 2.2" in svg
+    assert "estimate on this mesh: 2 to 2.2" in svg
     assert 'role="img"' in svg
     places = re.findall(r'cx="([\d.]+)" cy="([\d.]+)"', svg)
     x, y = np.array(places, dtype=float).T

@@ -13,7 +13,7 @@ from tests.io.results.test_result_folder import report
 
 pytestmark = pytest.mark.serial
 
-WHY = ["lower bound: none was sought"]
+WHY = ["lower bound: not computed"]
 
 
 def of_levels(
@@ -41,9 +41,9 @@ def plain(zeta: float, **more: Any) -> LevelReport:
     ("body", "mark", "words"),
     [
         ({"lower": 1.23456789, "upper": 3.45678901}, "proven", ["ζ = 1.23456 ", "ζ = 3.45679 "]),
-        ({"upper": 3.0, "why_not": WHY}, "found", ["On this mesh", "ζ = 1.5 and 2.5", "ζ = 3 at"]),
-        ({"lower": 1.0}, "found", ["carry ζ = 1 for certain", "on this mesh"]),
-        ({}, "found", ["On this mesh", "1.5 and 2.5"]),
+        ({"upper": 3.0, "why_not": WHY}, "one-sided", ["collapse at ζ = 3 at the latest"]),
+        ({"lower": 1.0}, "one-sided", ["carry ζ = 1 for certain"]),
+        ({}, "found", ["The limit load of this mesh is ζ = 2, "]),
     ],
 )
 def test_limit_loads(body: dict[str, Any], mark: str, words: list[str]) -> None:
@@ -53,10 +53,26 @@ def test_limit_loads(body: dict[str, Any], mark: str, words: list[str]) -> None:
     assert verdict.mark == mark
     for word in words:
         assert word in verdict.sentence
-    if mark != "proven":
-        assert "mesh" in verdict.sentence
     if body.get("why_not"):
-        assert "Lower bound: none was sought." in verdict.details
+        assert "Lower bound: not computed." in verdict.details
+    # no pair of numbers but the proven one, and what is said of the mesh is no bound
+    assert [text.count("2.5") for text in (verdict.sentence, *verdict.details)] == [0] * (
+        1 + len(verdict.details)
+    )
+    (known,) = (a for a in (verdict.sentence, *verdict.details) if "limit load of this mesh" in a)
+    assert known == (
+        "The limit load of this mesh is ζ = 2, its static and kinematic sides 67 % apart; no bound"
+        " of the body."
+    )
+
+
+def test_several_meshes_have_a_last_one() -> None:
+    body = {"lower": 1.0, "upper": 3.0, "meshes": [{"cells": 8}, {"cells": 16}]}
+    table = SimpleNamespace(limit={"levelled_off": True, "reason": ""})
+    found = SimpleNamespace(limit=StoredLimit(4.0, 4.0, 4.0, body), summary=table, reports=[])
+    verdict = verdict_on(found)  # type: ignore[arg-type]
+    assert verdict.mark == "proven"
+    assert any("The limit load of the last mesh is ζ = 4, " in text for text in verdict.details)
 
 
 def test_a_search_that_ended_early() -> None:
@@ -65,7 +81,7 @@ def test_a_search_that_ended_early() -> None:
     verdict = verdict_on(SimpleNamespace(limit=limit, summary=table, reports=[]))  # type: ignore[arg-type]
     assert verdict.mark == "open"
     assert "No limit load was found" in verdict.sentence
-    assert "The search ended: time was out." in verdict.details
+    assert "How the search on this mesh ended: time was out." in verdict.details
 
 
 def test_levels() -> None:

@@ -26,7 +26,11 @@ from tests.solvers.levels import SERIAL, TIGHT, TWO_BLOCKS_LIMIT, converged, str
     ("build", "zetas"),
     [
         (lambda: punch_problem(8), (450.0,)),
-        (lambda: two_blocks_problem(4), TWO_BLOCKS_LIMIT[4] * np.arange(0.15, 0.91, 0.15)),
+        pytest.param(
+            lambda: two_blocks_problem(4),
+            TWO_BLOCKS_LIMIT[4] * np.arange(0.15, 0.91, 0.15),
+            marks=pytest.mark.serial,
+        ),
     ],
     ids=["punch", "two_blocks"],
 )

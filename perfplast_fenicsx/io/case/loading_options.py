@@ -50,7 +50,7 @@ class WorkControl:
         until: "limit" seeks the limit load.
         limit_tolerance: How near to each other its bounds must be, or to its limit ζ(α), relative,
             between 0 and 1; 1e-3 where it is not given. With ``until`` only.
-        limit_method: "interior-point" finds the limit load alone, in 5 to 25 factorisations;
+        limit_method: "interior-point" finds the limit load alone, in 5 to 30 factorisations;
             "path" follows ζ(α), by steps of its own, until it has levelled off. The default is the
             former where it knows the laws and a factorisation fits, unless there is a [solve] to
             follow a path with. With ``until`` only.

@@ -22,6 +22,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import raise_together
 from perfplast_fenicsx.io.results.given_table import given_table
+from perfplast_fenicsx.io.results.limit_rows import limit_rows
 from perfplast_fenicsx.io.results.result_files import (
     BEFORE,
     EARLIER,
@@ -231,6 +232,8 @@ class Results:
         text = io.StringIO()
         axes = self.summary.model["axes"]
         rows = [_row(step, report, axes) for step, report in enumerate(self.reports, start=1)]
+        if not rows and self.summary.limit is not None:
+            rows = limit_rows(self.summary)
         writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
         if rows:
             writer.writeheader()

@@ -1,0 +1,44 @@
+"""Rows of ``path.csv`` after a limit load without levels: one for each mesh."""
+
+from typing import Any
+
+from perfplast_fenicsx.io.results.summary import Summary
+
+
+def limit_rows(summary: Summary) -> list[dict[str, Any]]:
+    """The rows, all with the same columns; what is not known is empty.
+
+    Args:
+        summary: With a ``limit`` that came without levels.
+
+    Returns:
+        Of each mesh its number ``mesh`` (1 to n) and its ``cells``; ``estimate``, ``static`` and
+        ``kinematic`` of its limit load, of the last mesh alone; ``body_lower`` and ``body_upper``,
+        the best bounds of the bodies so far; ``seconds`` since the first began.
+    """
+    limit = summary.limit or {}
+    body = limit.get("body") or {}
+    lower = upper = None
+    rows = []
+    for one in body.get("meshes", []):
+        lower = max((a for a in (lower, one["lower"]) if a is not None), default=None)
+        upper = min((a for a in (upper, one["upper"]) if a is not None), default=None)
+        rows.append(_row(one["number"], one["cells"], lower, upper, one["seconds"]))
+    if not rows:
+        rows = [_row(1, summary.mesh["cells"], None, None, summary.timings.get("solve"))]
+    rows[-1] |= {
+        "estimate": limit["estimate"],
+        "static": limit["lower"],
+        "kinematic": limit["upper"],
+        "body_lower": body.get("lower"),
+        "body_upper": body.get("upper"),
+    }
+    return rows
+
+
+def _row(
+    mesh: int, cells: int, lower: float | None, upper: float | None, seconds: float | None
+) -> dict[str, Any]:
+    sides = dict.fromkeys(("estimate", "static", "kinematic"))
+    bounds = {"body_lower": lower, "body_upper": upper, "seconds": seconds}
+    return {"mesh": mesh, "cells": cells} | sides | bounds
