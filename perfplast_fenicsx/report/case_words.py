@@ -93,11 +93,9 @@ class CaseWords:
         """What acts where."""
         rows = []
         for load in self._given.get("loads", []):
-            known = LOADS.get(load["kind"])
-            words, unit = (known.words, known.quantities["value"]) if known else (load["kind"], "")
             how = self._full if load["constant"] else self._times
             name = f"{load['name']}: " if load.get("name") else ""
-            rows.append((load["on"], f"{name}{words} {self.number(load['value'], unit)}, {how}"))
+            rows.append((load["on"], f"{name}{self._load(load)}, {how}"))
         for first in self._given.get("initial", []):
             if first["kind"] == "temperature":
                 text = f"change of temperature {self.number(first['change'], '')}"
@@ -119,8 +117,7 @@ class CaseWords:
         live = []
         for load in self._given.get("loads", []):
             if not load["constant"]:
-                words, unit = LOADS.get(load["kind"], (load["kind"], ""))
-                live.append(f"{words} {self.number(load['value'], unit)} on {load['on']}")
+                live.append(f"{self._load(load)} on {load['on']}")
         if not live:
             return ""
         more = f" and {len(live) - FEW} more loads" if len(live) > FEW else ""
@@ -152,6 +149,12 @@ class CaseWords:
         else:
             text = plain(value)
         return f"{text} {self._units.get(kind, '')}".rstrip()
+
+    def _load(self, load: Table) -> str:
+        """A load's kind and size."""
+        known = LOADS.get(load["kind"])
+        words, unit = (known.words, known.quantities["value"]) if known else (load["kind"], "")
+        return f"{words} {self.number(load['value'], unit)}"
 
     def _letters(self, components: str) -> str:
         """Components by the letters of the model's axes."""
