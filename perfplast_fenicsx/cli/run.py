@@ -199,9 +199,14 @@ def _limit(context: RunContext, solver: Any, recorder: Recorder, rtol: float) ->
         recorder.limit(found.best.mesh, found.body, found)
         return found.best.mesh
     if solver is None:
-        limit = limit_load(
-            problem, rtol, method=LimitMethod.INTERIOR_POINT, monitor=recorder.interior
-        )
+        try:
+            limit = limit_load(
+                problem, rtol, method=LimitMethod.INTERIOR_POINT, monitor=recorder.interior
+            )
+        except Interrupted as interrupted:
+            if isinstance(interrupted.found, LimitLoad):
+                recorder.limit(interrupted.found)
+            raise
         recorder.limit(limit, bounds_of_mesh(problem, limit))
         return limit
     limit = limit_load(

@@ -11,10 +11,12 @@ from types import FrameType, TracebackType
 
 from mpi4py import MPI
 
+from perfplast_fenicsx.limit_analysis.interior_steps import StopSearch
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
-class Interrupted(Exception):
+class Interrupted(StopSearch):
     """Raised on all ranks together.
 
     Attributes:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
+from perfplast_fenicsx.limit_analysis.rebalancing import rebalance
 
 IN_BALANCE = 1e-8
 """Largest force without balance, relative to the largest load, that counts as none."""
@@ -71,12 +72,18 @@ class UpperBound:
 
 
 def lower_bound(iteration: InteriorIteration) -> LowerBound:
-    """Scale the iterate's stress into the yield set. Collective."""
+    """Bring the iterate's stress into balance and scale it into the yield set. Collective.
+
+    Where the last step's factors do not balance it, those of uniform moduli do, with one more
+    factorisation.
+    """
     for _ in range(MOST_CORRECTIONS):
         unbalanced = iteration.unbalanced()
         if unbalanced <= BALANCED:
             break
         iteration.equilibrate()
+    if not iteration.unbalanced() <= IN_BALANCE:
+        rebalance(iteration)
     program, now = iteration.program, iteration.now
     _, deviator = program.whole((now.pressure, now.deviator), now.load)
     ratio = program.overstress(deviator)

@@ -17,7 +17,12 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, SingularStiffness
 from perfplast_fenicsx.limit_analysis.discrete_bounds import lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
-from perfplast_fenicsx.limit_analysis.interior_steps import InteriorStep, Verdict, iterate
+from perfplast_fenicsx.limit_analysis.interior_steps import (
+    InteriorStep,
+    StopSearch,
+    Verdict,
+    iterate,
+)
 from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_bodies_have_limits,
     check_friction_has_limits,
@@ -54,7 +59,7 @@ class DiscreteLimit:
         verdict: Whether there is one.
         reason: The same in words.
         lower: λ of a stress in equilibrium and within yield; None where there is none.
-        estimate: Between the bounds; None unless found.
+        estimate: Between the bounds; None without two, unless found.
         upper: Dissipation of an admissible mechanism with L(v) = 1; None where there is none.
         mechanism: Velocity v of the collapse or of the upper bound, with L(v) = 1; zero where there
             is neither.
@@ -139,22 +144,28 @@ def _search(
         steps: list[InteriorStep] = []
         if program.degree == program.num_pairs:
             reason = "nothing can yield; give the bodies that may collapse a yield stress"
-            return _result(problem, program, None, Verdict.UNBOUNDED, reason, steps), None
+            return _result(problem, program, None, Verdict.UNBOUNDED, reason, steps, rtol), None
         try:
             limited = choose_units(program, start)
         except SingularStiffness as failure:
-            found = _result(problem, program, None, Verdict.STALLED, str(failure), steps)
+            found = _result(problem, program, None, Verdict.STALLED, str(failure), steps, rtol)
             return found, next_start(start, program, None, found.verdict, rtol)
         if not limited:
-            found = _result(problem, program, None, Verdict.UNBOUNDED, UNLIMITED, steps)
+            found = _result(problem, program, None, Verdict.UNBOUNDED, UNLIMITED, steps, rtol)
             return found, next_start(start, program, None, found.verdict, rtol)
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
-        verdict, reason = iterate(iteration, rtol, steps, monitor, CLOSER)
+        try:
+            verdict, reason = iterate(iteration, rtol, steps, monitor, CLOSER)
+        except StopSearch as stop:
+            reason = f"the search was stopped after {len(steps)} steps"
+            verdict = Verdict.STALLED
+            stop.found = _result(problem, program, iteration, verdict, reason, steps, rtol)
+            raise
         if verdict is Verdict.UNBOUNDED:
             reason += f": {_why(problem)}"
         then = next_start(start, program, iteration.now, verdict, rtol)
-        return _result(problem, program, iteration, verdict, reason, steps), then
+        return _result(problem, program, iteration, verdict, reason, steps, rtol), then
 
 
 def can_bound(problem: Problem) -> bool:
@@ -186,8 +197,9 @@ def _result(
     verdict: Verdict,
     reason: str,
     steps: list[InteriorStep],
+    rtol: float,
 ) -> DiscreteLimit:
-    """What an iterate tells, its bounds computed anew. Collective."""
+    """What an iterate tells, its bounds computed anew, wherever its steps have ended. Collective."""
     mechanism = fem.Function(problem.V, name="mechanism")
     stress = fem.Function(problem.S, name="stress")
     forces: Floats = np.zeros(len(problem.basis.gap))
@@ -210,14 +222,17 @@ def _result(
             problem.basis.T.mult(iteration.velocity, mechanism.x.petsc_vec)
             mechanism.x.scatter_forward()
             mechanism.x.array[:] /= problem.loads.alpha(mechanism.x.petsc_vec)
-        if verdict is Verdict.FOUND:
+        if lower is not None and upper is not None and lower > 0:
+            apart = f"static and kinematic load are {percent(abs(upper - lower) / lower)} apart"
+            reason = apart if verdict is Verdict.FOUND else f"{reason}; {apart}"
+            if verdict is Verdict.STALLED:
+                estimate = (lower + upper) / 2
+                verdict = Verdict.FOUND if upper - lower <= rtol * lower else verdict
+        if verdict is Verdict.FOUND and estimate is None:
             kinematic = steps[-1].load * (1 + steps[-1].gap)
             useful = upper is not None and upper <= POLLUTED * kinematic
             known = [bound for bound in (lower, upper if useful else None) if bound is not None]
             estimate = sum(known) / len(known) if known else steps[-1].load
-            if lower is not None and upper is not None and lower > 0:
-                apart = percent(abs(upper - lower) / lower)
-                reason = f"static and kinematic load are {apart} apart"
     return DiscreteLimit(
         verdict=verdict,
         reason=reason,

@@ -77,6 +77,14 @@ class InteriorIteration:
         loads = max(abs(self.now.load), 1.0) * self.program.load.norm(largest)
         return float(self.balance().norm(largest) / loads)
 
+    def unbalanced_work(self) -> float:
+        """Work of the forces that nothing balances on the velocity. Collective.
+
+        It is what they change the load by, to first order, as the velocity is that of collapse with
+        L(v) = 1.
+        """
+        return float(self.balance().dot(self.velocity))
+
     def missing_work(self) -> float:
         """|1 − L(v)|. Collective."""
         return abs(1 - self.program.work(self.velocity))

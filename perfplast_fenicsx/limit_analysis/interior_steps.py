@@ -16,7 +16,9 @@ SETTLED = 1e-5
 """Forces without balance, and work that is missing, that the bounds then do away with."""
 
 ALMOST = 1e-3
-"""The same where no bound is sought; a velocity that is less admissible is far from a mechanism."""
+"""Forces without balance that may be left where they do next to no work on the mechanism, relative
+to the largest load: of a body force that is spread thin over fine cells this is far below the
+rounding of the forces inside. A velocity that is less admissible is far from a mechanism."""
 
 FAR = 50.0
 """A load so many times that of a viscous flow, without any mechanism in sight, has no bound."""
@@ -26,6 +28,16 @@ NOTHING = 1e-7
 
 STUCK = 1e-6
 """Length of a step that counts as none."""
+
+
+class StopSearch(Exception):
+    """Raised by a monitor, on every rank alike: the steps end, and what is known is told with it.
+
+    Attributes:
+        found: What the search has found so far; None if it had not begun.
+    """
+
+    found: object = None
 
 
 class Verdict(StrEnum):
@@ -70,6 +82,9 @@ def iterate(
 ) -> tuple[Verdict, str]:
     """Step until it is known what the limit load is. Collective.
 
+    Forces without balance r change λ by r·v to first order, v being the mechanism with L(v) = 1. What
+    is left of them is done away with afterwards, or no bound is told.
+
     Args:
         iteration: At its start.
         rtol: Largest difference of static and kinematic load, relative.
@@ -108,7 +123,10 @@ def iterate(
                 " them"
             )
         at_rest = rate <= NOTHING  # bodies move as rigid ones, and what strains is rounding
-        if max(unbalanced, missing) > SETTLED or (inadmissible > ALMOST and not at_rest):
+        tolerated = share * rtol * abs(load)
+        idle = unbalanced <= ALMOST and abs(iteration.unbalanced_work()) <= tolerated
+        settled = missing <= SETTLED and (unbalanced <= SETTLED or idle)
+        if not settled or (inadmissible > ALMOST and not at_rest):
             continue
         if abs(load) + gap <= NOTHING * program.degree:
             reason = (

@@ -10,11 +10,10 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.discrete_limit import (
     DiscreteLimit,
-    InteriorStep,
-    Verdict,
     can_bound,
     interior_point,
 )
+from perfplast_fenicsx.limit_analysis.interior_steps import InteriorStep, StopSearch, Verdict
 from perfplast_fenicsx.limit_analysis.limit_checks import grows_by_loads_alone
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level
@@ -118,7 +117,12 @@ def by_interior_point(
     problem: Problem, rtol: float, monitor: Callable[[InteriorStep], None] | None
 ) -> LimitLoad:
     """The limit load by :func:`discrete_limit.interior_point`. Collective."""
-    return from_interior_point(interior_point(problem, rtol, monitor))
+    try:
+        return from_interior_point(interior_point(problem, rtol, monitor))
+    except StopSearch as stop:
+        if isinstance(stop.found, DiscreteLimit):
+            stop.found = from_interior_point(stop.found)
+        raise
 
 
 def from_interior_point(found: DiscreteLimit) -> LimitLoad:
