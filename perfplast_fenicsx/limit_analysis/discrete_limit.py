@@ -199,7 +199,7 @@ def _result(
     steps: list[InteriorStep],
     rtol: float,
 ) -> DiscreteLimit:
-    """What an iterate tells, its bounds computed anew, wherever its steps have ended. Collective."""
+    """What an iterate tells, its bounds computed anew, wherever it has ended. Collective."""
     mechanism = fem.Function(problem.V, name="mechanism")
     stress = fem.Function(problem.S, name="stress")
     forces: Floats = np.zeros(len(problem.basis.gap))

@@ -82,8 +82,8 @@ def iterate(
 ) -> tuple[Verdict, str]:
     """Step until it is known what the limit load is. Collective.
 
-    Forces without balance r change λ by r·v to first order, v being the mechanism with L(v) = 1. What
-    is left of them is done away with afterwards, or no bound is told.
+    Forces without balance r change λ by r·v to first order, v being the mechanism with L(v) = 1.
+    What is left of them is done away with afterwards, or no bound is told.
 
     Args:
         iteration: At its start.
