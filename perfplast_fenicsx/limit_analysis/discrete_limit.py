@@ -224,10 +224,10 @@ def _result(
             mechanism.x.array[:] /= problem.loads.alpha(mechanism.x.petsc_vec)
         if lower is not None and upper is not None and lower > 0:
             apart = f"static and kinematic load are {percent(abs(upper - lower) / lower)} apart"
-            reason = apart if verdict is Verdict.FOUND else f"{reason}; {apart}"
             if verdict is Verdict.STALLED:
                 estimate = (lower + upper) / 2
                 verdict = Verdict.FOUND if upper - lower <= rtol * lower else verdict
+            reason = apart if verdict is Verdict.FOUND else f"{reason}; {apart}"
         if verdict is Verdict.FOUND and estimate is None:
             kinematic = steps[-1].load * (1 + steps[-1].gap)
             useful = upper is not None and upper <= POLLUTED * kinematic
