@@ -41,7 +41,9 @@ from meshes.ball_in_socket import OUTER, RADIUS, write_ball_in_socket
 from meshes.shaft import write_shaft
 from meshes.thick_sphere import write_thick_sphere
 from perfplast_fenicsx import Contact, Elastic, Newton, Pressure, Problem, Support
-from perfplast_fenicsx.io import OutputFields, ResultFolder
+from perfplast_fenicsx.io import OutputFields, ResultFolder, ResultWriter, Scene
+from perfplast_fenicsx.pictures import draw
+from perfplast_fenicsx.problem import Prescribed
 
 Floats = npt.NDArray[np.float64]
 
@@ -240,6 +242,10 @@ def press(folder: ResultFolder, case: Case, size: float, kind: str) -> list[Row]
         degree=2,
     )
     level = Newton(problem).solve(0.0 if "interference" in case.fit else 1.0)
+    if kind == "mortar":  # the last one is drawn
+        scene = Scene(TITLE, [case.load], [contact])
+        by = Prescribed.LOAD_FACTOR
+        ResultWriter(folder, problem, scene, "newton", prescribed=by).write(level)
     fields = OutputFields(problem)
     pressure = fields.update(level)["contact_pressure"]
     x = ufl.SpatialCoordinate(tagged_mesh.mesh)
@@ -330,6 +336,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
             columns = (zip(*found[one], strict=True) for one in ("nodes", kind))
             for nodes, mortar in zip(*columns, strict=True):
                 table += judged(nodes, mortar)
+    draw(folder)
     return table
 
 

@@ -165,7 +165,7 @@ def blocks(comm: MPI.Intracomm) -> list[Row]:
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     """Limit loads of tubes, spheres and blocks. Collective."""
-    sizes = (0.15,) if coarse else (0.3, 0.15, 0.075)
+    sizes = (0.1,) if coarse else (0.3, 0.15, 0.075)
     rows = [*tubes(folder, sizes), *spheres(folder, sizes), *blocks(comm)]
     loads = [Pressure("inner", 1.0)]
     tagged_mesh = mesh(folder, write_thick_tube, outer=OUTER, size=sizes[-1], order=2)

@@ -46,8 +46,8 @@ def test_a_round_pin_may_spin(read: Read, order: int, caplog: pytest.LogCaptureF
             degree=order,
         )
     (loose,) = loose_motions(problem.V, problem.bodies, problem.fixed, problem.constraints)
-    assert loose.motion == "rotation about (0.00, 0.00, 1.00)"
-    assert loose.high[0] == pytest.approx(0.5, abs=0.02)
+    assert loose.motion == "rotation about z"
+    assert "'pin'" in caplog.text or problem.comm.rank > 0
     assert caplog.text.count("is loosely held") == (problem.comm.rank == 0)
     assert_solved(Newton(problem).solve(100.0))
 

@@ -84,7 +84,7 @@ REFUSED = [
     (('builder = "two_blocks"\nn = 2', "file = 'parts\\new.msh'"), "write / for \\"),
     (('"top"', '"upper"'), "'upper' is a volume of this mesh, but a surface belongs here: left"),
     (("material.upper", "material.top"), "'top' is a surface of this mesh, but a volume"),
-    (('components = "xyz"', 'components = "yz"'), "' in the box [0 to "),
+    (('components = "xyz"', 'components = "yz"'), "the body 'lower' (translation in x"),
 ]
 
 

@@ -172,11 +172,19 @@ def test_no_mechanism_no_bound() -> None:
     assert "not admissible" in repr(bound)
 
 
-def test_no_bound_beside_motions() -> None:
-    supports = [Support("bottom", "z", value=-0.01)]
-    problem = touching_blocks(supports=[Support("x0", "x"), Support("y0", "y"), *supports])
-    with pytest.raises(InputError, match="supports move"):
+def test_no_bound_beside_motions_that_grow() -> None:
+    """One that stays does no work at collapse, and the bound is that without it."""
+    rollers = [Support("x0", "x"), Support("y0", "y")]
+    growing = Support("bottom", "z", value=-0.01, constant=False)
+    problem = touching_blocks(supports=[*rollers, growing])
+    with pytest.raises(InputError, match="moves supports"):
         strict_upper_bound(problem, fem.Function(problem.V))
+    bounds = []
+    for value in (0.0, -0.01):
+        problem = touching_blocks(supports=[*rollers, Support("bottom", "z", value=value)])
+        bounds.append(strict_upper_bound(problem, interior_point(problem).mechanism).value)
+    assert bounds[0] is not None
+    assert bounds[1] == pytest.approx(bounds[0], rel=1e-6)
 
 
 def test_what_supports_hold_does_not_move(shared_tmp_path: Path) -> None:

@@ -121,7 +121,7 @@ def test_what_supports_take_up_is_no_load_of_the_bodies() -> None:
         (Traction("top", ("y", "x")), ["traction on 'top'", "3 finite"]),
         (Pressure("top", "1/(x - 0.5)", "wind"), ["pressure 'wind' on 'top'", "inf"]),
         (PorePressure("lower", np.nan), ["pore pressure on 'lower'", "1 finite"]),
-        (PorePressure("top", 1.0), ["'top' is not a volume"]),
+        (PorePressure("top", 1.0), ["'top' is a surface of this mesh", "volume"]),
         (BodyForce("upper", (0.0, 0.0, "1/0")), ["body force on 'upper'", "inf"]),
     ],
 )

@@ -166,6 +166,14 @@ def test_nodes_at_an_obstacle_that_cannot_give_way_are_refused() -> None:
         problem(2e-3)
 
 
-def test_the_interior_point_method_is_refused() -> None:
-    with pytest.raises(InputError, match="supports move"):
-        limit_load(stack(Support("top", "z", value=-1e-3)), method="interior-point")
+def test_the_interior_point_method_ignores_motions_that_stay() -> None:
+    """They do no work at collapse; those that grow are refused."""
+    still, moved = (
+        limit_load(stack(Support("top", "z", value=value)), method="interior-point")
+        for value in (0.0, -1e-3)
+    )
+    assert moved.lower == pytest.approx(still.lower, rel=1e-6)
+    assert moved.upper == pytest.approx(still.upper, rel=1e-6)
+    growing = stack(Support("top", "z", value=-1e-3, constant=False))
+    with pytest.raises(InputError, match="moves supports"):
+        limit_load(growing, method="interior-point")
