@@ -161,7 +161,7 @@ def test_what_grows_alone_has_a_limit() -> None:
 def test_methods_for_proportional_loads_refuse() -> None:
     weighed = plate(pulled(0.1))
     with pytest.raises(
-        InputError, match="loads are constant, and strict bounds .* or leave these out"
+        InputError, match=r"loads are constant, and strict bounds .* or leave these out"
     ):
         limit_load(weighed, method="interior-point")
     with pytest.raises(InputError, match="strict bound"):
