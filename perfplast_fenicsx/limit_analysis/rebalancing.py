@@ -14,7 +14,10 @@ BALANCED = 1e-13
 """Forces without balance, relative to the largest load, that need not be corrected."""
 
 MOST_CORRECTIONS = 20
-"""Steps of conjugate gradients: one or two, and one more for each place where edges nearly cross."""
+"""One or two, and a step of conjugate gradients for each place where edges nearly cross."""
+
+REFINED = 0.1
+"""Share of what was left before a mere refinement, above which it does not help enough."""
 
 MOST_ROUNDS = 4
 """So often it is balanced, and forces that pull are let go of between."""
@@ -59,7 +62,8 @@ def rebalance(iteration: InteriorIteration) -> None:
 def _balance(iteration: InteriorIteration, springs: Floats, correction: PETSc.Vec) -> None:
     """Correct stress and contact forces with the factors that there are. Collective.
 
-    By conjugate gradients, the factors in the place of K: where rows of equilibrium nearly depend
+    By refinement as long as that helps, then by conjugate gradients with the factors as those of
+    K: where rows of equilibrium nearly depend
     on each other, as where edges nearly cross, the ridge of the factors
     (:data:`condensed_stiffness.RIDGE`) is more than K itself, and of a few such motions mere
     refinement would correct next to nothing. The best balance is kept: where no stress has it, what
@@ -67,10 +71,11 @@ def _balance(iteration: InteriorIteration, springs: Floats, correction: PETSc.Ve
     """
     program = iteration.program
     direction, product = program.create_vector(), program.create_vector()
-    before, least, best = 0.0, np.inf, iteration.now
+    before, least, best, refining = 0.0, np.inf, iteration.now, True
     try:
         for _ in range(MOST_CORRECTIONS + 1):
             missing = iteration.unbalanced()
+            refining = refining and missing < REFINED * least
             if missing < least:
                 least, best = missing, iteration.now
             if not missing > BALANCED:
@@ -79,16 +84,16 @@ def _balance(iteration: InteriorIteration, springs: Floats, correction: PETSc.Ve
             program.stiffness.solve(left, correction)
             power = float(left.dot(correction))
             direction.aypx(power / before if before > 0 else 0.0, correction)
-            before = power
+            before = 0.0 if refining else power
             trace, deviator = program.strains.of(direction)
             pressure, stress = program.weights * trace, program.weights[:, None] * deviator
             program.internal_forces(pressure, stress, product)
             forces = springs * direction.array_r[program.jumps]
             product.array[program.jumps] += forces
             resisted = float(direction.dot(product))
-            if not (power > 0 and resisted > 0):
+            if not (refining or (power > 0 and resisted > 0)):
                 break
-            length, now = power / resisted, iteration.now
+            length, now = 1.0 if refining else power / resisted, iteration.now
             changed, S = now.deviator - length * stress, now.S.copy()
             S[:, 1:] = changed[program.plastic]
             iteration.now = replace(

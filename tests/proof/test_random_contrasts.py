@@ -24,7 +24,7 @@ SEEDS = [
     pytest.param(seed, marks=[] if seed < 104 else [pytest.mark.serial])  # few on several ranks
     for seed in sorted({*range(100, 100 + int(12 * EFFORT)), 240, 276})
 ]
-"""In numbers 240 and 276 edges nearly cross, and rows of equilibrium nearly depend on each other."""
+"""In numbers 240 and 276 edges nearly cross: rows of equilibrium nearly depend on each other."""
 COARSER = 1.5
 """So many times as long are edges as in other tests with such bodies."""
 
