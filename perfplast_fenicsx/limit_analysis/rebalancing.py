@@ -13,7 +13,11 @@ from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteratio
 BALANCED = 1e-13
 """Forces without balance, relative to the largest load, that need not be corrected."""
 
-MOST_CORRECTIONS = 5
+MOST_CORRECTIONS = 20
+"""One or two, and a step of conjugate gradients for each place where edges nearly cross."""
+
+REFINED = 0.1
+"""Share of what was left before a mere refinement, above which it does not help enough."""
 
 MOST_ROUNDS = 4
 """So often it is balanced, and forces that pull are let go of between."""
@@ -56,21 +60,50 @@ def rebalance(iteration: InteriorIteration) -> None:
 
 
 def _balance(iteration: InteriorIteration, springs: Floats, correction: PETSc.Vec) -> None:
-    """Correct stress and contact forces with the factors that there are. Collective."""
+    """Correct stress and contact forces with the factors that there are. Collective.
+
+    By refinement as long as that helps, then by conjugate gradients with the factors as those of
+    K: where rows of equilibrium nearly depend
+    on each other, as where edges nearly cross, the ridge of the factors
+    (:data:`condensed_stiffness.RIDGE`) is more than K itself, and of a few such motions mere
+    refinement would correct next to nothing. The best balance is kept: where no stress has it, what
+    is left grows.
+    """
     program = iteration.program
-    for _ in range(MOST_CORRECTIONS):
-        if iteration.unbalanced() <= BALANCED:
-            break
-        program.stiffness.solve(iteration.balance(), correction)
-        trace, deviator = program.strains.of(correction)
-        now = iteration.now
-        stress = now.deviator - program.weights[:, None] * deviator
-        S = now.S.copy()
-        S[:, 1:] = stress[program.plastic]
-        iteration.now = replace(
-            now,
-            pressure=now.pressure - program.weights * trace,
-            deviator=stress,
-            S=S,
-            forces=now.forces - springs * correction.array_r[program.jumps],
-        )
+    direction, product = program.create_vector(), program.create_vector()
+    before, least, best, refining = 0.0, np.inf, iteration.now, True
+    try:
+        for _ in range(MOST_CORRECTIONS + 1):
+            missing = iteration.unbalanced()
+            refining = refining and missing < REFINED * least
+            if missing < least:
+                least, best = missing, iteration.now
+            if not missing > BALANCED:
+                break
+            left = iteration.balance()
+            program.stiffness.solve(left, correction)
+            power = float(left.dot(correction))
+            direction.aypx(power / before if before > 0 else 0.0, correction)
+            before = 0.0 if refining else power
+            trace, deviator = program.strains.of(direction)
+            pressure, stress = program.weights * trace, program.weights[:, None] * deviator
+            program.internal_forces(pressure, stress, product)
+            forces = springs * direction.array_r[program.jumps]
+            product.array[program.jumps] += forces
+            resisted = float(direction.dot(product))
+            if not (refining or (power > 0 and resisted > 0)):
+                break
+            length, now = 1.0 if refining else power / resisted, iteration.now
+            changed, S = now.deviator - length * stress, now.S.copy()
+            S[:, 1:] = changed[program.plastic]
+            iteration.now = replace(
+                now,
+                pressure=now.pressure - length * pressure,
+                deviator=changed,
+                S=S,
+                forces=now.forces - length * forces,
+            )
+    finally:
+        iteration.now = best
+        for vector in (direction, product):
+            vector.destroy()

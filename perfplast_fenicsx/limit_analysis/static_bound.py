@@ -38,9 +38,10 @@ from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 LEFT = 2e-10
-"""Force without balance, relative to the strengths at its row, that rounding may leave: a fifth of
-what a proof may, since others find up to twice as much. Of mean stresses 1e6 times the strengths
-more is left; the load factor and the stress, still in equilibrium with it, are reduced to it."""
+"""Force without balance, relative to the strengths at its row, that rounding may leave. The
+certificate, which decides, has been seen to find half as much. Of mean stresses 1e6 times the
+strengths more is left; the load factor and the stress, still in equilibrium with it, are reduced to
+it."""
 
 CORNERS = (
     "no stress that is linear in the cells can carry the loads: where loaded, free and supported"

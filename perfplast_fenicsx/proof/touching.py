@@ -27,7 +27,8 @@ class Touching:
         first: Numbers of facets, shape (num_pairs,).
         second: Those opposite.
         order: Places of the latters' vertices, in the order of those opposite, (num_pairs, d).
-        apart: Facets of the first surface that lie opposite others without matching them.
+        apart: Facets of the first surface that lie opposite others without matching them, 0 for
+            none; not all of many.
     """
 
     first: Longs
@@ -121,13 +122,16 @@ def _nearest(body: Body, a: Longs, b: Longs) -> tuple[Longs, Longs]:
 
 
 def _overlapping(body: Body, a: Longs, b: Longs) -> int:
-    """How many of a have boxes, seen along their normals, that overlap one of b's facing them."""
+    """How many of a have boxes, seen along their normals, that overlap one of b's facing them.
+
+    Those of the first part of a that has any are enough to refuse, and all pairs of many thousand
+    facets would take long.
+    """
     if not (len(a) and len(b)):
         return 0
     x = body.vertices[body.facets]
     centres = x.mean(axis=1)
     radii = np.linalg.norm(x - centres[:, None], axis=2).max(axis=1)
-    meets = []
     for some in np.array_split(a, len(a) * len(b) // AT_ONCE + 1):
         n = body.normals[some]
         between = centres[b] - centres[some][:, None]
@@ -144,5 +148,7 @@ def _overlapping(body: Body, a: Longs, b: Longs) -> int:
         apart = (mine.min(axis=1) >= other.max(axis=1) - slack) | (
             other.min(axis=1) >= mine.max(axis=1) - slack
         )
-        meets.append(np.unique(some[i[~apart.any(axis=1)]]))
-    return len(np.unique(np.concatenate(meets)))
+        meets = np.unique(i[~apart.any(axis=1)])
+        if len(meets):
+            return len(meets)
+    return 0

@@ -217,7 +217,7 @@ def _entering(body: Body, at_facets: Floats) -> tuple[float, float, str | None]:
     for one, other in body.contacts:
         pair = touching(body, one, other)
         if pair.apart:
-            reason = f"{pair.apart} facets of contact match none of those opposite"
+            reason = f"{pair.apart} facets of contact or more match none of those opposite"
         edges = list(combinations(range(d), 2))
         ends = np.sort(pair.order[:, edges], axis=2)
         place = np.zeros((d, d), dtype=np.int64)

@@ -20,7 +20,11 @@ from tests.random_bodies import problem_of, stack, write_stack
 COMM = MPI.COMM_WORLD
 EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
 CONTRASTS = (1e0, 1e3, 1e6, 1e9, 1e12, 1e15)
-SEEDS = range(100, 100 + int(12 * EFFORT))
+SEEDS = [
+    pytest.param(seed, marks=[] if seed < 104 else [pytest.mark.serial])  # few on several ranks
+    for seed in sorted({*range(100, 100 + int(12 * EFFORT)), 240, 276})
+]
+"""In numbers 240 and 276 edges nearly cross: rows of equilibrium nearly depend on each other."""
 COARSER = 1.5
 """So many times as long are edges as in other tests with such bodies."""
 
