@@ -31,7 +31,7 @@ from perfplast_fenicsx import (
     read_gmsh,
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
-from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.adaptation import refined
 from perfplast_fenicsx.proof import check
 from tests.contrast_bodies import Pressed, forces_left, glued, sliding, squeezed
@@ -115,7 +115,13 @@ def test_contrasts(shared_tmp_path: Path, seed: int) -> None:
         assert words.startswith("Nothing limits the loads, as far as rounding tells")
         assert bounds.lower.value is bounds.upper.value is None
         return
-    assert bounds.strict
+    if not bounds.strict:  # where pressures nearly balance, rounding of mean stresses is in the way
+        assert it.side > 0
+        assert it.exact > 2e3
+        for bound in (bounds.lower, bounds.upper):
+            assert bound.strict or all(reason in words for reason in bound.why_not)
+        proofs_hold(bounds, shared_tmp_path)
+        return
     assert bounds.static is not None
     lower, upper = bounds.lower.value, bounds.upper.value
     assert lower is not None
@@ -134,11 +140,18 @@ def test_contrasts(shared_tmp_path: Path, seed: int) -> None:
         assert lower > 0.99 * it.exact
     assert upper < 1.1 * it.exact or 'law = "elastic"' in words
 
-    folder = ResultFolder(COMM, shared_tmp_path)
-    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
+    assert proofs_hold(bounds, shared_tmp_path) == {"lower", "upper"}
+
+
+def proofs_hold(bounds: BodyBounds, path: Path) -> set[str]:
+    """Check what is told as strict from its file; which halves these are. Collective."""
+    folder, halves = ResultFolder(COMM, path), proofs(bounds, bounds)
+    if halves == (None, None):
+        return set()
+    write_proof(folder, folder.file("bounds.h5"), *halves)
     proven = check(folder.file("bounds.h5"))
-    assert not proven["lower"].faults
-    assert not proven["upper"].faults
+    assert not any(half.faults for half in proven.values())
+    return set(proven)
 
 
 def cantilever() -> Problem:
