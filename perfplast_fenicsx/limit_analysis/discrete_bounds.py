@@ -42,6 +42,7 @@ MOST_ITERATIONS, USUAL = 400, 20
 nearly locks it takes more, as long as each leaves less than :data:`PROGRESS` of what there was."""
 
 PROGRESS = 0.999
+"""Share of what is inadmissible that an iteration of the projection may leave, beyond the usual."""
 
 MOST_HOLDINGS = 5
 """So often pairs are held; twice in the hardest case that was seen."""

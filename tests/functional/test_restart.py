@@ -258,7 +258,9 @@ def test_a_search_without_a_path_begins_anew(
         patch.setattr(recorder.Recorder, "interior", interior)
         assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM
     assert "begin anew with: perfplast run" in (parts / "run.log").read_text(encoding="utf-8")
-    assert json.loads((parts / "summary.json").read_text())["limit"] is None
+    known = json.loads((parts / "summary.json").read_text())["limit"]
+    assert not known["levelled_off"]
+    assert "the search was stopped after 3 steps" in known["reason"]
     comm.barrier()
     assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
     limits = [json.loads((a / "summary.json").read_text())["limit"] for a in (whole, parts)]
