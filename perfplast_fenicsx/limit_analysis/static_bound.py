@@ -53,6 +53,13 @@ COARSE = (
     " refine the mesh"
 )
 
+UNREACHED = (
+    "no stress in equilibrium was reached, and on a coarse mesh there may be none that presses"
+    " wherever bodies touch; refine the mesh"
+)
+"""Reason without a bound where an iteration has stalled: on meshes of twenty cells linear
+programming found that there was none."""
+
 REPLACED = "loads were put in the place of those that the problem was declared with"
 
 
@@ -225,9 +232,8 @@ def _result(
     scope = Scope.MESH if why_not else Scope.BODY
     bound = Bound(value, "lower", scope, why_not)
     if not certificate.holds:
-        words = "no stress in equilibrium was reached"
-        bound = Bound(None, "lower", Scope.MESH, (words, *weak_bodies(problem)))
-        reason += f"; {words}"
+        bound = Bound(None, "lower", Scope.MESH, (UNREACHED, *weak_bodies(problem)))
+        reason += f"; {UNREACHED}"
     elif share < 1:
         verdict = Verdict.STALLED
         told = (f"{share:.2g} of it is kept, for what rounding leaves of its balance",)

@@ -20,9 +20,11 @@ from tests.random_bodies import problem_of, stack, write_stack
 COMM = MPI.COMM_WORLD
 EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
 CONTRASTS = (1e0, 1e3, 1e6, 1e9, 1e12, 1e15)
+CARRY_NOTHING = {163, 205}
+"""Meshes of some twenty cells on which no stress in equilibrium presses wherever bodies touch."""
 SEEDS = [
     pytest.param(seed, marks=[] if seed < 104 else [pytest.mark.serial])  # few on several ranks
-    for seed in sorted({*range(100, 100 + int(12 * EFFORT)), 240, 276})
+    for seed in sorted({*range(100, 100 + int(12 * EFFORT)), *CARRY_NOTHING, 240, 276})
 ]
 """In numbers 240 and 276 edges nearly cross: rows of equilibrium nearly depend on each other."""
 COARSER = 1.5
@@ -45,8 +47,11 @@ def test_an_honest_proof_passes(shared_tmp_path: Path, seed: int) -> None:
     for bound, half in ((bounds.lower, lower), (bounds.upper, upper)):
         assert (half is not None) == bound.strict
         assert bound.strict or bound.why_not
-    if contrast <= 1e6:
+    if contrast <= 1e6 and seed not in CARRY_NOTHING:
         assert bounds.strict
+    if seed in CARRY_NOTHING:
+        assert bounds.upper.strict and not bounds.lower.value
+        assert any("refine the mesh" in words for words in bounds.lower.why_not)
     if lower is None and upper is None:
         return
     write_proof(folder, folder.file("bounds.h5"), lower, upper)
