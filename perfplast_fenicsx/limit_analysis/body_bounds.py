@@ -26,6 +26,7 @@ from perfplast_fenicsx.limit_analysis.static_bound import (
     check_stress_fits,
     strict_lower_bound,
 )
+from perfplast_fenicsx.limit_analysis.static_certificate import beside_mechanism
 from perfplast_fenicsx.limit_analysis.strength_contrast import NOTICED, strong_bodies
 from perfplast_fenicsx.limit_analysis.strict_work import strict_upper_bound
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
@@ -166,7 +167,11 @@ def limit_bounds(
     bounds = bounds_of_mesh(problem, replace(limit, contact_forces=forces))
     log.info("lower bound: a stress on the same cells")
     static = strict_lower_bound(given, rtol, monitor)
-    certificates = vars(static.certificate) if static.certificate else {}
+    lower, certificates = static.bound, {}
+    if static.certificate is not None:
+        certificates = vars(static.certificate)
+        if bounds.upper.value is not None:
+            lower = beside_mechanism(lower, static.certificate, bounds.upper, bounds.mechanism)
     stress = shares = None
     # parts of a tetrahedron that is not split for the mechanism are no cells of any mesh
     if static.bound.value is not None and (split is not None or problem.bodies.gdim == 2):
@@ -176,7 +181,7 @@ def limit_bounds(
             shares = shares if split is None else _of_parents(shares, split)
     return replace(
         bounds,
-        lower=static.bound,
+        lower=lower,
         static=static,
         stress=stress,
         shares=shares,

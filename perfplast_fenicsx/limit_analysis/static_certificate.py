@@ -1,12 +1,14 @@
 """What a stress is worth as a proof, from the stress and the load alone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 
 import numpy as np
+from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.static_program import StaticProgram
 
 ROUNDING = 1e-10
@@ -21,6 +23,10 @@ LEFT_OF_STRENGTH = 1e-7
 """All forces without balance together, relative to what the weakest cell can bear: even if one cell
 had to bear them all, that would be a ten-millionth of its strength."""
 
+ON_MECHANISM = 5e-11
+"""Work of the forces without balance on a mechanism with L(v) = 1, relative to its bound: half of a
+millionth of 1e-4, the least distance of two bounds, as others may add up otherwise."""
+
 
 @dataclass(frozen=True)
 class StaticCertificate:
@@ -28,8 +34,8 @@ class StaticCertificate:
 
     The first four are stresses relative to the least finite yield radius γ of the cells that each
     condition touches: of a cell itself and those that share its facets, of a facet those on both
-    sides; of tension, and where all of these are elastic, to the least γ of all. The next two tell
-    of the sum of all forces that are not balanced, since these could add up, or be borne by a
+    sides; of tension, and where all of these are elastic, to the least γ of all. The next three
+    tell of the sum of all forces that are not balanced, since these could add up, or be borne by a
     body that is weaker than those in which they stand.
     :func:`perfplast_fenicsx.proof.lower.measure_stress` finds the like anew.
 
@@ -39,8 +45,8 @@ class StaticCertificate:
         traction: Largest jump of tractions between cells, or traction that is not that of the load.
         shear: Largest tangential traction on surfaces in contact.
         tension: Largest pull on surfaces in contact.
-        left_of_load: The sum of the magnitudes of all forces without balance, relative to that of
-            the loads at λ.
+        forces: The sum of the magnitudes of all forces without balance, a force.
+        left_of_load: The same sum, relative to that of the loads at λ.
         left_of_strength: The same sum, relative to the least γV^((d − 1)/d) of all cells that can
             yield, V being the volume.
         overstress: ‖dev σ‖/γ − 1 where that is largest; negative in bodies far from yield.
@@ -50,6 +56,7 @@ class StaticCertificate:
     traction: float
     shear: float
     tension: float
+    forces: float
     left_of_load: float
     left_of_strength: float
     overstress: float
@@ -118,11 +125,36 @@ def certify_stress(
         traction=jump,
         shear=shear,
         tension=pull / radius,
+        forces=missing,
         left_of_load=missing / whole if whole > 0 else float(missing > 0),
         left_of_strength=missing / strength,
         overstress=over,
     )
     return certificate, -on_facets[static.jumps]
+
+
+def beside_mechanism(
+    lower: Bound, certificate: StaticCertificate, upper: Bound, mechanism: fem.Function
+) -> Bound:
+    """A lower bound once a mechanism tells what is left of the stress's balance. Collective.
+
+    Forces without balance do work on the mechanism, and change the bound by as much: where the
+    loads nearly balance each other, and motions per work of the loads are large, by more than
+    their sum tells. No such bound is told as strict.
+
+    Args:
+        lower: The bound.
+        certificate: Of its stress.
+        upper: An upper bound, with a value.
+        mechanism: Its velocity, with L(v) = 1.
+    """
+    assert upper.value is not None
+    mine = float(np.abs(mechanism.x.array).max(initial=0.0))
+    speed = mechanism.function_space.mesh.comm.allreduce(mine, MPI.MAX)
+    if not lower.strict or certificate.forces * speed <= ON_MECHANISM * upper.value:
+        return lower
+    why = "what rounding leaves of its balance does work on the mechanism"
+    return replace(lower, of=Scope.MESH, why_not=(*lower.why_not, why))
 
 
 def _weakness(static: StaticProgram) -> tuple[Floats, Floats]:

@@ -56,9 +56,10 @@ ENDS = (0.0, 5.0)
 
 CONTRASTS = [
     pytest.param(seed, marks=[] if seed < 4 else [pytest.mark.serial])
-    for seed in range(int(12 * EFFORT))
+    for seed in sorted({*range(int(12 * EFFORT)), 15})
 ]
-"""Bodies of strengths between 1 and 1e15, and loads of which as little as 1e-6 is bounded."""
+"""Bodies of strengths between 1 and 1e15, and loads of which as little as 1e-6 is bounded. In
+number 15 forces that rounding leaves do more work on the mechanism than a proof may leave."""
 
 
 @pytest.mark.parametrize(("seed", "dim"), SEEDS)

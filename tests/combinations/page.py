@@ -1,0 +1,82 @@
+"""The page of the documentation that shows what goes with what.
+
+./fenicsx python3 -m tests.combinations.page          # write it anew, in some two minutes
+"""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from tests.combinations.answers import Answer, answer
+from tests.combinations.questions import QUESTIONS
+from tests.combinations.refusals import remark
+from tests.combinations.statements import STATEMENTS
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "what_goes_with_what.md"
+
+HEAD = """# What goes with what
+
+Each statement about two blocks in contact that are pressed, and each question that can be asked of
+them: "yes" where it is answered, one bound where only that is strict, and a number where it is
+refused or nothing is proven. Below are the sentences that the program says then. All are small
+cases in plane strain with quadratic elements, where nothing else is said. The page is made by
+running them (`tests/combinations`).
+
+"""
+
+ROW = re.compile(r"^\| (?P<words>[^|]+?) \|(?P<cells>.*)\|$", re.M)
+
+
+def cell(given: Answer, notes: dict[str, int]) -> str:
+    """What the table shows of an answer; its sentence is added to the notes."""
+    if given.words == "yes":
+        return "yes"
+    kind, _, sentence = given.words.partition(": ")
+    number = notes.setdefault(_general(sentence), len(notes) + 1)
+    if kind.startswith("the "):
+        return f"{kind.split()[1]} [{number}]"
+    return f"[{number}]"
+
+
+def _general(sentence: str) -> str:
+    """A sentence without where in the file it happened."""
+    return re.sub(r"^(case\.toml|stacked_blocks)(, \[+[a-z_]+\]+)?: ", "", sentence)
+
+
+def table(answers: Mapping[tuple[str, str], Answer]) -> str:
+    """The page of all answers, by words of the statement and question."""
+    notes: dict[str, int] = {}
+    lines = [" | ".join(["|", *QUESTIONS]) + " |", "|---" * (1 + len(QUESTIONS)) + "|"]
+    for statement in STATEMENTS:
+        cells = [cell(answers[statement.words, question], notes) for question in QUESTIONS]
+        lines.append(" | ".join([f"| {statement.words}", *cells]) + " |")
+    lines += ["", "| | sentence | |", "|---|---|---|"]
+    lines += [f"| {number} | {words} | {remark(words)} |" for words, number in notes.items()]
+    return HEAD + "\n".join(lines) + "\n"
+
+
+def shown() -> dict[tuple[str, str], str]:
+    """The cells of the page, by words of the statement and question."""
+    text = PAGE.read_text(encoding="utf-8")
+    rows = {row["words"]: row["cells"] for row in ROW.finditer(text)}
+    return {
+        (statement.words, question): shown_there.strip()
+        for statement in STATEMENTS
+        for question, shown_there in zip(QUESTIONS, rows[statement.words].split("|"), strict=True)
+    }
+
+
+def main() -> None:
+    """Ask everything and write the page. On one process."""
+    answers = {}
+    with TemporaryDirectory() as folder:
+        for statement in STATEMENTS:
+            for question in QUESTIONS:
+                answers[statement.words, question] = answer(statement, question, Path(folder))
+            print(statement.words, flush=True)
+    PAGE.write_text(table(answers), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""Questions that can be asked of a case."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from tests.combinations.statements import Statement
+
+Tables = Mapping[str, Any]
+
+
+def _levels(method: str, **options: object) -> Tables:
+    return {"loading": {"values": [1.0]}, "solve": {"method": method, **options}}
+
+
+def _works(method: str) -> Tables:
+    return {"loading": {"control": "work", "values": [1.0]}, "solve": {"method": method}}
+
+
+def _limit(method: str) -> Tables:
+    return {"loading": {"control": "work", "until": "limit", "limit_method": method}}
+
+
+QUESTIONS: Mapping[str, Tables] = {
+    "ALG1": _levels("newton"),
+    "ALG2": _levels("augmented-lagrangian"),
+    "ALG3": _works("work-newton"),
+    "ALG4": _works("bordered-newton"),
+    "T-FETI": _levels("newton", contact_solver="tfeti"),
+    "stages": {"stage": [{"factors": {}, "steps": 2}]},
+    "limit load by the path": _limit("path"),
+    "limit load by the interior point method": _limit("interior-point"),
+    "bounds of the body": {"loading": {"control": "bounds"}},
+    "the same on adapted meshes": {
+        "loading": {"control": "bounds"},
+        "mesh": {"adapt": {"cells": 300}},
+    },
+}
+"""Tables of each; levels and factors are those of the statement."""
+
+
+def asked(question: str, statement: Statement, given: Tables) -> Tables:
+    """The tables of a question, with the levels at which it is asked.
+
+    Args:
+        question: One of :data:`QUESTIONS`.
+        statement: What is stated.
+        given: The tables of the case without the question.
+    """
+    tables = dict(QUESTIONS[question])
+    loading = tables.get("loading", {})
+    if "values" in loading:
+        value = statement.work if "control" in loading else statement.level
+        tables["loading"] = loading | {"values": [value]}
+    if "stage" in tables:
+        loads = [load["on"] for load in given["load"] if not load.get("constant")]
+        factors = dict.fromkeys(loads, statement.level)
+        tables["stage"] = [{"factors": factors, "steps": 2}]
+    return tables

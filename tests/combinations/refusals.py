@@ -1,0 +1,38 @@
+"""Why a question has no answer: what a refusal is about, and whether it will stay."""
+
+from collections.abc import Mapping
+
+STAYS = "stays so"
+TO_COME = "to come"
+
+REFUSALS: Mapping[str, str] = {
+    "no limit load to be sought": f"{STAYS}: what hardens without end has no limit load",
+    "is no projection on a yield set": f"{STAYS}: the algorithm is made of that projection",
+    "knows no friction": f"{STAYS}: contact is a bound there, and friction is none",
+    "are for loads that all grow": f"{TO_COME}: loads that stay, in the cone program and in bounds",
+    "is a formula": f"{TO_COME}: linear tractions",
+    "is a pore pressure": f"{TO_COME}: its body force and tractions",
+    "is rigid, and of such surfaces": f"{TO_COME}: resultants as conditions",
+    "friction is taken at the nodes": f"{TO_COME}: cones of slip on facets",
+    "no limit theorem holds": f"{STAYS} of limit theorems; Drucker's pair is told beside levels",
+    "glued together in the mean alone": f"{TO_COME}: facets that both sides share",
+    "do not match facet by facet": f"{TO_COME}: facets that both sides share",
+    "normals are averaged": f"{TO_COME}: obstacles that are made of planes",
+    "remembers no plastic flow": f"{TO_COME}: stages of dilating bodies",
+    "knows no yield set of": f"{TO_COME}: other yield sets in cone programs",
+    "is for plane strain and space": f"{STAYS}: the hoop strain is no polynomial",
+    "cells are curved": f"{STAYS}: bounds are of the body that straight cells fill",
+}
+"""Words of the sentence, and what the page says of them."""
+
+
+def remark(sentence: str) -> str:
+    """What the page says of a refusal.
+
+    Raises:
+        KeyError: If no refusal, or more than one, has these words.
+    """
+    found = [of for words, of in REFUSALS.items() if words in sentence]
+    if len(found) != 1:
+        raise KeyError(f"{len(found)} kinds of refusals have these words: {sentence}")
+    return found[0]
