@@ -32,7 +32,7 @@ from perfplast_fenicsx.limit_analysis.strict_work import strict_upper_bound
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.certificate import contact_forces
-from perfplast_fenicsx.problem.loads import uniform
+from perfplast_fenicsx.problem.loads import check_bounded
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)
@@ -134,7 +134,7 @@ def limit_bounds(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, a body
-            has another law than those of von Mises and Hooke, loads are formulas or pore pressures,
+            has another law than those of von Mises and Hooke, strict bounds do not know a load,
             no stress can carry them, the mesh is axisymmetric, or a bound does not fit into memory
             (the lower one is asked first, before anything is computed).
     """
@@ -149,7 +149,7 @@ def limit_bounds(
             " until = 'limit', for that of the mesh."
         )
     for load in problem.given.loads:
-        uniform(load)
+        check_bounded(load)
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
     check_proportional(problem)

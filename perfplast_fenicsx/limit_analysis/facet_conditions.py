@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import la
@@ -14,7 +16,8 @@ from perfplast_fenicsx.limit_analysis.entering import CURVED
 from perfplast_fenicsx.limit_analysis.facet_pairs import FacetRows, facet_type, pair_facets
 from perfplast_fenicsx.limit_analysis.facet_velocities import FacetNumbers, facet_numbers
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
-from perfplast_fenicsx.problem.loads import LOADS, BodyForce, Pressure, is_uniform, uniform
+from perfplast_fenicsx.problem.linear_tractions import ROUNDING, linear_tractions
+from perfplast_fenicsx.problem.loads import LOADS, BodyForce, Load, is_bounded
 from perfplast_fenicsx.problem.problem import Problem
 
 ALONG = 1e-10
@@ -24,7 +27,9 @@ UNMATCHED = "surfaces in contact do not match facet by facet"
 
 OBLIQUE = "a support holds a surface in contact obliquely to its normal"
 
-VARYING = "a load is a formula or a pressure in pores"
+VARYING = "a load is a force per volume that is a formula, or a pressure in pores"
+
+BENT = "a formula that is not linear on each facet"
 
 UNKNOWN = "a load is of a kind that strict bounds do not know"
 
@@ -45,7 +50,7 @@ class FacetConditions:
         axes: Directions of a facet's components, the first one along the normal on surfaces in
             contact, shape (num_facets, d, d).
         held: Components that supports hold, shape (num_facets, d).
-        tractions: Of ζ = 1, shape (num_facets, d); cartesian.
+        tractions: Of ζ = 1 at the vertices by their places, shape (num_facets, d, d); cartesian.
         forces: Per volume, of ζ = 1, shape (num_cells, d).
         hosts: Owned facets whose first component is a jump.
         twins: Unknowns that the jumps are relative to, −1 for none, shape (num_facets, d); of the
@@ -113,20 +118,14 @@ def facet_conditions(problem: Problem) -> FacetConditions:
     vertices: Floats = np.asarray(mesh.geometry.x[nodes][:, :, :tdim], dtype=np.float64)
     facets = _Facets(problem, numbers, vertices)
     held = _held(problem, facets)
-    tractions, forces = np.zeros((facets.num, tdim)), np.zeros((len(vertices), tdim))
+    tractions, bent = _tractions(problem, facets)
+    forces = np.zeros((len(vertices), tdim))
     unknown = any(type(load) not in LOADS.values() for load in given.loads)
-    varies = not unknown and not all(is_uniform(load) for load in given.loads)
-    for load in filter(is_uniform, given.loads):
-        value = uniform(load)
-        if isinstance(load, BodyForce):
+    varies = not unknown and not all(is_bounded(load) for load in given.loads)
+    for load in given.loads:
+        if isinstance(load, BodyForce) and is_bounded(load):
             cells = problem.tagged_mesh.cells(load.on)
-            forces[cells[cells < len(vertices)]] += value
-            continue
-        on = facets.of(problem, load.on)
-        if isinstance(load, Pressure):
-            tractions[on] -= value * facets.normals(on)
-        else:
-            tractions[on] += value
+            forces[cells[cells < len(vertices)]] += np.asarray(load.value, dtype=np.float64)
 
     axes = np.tile(np.eye(tdim), (facets.num, 1, 1))
     twins = np.full((facets.num, tdim), -1)
@@ -174,6 +173,7 @@ def facet_conditions(problem: Problem) -> FacetConditions:
         TIED: problem.num_tied > 0,
         VARYING: varies,
         UNKNOWN: unknown,
+        f"the load on '{bent}' is {BENT}": bent is not None,
         UNMATCHED: not matched,
         OBLIQUE: oblique,
         TWICE: len(np.unique(every)) < len(every),
@@ -192,6 +192,23 @@ def facet_conditions(problem: Problem) -> FacetConditions:
         why_not=tuple(dict.fromkeys(why_not)),
         prevents=found[0] if found else None,
     )
+
+
+def _tractions(problem: Problem, facets: _Facets) -> tuple[Floats, str | None]:
+    """Those of all surfaces, and a surface whose are not linear on facets. Collective."""
+    values = np.zeros((facets.num, facets.tdim, facets.tdim))
+    surfaces: list[Load] = [
+        load for load in problem.given.loads if is_bounded(load) and not isinstance(load, BodyForce)
+    ]
+    sizes = np.zeros((2, len(surfaces)))
+    for number, load in enumerate(surfaces):
+        on = facets.of(problem, load.on)
+        there, off = linear_tractions(load, facets.corners(on), facets.normals(on))
+        values[on] += there
+        sizes[:, number] = np.abs(there).max(initial=0.0), off.max(initial=0.0)
+    problem.comm.Allreduce(MPI.IN_PLACE, sizes, MPI.MAX)
+    bent = np.flatnonzero(sizes[1] > ROUNDING * sizes[0])
+    return values, surfaces[bent[0]].on if len(bent) else None
 
 
 def _held(problem: Problem, facets: _Facets) -> npt.NDArray[np.bool_]:

@@ -81,7 +81,10 @@ def lone_corners(problem: Problem, conditions: FacetConditions) -> Ints:
     told[..., 0] &= ~pressed  # by a pressure that is not known
     every = np.einsum("nfai,nfj,mij->nfam", axes, normal, COMPONENTS)
     rows = (every * told[..., None]).reshape(-1, 4, 3)
-    given = (np.einsum("nfai,nfi->nfa", axes, conditions.tractions[here]) * told).reshape(-1, 4)
+    beside = corner[:, None] - (side < corner[:, None])  # the corner among the facet's vertices
+    place = conditions.numbers.places[cell[:, None], side, beside]
+    pushes = np.take_along_axis(conditions.tractions[here], place[..., None, None], axis=2)[:, :, 0]
+    given = (np.einsum("nfai,nfi->nfa", axes, pushes) * told).reshape(-1, 4)
     inverse = np.linalg.pinv(rows)
     left = np.einsum("nrm,nmq,nq->nr", rows, inverse, given) - given
     largest = problem.comm.allreduce(np.abs(conditions.tractions).max(initial=0.0), MPI.MAX)

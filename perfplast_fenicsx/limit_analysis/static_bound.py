@@ -14,9 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
 from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
-from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions, facet_conditions
+from perfplast_fenicsx.limit_analysis.facet_conditions import (
+    BENT,
+    FacetConditions,
+    facet_conditions,
+)
 from perfplast_fenicsx.limit_analysis.interior_steps import InteriorStep, Verdict, iterate
 from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_bodies_have_limits,
@@ -35,6 +40,7 @@ from perfplast_fenicsx.limit_analysis.static_program import StaticProgram, stati
 from perfplast_fenicsx.limit_analysis.strength_contrast import weak_bodies
 from perfplast_fenicsx.limit_analysis.stress_cells import mandel_vectors
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.problem.loads import BOUNDED
 from perfplast_fenicsx.problem.problem import Problem
 
 LEFT = 2e-10
@@ -195,10 +201,12 @@ def check_stress_fits(problem: Problem) -> None:
 
     Raises:
         TooLarge: With what is needed and what there is.
-        InputError: As :func:`strict_lower_bound`.
+        InputError: If a traction is not linear on each facet, and as :func:`strict_lower_bound`.
     """
     conditions = facet_conditions(problem)
     if conditions.prevents is not None:
+        if BENT in conditions.prevents:
+            raise InputError(f"{conditions.prevents}, and {BOUNDED}")
         return
     static = static_program(problem, conditions)
     try:

@@ -147,9 +147,10 @@ def static_program(problem: Problem, conditions: FacetConditions) -> StaticProgr
     shares = np.linalg.norm(slopes, axis=2) * volumes[:, None]  # area / d
     areas = np.zeros(len(at.held))
     areas[on] = shares
-    pushes = np.einsum("cfik,cfk->cfi", axes, at.tractions[on]) * shares[:, :, None]
+    tractions = np.take_along_axis(at.tractions[on], at.numbers.places[..., None], axis=2)
+    pushes = np.einsum("cfik,cfjk->cfji", axes, tractions) * shares[:, :, None, None]
     load = strains.create_vector()
-    of_facets = np.repeat(pushes, tdim, axis=1).reshape(len(on), -1)
+    of_facets = pushes.reshape(len(on), -1)
     load.array[: facets.count] = facets.add_up(of_facets)
     layout = strains.layout
     parts = layout.rows[:, 0, 0] - layout.outer

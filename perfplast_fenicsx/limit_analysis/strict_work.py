@@ -135,7 +135,7 @@ def strict_upper_bound(
 
 def _largest_load(problem: Problem, conditions: FacetConditions, volume: float) -> float:
     """Largest traction, or body force over the size of the bodies. Collective."""
-    tractions = np.linalg.norm(conditions.tractions, axis=1).max(initial=0.0)
+    tractions = np.linalg.norm(conditions.tractions, axis=2).max(initial=0.0)
     forces = np.linalg.norm(conditions.forces, axis=1).max(initial=0.0)
     mine = float(tractions + forces * volume ** (1 / problem.bodies.gdim))
     return float(problem.comm.allreduce(mine, MPI.MAX))

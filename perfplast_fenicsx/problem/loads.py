@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 
 if TYPE_CHECKING:  # what reads results for pictures and reports starts no DOLFINx
@@ -208,6 +207,13 @@ class Force(Load):
     constant: bool = False
 
 
+BOUNDED = (
+    "strict bounds are for tractions and pressures that are linear on each facet, and forces per"
+    " volume that are numbers; give one of these, or seek the limit load of the mesh alone"
+    " (control = 'work', until = 'limit')."
+)
+"""What a refusal says of the loads that strict bounds know."""
+
 LOADS: dict[str, type[Any]] = {
     "traction": Traction,
     "pressure": Pressure,
@@ -217,9 +223,8 @@ LOADS: dict[str, type[Any]] = {
 }
 """Kinds of loads by their name in case files."""
 
-UNIFORM = (Traction, Pressure, BodyForce)
-"""Loads that strict bounds and proofs know, where they are numbers; of any other kind their
-tractions, or forces per volume, are unknown there."""
+ON_SURFACES = (Traction, Pressure)
+"""Loads whose tractions strict bounds and proofs know, where they are linear on facets."""
 
 
 def kind_of(load: Load) -> str:
@@ -229,22 +234,22 @@ def kind_of(load: Load) -> str:
 
 
 def is_uniform(load: Load) -> bool:
-    """Whether a load is a traction, a pressure or a force per volume, given as numbers."""
-    return type(load) in UNIFORM and np.asarray(load.value).dtype.kind in "fiu"
+    """Whether a load is given as numbers."""
+    return np.asarray(load.value).dtype.kind in "fiu"
 
 
-def uniform(load: Load) -> Floats:
-    """What a load gives, as numbers: one of a pressure, else one a direction.
+def is_bounded(load: Load) -> bool:
+    """Whether strict bounds know a load: a traction, a pressure or a uniform force per volume."""
+    return type(load) in ON_SURFACES or (type(load) is BodyForce and is_uniform(load))
+
+
+def check_bounded(load: Load) -> None:
+    """Refuse a load that strict bounds and proofs do not know.
 
     Raises:
-        InputError: If it is a formula, or of a kind that strict bounds do not know.
+        InputError: If it is of another kind, or a force per volume that is a formula.
     """
-    if not is_uniform(load):
+    if not is_bounded(load):
         kind = kind_of(load).replace("_", " ")
-        what = "formula" if type(load) in UNIFORM else kind
-        raise InputError(
-            f"the load on '{load.on}' is a {what}, and strict bounds are for uniform loads:"
-            " tractions, pressures and forces per volume that are numbers; give one of these, or"
-            " seek the limit load of the mesh alone (control = 'work', until = 'limit')."
-        )
-    return np.atleast_1d(np.asarray(load.value)).astype(np.float64)
+        what = "force per volume that is a formula" if type(load) is BodyForce else kind
+        raise InputError(f"the load on '{load.on}' is a {what}, and {BOUNDED}")

@@ -66,9 +66,8 @@ STATEMENTS = (
     Statement(
         "pore pressure", tables=_loads({"on": "lower", "pore_pressure": 0.1, "constant": False})
     ),
-    Statement(
-        "a pressure that is a formula", tables={"load": [{"on": "top", "pressure": "1 + 0.1*x"}]}
-    ),
+    Statement("a linear pressure", tables={"load": [{"on": "top", "pressure": "1 + 0.1*x"}]}),
+    Statement("a quadratic one", tables={"load": [{"on": "top", "pressure": "1 - 0.1*x**2"}]}),
     Statement("a rigid surface under a force", tables=RIGID),
     Statement(
         "a support that moves (settlement)",

@@ -379,10 +379,14 @@ def test_what_replaced_loads_are_is_not_known() -> None:
 def test_loads_that_vary_are_not_known() -> None:
     given = platens(2).given
     found = strict_lower_bound(
-        Problem(platens(2).tagged_mesh, given.materials, given.supports, [Pressure("top", "1 + x")])
+        Problem(
+            platens(2).tagged_mesh, given.materials, given.supports, [Pressure("top", "1 + x**2")]
+        )
     )
     assert found.bound.value is None
-    assert found.bound.why_not == ("a load is a formula or a pressure in pores",)
+    assert found.bound.why_not == (
+        "the load on 'top' is a formula that is not linear on each facet",
+    )
 
 
 def test_curved_cells_are_taken_as_straight(shared_tmp_path: Path) -> None:

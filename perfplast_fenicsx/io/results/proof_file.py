@@ -30,7 +30,8 @@ from perfplast_fenicsx.limit_analysis.point_strains import radii_of_cells
 from perfplast_fenicsx.limit_analysis.stress_cells import matrices
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
-from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction, uniform
+from perfplast_fenicsx.problem.linear_tractions import linear_tractions
+from perfplast_fenicsx.problem.loads import BodyForce, check_bounded
 from perfplast_fenicsx.problem.problem import Problem
 
 Blocks = dict[str, Block]
@@ -123,9 +124,7 @@ def _check(problem: Problem) -> None:
         if not isinstance(obstacle, Plane):
             raise InputError(f"the obstacle at '{obstacle.on}' is curved; a proof knows planes.")
     for load in problem.given.loads:
-        if not isinstance(load, Pressure | Traction | BodyForce):
-            raise InputError(f"a {type(load).__name__} is no load that a proof can have.")
-        uniform(load)
+        check_bounded(load)
     if not grows_by_loads_alone(problem):
         raise InputError("a load is constant, or ζ moves supports; a proof knows loads that grow.")
 
@@ -200,7 +199,7 @@ def _body(problem: Problem) -> Blocks:
         "facets": block(of_facets, numbers[facets]),
         "surface": block(of_facets, surface),
         "held": block(of_facets, held),
-        "traction": block(of_facets, _tractions(problem, outer, surface, tags)),
+        "traction": block(of_facets, _tractions(problem, outer, points[facets], surface, tags)),
         "contacts": _table(problem, contacts, (2,), np.int64),
         "obstacles": _table(problem, [tags[plane.on] for plane in walls], (), np.int64),
         "obstacle_normals": _table(problem, into, (d,), np.float64),
@@ -220,20 +219,21 @@ def _body_forces(problem: Problem, count: int) -> Floats:
     for load in problem.given.loads:
         if isinstance(load, BodyForce):
             cells = tagged_mesh.cells(load.on)
-            forces[cells[cells < count]] += uniform(load)
+            forces[cells[cells < count]] += np.asarray(load.value, dtype=np.float64)
     return forces
 
 
 def _tractions(
-    problem: Problem, outer: OuterFacets, surface: npt.NDArray, tags: dict[str, int]
+    problem: Problem,
+    outer: OuterFacets,
+    corners: Floats,
+    surface: npt.NDArray,
+    tags: dict[str, int],
 ) -> Floats:
     """Force per area at the vertices of outer facets."""
-    d = outer.normals.shape[1]
-    values = np.zeros((len(surface), d))
+    values = np.zeros_like(corners)
     for load in problem.given.loads:
-        here = surface == tags.get(load.on, -1)
-        if isinstance(load, Pressure):
-            values[here] -= uniform(load) * outer.normals[here]
-        elif isinstance(load, Traction):
-            values[here] += uniform(load)
-    return np.repeat(values[:, None], d, axis=1)
+        if not isinstance(load, BodyForce):
+            here = surface == tags[load.on]
+            values[here] += linear_tractions(load, corners[here], outer.normals[here])[0]
+    return values
