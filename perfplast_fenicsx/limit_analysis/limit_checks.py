@@ -23,9 +23,9 @@ def check_friction_has_limits(problem: Problem) -> None:
     """
     if problem.friction.follows_pressure:
         raise InputError(
-            "with Coulomb's friction (coulomb = ...) no limit theorem holds; give values of the"
-            " load factor or the work, beside which Drucker's bounds of the limit load are told, or"
-            " tresca = ... in its place."
+            "with Coulomb's friction (coulomb = ...) no limit theorem holds, which bounds and the"
+            " interior point method rest on; search along a loading path (control = 'work', until ="
+            " 'limit', limit_method = 'path'), or give tresca = ... in its place."
         )
 
 

@@ -13,6 +13,7 @@ from perfplast_fenicsx.limit_analysis.discrete_limit import (
     can_bound,
     interior_point,
 )
+from perfplast_fenicsx.limit_analysis.drucker import DruckerBounds
 from perfplast_fenicsx.limit_analysis.interior_steps import InteriorStep, StopSearch, Verdict
 from perfplast_fenicsx.limit_analysis.limit_checks import grows_by_loads_alone
 from perfplast_fenicsx.problem.problem import Problem
@@ -61,6 +62,12 @@ class LimitLoad:
         contact_forces: Of the pairs hosted by this rank, with that stress.
         inadmissible: Volume change of the mechanism in plastic bodies, and strain in elastic ones,
             relative to ‖ε(v)‖; None of a path.
+        theorem: Whether limit theorems hold. With Coulomb's friction they do not: ``lower`` is then
+            the largest load that levels of this path carry, ``estimate`` the same where the search
+            has come to its end, and ``upper`` the least with a verdict that there is no equilibrium
+            (:mod:`coulomb_search`); neither is a bound of anything else.
+        drucker: Beside such a load, what two theorems say of all of its kind; None where they have
+            not been asked.
     """
 
     method: LimitMethod
@@ -79,6 +86,8 @@ class LimitLoad:
     stress: fem.Function | None = None
     contact_forces: Floats | None = None
     inadmissible: float | None = None
+    theorem: bool = True
+    drucker: DruckerBounds | None = None
 
     @property
     def collapses(self) -> bool:

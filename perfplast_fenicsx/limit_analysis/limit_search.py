@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.limit_analysis.coulomb_search import coulomb_limit
 from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_bodies_have_limits,
     check_friction_has_limits,
@@ -32,6 +33,9 @@ from perfplast_fenicsx.solvers.work_newton import WorkNewton
 LOOSEST = 1e-4
 """Largest tolerance of a level: with 1e-3, ζ has been found 1e-4 above an upper bound."""
 
+COULOMB = 1e-8
+"""Tolerance of a level with Coulomb's friction: that of the bounds which its rounds settle."""
+
 
 def limit_load(
     problem: Problem,
@@ -48,7 +52,8 @@ def limit_load(
 
     The interior point method (:func:`discrete_limit.interior_point`) brings bounds together, in 10
     to 20 factorisations; a loading by work, which gives the curve as well, goes on until ζ(α) has
-    levelled off.
+    levelled off. With Coulomb's friction no limit theorem holds, and what is found is the load at
+    which the path loses equilibrium (:func:`coulomb_search.coulomb_limit`).
 
     Args:
         problem: The bodies and their loads.
@@ -63,14 +68,19 @@ def limit_load(
         reached: Where that run had come to.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, all loads are constant, bodies harden, the
+        InputError: If ``rtol`` is not between 0 and 1, or finer than what tells sliding, all loads are constant, bodies harden, the
             interior point method is asked for beside constant loads and the like, or it finds that
             no stress can carry the loads.
     """
     check_tolerance(rtol)
-    check_friction_has_limits(problem)
     check_bodies_have_limits(problem)
     follows = any(given is not None for given in (solver, on_level, search, reached))
+    if problem.friction.follows_pressure and method != LimitMethod.INTERIOR_POINT:
+        if method is not None:
+            _chosen(method, problem, follows)
+        solver = solver or WorkNewton(problem, NewtonOptions(**limit_options(rtol, coulomb=True)))
+        return coulomb_limit(problem, rtol, solver, monitor, on_level, search, reached)
+    check_friction_has_limits(problem)
     if _chosen(method, problem, follows) is LimitMethod.INTERIOR_POINT:
         return by_interior_point(problem, rtol, monitor)
     solver = solver or WorkNewton(problem, NewtonOptions(**limit_options(rtol)))
@@ -125,9 +135,13 @@ def _chosen(method: str | None, problem: Problem, follows: bool) -> LimitMethod:
     return LimitMethod(method)
 
 
-def limit_options(rtol: float) -> dict[str, Any]:
+def limit_options(rtol: float, coulomb: bool = False) -> dict[str, Any]:
     """Options of the Newton methods that suit a limit load with a relative tolerance.
 
     Displacements grow without bound, so that increments relative to them say little.
+
+    Args:
+        rtol: What bounds may differ by.
+        coulomb: Whether there is Coulomb's friction, whose bounds settle no better than steps.
     """
-    return {"stopping": "stress", "tolerance": min(rtol, LOOSEST)}
+    return {"stopping": "stress", "tolerance": COULOMB if coulomb else min(rtol, LOOSEST)}

@@ -43,6 +43,8 @@ class Level:
             each other, shape (num_pairs,).
         report: What is known of it.
         iterations: Each step.
+        refuted: Whether it ended with a verdict that no equilibrium exists, with the bounds that
+            friction had, and not for want of convergence.
     """
 
     state: State
@@ -50,6 +52,7 @@ class Level:
     contact_forces: Floats
     report: LevelReport
     iterations: list[Iteration] = field(default_factory=list)
+    refuted: bool = False
 
     def __repr__(self) -> str:
         return f"Level({self.report.summary()})"

@@ -102,14 +102,15 @@ def solve_level(
     loads = stepper.iterate.problem.loads
     driven = stepper.iterate.problem.free.driven([loads.dead, loads.live])
     if driven is not None:
-        return progress.level(zeta, active, False, driven)
+        return progress.level(zeta, active, False, driven, refuted=True)
     history, doubts = progress.history, 0
     while len(history) < stepper.max_iterations:
         try:
             step = stepper.step(value, zeta, active, history)
         except LinearFailure as failure:
-            told = _pushed_away(stepper.iterate.problem, zeta) or str(failure)
-            return progress.level(zeta, active, False, told)
+            pushed = _pushed_away(stepper.iterate.problem, zeta)
+            told = pushed or str(failure)
+            return progress.level(zeta, active, False, told, refuted=pushed is not None)
         zeta, active = step.zeta, step.active
         progress.add(step)
         if step.finished:
@@ -120,10 +121,10 @@ def solve_level(
                 return level
         reason = stepper.ended(zeta, history)
         if reason is not None:
-            return progress.level(zeta, active, False, reason)
-    reason = no_convergence(stepper.max_iterations, stepper.steps_called)
-    reason = _pushed_away(stepper.iterate.problem, zeta) or reason
-    return progress.level(zeta, active, False, reason)
+            return progress.level(zeta, active, False, reason, refuted=True)
+    pushed = _pushed_away(stepper.iterate.problem, zeta)
+    reason = pushed or no_convergence(stepper.max_iterations, stepper.steps_called)
+    return progress.level(zeta, active, False, reason, refuted=pushed is not None)
 
 
 def _pushed_away(problem: Problem, zeta: float) -> str | None:

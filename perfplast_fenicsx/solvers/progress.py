@@ -89,8 +89,23 @@ class Progress:
         if self._monitor is not None:
             self._monitor(record)
 
-    def level(self, zeta: float, active: PairFlags, converged: bool, reason: str) -> Level:
-        """Judge the iterate and report it. Collective."""
+    def level(
+        self,
+        zeta: float,
+        active: PairFlags,
+        converged: bool,
+        reason: str,
+        refuted: bool = False,
+    ) -> Level:
+        """Judge the iterate and report it. Collective.
+
+        Args:
+            zeta: Load factor.
+            active: Closed pairs hosted by this rank.
+            converged: Whether the steps have come to an end.
+            reason: Why they ended.
+            refuted: Whether that is a verdict that there is no solution.
+        """
         iterate, history = self._iterate, self.history
         problem, fields, comm = iterate.problem, iterate.fields, iterate.problem.comm
         problem.free.centre(fields.u)
@@ -101,6 +116,7 @@ class Progress:
         off = max(unbalanced, abs(certificate.duality_gap))
         if converged and problem.friction.count and not off <= self._slides:
             converged, reason = False, slides_on(unbalanced, certificate.duality_gap)
+            refuted = True
         nodal = fields.u.x.array.reshape(-1, problem.V.dofmap.index_map_bs)
         largest = float(np.linalg.norm(nodal, axis=1).max(initial=0))
         solves, setups, krylov = (
@@ -139,4 +155,4 @@ class Progress:
         )
         stress = fem.Function(problem.S, name="stress")
         stress.x.array[:] = fields.stress.x.array
-        return Level(state, stress, certificate.forces, report, history)
+        return Level(state, stress, certificate.forces, report, history, refuted)

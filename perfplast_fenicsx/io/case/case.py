@@ -179,7 +179,8 @@ class Case:
             return None
         if self.loading.limit_method is not None:
             return LimitMethod(self.loading.limit_method)
-        return LimitMethod.PATH if self.table.get("solve") else method_for(problem)
+        by_path = self.table.get("solve") or problem.friction.follows_pressure
+        return LimitMethod.PATH if by_path else method_for(problem)
 
     def method_on(self, problem: Problem) -> str:
         """The name of what solves a problem: an algorithm, or the interior point method."""
@@ -225,7 +226,8 @@ def _case(path: Path, text: str) -> Case:
         obstacles.append(convert(rest, shape, place))
     loading = read_loading(top, name)
     place = f"{name}, {'[[stage]]' if isinstance(loading, StageControl) else '[loading]'}"
-    method, options = read_method(top.solve, loading, f"{name}, [solve]")
+    coulomb = any(surface.get("coulomb") for surface in (*top.contact, *top.obstacle))
+    method, options = read_method(top.solve, loading, f"{name}, [solve]", coulomb)
     kinds: dict[str, tuple[list[Table], type[Initial]]] = {
         "temperature": (top.temperature, Temperature),
         "initial_stress": (top.initial_stress, InitialStress),

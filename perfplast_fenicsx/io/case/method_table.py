@@ -10,8 +10,16 @@ from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.solvers.methods import METHODS
 
 
-def read_method(table: Table, loading: Control, place: str) -> tuple[str, Any]:
+def read_method(
+    table: Table, loading: Control, place: str, coulomb: bool = False
+) -> tuple[str, Any]:
     """Method and options; ALG1 for loads and ALG3 for works where none is named.
+
+    Args:
+        table: What it says.
+        loading: What is asked for.
+        place: What messages call it.
+        coulomb: Whether there is Coulomb's friction.
 
     Raises:
         InputError: If the method does not go with the loading, or its options are wrong.
@@ -39,5 +47,5 @@ def read_method(table: Table, loading: Control, place: str) -> tuple[str, Any]:
             f" control = '{other}'."
         )
     if loading.limit_tolerance is not None:
-        rest = limit_options(loading.limit_tolerance) | rest
+        rest = limit_options(loading.limit_tolerance, coulomb) | rest
     return method, convert(rest, algorithm.options, place)

@@ -1,0 +1,238 @@
+"""The load at which a loading path with Coulomb's friction loses equilibrium, between two levels.
+
+No limit theorem holds, so that nothing bounds this load but levels of the path itself: the largest
+load that one of them carries, and the least at which one ends with a verdict that there is no
+equilibrium. Works grow until ζ(α) has levelled off, as any work has a solution where bodies slide;
+then loads just beyond are tried, from the state that carries most, until one is refused. That is
+said of the path from the assembled bodies, of the mesh, and of the rounds of
+:mod:`~perfplast_fenicsx.solvers.coulomb`: other states of friction may carry other loads.
+"""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.drucker import drucker_bounds
+from perfplast_fenicsx.limit_analysis.limit_judge import Search, collapse_mechanism
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod, method_for
+from perfplast_fenicsx.limit_analysis.plateau import Points
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.state import Level, State
+from perfplast_fenicsx.solvers.load_stepping import Reached, work_path
+from perfplast_fenicsx.solvers.newton import Newton
+from perfplast_fenicsx.solvers.verdicts import SLIDES
+from perfplast_fenicsx.solvers.work_newton import WorkNewton
+
+MOST_WORKS = 40
+"""Levels of given work, after which ζ counts as one that does not level off."""
+
+MOST_LOADS = 40
+"""Loads that are tried, after which the search ends with the bracket so far."""
+
+SHARES = (0.5, 0.25, 0.75)
+"""Where between a load that is carried and one that is refused the next one is tried: in the middle
+first, and on either side of it where a level there has neither converged nor a verdict."""
+
+LEAST = 1e-12
+"""ζ below this share of what the first level could have carried is rounding."""
+
+ROUNDING = 1e-9
+"""By so much, relative, a bracket may be wider than its tolerance."""
+
+OnLevel = Callable[[Level, Search], None]
+"""Called on every rank after each level that carries its load, with what is known by then."""
+
+log = logging.getLogger(__name__)
+
+
+def coulomb_limit(
+    problem: Problem,
+    rtol: float,
+    solver: WorkNewton,
+    monitor: Callable[[Any], None] | None = None,
+    on_level: OnLevel | None = None,
+    search: Search | None = None,
+    reached: Reached | None = None,
+) -> LimitLoad:
+    """Find both loads, and Drucker's pair where all loads grow. Collective.
+
+    Args:
+        problem: The bodies and their loads; some friction is Coulomb's.
+        rtol: What both may differ by, relative.
+        solver: ALG3 or ALG4, whose solvers serve for given loads too.
+        monitor: Called on every rank after each iteration.
+        on_level: Called on every rank after each level that carries its load, and after that of the
+            constant loads.
+        search: Found by an earlier run, to go on with.
+        reached: Where that run had come to.
+
+    Raises:
+        InputError: If the tolerance is finer than what tells a body that slides from one at rest.
+    """
+    finest = 10 * max(SLIDES, solver.options.tolerance)
+    if rtol < finest:
+        raise InputError(
+            f"limit_tolerance = {rtol:g} is finer than what tells bodies that slide from those at"
+            f" rest with Coulomb's friction; give {finest:g} or more."
+        )
+    drucker = drucker_bounds(problem) if method_for(problem) is LimitMethod.INTERIOR_POINT else None
+    search = search or Search()
+    path = _Path(solver, rtol, search, monitor, on_level)
+    path.follow(reached)
+    if path.last is not None and not search.ended:
+        path.bracket()
+    return LimitLoad(
+        method=LimitMethod.PATH,
+        lower=max(search.lower, 0.0),
+        estimate=search.lower if search.levelled_off else None,
+        residual=None,
+        upper=search.upper,
+        alpha=(search.rest or 0.0) + (search.points[-1][0] if search.points else 0.0),
+        levelled_off=search.levelled_off,
+        reason=search.reason,
+        iterations=len(search.points) + (search.rest is not None) + path.refused,
+        linear_solves=search.linear_solves,
+        factorisations=None,
+        mechanism=collapse_mechanism(problem, path.before, path.last),
+        levels=path.levels,
+        theorem=False,
+        drucker=drucker,
+    )
+
+
+@dataclass
+class _Path:
+    """A search: what it works with, and where it has come to.
+
+    Attributes:
+        solver: Of works.
+        rtol: What both loads may differ by, relative.
+        search: What is known, for a restart.
+        monitor: Called after each iteration.
+        on_level: Called after each level that carries its load.
+        levels: These.
+        before: State of the last level but one of given work.
+        last: State of the last one.
+        most: The state that carries most.
+        refused: Loads that were tried and not carried.
+    """
+
+    solver: WorkNewton
+    rtol: float
+    search: Search
+    monitor: Callable[[Any], None] | None
+    on_level: OnLevel | None
+    levels: list[Level] = field(default_factory=list)
+    before: State | None = None
+    last: State | None = None
+    most: State | None = None
+    refused: int = 0
+
+    def __post_init__(self) -> None:
+        self._solved = self.search.linear_solves - self.solver.linear.solves
+
+    def follow(self, reached: Reached | None) -> None:
+        """Go on by works until ζ has levelled off, or no further level is solved. Collective."""
+        search = self.search
+        if reached is not None:
+            self.before, self.last = reached.before, reached.last
+            self.most = reached.last
+        if search.ended or has_levelled(search.points, self.rtol):
+            return
+        for level in work_path(self.solver, self.monitor, reached):
+            self._count()
+            if not level.report.converged:
+                search.reason = f"no further work could be solved: {level.report.reason}"
+                if self.last is None:
+                    search.ended = True
+                    search.reason = f"the constant loads alone: {level.report.reason}"
+                    self._tell(level)
+                return
+            self.before, self.last = self.last, level.state
+            if self.before is None:
+                search.rest = level.state.alpha
+            else:
+                search.points.append((level.state.alpha - (search.rest or 0.0), level.state.zeta))
+            if self.most is None or level.state.zeta >= self.most.zeta:
+                self.most = level.state
+            self._carried(level)
+            if has_levelled(search.points, self.rtol):
+                return
+            if len(search.points) >= MOST_WORKS:
+                search.ended = True
+                search.reason = (
+                    f"ζ does not level off: it has reached {level.state.zeta:.6g} and still rises;"
+                    " the bodies may be such that friction and they carry any multiple"
+                )
+                return
+
+    def bracket(self) -> None:
+        """Try loads beyond the largest that is carried, until one is refused. Collective."""
+        search, rtol = self.search, self.rtol
+        direct = Newton(self.solver.problem, self.solver.options, lender=self.solver)
+        low, step, unknown = search.lower, rtol, 0
+        path_ended = search.reason
+        if not self._rises():
+            search.ended = True
+            search.reason = path_ended or "nothing is carried beside the constant loads"
+            return
+        why = told = ""
+        for _ in range(MOST_LOADS):
+            width = None if search.upper is None else search.upper - low
+            if width is not None and width <= rtol * low * (1 + ROUNDING):
+                search.levelled_off = True
+                break
+            if unknown == len(SHARES):
+                break
+            zeta = low * (1 + step) if width is None else low + SHARES[unknown] * width
+            level = direct.solve(zeta, self.most, self.monitor)
+            self._count()
+            if level.report.converged:
+                low, self.most, unknown = zeta, level.state, 0
+                search.points.append((level.state.alpha - (search.rest or 0.0), zeta))
+                self._carried(level)
+            else:
+                self.refused += 1
+                log.info("zeta = %.10g is not carried: %s", zeta, level.report.reason)
+                if level.refuted:
+                    search.upper, why, unknown = zeta, level.report.reason, 0
+                else:
+                    told = f"ζ = {zeta:.6g} has neither a solution nor a verdict"
+                    told, unknown = f"{told} ({level.report.reason})", unknown + 1
+            step *= 2
+        search.ended = True
+        if search.levelled_off:
+            search.reason = why
+        else:
+            search.reason = f"this is the bracket so far: {told or path_ended or 'too many loads'}"
+
+    def _rises(self) -> bool:
+        """Whether anything is carried beside the constant loads."""
+        largest = max((abs(zeta) for _, zeta in self.search.points), default=0.0)
+        return self.search.lower > LEAST * max(largest, 1.0)
+
+    def _count(self) -> None:
+        self.search.linear_solves = self._solved + self.solver.linear.solves
+
+    def _carried(self, level: Level) -> None:
+        self.levels.append(level)
+        self._tell(level)
+
+    def _tell(self, level: Level) -> None:
+        if self.on_level is not None:
+            self.on_level(level, self.search)
+
+
+def has_levelled(points: Points, rtol: float) -> bool:
+    """Whether the last level has added less than its tolerance to the largest ζ before it.
+
+    Args:
+        points: (α, ζ) of levels, each of which has a work larger by a factor, not by a little.
+        rtol: Tolerance, relative.
+    """
+    if len(points) < 2:
+        return False
+    before, zeta = max(zeta for _, zeta in points[:-1]), points[-1][1]
+    return zeta - before <= rtol * abs(zeta)
