@@ -16,6 +16,7 @@ from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.run_lock import ENDED, INTERRUPTED, is_held
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
+from perfplast_fenicsx.path_bracket import PathBracket
 
 PERIOD = 0.5
 """Time between two looks (s)."""
@@ -135,8 +136,12 @@ class Follower:
             return f"The run was killed, with {levels}; --restart {self.folder} goes on."
         limit, failed = summary["limit"], [a for a in summary["steps"] if not a["converged"]]
         if limit is not None:
-            estimate = MeshEstimate(limit["lower"], limit["estimate"], limit["upper"])
-            levels += f"; limit load of the mesh: {estimate.in_words()}"
+            sides = limit["lower"], limit["upper"]
+            estimate = MeshEstimate(sides[0], limit["estimate"], sides[1])
+            known = f"limit load of the mesh: {estimate.in_words()}"
+            if not limit["theorem"]:
+                known = f"the path {PathBracket(*sides).in_words()}"
+            levels += f"; {known}"
         if failed:
             levels += f"; no solution at zeta = {failed[-1]['zeta']:.6g}"
         cause = next((a for a in (INTERRUPTED, "ended by", "ended: ") if a in before[-1]), "")

@@ -90,7 +90,7 @@ def run(
             folder.create()
             checkpoints.write(saved)
         with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
-            said = _on_friction(problem)
+            said = _on_friction(problem, case.loading.limit_tolerance is not None)
             if method == LimitMethod.INTERIOR_POINT:
                 said += ignored(problem)
             for remark in said:
@@ -135,13 +135,16 @@ def warn_of(comm: MPI.Intracomm, case: Case, problem: Problem) -> None:
             log.warning("%s", remark)
 
 
-def _on_friction(problem: Problem) -> list[str]:
-    """What is to be said of Coulomb's friction, and its bounds if known. Collective."""
+def _on_friction(problem: Problem, searched: bool) -> list[str]:
+    """What is to be said of Coulomb's friction, and its bounds if known. Collective.
+
+    Where a load is searched for these are told beside it.
+    """
     if not problem.friction.follows_pressure:
         return []
     step = "a step from the one before" if problem.in_stages else "one step"
     told = [f"Coulomb's friction: each level is {step}, whose solution need not be the only one"]
-    if method_for(problem) is LimitMethod.INTERIOR_POINT:
+    if not searched and method_for(problem) is LimitMethod.INTERIOR_POINT:
         told.append(drucker_bounds(problem).in_words())
     return told
 

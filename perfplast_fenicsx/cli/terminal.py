@@ -18,6 +18,7 @@ from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.mesh_estimate import MeshEstimate, percent
+from perfplast_fenicsx.path_bracket import SAID, PathBracket
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -170,12 +171,24 @@ class Terminal:
 
     def limit(self, limit: LimitLoad, last: bool = False) -> None:
         """Say what is known of the limit load of the mesh, the last one of several if so."""
+        if not limit.theorem:
+            self._path_bracket(limit)
+            return
         estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
         met = limit.levelled_off and limit.upper is not None
         self.say(
             f"Limit load of {'the last' if last else 'this'} mesh: {estimate.in_words()}"
             f" ({effort(limit)}{'' if met else f': {limit.reason}'})."
         )
+
+    def _path_bracket(self, limit: LimitLoad) -> None:
+        """Say where a path loses equilibrium, and what theorems there are beside it."""
+        found = PathBracket(limit.lower, limit.upper).in_words()
+        self.say(f"This path {found} ({effort(limit)}).")
+        self.say(f"How the search ended: {limit.reason}.")
+        self.say(SAID)
+        if limit.drucker is not None:
+            self.say(f"Beside it: {limit.drucker.in_words()}.")
 
     def reactions(self, report: LevelReport, problem: Problem, units: Units) -> None:
         """Say what loads, supports, obstacles and contacts exert on the bodies, a line each.

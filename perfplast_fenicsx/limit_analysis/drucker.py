@@ -9,11 +9,17 @@ friction, plasticity, and limit loads, J. Appl. Mech. 21 (1954), 71).
 import copy
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from perfplast_fenicsx.limit_analysis.discrete_limit import DiscreteLimit, Verdict, interior_point
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
+
+NOTHING = 1e-6
+"""A lower bound below this share of the upper one is the rounding of 0: the interior point method
+ends where sides are no farther apart."""
 
 
 @dataclass(frozen=True)
@@ -31,14 +37,26 @@ class DruckerBounds:
 
     def in_words(self) -> str:
         """What they say, in a sentence."""
-        least = f"with Coulomb's friction the mesh carries at least {self.lower:.6g}, as without"
+        least = f"collapse or slide at no load below {rounded_down(self.lower)}, the limit load"
+        least += " without friction"
+        finite = self.upper is not None and math.isfinite(self.upper)
+        if self.lower <= NOTHING * (self.upper if finite and self.upper else 0.0):
+            least = "may slide at any load, as without friction they carry none"
+        tied = "if nothing slipped or parted where they rub"
         if self.upper is None:
-            most = "; the upper bound, as if nothing slipped, was not found"
-        elif math.isinf(self.upper):
-            most = ", and without end if nothing slipped"
+            most = f"; the limit load {tied} was not found"
+        elif not finite:
+            most = f", and would carry any load {tied}"
         else:
-            most = f", and at most {self.upper:.6g}, as if nothing slipped"
-        return f"{least} friction{most} (Drucker); no other limit theorem holds"
+            most = f", and collapse at {rounded_up(self.upper)} at the latest, the limit load {tied}"
+        return (
+            f"with Coulomb's friction the bodies of this mesh {least}{most} (Drucker); no other"
+            " limit theorem holds"
+        )
+
+    def table(self) -> dict[str, Any]:
+        """The bounds and their words, as ``summary.json`` has them."""
+        return {"lower": self.lower, "upper": self.upper, "words": self.in_words()}
 
 
 def drucker_bounds(problem: Problem) -> DruckerBounds:

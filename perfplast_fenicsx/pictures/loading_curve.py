@@ -37,6 +37,10 @@ class Bounds(Protocol):
     def upper(self) -> float | None:
         """The kinematic side; None where none is known."""
 
+    @property
+    def theorem(self) -> bool:
+        """Whether the sides bound a limit load, and not the load at which a path ends."""
+
 
 def save_curve(
     reports: Sequence[LevelReport],
@@ -105,10 +109,14 @@ def draw_curve(
             label = f"no solution found at ζ = {report.zeta:.6g}"
             axes.axhline(report.zeta, color=LIMIT, linestyle="--", label=label)
     if limit is not None and limit.estimate is not None:
-        label = f"limit load of this mesh, {limit.estimate:.4g}"
+        known = "limit load of this mesh" if limit.theorem else "this path loses equilibrium"
+        label = f"{known}, {limit.estimate:.4g}"
         axes.axhline(limit.estimate, color=LIMIT, linewidth=1, label=label)
         if limit.upper is not None:
-            label = f"its two sides on this mesh, {limit.lower:.6g} and {limit.upper:.6g}"
+            sides = f"{limit.lower:.6g} and {limit.upper:.6g}"
+            label = f"its two sides on this mesh, {sides}"
+            if not limit.theorem:
+                label = f"between {sides}, which has none"
             axes.axhspan(limit.lower, limit.upper, color=LIMIT, alpha=0.15, label=label)
     if len(solved) > 1 and solved[-1].alpha > FAR * solved[0].alpha > 0:
         axes.set_xscale("symlog", linthresh=solved[0].alpha)

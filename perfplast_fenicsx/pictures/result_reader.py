@@ -60,12 +60,15 @@ class StoredLimit:
         estimate: That of the mesh.
         upper: An upper bound of it.
         body: What ``summary.json`` says of the body, if anything.
+        theorem: Whether these are bounds; if not they are loads between which a path loses
+            equilibrium.
     """
 
     lower: float
     estimate: float | None
     upper: float | None
     body: Mapping[str, Any]
+    theorem: bool = True
 
 
 @dataclass(frozen=True)
@@ -145,7 +148,8 @@ class ResultReader:
 
         def stored(_: Path) -> StoredLimit:
             body = found.get("body") or {}
-            return StoredLimit(float(found["lower"]), found["estimate"], found["upper"], body)
+            known = found["estimate"], found["upper"], body, found["theorem"]
+            return StoredLimit(float(found["lower"]), *known)
 
         return self.read("summary.json", stored)
 

@@ -111,7 +111,8 @@ def _bounds(limit: StoredLimit | None) -> tuple[tuple[float, float] | None, str]
     lower, upper = limit.body.get("lower"), limit.body.get("upper")
     if lower is not None and upper is not None:
         return (lower, upper), "limit load of the bodies"
-    return None if limit.upper is None else (limit.lower, limit.upper), "estimate on this mesh"
+    words = "estimate on this mesh" if limit.theorem else "this path loses equilibrium"
+    return None if limit.upper is None else (limit.lower, limit.upper), words
 
 
 def to_svg(curve: Curve, sheet: Sheet = WIDE) -> str:

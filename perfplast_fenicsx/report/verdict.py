@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
+from perfplast_fenicsx.path_bracket import SAID, PathBracket
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
 from perfplast_fenicsx.problem.report import LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -44,7 +45,19 @@ def verdict_on(reader: ResultReader) -> Verdict:
     return _of_levels(reader)
 
 
+def _of_path(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
+    """Where a path loses equilibrium for which no limit theorem holds."""
+    found = PathBracket(limit.lower, limit.upper).in_words("ζ = ")
+    pair = table.get("drucker")
+    beside = [f"Beside it: {pair['words']}."] if pair else []
+    mark: Mark = "found" if table["levelled_off"] else "open"
+    details = [SAID, *beside, f"How the search ended: {table['reason']}.", FINER]
+    return Verdict(mark, f"Loaded on this path, this mesh {found}.", details)
+
+
 def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
+    if not limit.theorem:
+        return _of_path(limit, table)
     lower, upper = limit.body.get("lower"), limit.body.get("upper")
     estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
     mesh = "the last mesh" if limit.body.get("meshes") else "this mesh"

@@ -26,6 +26,7 @@ from perfplast_fenicsx import (
     limit_load,
 )
 from perfplast_fenicsx.limit_analysis import DruckerBounds, drucker_bounds, strict_upper_bound
+from perfplast_fenicsx.rounding import rounded_up
 from tests.checks import assert_refused, assert_solved
 from tests.contact.blocks_apart import blocks_apart
 from tests.models import STEEL
@@ -81,22 +82,25 @@ def test_path_and_interior_point_agree_where_bodies_flow_and_slip() -> None:
     assert "friction is taken at the nodes alone" in proven.upper.why_not
 
 
-def test_coulombs_friction_has_druckers_bounds_and_no_limit_load() -> None:
+def test_coulombs_friction_has_druckers_bounds_and_no_limit_theorem() -> None:
     problem = aside(2, 0.3, coulomb=0.2)
     bounds = drucker_bounds(problem)
     rough = limit_load(aside(2, 0.3, tresca=1e4))
     assert bounds.lower == pytest.approx(0.0, abs=1e-6)
     assert bounds.upper is not None
     assert rough.lower < bounds.upper < 1.2 * rough.lower  # a tie holds surfaces together, too
-    assert f"at most {bounds.upper:.6g}, as if nothing slipped (Drucker)" in bounds.in_words()
+    words = bounds.in_words()
+    assert "may slide at any load, as without friction they carry none" in words
+    assert f"at {rounded_up(bounds.upper)} at the latest, the limit load if nothing slipped" in words
     mechanism = fem.Function(problem.V)
-    for search in (limit_load, limit_bounds, lambda same: strict_upper_bound(same, mechanism)):
+    direct = partial(limit_load, method="interior-point")
+    for search in (direct, limit_bounds, lambda same: strict_upper_bound(same, mechanism)):
         assert_refused(partial(search, problem), ["no limit theorem", "tresca"])
 
 
 @pytest.mark.parametrize(
     ("bound", "words"),
-    [(math.inf, "and without end if nothing slipped"), (None, "not found"), (0.0, "at most 0")],
+    [(math.inf, "would carry any load if nothing"), (None, "not found"), (2.0, "at 2 at the latest")],
 )
 def test_what_was_not_found_is_not_said_to_be_without_end(bound: float | None, words: str) -> None:
     assert words in DruckerBounds(1.0, bound).in_words()

@@ -21,9 +21,9 @@ from perfplast_fenicsx.problem.state import Level
 
 LIMIT_KEYS = (
     *("method", "lower", "estimate", "upper", "alpha", "levelled_off", "reason"),
-    *("iterations", "linear_solves", "factorisations"),
+    *("iterations", "linear_solves", "factorisations", "theorem"),
 )
-"""Keys of ``limit`` in ``summary.json``, besides ``body``."""
+"""Keys of ``limit`` in ``summary.json``, besides ``body`` and ``drucker``."""
 
 
 class ResultWriter:
@@ -133,7 +133,9 @@ class ResultWriter:
                     folder = self.results.folder
                     write_proof(folder, folder.file(PROOF), lower, upper)
             table = {key: getattr(limit, key) for key in LIMIT_KEYS}
-            self.results.summary.limit = table | {"body": body and _table(body, adaptive)}
+            drucker = limit.drucker and limit.drucker.table()
+            proven = body and _table(body, adaptive)
+            self.results.summary.limit = table | {"drucker": drucker, "body": proven}
             self.results.write()
 
 
