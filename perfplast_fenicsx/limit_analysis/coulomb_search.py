@@ -35,8 +35,14 @@ SHARES = (0.5, 0.25, 0.75)
 """Where between a load that is carried and one that is refused the next one is tried: in the middle
 first, and on either side of it where a level there has neither converged nor a verdict."""
 
-LEAST = 1e-12
-"""ζ below this share of what the first level could have carried is rounding."""
+FAR = 1e12
+"""So many times the first ζ is looked at where nothing slips or yields."""
+
+LEAST = 1e-8
+"""ζ below this counts as none, as loads are given in numbers of their own size."""
+
+WIDER = 0.1
+"""How far beyond the last load the next one is tried, relative, where ζ has not levelled off."""
 
 ROUNDING = 1e-9
 """By so much, relative, a bracket may be wider than its tolerance."""
@@ -160,11 +166,12 @@ class _Path:
             self._carried(level)
             if has_levelled(search.points, self.rtol):
                 return
-            if len(search.points) >= MOST_WORKS:
+            far = search.points and abs(level.state.zeta) > FAR * abs(search.points[0][1])
+            if far or len(search.points) >= MOST_WORKS:
                 search.ended = True
                 search.reason = (
                     f"ζ does not level off: it has reached {level.state.zeta:.6g} and still rises;"
-                    " the bodies may be such that friction and they carry any multiple"
+                    " the bodies may carry any multiple of the loads"
                 )
                 return
 
@@ -172,46 +179,39 @@ class _Path:
         """Try loads beyond the largest that is carried, until one is refused. Collective."""
         search, rtol = self.search, self.rtol
         direct = Newton(self.solver.problem, self.solver.options, lender=self.solver)
-        low, step, unknown = search.lower, rtol, 0
-        path_ended = search.reason
-        if not self._rises():
-            search.ended = True
-            search.reason = path_ended or "nothing is carried beside the constant loads"
-            return
-        why = told = ""
+        low = search.lower if search.lower > LEAST else 0.0
+        step = rtol if has_levelled(search.points, rtol) else WIDER
+        why, open_end, unknown = "", search.reason, 0
         for _ in range(MOST_LOADS):
             width = None if search.upper is None else search.upper - low
-            if width is not None and width <= rtol * low * (1 + ROUNDING):
+            if low > 0 and width is not None and width <= rtol * low * (1 + ROUNDING):
                 search.levelled_off = True
                 break
-            if unknown == len(SHARES):
+            zeta = trial(low, search.upper, step, unknown)
+            if unknown == len(SHARES) or zeta < LEAST:
                 break
-            zeta = low * (1 + step) if width is None else low + SHARES[unknown] * width
             level = direct.solve(zeta, self.most, self.monitor)
             self._count()
+            told = f"at ζ = {zeta:.6g}: {level.report.reason}"
             if level.report.converged:
                 low, self.most, unknown = zeta, level.state, 0
                 search.points.append((level.state.alpha - (search.rest or 0.0), zeta))
                 self._carried(level)
-            else:
+            elif level.refuted:
+                log.info("refused %s", told)
+                search.upper, why, unknown = zeta, told, 0
                 self.refused += 1
-                log.info("zeta = %.10g is not carried: %s", zeta, level.report.reason)
-                if level.refuted:
-                    search.upper, why, unknown = zeta, level.report.reason, 0
-                else:
-                    told = f"ζ = {zeta:.6g} has neither a solution nor a verdict"
-                    told, unknown = f"{told} ({level.report.reason})", unknown + 1
+            else:
+                log.info("neither solved nor refused %s", told)
+                open_end, unknown = f"neither a solution nor a verdict {told}", unknown + 1
+                self.refused += 1
             step *= 2
         search.ended = True
-        if search.levelled_off:
-            search.reason = why
-        else:
-            search.reason = f"this is the bracket so far: {told or path_ended or 'too many loads'}"
-
-    def _rises(self) -> bool:
-        """Whether anything is carried beside the constant loads."""
-        largest = max((abs(zeta) for _, zeta in self.search.points), default=0.0)
-        return self.search.lower > LEAST * max(largest, 1.0)
+        search.reason = why
+        if low == 0 and search.upper is not None and not unknown:
+            search.reason = f"hardly anything is carried beside the constant loads; {why}"
+        elif not search.levelled_off:
+            search.reason = f"this is the bracket so far; {open_end or 'too many loads were tried'}"
 
     def _count(self) -> None:
         self.search.linear_solves = self._solved + self.solver.linear.solves
@@ -236,3 +236,19 @@ def has_levelled(points: Points, rtol: float) -> bool:
         return False
     before, zeta = max(zeta for _, zeta in points[:-1]), points[-1][1]
     return zeta - before <= rtol * abs(zeta)
+
+
+def trial(low: float, refused: float | None, step: float, unknown: int) -> float:
+    """The load to be tried next.
+
+    Args:
+        low: The largest that is carried; 0 for none.
+        refused: The least with a verdict; None for none.
+        step: How far beyond the first one, relative, where there is none of the second.
+        unknown: How many loads since either has changed have had neither.
+    """
+    if low == 0:
+        return (1.0 if refused is None else refused / 10) / 10**unknown
+    if refused is None:
+        return low * (1 + step)
+    return low + SHARES[min(unknown, len(SHARES) - 1)] * (refused - low)

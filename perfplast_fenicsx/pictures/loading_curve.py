@@ -109,14 +109,13 @@ def draw_curve(
             label = f"no solution found at ζ = {report.zeta:.6g}"
             axes.axhline(report.zeta, color=LIMIT, linestyle="--", label=label)
     if limit is not None and limit.estimate is not None:
-        known = "limit load of this mesh" if limit.theorem else "this path loses equilibrium"
-        label = f"{known}, {limit.estimate:.4g}"
+        known = "limit load of this mesh," if limit.theorem else "this path loses equilibrium at"
+        label = f"{known} {limit.estimate:.4g}"
         axes.axhline(limit.estimate, color=LIMIT, linewidth=1, label=label)
         if limit.upper is not None:
-            sides = f"{limit.lower:.6g} and {limit.upper:.6g}"
-            label = f"its two sides on this mesh, {sides}"
+            label = f"its two sides on this mesh, {limit.lower:.6g} and {limit.upper:.6g}"
             if not limit.theorem:
-                label = f"between {sides}, which has none"
+                label = f"from {limit.lower:.6g} (solved) to {limit.upper:.6g} (no equilibrium)"
             axes.axhspan(limit.lower, limit.upper, color=LIMIT, alpha=0.15, label=label)
     if len(solved) > 1 and solved[-1].alpha > FAR * solved[0].alpha > 0:
         axes.set_xscale("symlog", linthresh=solved[0].alpha)
