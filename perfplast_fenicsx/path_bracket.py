@@ -14,6 +14,12 @@ SAID = (
 )
 """What it holds for, in sentences."""
 
+NO_PAIR = (
+    "Drucker's bounds beside it are for loads that all grow, and for what the interior point method"
+    " knows: none were sought."
+)
+"""What is said where there are none."""
+
 
 @dataclass(frozen=True)
 class PathBracket:

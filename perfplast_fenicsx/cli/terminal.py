@@ -18,7 +18,7 @@ from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.mesh_estimate import MeshEstimate, percent
-from perfplast_fenicsx.path_bracket import SAID, PathBracket
+from perfplast_fenicsx.path_bracket import NO_PAIR, SAID, PathBracket
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -187,8 +187,8 @@ class Terminal:
         self.say(f"This path {found} ({effort(limit)}).")
         self.say(f"How the search ended: {limit.reason}.")
         self.say(SAID)
-        if limit.drucker is not None:
-            self.say(f"Beside it: {limit.drucker.in_words()}.")
+        pair = limit.drucker
+        self.say(NO_PAIR if pair is None else f"Beside it: {pair.in_words()}.")
 
     def reactions(self, report: LevelReport, problem: Problem, units: Units) -> None:
         """Say what loads, supports, obstacles and contacts exert on the bodies, a line each.

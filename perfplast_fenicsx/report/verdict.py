@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
-from perfplast_fenicsx.path_bracket import SAID, PathBracket
+from perfplast_fenicsx.path_bracket import NO_PAIR, SAID, PathBracket
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
 from perfplast_fenicsx.problem.report import LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -49,9 +49,9 @@ def _of_path(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     """Where a path loses equilibrium for which no limit theorem holds."""
     found = PathBracket(limit.lower, limit.upper).in_words("ζ = ")
     pair = table.get("drucker")
-    beside = [f"Beside it: {pair['words']}."] if pair else []
+    beside = f"Beside it: {pair['words']}." if pair else NO_PAIR
     mark: Mark = "found" if table["levelled_off"] else "open"
-    details = [SAID, *beside, f"How the search ended: {table['reason']}.", FINER]
+    details = [SAID, beside, f"How the search ended: {table['reason']}.", FINER]
     return Verdict(mark, f"Loaded on this path, this mesh {found}.", details)
 
 
