@@ -47,13 +47,14 @@ class WorkControl:
     Args:
         values: Works, increasing, not negative. Beside constant loads and supports that move, where
             α = α₀ at ζ = 0, they may be negative or fall.
-        until: "limit" seeks the limit load.
+        until: "limit" seeks the limit load, or with Coulomb's friction the load at which the path
+            loses equilibrium.
         limit_tolerance: How near to each other its bounds must be, or to its limit ζ(α), relative,
             between 0 and 1; 1e-3 where it is not given. With ``until`` only.
         limit_method: "interior-point" finds the limit load alone, in 5 to 30 factorisations;
             "path" follows ζ(α), by steps of its own, until it has levelled off. The default is the
             former where it knows the laws and a factorisation fits, unless there is a [solve] to
-            follow a path with. With ``until`` only.
+            follow a path with or Coulomb's friction. With ``until`` only.
 
     Raises:
         InputError: Not exactly one of ``values`` and ``until``, or values out of their range.
