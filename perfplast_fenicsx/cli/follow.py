@@ -139,7 +139,7 @@ class Follower:
             sides = limit["lower"], limit["upper"]
             estimate = MeshEstimate(sides[0], limit["estimate"], sides[1])
             known = f"limit load of the mesh: {estimate.in_words()}"
-            if not limit["theorem"]:
+            if not limit.get("theorem", True):
                 known = f"the path {PathBracket(*sides).in_words()}"
             levels += f"; {known}"
         if failed:

@@ -148,7 +148,7 @@ class ResultReader:
 
         def stored(_: Path) -> StoredLimit:
             body = found.get("body") or {}
-            known = found["estimate"], found["upper"], body, found["theorem"]
+            known = found["estimate"], found["upper"], body, found.get("theorem", True)
             return StoredLimit(float(found["lower"]), *known)
 
         return self.read("summary.json", stored)

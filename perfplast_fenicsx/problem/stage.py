@@ -115,5 +115,5 @@ def check_stages(
         what, verb = ("load", "act") if name in loaded else ("motion of", "take place")
         raise InputError(
             f"the {what} '{name}' is in no stage, so that it would never {verb}; give it a factor,"
-            " or constant = true."
+            " which may be 0 where just its work or force is wanted, or constant = true."
         )

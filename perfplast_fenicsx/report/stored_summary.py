@@ -102,12 +102,18 @@ class _Body(TypedDict):
     meshes: list[_Round]
 
 
+class _Drucker(TypedDict):
+    words: str
+
+
 class _Limit(TypedDict):
     lower: float
     estimate: float | None
     upper: float | None
     levelled_off: bool
     reason: str
+    theorem: NotRequired[bool]
+    drucker: NotRequired[_Drucker | None]
     body: NotRequired[_Body | None]
 
 
