@@ -48,7 +48,9 @@ class DruckerBounds:
         elif not finite:
             most = f", and would carry any load {tied}"
         else:
-            most = f", and collapse at {rounded_up(self.upper)} at the latest, the limit load {tied}"
+            most = (
+                f", and collapse at {rounded_up(self.upper)} at the latest, the limit load {tied}"
+            )
         return (
             f"with Coulomb's friction the bodies of this mesh {least}{most} (Drucker); no other"
             " limit theorem holds"

@@ -14,7 +14,10 @@ REFUSALS: Mapping[str, str] = {
     "is a pore pressure": f"{TO_COME}: its body force and tractions",
     "is rigid, and of such surfaces": f"{TO_COME}: resultants as conditions",
     "friction is taken at the nodes": f"{TO_COME}: cones of slip on facets",
-    "no limit theorem holds": f"{STAYS} of limit theorems; Drucker's pair is told beside levels",
+    "no limit theorem holds": (
+        f"{STAYS} of limit theorems; where a path loses equilibrium is found, with Drucker's pair"
+        " beside it"
+    ),
     "glued together in the mean alone": f"{TO_COME}: facets that both sides share",
     "do not match facet by facet": f"{TO_COME}: facets that both sides share",
     "normals are averaged": f"{TO_COME}: obstacles that are made of planes",

@@ -28,9 +28,9 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.limit_analysis import LimitLoad, coulomb_search
 from perfplast_fenicsx.limit_analysis.limit_judge import Search
 from perfplast_fenicsx.problem.loads import Load
+from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.solvers.load_stepping import Reached
 from perfplast_fenicsx.solvers.newton_options import Monitor
-from perfplast_fenicsx.problem.state import State
 from tests.checks import assert_refused
 from tests.contact.blocks_apart import blocks_apart
 from tests.models import STEEL
@@ -116,11 +116,7 @@ def test_push_out_force_of_a_press_fit(comm: MPI.Intracomm, shared_tmp_path: Pat
         {"inner_ring": elastic, "outer_ring": elastic},
         [Support("outer", "y")],
         [BodyForce("inner_ring", (0.0, 1 / (math.pi * a**2 * length)))],
-        [
-            Contact(
-                "outer_ring_seam", "inner_ring_seam", coulomb=mu, gap=-delta, interference=True
-            )
-        ],
+        [Contact("outer_ring_seam", "inner_ring_seam", coulomb=mu, gap=-delta, interference=True)],
         degree=2,
     )
     pressure = young * delta / a / (1 + (b**2 + a**2) / (b**2 - a**2))
@@ -150,9 +146,7 @@ def test_bodies_that_collapse_first_do_so_as_if_they_were_tied() -> None:
     exact = 2 * STEEL.yield_stress / math.sqrt(3)
     tied = limit_load(pressed(ties=[Tie("lower_top", "upper_bottom")]), 1e-5)
     assert tied.estimate == pytest.approx(exact, rel=1e-4)
-    found = limit_load(
-        pressed(contacts=[Contact("lower_top", "upper_bottom", coulomb=0.5)]), 1e-3
-    )
+    found = limit_load(pressed(contacts=[Contact("lower_top", "upper_bottom", coulomb=0.5)]), 1e-3)
     assert_lost_at(found, exact, 1e-3)
     assert found.drucker is not None
     assert found.drucker.upper == pytest.approx(exact, rel=1e-4)

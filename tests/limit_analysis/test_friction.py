@@ -91,7 +91,9 @@ def test_coulombs_friction_has_druckers_bounds_and_no_limit_theorem() -> None:
     assert rough.lower < bounds.upper < 1.2 * rough.lower  # a tie holds surfaces together, too
     words = bounds.in_words()
     assert "may slide at any load, as without friction they carry none" in words
-    assert f"at {rounded_up(bounds.upper)} at the latest, the limit load if nothing slipped" in words
+    assert (
+        f"at {rounded_up(bounds.upper)} at the latest, the limit load if nothing slipped" in words
+    )
     mechanism = fem.Function(problem.V)
     direct = partial(limit_load, method="interior-point")
     for search in (direct, limit_bounds, lambda same: strict_upper_bound(same, mechanism)):
@@ -100,7 +102,11 @@ def test_coulombs_friction_has_druckers_bounds_and_no_limit_theorem() -> None:
 
 @pytest.mark.parametrize(
     ("bound", "words"),
-    [(math.inf, "would carry any load if nothing"), (None, "not found"), (2.0, "at 2 at the latest")],
+    [
+        (math.inf, "would carry any load if nothing"),
+        (None, "not found"),
+        (2.0, "at 2 at the latest"),
+    ],
 )
 def test_what_was_not_found_is_not_said_to_be_without_end(bound: float | None, words: str) -> None:
     assert words in DruckerBounds(1.0, bound).in_words()
