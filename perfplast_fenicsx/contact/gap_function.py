@@ -94,8 +94,8 @@ def without_overlap(comm: MPI.Intracomm, place: str, gap: Floats, size: float) -
     if overlap > OVERLAP * size:
         raise InputError(
             f"{place}: the surfaces overlap at first, by up to {overlap:.6g}, or face away from"
-            " each other, as two sides of one body do; move one of them, name two that face each other,"
-            " or say that an overlap is meant by interference = true of a contact."
+            " each other, as two sides of one body do; move one of them, name two that face each"
+            " other, or say that an overlap is meant by interference = true of a contact."
         )
     return np.where(gap > OVERLAP * size, gap, 0.0)
 

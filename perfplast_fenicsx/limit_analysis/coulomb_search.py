@@ -119,8 +119,8 @@ class _Path:
         monitor: Called after each iteration.
         on_level: Called after each level that carries its load.
         levels: These.
-        before: State of the last level but one of given work.
-        last: State of the last one.
+        before: State of the last level but one that has more work than those before.
+        last: State of the last such level.
         most: The state that carries most.
         refused: Loads that were tried and not carried.
     """
@@ -195,6 +195,8 @@ class _Path:
             told = f"at ζ = {zeta:.6g}: {level.report.reason}"
             if level.report.converged:
                 low, self.most, unknown = zeta, level.state, 0
+                if self.last is not None and level.state.alpha > self.last.alpha:
+                    self.before, self.last = self.last, level.state
                 search.points.append((level.state.alpha - (search.rest or 0.0), zeta))
                 self._carried(level)
             elif level.refuted:
@@ -209,7 +211,7 @@ class _Path:
         search.ended = True
         search.reason = why
         if low == 0 and search.upper is not None and not unknown:
-            search.reason = f"hardly anything is carried beside the constant loads; {why}"
+            search.reason = f"nothing is carried down to ζ = {LEAST:g}; {why}"
         elif not search.levelled_off:
             search.reason = f"this is the bracket so far; {open_end or 'too many loads were tried'}"
 

@@ -69,9 +69,9 @@ def limit_load(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, or finer than what tells sliding from rest
-            with Coulomb's friction, all loads are constant, bodies harden, the interior point method
-            is asked for beside constant loads and the like, or it finds that no stress can carry
-            the loads.
+            with Coulomb's friction, all loads are constant, bodies harden, the interior point
+            method is asked for beside constant loads and the like, or it finds that no stress can
+            carry the loads.
     """
     check_tolerance(rtol)
     check_bodies_have_limits(problem)
