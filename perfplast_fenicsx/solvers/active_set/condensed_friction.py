@@ -2,10 +2,10 @@
 
     minimise ½ zᵀSz − gᵀz  over z ≥ 0
 
-With everything closed and stuck, z are the openings of pairs and the slips to either side of places,
-S is what resists them, and g is what the force of a pair or place gains by one, less the bound c for
-a slip. Its solution is exact, where one linearisation after the other may run in circles, as for a
-pin that rolls in its hole.
+With everything closed and stuck, z are the openings of pairs and the slips to either side of
+places, S is what resists them, and g is what the force of a pair or place gains by one, less the
+bound c for a slip. Its solution is exact, where one linearisation after the other may run in
+circles, as for a pin that rolls in its hole.
 """
 
 from dataclasses import replace

@@ -45,8 +45,8 @@ SETTLED = 1e-9
 
 
 DRAGGED = (0.1, 0.9)
-"""Shares of what resists a step between which drag is too strong: below it hardly matters, and above
-nothing else resists, so that with less of it a body would be thrown about."""
+"""Shares of what resists a step between which drag is too strong: below it hardly matters, and
+above nothing else resists, so that with less of it a body would be thrown about."""
 
 LOOSER, LEAST_DRAG = 0.1, 1e-11
 """Drag is weakened to so much of itself, and down to so much of the bodies' stiffness, where linear
