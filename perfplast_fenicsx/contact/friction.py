@@ -8,6 +8,7 @@ has slipped in stages before.
 
 from dataclasses import dataclass, replace
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -116,6 +117,16 @@ class Friction:
         along = np.einsum("ni,ni->n", at, d) / np.where(kink, 1.0, sizes)
         along = np.where(kink, lengths if beta == 0 else -lengths, along)
         return float(self.bound[moves] @ along)
+
+    def last_turn(self, slip: Floats, change: Floats, comm: MPI.Intracomm) -> float:
+        """The largest β ≥ 1 at which a place stops moving back on a change. Collective.
+
+        There its ``slip`` + β ``change`` is shortest; 1 where none moves back so far.
+        """
+        moves = (norms(change) > 0) & (self.bound > 0)
+        d = change[moves]
+        beta = -np.einsum("ni,ni->n", slip[moves], d) / norms(d) ** 2
+        return float(comm.allreduce(float(beta.max(initial=1.0)), MPI.MAX))
 
 
 def norms(vectors: Floats) -> Floats:

@@ -13,7 +13,7 @@ from perfplast_fenicsx.limit_analysis.plateau import (
 )
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import State
-from perfplast_fenicsx.solvers.load_stepping import Leap, Reached
+from perfplast_fenicsx.solvers.next_work import Leap, Reached
 
 MOST_LEVELS = 60
 """Levels after which a curve counts as one that does not level off."""

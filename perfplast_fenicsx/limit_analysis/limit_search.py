@@ -26,8 +26,9 @@ from perfplast_fenicsx.limit_analysis.limit_methods import (
 )
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level
-from perfplast_fenicsx.solvers.load_stepping import Reached, work_path
+from perfplast_fenicsx.solvers.load_stepping import work_path
 from perfplast_fenicsx.solvers.newton_options import NewtonOptions
+from perfplast_fenicsx.solvers.next_work import Reached
 from perfplast_fenicsx.solvers.work_newton import WorkNewton
 
 LOOSEST = 1e-4

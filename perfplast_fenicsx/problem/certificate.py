@@ -21,6 +21,10 @@ from perfplast_fenicsx.problem.resultants import Resultants, resultants
 ROUNDING = 1e-13
 """Slip below this share of the largest displacement is none."""
 
+LEAST_PUSH = 1e-6
+"""Surfaces that push and rub by less than this share of the forces that stress leaves at nodes are
+judged as if they did by so much: what rounding leaves to them decides nothing."""
+
 SMALLEST = 1e-300
 """What nothing is divided by less of."""
 
@@ -34,7 +38,8 @@ class Rubbed:
         jumps: The slip there (length), same shape.
         energy: Σ c‖slip‖, which it has dissipated.
         excess: Largest ‖μ‖ − c, relative to the largest c; 0 where none is larger.
-        unbalanced: The same relative to the largest force of contact or friction.
+        unbalanced: The same relative to the largest force of contact or friction, or to
+            ``LEAST_PUSH`` of those that stress leaves at nodes.
         slipping: Places that slip.
     """
 
@@ -87,7 +92,7 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     slack = comm.allreduce(float(np.dot(forces, room)))
     resisted = comm.allreduce(float(np.dot(forces, basis.gap)))
     energy = fields.potential() - problem.loads.work(fields.u.x.petsc_vec, zeta)
-    rubbed = _rubbed(problem, y, r, forces)
+    rubbed = _rubbed(problem, y, r, forces, LEAST_PUSH * float(internal.norm()))
     energy += rubbed.energy
     moved = _moved(problem, internal)
     resisted += comm.allreduce(float(np.sum(rubbed.forces * problem.friction.origin)))
@@ -146,7 +151,7 @@ def _left(problem: Problem, stress: fem.Function, zeta: float) -> PETSc.Vec:
     return r
 
 
-def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats) -> Rubbed:
+def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats, least: float) -> Rubbed:
     """Friction at y, with the forces that the gradient r leaves to it. Collective.
 
     Args:
@@ -154,6 +159,7 @@ def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats) -> Rub
         y: Displacement in the jump basis.
         r: Gradient there.
         pushes: Contact forces, shape (num_pairs,).
+        least: Force that counts as one.
     """
     friction, comm = problem.friction, problem.comm
     jumps, forces = friction.slip(y), -friction.jumps(r)
@@ -164,7 +170,7 @@ def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats) -> Rub
     energy = comm.allreduce(friction.energy(np.where(slips[:, None], jumps, 0.0)))
     excess = float((norms(forces) - friction.bound).max(initial=0))
     finite = friction.bound[np.isfinite(friction.bound)]
-    largest = max(norms(forces).max(initial=0), np.abs(pushes).max(initial=0))
+    largest = max(norms(forces).max(initial=0), np.abs(pushes).max(initial=0), least)
     most = np.array([excess, finite.max(initial=0), largest])
     comm.Allreduce(MPI.IN_PLACE, most, MPI.MAX)
     relative, of_all = (float(most[0] / size) if size > 0 else 0.0 for size in most[1:])

@@ -14,6 +14,8 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.friction import norms
+from perfplast_fenicsx.problem.certificate import friction_forces
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level, State
 
@@ -23,39 +25,52 @@ SETTLED = 1e-8
 """Change of the bounds in a round, relative to the largest one, that makes it the last."""
 
 NOTHING = 1e-10
-"""Bounds below this share of the largest that a level has had are rounding of unloaded surfaces."""
+"""Contact forces below this share of the largest force on bodies, or of the largest contact force
+that a level has had, are rounding of unloaded surfaces, and so are forces of friction."""
 
 Solve = Callable[[State | None], Level]
 """Solves a level with Tresca's friction from a state."""
 
+Largest = Callable[[], float]
+"""The largest nodal force of the stress that the last level has ended with; collective."""
 
-def solve_coulomb(problem: Problem, solve: Solve, start: State | None, pushes: Floats) -> Level:
+
+def solve_coulomb(
+    problem: Problem, solve: Solve, largest_force: Largest, start: State | None, pushes: Floats
+) -> Level:
     """Solve a level with Coulomb's friction. Collective.
 
     Args:
         problem: Whose friction is brought up to date.
         solve: Solves it with the bounds that it has.
+        largest_force: Beside which contact forces may be rounding.
         start: State to begin with; None for none.
         pushes: Contact forces there, shape (num_pairs,). Where there are none, or they bound
             friction too low for what the loads have grown to, nothing slips in the first round.
     """
     first = _bounds(problem, pushes)
     if start is not None and problem.comm.allreduce(float(first.sum())) > 0:
-        level = _rounds(problem, solve, start, first, 0.0)
+        level = _rounds(problem, solve, largest_force, start, first, 0.0)
         if level.report.converged or level.report.rounds > 1:
             return level
     largest = float(first.max(initial=0))
-    return _rounds(problem, solve, start, np.full_like(first, np.inf), largest)
+    return _rounds(problem, solve, largest_force, start, np.full_like(first, np.inf), largest)
 
 
 def _rounds(
-    problem: Problem, solve: Solve, start: State | None, bounds: Floats, most: float
+    problem: Problem,
+    solve: Solve,
+    largest_force: Largest,
+    start: State | None,
+    bounds: Floats,
+    most: float,
 ) -> Level:
     """Rounds from first bounds until these settle. Collective.
 
     Args:
         problem: Whose friction is brought up to date.
         solve: See :func:`solve_coulomb`.
+        largest_force: See there.
         start: State to begin with; None for none.
         bounds: The first ones.
         most: Bounds that surfaces on this rank have had before.
@@ -76,12 +91,17 @@ def _rounds(
             )
             return _together(rounds, False, reason)
         start = level.state
-        bounds = _bounds(problem, level.contact_forces)
+        forces = level.contact_forces
+        bounds = _bounds(problem, np.where(forces > NOTHING * largest_force(), forces, 0.0))
+        largest_bound = comm.allreduce(float(bounds.max(initial=0)), MPI.MAX)
+        most = max(most, largest_bound)
+        if largest_bound <= NOTHING * most:
+            bounds[:] = 0.0
+            rubs = norms(friction_forces(problem, level.stress, level.state.zeta)[follows])
+            if comm.allreduce(float(rubs.max(initial=0)), MPI.MAX) <= NOTHING * most:
+                return _together(rounds, True, level.report.reason)
         change = np.abs(bounds - friction.bound[follows]).max(initial=0)
-        largest = np.array([change, bounds.max(initial=0)])
-        comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-        most = max(most, float(largest[1]))
-        if largest[0] <= SETTLED * largest[1] or largest[1] <= NOTHING * most:
+        if comm.allreduce(float(change), MPI.MAX) <= SETTLED * largest_bound:
             return _together(rounds, True, level.report.reason)
         friction.bound[follows] = bounds
     return _together(rounds, False, reason)

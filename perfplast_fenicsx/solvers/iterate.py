@@ -25,7 +25,7 @@ from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.active_set.slip import Slip, slipping, stuck
-from perfplast_fenicsx.solvers.line_search import LONGEST, step_length
+from perfplast_fenicsx.solvers.line_search import LONGEST, longest_slide, step_length
 from perfplast_fenicsx.solvers.tangents import JumpTangent, MakeTangent
 
 ROUNDING = 1e-13
@@ -146,11 +146,6 @@ class Iterate:
         change = friction.jumps(self._delta_y)
         return self.problem.comm.allreduce(friction.slope(self.jumps(), change, beta))
 
-    def _rubbing_size(self) -> float:
-        """Σ c‖d‖ over the tangential jumps d of δu. Collective."""
-        friction, comm = self.problem.friction, self.problem.comm
-        return comm.allreduce(friction.energy(friction.jumps(self._delta_y)))
-
     def gradient(self, zeta: float) -> PETSc.Vec:
         """⟨Σ(ε(u)), ε(·)⟩ − L₀ − ζL₁ in jump unknowns, friction apart; until the next call."""
         self.fields.assemble_force().copy(self._gradient_u)
@@ -188,24 +183,30 @@ class Iterate:
             return direction.slope() - load + self._rubbing(beta)
 
         rubs = self.problem.friction.count > 0 and not halted
-        return step_length(slope, self._noise, self._longest if stretch else None, kinked=rubs)
+        may = self._longest if stretch and not halted else None
+        return step_length(slope, self._noise, may, kinked=rubs)
 
     def _noise(self) -> tuple[float, float]:
         """Rounding errors of slopes: of the terms of their sum, and of the strains in them."""
         stress, change = self.fields.stress_norm2(), self.direction.du_norm2()
-        terms = max(float(np.sqrt(stress * change)), self._rubbing_size())
+        friction = self.problem.friction
+        rubbing = friction.energy(friction.jumps(self._delta_y))
+        terms = max(float(np.sqrt(stress * change)), self.problem.comm.allreduce(rubbing))
         strains = 0.0
         if stress <= self.least_norm2():
             strains = float(np.sqrt(self.fields.jagged_norm2() * change))
         return ROUNDING * terms, ROUNDING * max(terms, strains)
 
     def _longest(self) -> float:
-        """How long the step may be with u + β δu in K_h; not stretched where surfaces rub."""
+        """How long the step may be with u + β δu in K_h."""
+        friction, comm, most = self.problem.friction, self.problem.comm, LONGEST
+        if friction.count:
+            turn = friction.last_turn(self.jumps(), friction.jumps(self._delta_y), comm)
+            most = longest_slide(turn, self.fields.u_norm2(), self.direction.du_norm2())
         jump = self._delta_y.array_r[self.problem.basis.index]
-        closing = jump > 0
+        closing = jump > ROUNDING * self._delta_y.norm(PETSc.NormType.NORM_INFINITY)
         shares = self.room()[closing] / jump[closing]
-        most = 1.0 if self.problem.friction.count else LONGEST
-        return float(self.problem.comm.allreduce(shares.min(initial=most), MPI.MIN))
+        return float(comm.allreduce(shares.min(initial=most), MPI.MIN))
 
     def descends_until(self, work: float, zeta: float) -> bool:
         """Does J_ζ still fall along δu where L₀ + ζL₁ has grown to ``work``?
@@ -288,6 +289,8 @@ class Iterate:
         u = self.fields.u
         u.x.array[:] += beta * self.direction.du.x.array
         self.y.axpy(beta, self._delta_y)
+        if beta > 1:  # places may have turned back
+            self.slip = slipping(self.jumps(), self.problem.friction.bound, ~self.slip.sticks)
         self.fields.update()
 
     def state(self, zeta: float, active: PairFlags) -> State:

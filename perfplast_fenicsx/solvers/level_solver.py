@@ -8,6 +8,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import ClassVar, Protocol
 
+from petsc4py import PETSc
+
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
@@ -123,7 +125,7 @@ def solve_level(
         if reason is not None:
             return progress.level(zeta, active, False, reason, refuted=True)
     pushed = _pushed_away(stepper.iterate.problem, zeta)
-    reason = pushed or no_convergence(stepper.max_iterations, stepper.steps_called)
+    reason = pushed or no_convergence(stepper.max_iterations, stepper.steps_called, history)
     return progress.level(zeta, active, False, reason, refuted=pushed is not None)
 
 
@@ -217,8 +219,16 @@ class LevelSolver(Stepper, ABC):
             return solve_level(self, value, start, monitor)
         pushes = np.zeros_like(self.problem.basis.gap) if start is None else self._pushes(start)
         return solve_coulomb(
-            self.problem, lambda state: solve_level(self, value, state, monitor), start, pushes
+            self.problem,
+            lambda state: solve_level(self, value, state, monitor),
+            self._largest_force,
+            start,
+            pushes,
         )
+
+    def _largest_force(self) -> float:
+        """The largest nodal force of the stress at the iterate. Collective."""
+        return float(self.iterate.fields.assemble_all_forces().norm(PETSc.NormType.NORM_INFINITY))
 
     def _pushes(self, state: State) -> Floats:
         """Contact forces of a state, shape (num_pairs,). Collective."""

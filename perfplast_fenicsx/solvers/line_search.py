@@ -20,6 +20,16 @@ STRETCHABLE = 0.1
 """A step is stretched where at least this share of φ'(0) is left at its end, and until no more is:
 cells that yield spread from step to step, so that each falls short of the solution."""
 
+NOTHING_RESISTS = 0.9
+"""A step at whose end at least this share of φ'(0) is left moves bodies as if rigid, against
+friction alone, whose forces do not grow with it: it goes on until a surface resists."""
+
+PAST = 1.01
+"""Such a step may be so many times as long as to where the last place turns back on it."""
+
+STRAINLESS = 1e-2
+"""It may be as long, too, as it changes strains by less than this share of them."""
+
 
 def step_length(
     slope: Slope,
@@ -51,7 +61,33 @@ def step_length(
         return 0.0
     if longest is None or at_zero >= -of_all or at_one >= -STRETCHABLE * abs(at_zero):
         return 1.0
+    if kinked:
+        slides = at_one <= NOTHING_RESISTS * at_zero
+        return _slid(slope, enough, longest()) if slides else 1.0
     return _stretched(slope, STRETCHABLE * abs(at_zero), longest())
+
+
+def longest_slide(last_turn: float, strain2: float, change2: float) -> float:
+    """How long a step may be on which bodies slide.
+
+    Args:
+        last_turn: β at which the last place turns back on it.
+        strain2: ‖ε(u)‖².
+        change2: The same of the step.
+    """
+    strainless = STRAINLESS * (strain2 / change2) ** 0.5 if change2 > 0 else 0.0
+    return max(PAST * last_turn, strainless)
+
+
+def _slid(slope: Slope, enough: float, longest: float) -> float:
+    """β ≥ 1 where a surface resists that does not at 1, or as far as it may be. Collective."""
+    low = 1.0
+    while low < longest:
+        high = min(2 * low, longest)
+        if slope(high) > 0:
+            return _bisected(slope, low, high, enough)
+        low = high
+    return longest if longest > 1 else 1.0
 
 
 def _stretched(slope: Slope, enough: float, longest: float) -> float:

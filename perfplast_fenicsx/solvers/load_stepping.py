@@ -9,7 +9,6 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import fem
@@ -19,22 +18,8 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor
+from perfplast_fenicsx.solvers.next_work import LARGEST_FACTOR, Leap, Reached, next_work
 from perfplast_fenicsx.solvers.work_newton import WorkNewton
-
-LARGEST_FACTOR = 4.0
-"""α grows at most so much from one level to the next."""
-
-FIRST_FACTOR = 3.0
-"""Growth of α behind first yield, and the most where ζ(α) bends."""
-
-SMALLEST_FACTOR = 1.2
-"""Growth of α behind levels that were hard to solve."""
-
-MANY_ITERATIONS = 20
-"""Levels that need more Newton steps make the next growth smaller."""
-
-BENT, STRAIGHT = 0.08, 0.02
-"""Growth of ζ in a level above which steps in α shrink, and below which they grow."""
 
 LONGEST_LINE, LONGEST_RAY = 1.0, 4.0
 """A level of a given path starts at most so many times as far from the last one as that is from
@@ -52,40 +37,10 @@ Counts = tuple[int, int, int]
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Reached:
-    """How far a loading by chosen steps has come: all that its next step depends on.
-
-    Attributes:
-        last: State of the last level.
-        before: State of the level before it; None behind the first one.
-        newton_iterations: Steps that the last level took.
-        rest: α at ζ = 0, where something else than ζ loads the bodies.
-    """
-
-    last: State
-    before: State | None
-    newton_iterations: int
-    rest: float = 0.0
-
-
 def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
     """Whether a path begins with ζ = 0 without being told: where loads are constant. Collective."""
     told = solver.prescribes is Prescribed.LOAD_FACTOR and len(values) > 0 and values[0] == 0
     return not told and not solver.problem.loads.is_proportional()
-
-
-@dataclass(frozen=True)
-class Leap:
-    """A step as far as one likes, along a velocity that costs no more load.
-
-    Attributes:
-        alpha: The work to be reached.
-        velocity: v with L(v) = 1.
-    """
-
-    alpha: float
-    velocity: fem.Function
 
 
 Ahead = Callable[[Reached], Leap | None]
@@ -175,12 +130,10 @@ def work_path(
             before, last, rest = reached.before, reached.last, reached.rest
             leap = ahead(reached) if ahead is not None else None
             began, counts = time.perf_counter(), solver.linear.counts()
-            if leap is not None:
-                target = leap.alpha
-            elif from_rest and before is None:
+            if from_rest and before is None and leap is None:
                 target, before = rest + solver.first_step(last), last
             else:
-                target = rest + (last.alpha - rest) * _next_factor(reached)
+                target, before, leap = next_work(problem, reached, leap)
             start = _start(problem, before, last, leap, target)
         for halving in range(MOST_HALVINGS + 1):
             level = solver.solve(target, start, monitor)
@@ -207,19 +160,6 @@ def _with_all(level: Level, seconds: float, now: Counts, before: Counts) -> Leve
         linear_iterations=iterations,
     )
     return dataclasses.replace(level, report=report)
-
-
-def _next_factor(reached: Reached) -> float:
-    last, before = reached.last, reached.before
-    if before is None or before.alpha <= reached.rest:
-        return FIRST_FACTOR
-    factor = (last.alpha - reached.rest) / (before.alpha - reached.rest)
-    bend = 1 - before.zeta / last.zeta if last.zeta > 0 else 1.0
-    if reached.newton_iterations > MANY_ITERATIONS:
-        return max(math.sqrt(factor), SMALLEST_FACTOR)
-    if bend > BENT:
-        return max(min(factor, FIRST_FACTOR), SMALLEST_FACTOR)
-    return min(factor * (2.0 if bend < STRAIGHT else 1.2), LARGEST_FACTOR)
 
 
 def _nearer(target: float, alpha: float, rest: float) -> float:

@@ -119,6 +119,8 @@ def newton_direction(
     sets = most_sets(options, history)
     if not history:
         iterate.first_force = float(gradient.norm(PETSc.NormType.NORM_INFINITY))
+        if solver.friction is not None:
+            solver.friction.begin()
     first = iterate.first_force
     if solver.friction is None:
         solver.program.set_operator(operator)

@@ -57,6 +57,19 @@ def slides_on(unbalanced: float, duality_gap: float) -> str:
     )
 
 
-def no_convergence(max_iterations: int, called: str) -> str:
-    """The verdict on a level that has used up its iterations."""
-    return f"no convergence in {max_iterations} {called}"
+def no_convergence(max_iterations: int, called: str, history: Sequence[Iteration]) -> str:
+    """The verdict on a level that has used up its iterations.
+
+    Args:
+        max_iterations: So many.
+        called: What they are called.
+        history: The steps.
+    """
+    told = f"no convergence in {max_iterations} {called}"
+    first, last = abs(history[0].alpha), abs(history[-1].alpha)
+    if not last > BEYOND * first > 0:
+        return told
+    return (
+        f"{told}, in which the work of the loads has grown from {first:.4g} to {last:.4g}, as it"
+        " does above the limit load; but no collapse mechanism has shown that it is"
+    )

@@ -64,3 +64,17 @@ def test_a_step_up_is_not_taken_where_there_are_kinks() -> None:
     assert step_length(lambda b: b + 0.5, exact, None, kinked=True) == pytest.approx(0.0)
     assert step_length(lambda b: b - 2.0, exact, None, kinked=True) == pytest.approx(1.0)
     assert step_length(lambda b: b + 0.5, noisy, None, kinked=True) == pytest.approx(1.0)
+
+
+def test_a_step_on_which_bodies_slide_goes_on_until_a_surface_resists() -> None:
+    """φ' is constant up to where places turn back, which may be far."""
+
+    def sliding(beta: float) -> float:
+        return -1.0 if beta < 300.0 else 1.0
+
+    def far() -> float:
+        return 1e4
+
+    assert step_length(sliding, exact, far, kinked=True) == pytest.approx(300.0, rel=1e-6)
+    assert step_length(sliding, exact, lambda: 100.0, kinked=True) == pytest.approx(100.0)
+    assert step_length(lambda b: b - 2.0, exact, far, kinked=True) == pytest.approx(1.0)

@@ -1,9 +1,11 @@
 """Why a level has no solution: above a limit, below the other one, or by constant loads alone."""
 
+from dataclasses import replace
+
 import pytest
 
 from perfplast_fenicsx import Iteration
-from perfplast_fenicsx.solvers.verdicts import above_limit
+from perfplast_fenicsx.solvers.verdicts import above_limit, no_convergence
 
 pytestmark = pytest.mark.serial
 
@@ -24,3 +26,9 @@ STEPS = [
 )
 def test_which_limit(zeta: float, grows: bool, words: str) -> None:
     assert words in above_limit(zeta, STEPS, grows)
+
+
+def test_work_that_has_grown_without_an_end_is_told() -> None:
+    assert no_convergence(60, "Newton steps", STEPS) == "no convergence in 60 Newton steps"
+    grown = [STEPS[0], replace(STEPS[1], alpha=5000.0)]
+    assert "has grown from 1 to 5000, as it does above" in no_convergence(60, "steps", grown)

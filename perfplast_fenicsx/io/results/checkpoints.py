@@ -47,7 +47,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import LevelReport
 from perfplast_fenicsx.problem.spaces import space_at_points
 from perfplast_fenicsx.problem.state import Level, State
-from perfplast_fenicsx.solvers.load_stepping import Reached
+from perfplast_fenicsx.solvers.next_work import Reached
 
 GENERIC = np.array([0.5377, 0.8319, 0.1379])
 """Along this direction the normals of the faces that meet at a node are all different."""

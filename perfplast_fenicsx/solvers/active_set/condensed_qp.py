@@ -83,7 +83,13 @@ def condense(
 
 
 def closed_pairs(stiffness: Floats, forces: Floats) -> PairFlags:
-    """Pairs that stay closed where z ≥ 0 minimises ½ zᵀSz − gᵀz.
+    """Pairs that stay closed, of :func:`openings`; shape (n,)."""
+    closed: PairFlags = openings(stiffness, forces) <= 0
+    return closed
+
+
+def openings(stiffness: Floats, forces: Floats) -> Floats:
+    """The z ≥ 0 that minimises ½ zᵀSz − gᵀz, scaled: what counts is where it is zero.
 
     With S = R Rᵀ this is the least-squares problem min ‖Rᵀz − R⁻¹g‖ over z ≥ 0, which the method of
     Lawson and Hanson solves exactly (Solving Least Squares Problems, SIAM 1995, chapter 23).
@@ -94,13 +100,13 @@ def closed_pairs(stiffness: Floats, forces: Floats) -> PairFlags:
         forces: g, energy gained by opening each pair a little, shape (n,).
 
     Returns:
-        Where z = 0, shape (n,).
+        z times the roots of the diagonal of S, shape (n,).
     """
     S = (stiffness + stiffness.T) / 2
     largest = float(np.diag(S).max(initial=1e-300))
     scale = np.sqrt(np.maximum(np.diag(S), 1e-30 * largest))
     values, vectors = np.linalg.eigh(S / np.outer(scale, scale))
     roots = np.sqrt(np.maximum(values, REGULARISATION))
-    openings, _ = nnls(roots[:, None] * vectors.T, (vectors.T @ (forces / scale)) / roots)
-    closed: PairFlags = openings <= 0
-    return closed
+    found, _ = nnls(roots[:, None] * vectors.T, (vectors.T @ (forces / scale)) / roots)
+    scaled: Floats = found
+    return scaled

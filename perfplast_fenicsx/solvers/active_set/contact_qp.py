@@ -66,20 +66,24 @@ class ContactStep:
 
 
 class ContactProgram:
-    """Solver of the contact QPs of a problem."""
+    """Solver of the contact QPs of a problem.
+
+    Attributes:
+        equality: Solver of those with equalities alone.
+    """
 
     def __init__(self, problem: Problem, linear: LinearSolver) -> None:
         """Keep what all steps share. Collective."""
         self._comm = problem.comm
-        self._equality = EqualityProgram(problem, linear)
-        self._inequality = VariationalInequality(problem, self._equality)
+        self.equality = EqualityProgram(problem, linear)
+        self._inequality = VariationalInequality(problem, self.equality)
         self._T, self._index = problem.basis.T, problem.basis.index
         self._contact = problem.num_pairs > 0
         self._r, self._delta, self._gradient = (problem.create_vector() for _ in range(3))
 
     def set_operator(self, A: ContactOperator) -> None:
         """Take a new operator A in the jump basis, or the same with new values. Collective."""
-        self._equality.set_operator(A)
+        self.equality.set_operator(A)
 
     def solve(
         self,
@@ -109,7 +113,7 @@ class ContactProgram:
         """
         r.copy(self._r)
         model = QuadraticModel(self._r, room, work, rtol, given, first)
-        solution = self._equality.minimise(model, active, self._delta)
+        solution = self.equality.minimise(model, active, self._delta)
         if not self._contact:
             return self._step(solution, active, True)
         if most_sets is not None:
@@ -143,13 +147,13 @@ class ContactProgram:
         self._T.multTranspose(load, self._r)
         self._r.scale(-1)
         model = QuadraticModel(self._r, np.zeros(len(held)), None, rtol, given)
-        return self._equality.minimise(model, held, self._delta).delta
+        return self.equality.minimise(model, held, self._delta).delta
 
     def _step(self, solution: Solution, active: PairFlags, settled: bool) -> ContactStep:
         """What a solution tells. Collective."""
         forces: Floats = np.zeros(0)
         if solution.model.given is not NOTHING_HELD:
-            self._equality.gradient(solution, self._gradient)
+            self.equality.gradient(solution, self._gradient)
             forces = -self._gradient.array_r[solution.model.given.index]
         return ContactStep(
             solution.delta, active, settled, solution.solves, solution.multiplier, forces
@@ -162,7 +166,7 @@ class ContactProgram:
 
     def _wrong(self, solution: Solution) -> PairFlags:
         """Pairs that ought not to be as they are: held ones that pull, others that penetrate."""
-        self._equality.gradient(solution, self._gradient)
+        self.equality.gradient(solution, self._gradient)
         pull = self._gradient.array_r[self._index]
         excess = solution.delta.array_r[self._index] - solution.model.jumps
         least = ROUNDING * solution.delta.norm(PETSc.NormType.NORM_INFINITY)
@@ -176,7 +180,7 @@ class ContactProgram:
             settled = not self._comm.allreduce(int(wrong.sum()))
             if settled or solution.solves >= most_sets:
                 break
-            solution = self._equality.correct(solution, solution.held ^ wrong)
+            solution = self.equality.correct(solution, solution.held ^ wrong)
         step = self._step(solution, solution.held ^ wrong, settled)
         self._push_back(solution)
         return step
@@ -199,7 +203,7 @@ class ContactProgram:
             if repeated.size or len(seen) > MOST_ACTIVE_SETS:
                 circle = seen[repeated[-1] if repeated.size else -len(seen) // 2 :]
                 return solution, np.any([other != held for other in circle], axis=0) | wrong
-            solution = self._equality.correct(solution, held ^ wrong)
+            solution = self.equality.correct(solution, held ^ wrong)
 
     def _condense(self, solution: Solution, circling: PairFlags) -> tuple[Solution, bool]:
         """Find the active set among the pairs that go in circles. Collective.
@@ -209,10 +213,10 @@ class ContactProgram:
         """
         model, held = solution.model, solution.held & ~circling
         while 0 < self._comm.allreduce(int(circling.sum())) <= MOST_CONDENSED:
-            condensed = condense(self._equality, model, held=held, undecided=circling)
+            condensed = condense(self.equality, model, held=held, undecided=circling)
             held = np.where(circling, condensed.closed, held)
             # not corrected: condensing has solved for other things
-            fresh = self._equality.minimise(model, held, solution.delta)
+            fresh = self.equality.minimise(model, held, solution.delta)
             solves = solution.solves + condensed.solves + fresh.solves
             solution = replace(fresh, solves=solves)
             wrong = self._wrong(solution)

@@ -4,7 +4,8 @@
 
 Each linearisation of friction (:mod:`slip`) leaves a contact QP in which tangential jumps are held
 where surfaces stick, and have forces and springs where they slip. Where one leads to the next
-without end, splitting (:mod:`friction_splitting`) comes nearer, and they go on from there.
+without end, a dense program decides (:mod:`condensed_friction`), or, in space and with many places,
+splitting (:mod:`friction_splitting`) comes nearer; they go on from there.
 """
 
 from dataclasses import dataclass, replace
@@ -17,10 +18,15 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.contact.friction import norms
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.active_set.condensed_friction import (
+    condensable,
+    condense_friction,
+)
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram, ContactStep
-from perfplast_fenicsx.solvers.active_set.equality_qp import Held
+from perfplast_fenicsx.solvers.active_set.equality_qp import Held, QuadraticModel
 from perfplast_fenicsx.solvers.active_set.friction_splitting import FrictionSplitting
 from perfplast_fenicsx.solvers.active_set.slip import (
+    DRAG,
     Slip,
     distance,
     forces_of,
@@ -36,6 +42,15 @@ SPLITTINGS = (20, 80, 320)
 
 SETTLED = 1e-9
 """Distance from the law of friction, relative to the largest force, that is none."""
+
+
+DRAGGED = (0.1, 0.9)
+"""Shares of what resists a step between which drag is too strong: below it hardly matters, and
+above nothing else resists, so that with less of it a body would be thrown about."""
+
+LOOSER, LEAST_DRAG = 0.1, 1e-11
+"""Drag is weakened to so much of itself, and down to so much of the bodies' stiffness, where linear
+systems still have some digits."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +89,12 @@ class FrictionProgram:
         self._r = problem.create_vector()
         self._stiffness: Floats | None = None
         self._operator: ContactOperator | None = None
+        self._image = problem.create_vector()
+        self._drag = DRAG
+
+    def begin(self) -> None:
+        """Begin a level, with all the drag."""
+        self._drag = DRAG
 
     def set_operator(self, A: ContactOperator) -> None:
         """Take a new operator A in the jump basis, or the same with new values. Collective."""
@@ -112,11 +133,16 @@ class FrictionProgram:
         """
         asked = _Asked(r, room, jumps, rtol, work, first)
         found = self._linearise(asked, active, slip, most_sets)
-        for steps in SPLITTINGS if most_sets is None else ():
+        condenses = condensable(self._program.equality, self._problem.friction)
+        ways = () if most_sets is not None else (0,) if condenses else SPLITTINGS
+        for steps in ways:
             if found.step.settled or not found.turns:
                 break
             begun = found.step.iterations
-            slip, active, iterations = self._split(asked, found.step, steps)
+            if condenses:
+                slip, active, iterations = self._condense(asked)
+            else:
+                slip, active, iterations = self._split(asked, found.step, steps)
             found = self._linearise(asked, active, slip, most_sets)
             iterations += begun + found.step.iterations
             found = replace(found, step=replace(found.step, iterations=iterations))
@@ -137,7 +163,7 @@ class FrictionProgram:
         for _ in range(MOST_LINEARISATIONS):
             asked.r.copy(self._r)
             friction.add(forces_of(slip, friction.bound, jumps), self._r.array)
-            self._operator.add_springs((friction.index, springs(slip, k)))
+            self._operator.add_springs((friction.index, springs(slip, k, self._drag)))
             self._program.set_operator(self._operator)
             held = Held(friction.unknowns(slip.sticks), -jumps[self._there(slip)])
             step = self._program.solve(
@@ -155,13 +181,36 @@ class FrictionProgram:
             comm.Allreduce(MPI.IN_PLACE, worst, MPI.MAX)
             changes = comm.allreduce(int((following.sticks != slip.sticks).sum()))
             settled = changes == 0 and worst[0] <= SETTLED * worst[1]
-            slip, active = following, step.active
+            last, slip, active = slip, following, step.active
             if settled or most_sets is not None:
                 break
         settled = settled and step.settled
+        self._loosen(last, after - jumps, step.delta)
         return FrictionStep(
             replace(step, settled=settled, iterations=iterations), slip, changes > 0
         )
+
+    def _loosen(self, slip: Slip, change: Floats, delta: PETSc.Vec) -> None:
+        """Drag less in the next step where little else has resisted this one. Collective."""
+        assert self._operator is not None and self._stiffness is not None
+        self._r.set(0)
+        self._operator.mult_add(delta, self._r, self._image)
+        resisted = self._image.dot(delta)
+        along = np.einsum("ni,ni->n", slip.along, change)
+        dragged = float(self._problem.comm.allreduce(self._stiffness @ along**2)) * self._drag
+        low, high = DRAGGED
+        if low * resisted < dragged < high * resisted:
+            self._drag = max(LOOSER * self._drag, LEAST_DRAG)
+
+    def _condense(self, asked: _Asked) -> tuple[Slip, PairFlags, int]:
+        """Solve for pairs and places alone; see :func:`condense_friction`. Collective."""
+        assert self._operator is not None
+        self._operator.add_springs(None)
+        self._program.set_operator(self._operator)
+        asked.r.copy(self._r)
+        model = QuadraticModel(self._r, asked.room, asked.work, asked.rtol, first=asked.first)
+        friction = self._problem.friction
+        return condense_friction(self._program.equality, model, friction, asked.jumps)
 
     def _split(self, asked: _Asked, last: ContactStep, steps: int) -> tuple[Slip, PairFlags, int]:
         """Take steps of splitting from the last solution. Collective.

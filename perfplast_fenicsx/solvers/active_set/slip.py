@@ -91,11 +91,12 @@ def distance(bound: Floats, stiffness: Floats, forces: Floats, jumps: Floats) ->
     return norms(forces - shrunk(forces + stiffness[:, None] * jumps, bound))
 
 
-def springs(slip: Slip, stiffness: Floats) -> Floats:
+def springs(slip: Slip, stiffness: Floats, drag: float = DRAG) -> Floats:
     """Stiffness of each place, shape (num_places, gdim − 1, gdim − 1), zero where it sticks."""
     along = np.einsum("ni,nj->nij", slip.along, slip.along)
-    across = np.eye(along.shape[1]) - along
-    return slip.across[:, None, None] * across + (DRAG * stiffness)[:, None, None] * along
+    every = np.eye(along.shape[1])
+    dragged = np.where(slip.sticks, 0.0, drag * stiffness)
+    return slip.across[:, None, None] * (every - along) + dragged[:, None, None] * every
 
 
 def forces_of(slip: Slip, bound: Floats, jumps: Floats) -> Floats:
