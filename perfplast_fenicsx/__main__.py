@@ -24,7 +24,7 @@ from perfplast_fenicsx.cli.signals import leave_pipes_to_python
 from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.errors import InputError, on_rank0
-from perfplast_fenicsx.geometry.first_case import Glued
+from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.io.case.case import read_case
 from perfplast_fenicsx.io.case.case_schema import case_schema
 from perfplast_fenicsx.io.case.load_words import meaning

@@ -12,7 +12,8 @@ from mpi4py import MPI
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0
-from perfplast_fenicsx.geometry.first_case import Glued, first_case
+from perfplast_fenicsx.geometry.first_case import first_case
+from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.kept_mesh import make_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey

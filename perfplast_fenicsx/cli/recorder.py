@@ -16,6 +16,7 @@ from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.next_step import Effort, next_steps
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level
@@ -168,14 +169,18 @@ class Recorder:
         Raises:
             InputError: On every rank, if the system refuses.
         """
+        solve = time.perf_counter() - self._solving
+        steps = []
         if body is not None:
-            self._run.terminal.body(body, adapted=adaptive is not None)
+            mesh, ended = self.results.summary.mesh, adaptive.reason if adaptive else ""
+            effort = Effort(self._run.problem.bodies.gdim, mesh["cells"], solve, ended)
+            steps = next_steps(body, effort)
+            self._run.terminal.body(body, steps)
         self._run.terminal.limit(limit, last=adaptive is not None)
         self._run.journal.limit(limit, body)
         if not self.results.reports:  # without levels nothing else has counted it
-            solve = time.perf_counter() - self._solving
             self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
-        self._writer.write_limit(limit, body, adaptive)
+        self._writer.write_limit(limit, body, adaptive, steps)
 
     def elapsed(self) -> float:
         """Wall time of the run, with what it has gone on from (s)."""

@@ -61,6 +61,7 @@ class LimitLoad:
         contact_forces: Of the pairs hosted by this rank, with that stress.
         inadmissible: Volume change of the mechanism in plastic bodies, and strain in elastic ones,
             relative to ‖ε(v)‖; None of a path.
+        locked: Bodies that keep the interior point method from a mechanism, where it found none.
     """
 
     method: LimitMethod
@@ -79,6 +80,7 @@ class LimitLoad:
     stress: fem.Function | None = None
     contact_forces: Floats | None = None
     inadmissible: float | None = None
+    locked: tuple[str, ...] = ()
 
     @property
     def collapses(self) -> bool:
@@ -149,4 +151,5 @@ def from_interior_point(found: DiscreteLimit) -> LimitLoad:
         stress=found.stress,
         contact_forces=found.contact_forces,
         inadmissible=found.inadmissible,
+        locked=found.locked,
     )

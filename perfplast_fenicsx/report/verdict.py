@@ -52,6 +52,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     reasons = [f"{why[:1].upper()}{why[1:]}." for why in limit.body.get("why_not", [])]
     met = table["levelled_off"] and limit.upper is not None
     ended = [] if met else [f"How the search on {mesh} ended: {table['reason']}."]
+    ended += [f"{step[:1].upper()}{step[1:]}." for step in table.get("next_steps", [])]
     if lower is not None and upper is not None:
         return Verdict(
             "proven",

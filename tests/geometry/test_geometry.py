@@ -15,7 +15,8 @@ from perfplast_fenicsx import read_gmsh
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey, mesher
-from perfplast_fenicsx.geometry.first_case import Glued, first_case
+from perfplast_fenicsx.geometry.first_case import first_case
+from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.parts import Part, check_file, unique_names
 from perfplast_fenicsx.geometry.survey import Body, Joint
 from perfplast_fenicsx.mesh import gmsh_session
@@ -174,6 +175,8 @@ def test_bolts_with_nuts() -> None:
     for glued, kind in ((Glued.NOTHING, "contact"), (Glued.BOLTS, "tie"), (Glued.ALL, "tie")):
         text = first_case(Survey(3, 1, 4, bodies, [joint]), "a", "a.step", glued=glued)
         assert kind in tomllib.loads(text)
+        loading = tomllib.loads(text)["loading"]["control"]
+        assert loading == ("work" if kind == "tie" else "bounds")
     with pytest.raises(InputError, match="no bolt touches a nut"):
         first_case(Survey(3, 1, 4, bodies), "a", "a.step", glued=Glued.BOLTS)
 

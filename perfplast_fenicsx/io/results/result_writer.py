@@ -1,5 +1,6 @@
 """What a run leaves behind for whoever looks at it: the scene, its levels, its limit load."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -15,6 +16,7 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
+from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level
@@ -23,7 +25,7 @@ LIMIT_KEYS = (
     *("method", "lower", "estimate", "upper", "alpha", "levelled_off", "reason"),
     *("iterations", "linear_solves", "factorisations"),
 )
-"""Keys of ``limit`` in ``summary.json``, besides ``body``."""
+"""Keys of ``limit`` in ``summary.json``, besides ``body``, ``verdict`` and ``next_steps``."""
 
 
 class ResultWriter:
@@ -96,6 +98,7 @@ class ResultWriter:
         limit: LimitLoad,
         body: BodyBounds | None = None,
         adaptive: AdaptiveBounds | None = None,
+        steps: Sequence[str] = (),
         fields: bool = True,
     ) -> None:
         """Write a limit load and its mechanism. Collective.
@@ -104,6 +107,7 @@ class ResultWriter:
             limit: The limit load of the mesh.
             body: What is proven of the body.
             adaptive: The meshes on which that was sought, where there are several.
+            steps: What to do next, a sentence each without a full stop.
             fields: Whether to write the mechanism; where it is one on another mesh, the fields of
                 levels are lost.
 
@@ -133,8 +137,23 @@ class ResultWriter:
                     folder = self.results.folder
                     write_proof(folder, folder.file(PROOF), lower, upper)
             table = {key: getattr(limit, key) for key in LIMIT_KEYS}
-            self.results.summary.limit = table | {"body": body and _table(body, adaptive)}
+            table |= {"body": body and _table(body, adaptive)}
+            table["verdict"] = verdict_of(limit, body)
+            self.results.summary.limit = table | {"next_steps": list(steps)}
             self.results.write()
+
+
+def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:
+    """The outcome in words: what is proven of the body if anything is, else the estimate.
+
+    Args:
+        limit: Of the mesh.
+        body: What is proven.
+    """
+    if body is not None and (body.lower.strict or body.upper.strict):
+        return body.in_words()
+    estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
+    return f"Limit load of this mesh: {estimate.in_words()}."
 
 
 def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
