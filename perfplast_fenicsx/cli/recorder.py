@@ -3,6 +3,7 @@
 import time
 from dataclasses import dataclass
 
+from perfplast_fenicsx.cli.force_table import force_lines
 from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupts
 from perfplast_fenicsx.cli.system_info import petsc_options, versions
@@ -13,10 +14,12 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
 from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.design_factor import DesignFactor
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.next_step import Effort, next_steps
+from perfplast_fenicsx.problem.load_resultants import LoadResultant
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level
@@ -180,7 +183,18 @@ class Recorder:
         self._run.journal.limit(limit, body)
         if not self.results.reports:  # without levels nothing else has counted it
             self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
-        self._writer.write_limit(limit, body, adaptive, steps)
+        lower = body.lower.value if body and body.lower.strict else None
+        upper = body.upper.value if body and body.upper.strict else None
+        zeta, design = self._run.case.loading.design, None
+        if zeta is not None:
+            design = DesignFactor.of(zeta, lower, upper, limit.estimate)
+            self._run.terminal.say(design.in_words())
+        forces = self._writer.write_limit(limit, body, adaptive, steps, design)
+        summary = self.results.summary
+        loads = [LoadResultant(**load) for load in summary.loads]
+        axes, units = summary.model["axes"], summary.units
+        for line in force_lines(loads, lower, upper, forces, axes, units):
+            self._run.terminal.say(line)
 
     def elapsed(self) -> float:
         """Wall time of the run, with what it has gone on from (s)."""

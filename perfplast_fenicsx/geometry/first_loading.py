@@ -6,10 +6,10 @@ from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
 
-AFFORDABLE = {2: 60_000, 3: 15_000}
+AFFORDABLE = {2: 60_000, 3: 10_000}
 """Cells by dimension up to which a first case asks for bounds: some minutes on one core."""
 
-ADAPTED = {2: 20_000, 3: 10_000}
+ADAPTED = {2: 20_000, 3: 9_000}
 """Cells up to which it has the mesh adapted as well, which takes three to five times as long."""
 
 UNTIL = 0.1
@@ -66,7 +66,7 @@ def _against(survey: Survey, glued: Glued, options: MeshingOptions) -> Iterator[
     if survey.degree > 1:
         yield "none are known of curved elements (order = 2)"
     if (cells := _cells(survey)) > AFFORDABLE[survey.dim]:
-        yield f"they take long on {cells} elements; it works with a larger size, or patience"
+        yield f"they take long on {cells} elements (a larger size has fewer)"
 
 
 def _against_adapting(survey: Survey) -> Iterator[str]:

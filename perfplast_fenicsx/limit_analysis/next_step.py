@@ -58,8 +58,8 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
     if lower == NOT_SOUGHT:
         if body.mesh.estimate is not None and set(upper.why_not) <= ANSWERED:
             yield (
-                'control = "bounds" under [loading] tells what the bodies carry for certain; that'
-                f" takes about {_times(BOUNDED[dim], seconds)}"
+                'what the bodies carry for certain is told by control = "bounds" under [loading],'
+                f" which takes about {_times(BOUNDED[dim], seconds)}"
             )
     elif lower.strict and upper.strict and lower.value and upper.value:
         apart = upper.value / lower.value - 1
@@ -78,10 +78,11 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
             )
     if NO_MECHANISM in upper.why_not:
         locked = " and ".join(map(repr, body.mesh.locked))
-        whose = f"; {locked} {'locks' if len(body.mesh.locked) == 1 else 'lock'}" if locked else ""
+        whose = f": {locked} {'locks' if len(body.mesh.locked) == 1 else 'lock'}" if locked else ""
+        divided = ', or control = "bounds", which divides all elements,' if dim == 3 else ""
         yield (
             f"no mechanism of this mesh keeps all volumes{whose}. Elements of half the size there"
-            f" (size_of, or sizes under [geometry]) may have one"
+            f" (sizes under [geometry]){divided if lower == NOT_SOUGHT else ''} may have one"
         )
     if CURVED in upper.why_not and lower.strict and lower.value:
         yield (

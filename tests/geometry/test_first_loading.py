@@ -32,7 +32,7 @@ def test_bounds_on_finer_meshes() -> None:
 
 @pytest.mark.parametrize(
     ("found", "why"),
-    [(survey(12_000), "12000 elements take long"), (survey(shape="cylindrical"), "curved faces")],
+    [(survey(9_500), "9500 elements take long"), (survey(shape="cylindrical"), "curved faces")],
 )
 def test_bounds_on_one_mesh(found: Survey, why: str) -> None:
     case, text = asked(found)

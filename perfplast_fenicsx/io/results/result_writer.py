@@ -15,8 +15,11 @@ from perfplast_fenicsx.io.results.result_files import PROOF
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.design_factor import DesignFactor
+from perfplast_fenicsx.limit_analysis.limit_forces import LimitForces, limit_forces
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
+from perfplast_fenicsx.problem.load_resultants import load_resultants
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level
@@ -25,7 +28,7 @@ LIMIT_KEYS = (
     *("method", "lower", "estimate", "upper", "alpha", "levelled_off", "reason"),
     *("iterations", "linear_solves", "factorisations"),
 )
-"""Keys of ``limit`` in ``summary.json``, besides ``body``, ``verdict`` and ``next_steps``."""
+"""Keys of ``limit`` in ``summary.json``, besides ``body`` and what is said of both."""
 
 
 class ResultWriter:
@@ -68,6 +71,7 @@ class ResultWriter:
             folder, problem, scene.title, __version__, method, prescribed, saved.reports
         )
         self.results.summary.units = scene.units.table(problem.kinematics.whole)
+        self.results.summary.loads = [asdict(load) for load in load_resultants(problem)]
         self._output = OutputFields(problem) if fields else None
         self._fields = FieldSeries(folder, problem, prescribed, saved.reports) if fields else None
 
@@ -99,8 +103,9 @@ class ResultWriter:
         body: BodyBounds | None = None,
         adaptive: AdaptiveBounds | None = None,
         steps: Sequence[str] = (),
+        design: DesignFactor | None = None,
         fields: bool = True,
-    ) -> None:
+    ) -> LimitForces | None:
         """Write a limit load and its mechanism. Collective.
 
         Args:
@@ -108,8 +113,12 @@ class ResultWriter:
             body: What is proven of the body.
             adaptive: The meshes on which that was sought, where there are several.
             steps: What to do next, a sentence each without a full stop.
+            design: The limit load against the design load.
             fields: Whether to write the mechanism; where it is one on another mesh, the fields of
                 levels are lost.
+
+        Returns:
+            The forces at the limit load of the mesh, which the summary has as well.
 
         Raises:
             InputError: On every rank, if the system refuses; what was there before is whole.
@@ -139,8 +148,12 @@ class ResultWriter:
             table = {key: getattr(limit, key) for key in LIMIT_KEYS}
             table |= {"body": body and _table(body, adaptive)}
             table["verdict"] = verdict_of(limit, body)
+            forces = limit_forces(body.problem if body else self._problem, limit)
+            table["forces"] = forces and asdict(forces)
+            table["design"] = design and asdict(design)
             self.results.summary.limit = table | {"next_steps": list(steps)}
             self.results.write()
+        return forces
 
 
 def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:

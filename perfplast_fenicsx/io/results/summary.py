@@ -17,6 +17,7 @@ class Summary:
             ``forces`` and works are of: each unit of depth, or the full turn.
         given: What was solved: materials, supports, loads and the rest
             (:func:`given_table.given_table`).
+        loads: Force and moment of each load at ζ = 1 (:class:`load_resultants.LoadResultant`).
         case: The case ``file``, and the ``text`` of it; nothing of a Python program.
         surroundings: ``versions`` by name, and the ``petsc_options`` of the command line.
         steps: A :data:`result_folder.STEP_KEYS` table for each level.
@@ -36,6 +37,7 @@ class Summary:
     mesh: dict[str, int]
     model: dict[str, str]
     given: dict[str, Any] = field(default_factory=dict)
+    loads: list[dict[str, Any]] = field(default_factory=list)
     case: dict[str, str] = field(default_factory=dict)
     surroundings: dict[str, Any] = field(default_factory=dict)
     steps: list[dict[str, Any]] = field(default_factory=list)
