@@ -19,7 +19,6 @@ from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.next_step import Effort, next_steps
-from perfplast_fenicsx.problem.load_resultants import LoadResultant
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level
@@ -40,6 +39,10 @@ class RunContext:
         journal: What is logged.
         interrupts: Signals.
         began: When the run began, by ``time.perf_counter``.
+        date: The same as date and time of day, with the zone.
+        command: That has begun it, or a restart of it, as a shell has it; without PETSc options.
+        remarks: What was said of the problem.
+        warnings: What was warned of; grows as the run does.
     """
 
     case: Case
@@ -52,6 +55,10 @@ class RunContext:
     journal: RunLog
     interrupts: Interrupts
     began: float
+    date: str
+    command: str
+    remarks: list[str]
+    warnings: list[str]
 
 
 class Recorder:
@@ -84,7 +91,13 @@ class Recorder:
         summary = self.results.summary
         summary.timings |= saved.timings | {"setup": setup}
         summary.case = {"file": str(case.path), "text": case.text}
-        summary.surroundings = {"versions": versions(), "petsc_options": petsc_options()}
+        summary.surroundings = {
+            "versions": versions(),
+            "petsc_options": petsc_options(),
+            "command": run.command,
+            "began": run.date,
+        }
+        summary.remarks, summary.warnings = run.remarks, run.warnings
         self._announce()
         run.interrupts.check()
         self._solving = time.perf_counter()
@@ -189,11 +202,11 @@ class Recorder:
         if zeta is not None:
             design = DesignFactor.of(zeta, lower, upper, limit.estimate)
             self._run.terminal.say(design.in_words())
-        forces = self._writer.write_limit(limit, body, adaptive, steps, design)
+        self._writer.write_limit(limit, body, adaptive, steps, design)
         summary = self.results.summary
-        loads = [LoadResultant(**load) for load in summary.loads]
+        forces = (summary.limit or {}).get("forces")
         axes, units = summary.model["axes"], summary.units
-        for line in force_lines(loads, lower, upper, forces, axes, units):
+        for line in force_lines(summary.loads, lower, upper, forces, axes, units):
             self._run.terminal.say(line)
 
     def elapsed(self) -> float:

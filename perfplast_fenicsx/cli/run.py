@@ -1,6 +1,7 @@
 """A run: a case is solved level by level, and what comes out is written and shown."""
 
 import logging
+import shlex
 import time
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.cli.recorder import Recorder, RunContext
-from perfplast_fenicsx.cli.run_log import RunLog
+from perfplast_fenicsx.cli.run_log import RunLog, kept_warnings
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.io.case.case import Case, read_case
@@ -73,8 +74,8 @@ def run(
     Raises:
         InputError: If the case or the folder cannot be used.
     """
-    began = time.perf_counter()
-    with Interrupts(comm) as interrupts:
+    began, date = time.perf_counter(), time.strftime("%Y-%m-%d %H:%M %Z")
+    with Interrupts(comm) as interrupts, kept_warnings(comm) as warnings:
         case = read_case(path, comm, trust)
         folder = ResultFolder(comm, output, force, restart)
         if restart:
@@ -109,6 +110,10 @@ def run(
                 journal=journal,
                 interrupts=interrupts,
                 began=began,
+                date=comm.bcast(date),
+                command=_command(path, output, report, trust),
+                remarks=remarks,
+                warnings=warnings,
             )
             try:
                 status = _solve(context, solver, stages)
@@ -124,6 +129,12 @@ def run(
             if report and (page := report_on(folder)) is not None:
                 terminal.say(f"Report: {page}")
             return status
+
+
+def _command(path: str, output: str, report: bool, trust: bool) -> str:
+    """What makes the same run anew."""
+    flags = [flag for flag, on in (("--trust", trust), ("--report", report)) if on]
+    return shlex.join(["perfplast", "run", path, "-o", output, *flags])
 
 
 def warn_of(comm: MPI.Intracomm, case: Case, problem: Problem) -> None:

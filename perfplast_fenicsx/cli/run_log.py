@@ -179,6 +179,20 @@ class _LogFile(logging.FileHandler):
             super().close()
 
 
+@contextmanager
+def kept_warnings(comm: MPI.Intracomm) -> Iterator[list[str]]:
+    """What the library warns of on rank 0, for results; the list grows within the block."""
+    kept: list[str] = []
+
+    class Handler(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if record.levelno == logging.WARNING:
+                kept.append(record.getMessage())
+
+    with _handled(comm, Handler(), "warning"):
+        yield kept
+
+
 class _Once(logging.Filter):
     """Lets a warning through once: the same bodies on a finer mesh have it again."""
 

@@ -24,7 +24,7 @@ control = "bounds"              # what the bodies carry, and what they do not, f
 """
 
 ADAPT = """
-[mesh]                          # finer meshes until the bounds are {percent:.0f} % apart, at most so fine
+[mesh]                          # finer ones until bounds are {percent:.0f} % apart, or so fine
 adapt = {{ until = {until}, cells = {cells} }}
 """
 

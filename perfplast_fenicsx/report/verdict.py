@@ -35,7 +35,11 @@ class Verdict:
 def verdict_on(reader: ResultReader) -> Verdict:
     """The verdict on the results that are on file."""
     if reader.limit is not None:
-        found = _of_limit(reader.limit, reader.summary.limit or {})
+        table = reader.summary.limit or {}
+        found = _of_limit(reader.limit, table)
+        if design := table.get("design"):
+            words = design["in_words"].replace("zeta", "ζ")
+            found = replace(found, details=[words, *found.details])
         solved = [report.zeta for report in reader.reports if report.converged]
         if not solved:
             return found

@@ -3,19 +3,16 @@
 import pytest
 
 from perfplast_fenicsx.cli.force_table import force_lines
-from perfplast_fenicsx.limit_analysis.limit_forces import LimitForces
-from perfplast_fenicsx.problem.load_resultants import LoadResultant
 
 pytestmark = pytest.mark.serial
 
-PUSH = LoadResultant("push", "top", "pressure", False, [0.0, 0.0, -10.0], [5.0, 1e-12, 0.0])
-WEIGHT = LoadResultant("weight", "body", "body_force", True, [0.0, 0.0, -1.0], [0.0, 0.0, 0.0])
-AT_LIMIT = LimitForces(
-    2.5,
-    {"loads": [0, 0, -25.0], "support floor": [1e-13, 0, 25.0]},
-    {"support floor": [1, 2, 3.0]},
-    0.0,
-)
+PUSH = {"name": "push", "constant": False, "force": [0.0, 0.0, -10.0], "moment": [5.0, 1e-12, 0.0]}
+WEIGHT = {"name": "weight", "constant": True, "force": [0.0, 0.0, -1.0], "moment": [0.0, 0.0, 0.0]}
+AT_LIMIT = {
+    "zeta": 2.5,
+    "reactions": {"loads": [0, 0, -25.0], "support floor": [1e-13, 0, 25.0]},
+    "moments": {"loads": [0, 0, 0.0], "support floor": [1, 2, 3.0]},
+}
 
 
 def test_what_is_applied_carried_and_held() -> None:
@@ -44,5 +41,5 @@ def test_what_is_not_known_has_no_row() -> None:
     assert len(lines) == 4
     assert lines[0].split() == ["Forces", "x", "y", "z"]
     assert not force_lines([], 1.0, 2.0, AT_LIMIT, "xyz", {})
-    ring = LoadResultant("p", "p", "pressure", False, [1.0, 2.0], [])
+    ring = {"name": "p", "constant": False, "force": [1.0, 2.0], "moment": []}
     assert len(force_lines([ring], None, None, None, "rz", {})) == 2

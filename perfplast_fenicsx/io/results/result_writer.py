@@ -16,7 +16,7 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.design_factor import DesignFactor
-from perfplast_fenicsx.limit_analysis.limit_forces import LimitForces, limit_forces
+from perfplast_fenicsx.limit_analysis.limit_forces import limit_forces
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.problem.load_resultants import load_resultants
@@ -105,7 +105,7 @@ class ResultWriter:
         steps: Sequence[str] = (),
         design: DesignFactor | None = None,
         fields: bool = True,
-    ) -> LimitForces | None:
+    ) -> None:
         """Write a limit load and its mechanism. Collective.
 
         Args:
@@ -116,9 +116,6 @@ class ResultWriter:
             design: The limit load against the design load.
             fields: Whether to write the mechanism; where it is one on another mesh, the fields of
                 levels are lost.
-
-        Returns:
-            The forces at the limit load of the mesh, which the summary has as well.
 
         Raises:
             InputError: On every rank, if the system refuses; what was there before is whole.
@@ -150,10 +147,9 @@ class ResultWriter:
             table["verdict"] = verdict_of(limit, body)
             forces = limit_forces(body.problem if body else self._problem, limit)
             table["forces"] = forces and asdict(forces)
-            table["design"] = design and asdict(design)
+            table["design"] = design and asdict(design) | {"in_words": design.in_words()}
             self.results.summary.limit = table | {"next_steps": list(steps)}
             self.results.write()
-        return forces
 
 
 def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:

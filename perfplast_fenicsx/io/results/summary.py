@@ -19,7 +19,10 @@ class Summary:
             (:func:`given_table.given_table`).
         loads: Force and moment of each load at ζ = 1 (:class:`load_resultants.LoadResultant`).
         case: The case ``file``, and the ``text`` of it; nothing of a Python program.
-        surroundings: ``versions`` by name, and the ``petsc_options`` of the command line.
+        surroundings: ``versions`` by name, the ``petsc_options`` of the command line, the
+            ``command`` without them, and when it ``began``.
+        remarks: What was said of the problem before it was solved, a sentence each.
+        warnings: What the program warned of.
         steps: A :data:`result_folder.STEP_KEYS` table for each level.
         limit: Limit load, where one was asked for.
         timings: Wall time by activity (s).
@@ -40,6 +43,8 @@ class Summary:
     loads: list[dict[str, Any]] = field(default_factory=list)
     case: dict[str, str] = field(default_factory=dict)
     surroundings: dict[str, Any] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
     steps: list[dict[str, Any]] = field(default_factory=list)
     limit: dict[str, Any] | None = None
     timings: dict[str, float] = field(default_factory=dict)
