@@ -49,7 +49,9 @@ def _rows(
     zeta: str,
 ) -> Iterator[Row]:
     for load in loads:
-        name, one = f"load {load['name']}", load["moment" if moments else "force"]
+        named = load["name"] not in ("", load["on"])
+        name = f"load {load['name']} on {load['on']}" if named else f"load {load['on']}"
+        one = load["moment" if moments else "force"]
         if load["constant"]:
             yield f"{name}, at any {zeta}", one
             continue

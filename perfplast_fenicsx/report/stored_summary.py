@@ -104,6 +104,7 @@ class _Body(TypedDict):
 
 class _Loaded(TypedDict):
     name: str
+    on: str
     constant: bool
     force: list[float]
     moment: list[float]

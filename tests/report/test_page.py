@@ -207,7 +207,7 @@ def test_what_was_warned_of_is_on_the_page() -> None:
 
 
 def test_forces_of_a_limit_load() -> None:
-    load = {"name": "push", "constant": False, "force": [3.0, 1e-15], "moment": [7.0]}
+    load = {"name": "push", "on": "push", "constant": False, "force": [3.0, 1e-15], "moment": [7.0]}
     rows = force_rows([load], 2.0000001, 3.0, None, zeta="ζ")
     assert rows == [
         ("load push, ζ = 1", [3.0, 0.0]),
