@@ -120,7 +120,7 @@ def _material(body: Body, material: Common | None) -> str:
 def _others(options: MeshingOptions) -> str:
     """The options besides the size, where they are not the usual ones."""
     usual, text = MeshingOptions(), ""
-    for key in ("sizes", "curvature", "order", "meshed", "symmetry", "overlap"):
+    for key in ("sizes", "curvature", "order", "meshed", "symmetry", "overlap", "without"):
         value = getattr(options, key)
         if value == getattr(usual, key):
             continue
@@ -128,7 +128,7 @@ def _others(options: MeshingOptions) -> str:
             inside = ", ".join(f"{name} = {float(number)}" for name, number in value.items())
             text += f"{key} = {{{inside}}}\n"
         else:
-            text += f"{key} = {_quoted(value) if isinstance(value, str) else value}\n"
+            text += f"{key} = {_quoted(value) if isinstance(value, str | list) else value}\n"
     return text
 
 
@@ -148,8 +148,9 @@ def _joint(joint: Joint, glued: Glued, options: MeshingOptions) -> str:
 
 def _face(face: Face) -> str:
     place = ", ".join(f"{x:.5g}" for x in face.centre)
-    return f"#   {face.name:32} {face.shape}, {face.area:.5g}, about ({place})\n"
+    shape = f"{face.shape} ({face.round_of})" if face.round_of else face.shape
+    return f"#   {face.name:32} {shape}, {face.area:.5g}, about ({place})\n"
 
 
-def _quoted(text: str) -> str:
+def _quoted(text: str | list[str]) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML wants that too
