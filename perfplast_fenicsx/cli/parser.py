@@ -46,6 +46,8 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
         raise InputError(f"perfplast {chosen.command} takes no PETSc options; leave out '--'.")
     if chosen.command == "run" and chosen.restart and chosen.force:
         raise InputError("--restart goes on from results and --force replaces them; give one.")
+    if chosen.command == "run" and chosen.restart and chosen.refine:
+        raise InputError("--restart goes on with one run and --refine begins two; give one.")
     if chosen.command == "plot" and not chosen.wait >= 0:  # nor is NaN a time
         raise InputError(f"--wait must be a time of 0 s or more, not {chosen.wait:g}.")
     set_petsc_options(petsc)
@@ -140,6 +142,11 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "--restart", metavar="DIR", help="go on from the last level that is solved in this folder"
     )
     run.add_argument("--force", action="store_true", help="replace results in DIR")
+    run.add_argument(
+        "--refine",
+        action="store_true",
+        help="solve it again with elements of half the size, in DIR/half, and compare in a table",
+    )
     run.add_argument("--report", action="store_true", help="write DIR/report.html at the end")
     run.add_argument(
         "--log-level",

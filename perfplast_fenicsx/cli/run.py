@@ -30,6 +30,7 @@ from perfplast_fenicsx.limit_analysis.limit_checks import ignored
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod, method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.pictures.drawing_process import draw
+from perfplast_fenicsx.problem.halved import halved
 from perfplast_fenicsx.problem.left_out import left_out
 from perfplast_fenicsx.problem.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.problem import Problem
@@ -54,6 +55,7 @@ def run(
     restart: bool = False,
     report: bool = False,
     trust: bool = False,
+    finer: bool = False,
 ) -> int:
     """Solve a case and write its results. Collective.
 
@@ -67,6 +69,7 @@ def run(
         restart: Go on from the last level that is solved in the folder.
         report: Write ``report.html`` at the end, also where a signal is what ends the run.
         trust: Run a script that the mesh is made of.
+        finer: With elements of half the size.
 
     Returns:
         :data:`SOLVED`, :data:`NO_SOLUTION` where a level has none, or the status of an interrupt.
@@ -82,6 +85,9 @@ def run(
             check_case(folder, case.table, case.path.name)
         terminal.status("setting up the problem")
         problem = case.problem(comm)
+        if finer:
+            with at(f"{case.path.name}, --refine"):
+                problem = halved(problem)
         checkpoints = Checkpoints(folder, problem, case.table, __version__)
         stages = case.history(problem)
         saved = checkpoints.read(stages) if restart else Saved()

@@ -13,6 +13,7 @@ class Summary:
     Attributes:
         prescribed: What each level prescribes, "zeta" or "alpha"; the other one is found.
         mesh: Numbers of cells, vertices and displacement unknowns (dofs).
+        element_size: Mean of the longest edges of the cells (length).
         model: Which ``kind`` it is, the ``axes`` that components of ``reactions`` are of, and what
             ``forces`` and works are of: each unit of depth, or the full turn.
         given: What was solved: materials, supports, loads and the rest
@@ -40,6 +41,7 @@ class Summary:
     mesh: dict[str, int]
     model: dict[str, str]
     given: dict[str, Any] = field(default_factory=dict)
+    element_size: float = 0.0
     loads: list[dict[str, Any]] = field(default_factory=list)
     case: dict[str, str] = field(default_factory=dict)
     surroundings: dict[str, Any] = field(default_factory=dict)

@@ -39,6 +39,7 @@ SUMMARY_KEYS = [
         "mesh",
         "model",
         "given",
+        "element_size",
         "loads",
         "case",
         "surroundings",
