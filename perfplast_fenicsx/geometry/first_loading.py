@@ -1,16 +1,19 @@
 """What a first case asks for: bounds of the bodies where they are known and affordable."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
 
-AFFORDABLE = {2: 60_000, 3: 10_000}
+AFFORDABLE = {2: 60_000, 3: 12_000}
 """Cells by dimension up to which a first case asks for bounds: some minutes on one core."""
 
 ADAPTED = {2: 20_000, 3: 9_000}
 """Cells up to which it has the mesh adapted as well, which takes three to five times as long."""
+
+IN_CONTACT = 2 / 3
+"""Share of these that bodies may have which touch, as contact makes factors larger."""
 
 UNTIL = 0.1
 """Distance of the bounds, relative, at which the meshes end."""
@@ -65,7 +68,7 @@ def _against(survey: Survey, glued: Glued, options: MeshingOptions) -> Iterator[
         yield "none are known of contact whose nodes do not match (meshed apart)"
     if survey.degree > 1:
         yield "none are known of curved elements (order = 2)"
-    if (cells := _cells(survey)) > AFFORDABLE[survey.dim]:
+    if (cells := _cells(survey)) > _most(survey, AFFORDABLE):
         yield f"they take long on {cells} elements (a larger size has fewer)"
 
 
@@ -75,8 +78,12 @@ def _against_adapting(survey: Survey) -> Iterator[str]:
         if any(shape not in ("flat", "straight") for shape in joint.shapes):
             one, other = joint.bodies
             yield f"'{one}' and '{other}' touch on curved faces: the lower bound alone is strict"
-    if _cells(survey) > ADAPTED[survey.dim]:
+    if _cells(survey) > _most(survey, ADAPTED):
         yield f"finer ones than {_cells(survey)} elements take long; see adapt under [mesh]"
+
+
+def _most(survey: Survey, cells: Mapping[int, int]) -> float:
+    return cells[survey.dim] * (IN_CONTACT if survey.joints else 1.0)
 
 
 def _cells(survey: Survey) -> int:

@@ -122,19 +122,19 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
 def _mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
     """Mesh so finely about circles that areas are right, and say the largest edge length.
 
-    Where a finer mesh has flat elements, or none at all, the one before is made again.
+    Where a finer mesh has flat elements, too many or none at all, the one before is made again.
     """
     longest = _mesh(dim, parts, options)
     if options.curvature is not None:
         return longest
     before = USUAL
     for finer in FINER:
-        count = sum(elements(dim, part).size for part in parts)
-        if count > 2 * ELEMENTS or worst_area(dim, parts) <= EXACT:
+        if worst_area(dim, parts) <= EXACT:
             break
         try:
             _mesh(dim, parts, replace(options, curvature=finer))
-            fine = min(qualities(dim, part).min() for part in parts) >= FLAT
+            few = sum(elements(dim, part).size for part in parts) <= 2 * ELEMENTS
+            fine = few and min(qualities(dim, part).min() for part in parts) >= FLAT
         except InputError:
             fine = False
         if not fine:

@@ -32,7 +32,7 @@ def test_bounds_on_finer_meshes() -> None:
 
 @pytest.mark.parametrize(
     ("found", "why"),
-    [(survey(9_500), "9500 elements take long"), (survey(shape="cylindrical"), "curved faces")],
+    [(survey(7_500), "7500 elements take long"), (survey(shape="cylindrical"), "curved faces")],
 )
 def test_bounds_on_one_mesh(found: Survey, why: str) -> None:
     case, text = asked(found)
@@ -56,4 +56,4 @@ def test_estimates_say_why(found: Survey, glued: Glued, apart: bool, why: str) -
 
 
 def test_the_plane_is_cheaper() -> None:
-    assert "mesh" in asked(survey(15_000, dim=2, shape="straight"))[0]
+    assert "mesh" in asked(survey(13_000, dim=2, shape="straight"))[0]
