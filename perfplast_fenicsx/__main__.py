@@ -18,13 +18,14 @@ from perfplast_fenicsx.cli.follow import Follower
 from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, meshing_options
 from perfplast_fenicsx.cli.model_command import is_model, mesh_model
 from perfplast_fenicsx.cli.parser import read_arguments
+from perfplast_fenicsx.cli.refined_run import run_refined
 from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED, run, warn_of
 from perfplast_fenicsx.cli.run_log import logged_to_console
 from perfplast_fenicsx.cli.signals import leave_pipes_to_python
 from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.errors import InputError, on_rank0
-from perfplast_fenicsx.geometry.first_case import Glued
+from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.io.case.case import read_case
 from perfplast_fenicsx.io.case.case_schema import case_schema
 from perfplast_fenicsx.io.case.load_words import meaning
@@ -202,6 +203,9 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
             restart = chosen.restart is not None
             how = (chosen.log_level, restart, chosen.report, chosen.trust)
             try:
+                if chosen.refine:
+                    flags = (chosen.log_level, chosen.report, chosen.trust)
+                    return run_refined(comm, *where, terminal, *flags)
                 return run(comm, *where, terminal, *how)
             finally:
                 terminal.clear()

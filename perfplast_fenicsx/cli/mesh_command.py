@@ -12,7 +12,8 @@ from mpi4py import MPI
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0
-from perfplast_fenicsx.geometry.first_case import Glued, first_case
+from perfplast_fenicsx.geometry.first_case import first_case
+from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.kept_mesh import make_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
@@ -83,6 +84,7 @@ def meshing_options(chosen: argparse.Namespace) -> MeshingOptions:
             "--size-of", chosen.size_of, "a body with a size; write for instance bolt=2.5"
         ),
         curvature=chosen.curvature,
+        without=chosen.without,
         order=chosen.order,
         meshed="apart" if chosen.apart else "together",
         symmetry=_pairs("--symmetry", chosen.symmetry, "a plane; write for instance x=0"),
@@ -116,13 +118,11 @@ def common_materials(system: Name) -> str:
 
 def describe(survey: Survey) -> str:
     """What there is in a geometry, as tables."""
-    rows: list[tuple[str, ...]] = [
-        ("body", "elements", "volume" if survey.dim == 3 else "area", "from", "to")
-    ]
+    volume, area = ("volume", "area") if survey.dim == 3 else ("area", "length")
+    rows: list[tuple[str, ...]] = [("body", "elements", volume, "of CAD", "from", "to")]
     for body in survey.bodies:
-        rows.append(
-            (body.name, f"{body.cells}", f"{body.volume:.5g}", _place(body.low), _place(body.high))
-        )
+        measures = (f"{body.volume:.5g}", _known(body.cad))
+        rows.append((body.name, f"{body.cells}", *measures, _place(body.low), _place(body.high)))
     what = "body" if len(survey.bodies) == 1 else "bodies"
     text = [f"{len(survey.bodies)} {what}, {survey.nodes} nodes", *_aligned(rows)]
     if survey.joints:
@@ -134,11 +134,11 @@ def describe(survey: Survey) -> str:
         rows = [("apart", "", "gap")]
         rows += [(*near.bodies, f"{near.gap:.3g}") for near in survey.near]
         text += ["", *_aligned(rows)]
-    rows = [("no.", "free face", "area" if survey.dim == 3 else "length", "shape", "centre")]
+    rows = [("no.", "free face", area, "of CAD", "shape", "centre")]
     for face in survey.faces:
-        rows.append(
-            (f"{face.number}", face.name, f"{face.area:.5g}", face.shape, _place(face.centre))
-        )
+        shape = f"{face.shape}, {face.round_of}" if face.round_of else face.shape
+        measures = (f"{face.area:.5g}", _known(face.cad))
+        rows.append((f"{face.number}", face.name, *measures, shape, _place(face.centre)))
     text += ["", *_aligned(rows)]
     text += [f"\nwarning: {remark}." for remark in survey.remarks]
     return "\n".join(text)
@@ -184,6 +184,11 @@ def _survey(source: Path, output: Path, options: MeshingOptions, trust: bool) ->
     except InputError as error:
         log.warning("%s", error)
     return survey
+
+
+def _known(measure: float | None) -> str:
+    """A volume or area of the CAD file."""
+    return "-" if measure is None else f"{measure:.5g}"
 
 
 def _place(point: tuple[float, ...]) -> str:

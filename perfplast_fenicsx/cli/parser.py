@@ -8,6 +8,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from perfplast_fenicsx._version import __version__
+from perfplast_fenicsx.cli.mesh_arguments import add_mesh
 from perfplast_fenicsx.cli.run_log import LEVELS
 from perfplast_fenicsx.cli.shell_completion import complete
 from perfplast_fenicsx.errors import InputError, nearest
@@ -45,6 +46,8 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
         raise InputError(f"perfplast {chosen.command} takes no PETSc options; leave out '--'.")
     if chosen.command == "run" and chosen.restart and chosen.force:
         raise InputError("--restart goes on from results and --force replaces them; give one.")
+    if chosen.command == "run" and chosen.restart and chosen.refine:
+        raise InputError("--restart goes on with one run and --refine begins two; give one.")
     if chosen.command == "plot" and not chosen.wait >= 0:  # nor is NaN a time
         raise InputError(f"--wait must be a time of 0 s or more, not {chosen.wait:g}.")
     set_petsc_options(petsc)
@@ -139,6 +142,11 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "--restart", metavar="DIR", help="go on from the last level that is solved in this folder"
     )
     run.add_argument("--force", action="store_true", help="replace results in DIR")
+    run.add_argument(
+        "--refine",
+        action="store_true",
+        help="solve it again with elements of half the size, in DIR/half, and compare in a table",
+    )
     run.add_argument("--report", action="store_true", help="write DIR/report.html at the end")
     run.add_argument(
         "--log-level",
@@ -151,64 +159,7 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "--quiet", action="store_true", help="nothing on standard output; warnings are still shown"
     )
 
-    mesh = commands.add_parser(
-        "mesh",
-        parents=[scripts],
-        help="turn a STEP, BREP, .geo or .inp file into a mesh and a first case file",
-        description="Read the bodies of a geometry file, find out where they touch, and write"
-        " DIR/case.msh and DIR/case.toml, in which materials, supports and loads are to be filled"
-        " in. Lengths are in mm for STEP files. A model of Abaqus or CalculiX (.inp) has its mesh:"
-        " it is taken with its materials, supports, loads, contacts and ties.",
-    )
-    mesh.add_argument(
-        "geometry", metavar="DRAWING", help=".step, .stp, .brep, .iges, .igs, .geo or .inp"
-    )
-    mesh.add_argument("-o", "--output", metavar="DIR", required=True, help="folder to write to")
-    mesh.add_argument("--size", metavar="H", type=float, help="largest edge length")
-    mesh.add_argument(
-        "--size-of",
-        metavar="BODY=H",
-        action="append",
-        default=[],
-        help="largest edge length of one body (may be repeated)",
-    )
-    mesh.add_argument(
-        "--curvature", metavar="N", type=float, default=10.0, help="elements about a circle, 10"
-    )
-    mesh.add_argument(
-        "--order", type=int, choices=(1, 2), default=1, help="2 for curved elements (default: 1)"
-    )
-    mesh.add_argument(
-        "--symmetry",
-        metavar="AXIS=X",
-        action="append",
-        default=[],
-        help="plane of symmetry, such as x=0; the half beyond is kept (may be repeated)",
-    )
-    mesh.add_argument(
-        "--apart", action="store_true", help="mesh each body by itself; contact is then mortar"
-    )
-    mesh.add_argument(
-        "--overlap",
-        metavar="SHARE",
-        type=float,
-        default=1e-3,
-        help="of a body's volume by which another may overlap it (default: 0.001)",
-    )
-    mesh.add_argument(
-        "--material", metavar="NAME", help="of all bodies, from the table of perfplast materials"
-    )
-    mesh.add_argument(
-        "--patience",
-        metavar="S",
-        type=float,
-        default=600.0,
-        help="longest time for it, in seconds (default: 600)",
-    )
-    glued = mesh.add_mutually_exclusive_group()
-    glued.add_argument("--tied", action="store_true", help="glue bodies that touch")
-    glued.add_argument("--bolted", action="store_true", help="glue bolts and their nuts alone")
-    mesh.add_argument("--force", action="store_true", help="replace mesh and case file in DIR")
+    add_mesh(commands, scripts)
 
     check = commands.add_parser(
         "check",

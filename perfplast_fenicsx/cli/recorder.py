@@ -3,6 +3,7 @@
 import time
 from dataclasses import dataclass
 
+from perfplast_fenicsx.cli.force_table import force_lines
 from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.signals import Interrupts
 from perfplast_fenicsx.cli.system_info import petsc_options, versions
@@ -13,9 +14,11 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
 from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.design_factor import DesignFactor
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.next_step import Effort, next_steps
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration
 from perfplast_fenicsx.problem.state import Level
@@ -36,6 +39,10 @@ class RunContext:
         journal: What is logged.
         interrupts: Signals.
         began: When the run began, by ``time.perf_counter``.
+        date: The same as date and time of day, with the zone.
+        command: That has begun it, or a restart of it, as a shell has it; without PETSc options.
+        remarks: What was said of the problem.
+        warnings: What was warned of; grows as the run does.
     """
 
     case: Case
@@ -48,6 +55,10 @@ class RunContext:
     journal: RunLog
     interrupts: Interrupts
     began: float
+    date: str
+    command: str
+    remarks: list[str]
+    warnings: list[str]
 
 
 class Recorder:
@@ -80,7 +91,13 @@ class Recorder:
         summary = self.results.summary
         summary.timings |= saved.timings | {"setup": setup}
         summary.case = {"file": str(case.path), "text": case.text}
-        summary.surroundings = {"versions": versions(), "petsc_options": petsc_options()}
+        summary.surroundings = {
+            "versions": versions(),
+            "petsc_options": petsc_options(),
+            "command": run.command,
+            "began": run.date,
+        }
+        summary.remarks, summary.warnings = run.remarks, run.warnings
         self._announce()
         run.interrupts.check()
         self._solving = time.perf_counter()
@@ -168,14 +185,29 @@ class Recorder:
         Raises:
             InputError: On every rank, if the system refuses.
         """
+        solve = time.perf_counter() - self._solving
+        steps = []
         if body is not None:
-            self._run.terminal.body(body, adapted=adaptive is not None)
+            mesh, ended = self.results.summary.mesh, adaptive.reason if adaptive else ""
+            effort = Effort(self._run.problem.bodies.gdim, mesh["cells"], solve, ended)
+            steps = next_steps(body, effort)
+            self._run.terminal.body(body, steps)
         self._run.terminal.limit(limit, last=adaptive is not None)
         self._run.journal.limit(limit, body)
         if not self.results.reports:  # without levels nothing else has counted it
-            solve = time.perf_counter() - self._solving
             self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
-        self._writer.write_limit(limit, body, adaptive)
+        lower = body.lower.value if body and body.lower.strict else None
+        upper = body.upper.value if body and body.upper.strict else None
+        zeta, design = self._run.case.loading.design, None
+        if zeta is not None:
+            design = DesignFactor.of(zeta, lower, upper, limit.estimate)
+            self._run.terminal.say(design.in_words())
+        self._writer.write_limit(limit, body, adaptive, steps, design)
+        summary = self.results.summary
+        forces = (summary.limit or {}).get("forces")
+        axes, units = summary.model["axes"], summary.units
+        for line in force_lines(summary.loads, lower, upper, forces, axes, units):
+            self._run.terminal.say(line)
 
     def elapsed(self) -> float:
         """Wall time of the run, with what it has gone on from (s)."""

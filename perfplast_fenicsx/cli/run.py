@@ -1,6 +1,7 @@
 """A run: a case is solved level by level, and what comes out is written and shown."""
 
 import logging
+import shlex
 import time
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.cli.recorder import Recorder, RunContext
-from perfplast_fenicsx.cli.run_log import RunLog
+from perfplast_fenicsx.cli.run_log import RunLog, kept_warnings
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.io.case.case import Case, read_case
@@ -29,6 +30,7 @@ from perfplast_fenicsx.limit_analysis.limit_checks import ignored
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod, method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.pictures.drawing_process import draw
+from perfplast_fenicsx.problem.halved import halved
 from perfplast_fenicsx.problem.left_out import left_out
 from perfplast_fenicsx.problem.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.problem import Problem
@@ -53,6 +55,7 @@ def run(
     restart: bool = False,
     report: bool = False,
     trust: bool = False,
+    finer: bool = False,
 ) -> int:
     """Solve a case and write its results. Collective.
 
@@ -66,6 +69,7 @@ def run(
         restart: Go on from the last level that is solved in the folder.
         report: Write ``report.html`` at the end, also where a signal is what ends the run.
         trust: Run a script that the mesh is made of.
+        finer: With elements of half the size.
 
     Returns:
         :data:`SOLVED`, :data:`NO_SOLUTION` where a level has none, or the status of an interrupt.
@@ -73,14 +77,17 @@ def run(
     Raises:
         InputError: If the case or the folder cannot be used.
     """
-    began = time.perf_counter()
-    with Interrupts(comm) as interrupts:
+    began, date = time.perf_counter(), time.strftime("%Y-%m-%d %H:%M %Z")
+    with Interrupts(comm) as interrupts, kept_warnings(comm) as warnings:
         case = read_case(path, comm, trust)
         folder = ResultFolder(comm, output, force, restart)
         if restart:
             check_case(folder, case.table, case.path.name)
         terminal.status("setting up the problem")
         problem = case.problem(comm)
+        if finer:
+            with at(f"{case.path.name}, --refine"):
+                problem = halved(problem)
         checkpoints = Checkpoints(folder, problem, case.table, __version__)
         stages = case.history(problem)
         saved = checkpoints.read(stages) if restart else Saved()
@@ -109,6 +116,10 @@ def run(
                 journal=journal,
                 interrupts=interrupts,
                 began=began,
+                date=comm.bcast(date),
+                command=_command(path, output, report, trust),
+                remarks=remarks,
+                warnings=warnings,
             )
             try:
                 status = _solve(context, solver, stages)
@@ -124,6 +135,12 @@ def run(
             if report and (page := report_on(folder)) is not None:
                 terminal.say(f"Report: {page}")
             return status
+
+
+def _command(path: str, output: str, report: bool, trust: bool) -> str:
+    """What makes the same run anew."""
+    flags = [flag for flag, on in (("--trust", trust), ("--report", report)) if on]
+    return shlex.join(["perfplast", "run", path, "-o", output, *flags])
 
 
 def warn_of(comm: MPI.Intracomm, case: Case, problem: Problem) -> None:

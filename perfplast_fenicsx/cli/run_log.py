@@ -180,10 +180,42 @@ class _LogFile(logging.FileHandler):
 
 
 @contextmanager
+def kept_warnings(comm: MPI.Intracomm) -> Iterator[list[str]]:
+    """What the library warns of on rank 0, for results; the list grows within the block."""
+    kept: list[str] = []
+
+    class Handler(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if record.levelno == logging.WARNING:
+                kept.append(record.getMessage())
+
+    with _handled(comm, Handler(), "warning"):
+        yield kept
+
+
+class _Once(logging.Filter):
+    """Lets a warning through once: the same bodies on a finer mesh have it again."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._seen = set[str]()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether a record is new, or no warning."""
+        if record.levelno != logging.WARNING:
+            return True
+        text = record.getMessage()
+        new = text not in self._seen
+        self._seen.add(text)
+        return new
+
+
+@contextmanager
 def _handled(comm: MPI.Intracomm, handler: logging.Handler, level: str) -> Iterator[None]:
     """The package's records to a handler, from rank 0, and no less serious than a level."""
     handler.setLevel(level.upper())
     handler.addFilter(lambda record: comm.rank == 0)
+    handler.addFilter(_Once())
     before = PACKAGE.level
     PACKAGE.setLevel(min(before or logging.WARNING, handler.level))
     PACKAGE.addHandler(handler)

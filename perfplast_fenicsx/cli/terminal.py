@@ -7,6 +7,7 @@ import os
 import shutil
 import sys
 import time
+from collections.abc import Sequence
 from typing import TextIO
 
 from mpi4py import MPI
@@ -17,7 +18,7 @@ from perfplast_fenicsx.limit_analysis.adaptation import Round
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
-from perfplast_fenicsx.mesh_estimate import MeshEstimate, percent
+from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.path_bracket import NO_PAIR, SAID, PathBracket
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import Iteration, LevelReport
@@ -33,9 +34,6 @@ COLUMNS = (
 
 DRIVEN = "force"
 """Heading of the driving force, where ζ moves supports and obstacles and no load does work."""
-
-WIDE = 0.1
-"""Distance of bounds, relative, beyond which a run says what narrows them."""
 
 LIVE_PERIOD = 0.2
 """Shortest time between two live lines (s)."""
@@ -208,17 +206,11 @@ class Terminal:
             cells = "  ".join(f"{component:>12.6g}" for component in force)
             self.say(f"  {name:<{width}}  {cells}")
 
-    def body(self, bounds: BodyBounds, adapted: bool = False) -> None:
-        """Say what is proven of the body, and what narrows it, unless the mesh was adapted."""
+    def body(self, bounds: BodyBounds, steps: Sequence[str] = ()) -> None:
+        """Say what is proven of the body, and what would narrow it."""
         self.say(bounds.in_words())
-        lower, upper = bounds.lower, bounds.upper
-        if adapted or not (bounds.strict and lower.value and upper.value):
-            return
-        if (apart := upper.value / lower.value - 1) > WIDE:
-            self.say(
-                f"They are {percent(apart)} apart: a finer mesh brings them nearer, or"
-                " adapt = { until = 0.05, cells = 5000 } under [mesh], which takes longer."
-            )
+        for step in steps:
+            self.say(f"{step[0].upper()}{step[1:]}.")
 
     def results(self, folder: ResultFolder) -> None:
         """Say where the results are and which there are."""

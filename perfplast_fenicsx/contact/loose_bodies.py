@@ -49,12 +49,35 @@ class LooseMotion:
     body: int
     motion: str
 
-    def told(self, names: Sequence[str]) -> str:
-        """A sentence; ``names`` are those of all bodies."""
-        return (
-            f"the body {names[self.body]} is loosely held ({self.motion}): only the facets of"
-            " round surfaces resist this motion; hold it by a support if it matters"
-        )
+
+def in_words(loose: Sequence[LooseMotion], names: Sequence[str]) -> str:
+    """What is loosely held, in a sentence or two, with the loads that would matter.
+
+    Args:
+        loose: At least one motion.
+        names: Those of all bodies.
+    """
+    by_motion: dict[str, list[str]] = {}
+    for one in loose:
+        by_motion.setdefault(one.motion, []).append(names[one.body])
+    motions = "; ".join(
+        f"{_listed(sorted(bodies))} ({motion})" for motion, bodies in by_motion.items()
+    )
+    acting = [
+        words
+        for kind, words in (("rotation", "turn them so"), ("translation", "push them that way"))
+        if any(motion.startswith(kind) for motion in by_motion)
+    ]
+    return (
+        f"loosely held: {motions}. Only the facets of round surfaces resist these motions, and what"
+        f" they come to says nothing of the bodies. It matters where loads {' or '.join(acting)};"
+        " then hold the bodies by a [[support]], or glue what touches by a [[tie]]"
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names in a row."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def warn_of_loose_motions(
@@ -65,10 +88,10 @@ def warn_of_loose_motions(
     constraints: Constraints,
     free: Floats,
 ) -> None:
-    """Say what is loosely held, by the names of bodies; see :func:`loose_motions`. Collective."""
-    for loose in loose_motions(V, bodies, fixed, constraints, free):
-        if V.mesh.comm.rank == 0:
-            log.warning("%s", loose.told(names))
+    """Warn once of all that is loosely held; see :func:`loose_motions`. Collective."""
+    loose = loose_motions(V, bodies, fixed, constraints, free)
+    if loose and V.mesh.comm.rank == 0:
+        log.warning("%s", in_words(loose, names))
 
 
 def loose_motions(

@@ -1,10 +1,10 @@
 """The first case file of a geometry: all that is known of it, and what is left to say."""
 
 import json
-import re
-from enum import Enum
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.geometry.first_loading import loading_for
+from perfplast_fenicsx.geometry.glued import Glued, is_bolt_with_nut
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions, symmetry_name
 from perfplast_fenicsx.geometry.survey import Body, Face, Joint, Survey
 from perfplast_fenicsx.materials.common import TABLE, Common
@@ -54,27 +54,11 @@ traction = {traction}     # <- or pressure = 1.0
 [element]
 degree = 2
 
-[loading]
-control = "work"
-until = "limit"                 # of the mesh, an estimate; control = "bounds" proves one
-
+{loading}
 [units]
 system = {system}             # or "m-kN-kPa", "SI", ...: what the numbers are in
 
 """
-
-
-class Glued(Enum):
-    """What of that which touches is glued in a first case."""
-
-    NOTHING = 0
-    BOLTS = 1
-    ALL = 2
-
-
-BOLT = re.compile(r"bolt|screw|stud|schraube|vis(_|$)|boulon|tornillo|vite(_|$)|sroub")
-NUT = re.compile(r"(^|_)nut|mutter|ecrou|tuerca|dado|matice|matka")
-"""How bolts and nuts are called in a few languages."""
 
 
 def first_case(
@@ -99,7 +83,7 @@ def first_case(
         InputError: If bolts are to be glued to nuts, and there are none that touch.
     """
     options = options or MeshingOptions()
-    if glued is Glued.BOLTS and not any(_bolt_with_nut(joint) for joint in survey.joints):
+    if glued is Glued.BOLTS and not any(is_bolt_with_nut(joint) for joint in survey.joints):
         raise InputError(
             "no bolt touches a nut, by the names of the bodies (such as bolt_1 and nut_1); name"
             " them so in the CAD system, or write [[tie]] in the case file."
@@ -119,6 +103,7 @@ def first_case(
     text += LOADS.format(
         components=_quoted("xyz"[: survey.dim]),
         traction=[*zero[1:], -1.0],
+        loading=loading_for(survey, glued, options),
         system=_quoted(TABLE),
     )
     text += "# Free faces, with their areas and places:\n"
@@ -135,7 +120,7 @@ def _material(body: Body, material: Common | None) -> str:
 def _others(options: MeshingOptions) -> str:
     """The options besides the size, where they are not the usual ones."""
     usual, text = MeshingOptions(), ""
-    for key in ("sizes", "curvature", "order", "meshed", "symmetry", "overlap"):
+    for key in ("sizes", "curvature", "order", "meshed", "symmetry", "overlap", "without"):
         value = getattr(options, key)
         if value == getattr(usual, key):
             continue
@@ -143,13 +128,12 @@ def _others(options: MeshingOptions) -> str:
             inside = ", ".join(f"{name} = {float(number)}" for name, number in value.items())
             text += f"{key} = {{{inside}}}\n"
         else:
-            text += f"{key} = {_quoted(value) if isinstance(value, str) else value}\n"
+            text += f"{key} = {_quoted(value) if isinstance(value, str | list) else value}\n"
     return text
 
 
 def _joint(joint: Joint, glued: Glued, options: MeshingOptions) -> str:
-    bolt = _bolt_with_nut(joint)
-    tied = glued is Glued.ALL or (glued is Glued.BOLTS and bolt)
+    bolt, tied = is_bolt_with_nut(joint), glued.glues(joint)
     other = "; a bolt and its nut, which [[tie]] holds" if bolt else "; [[tie]] glues instead"
     return CONTACT.format(
         kind="tie" if tied else "contact",
@@ -162,15 +146,11 @@ def _joint(joint: Joint, glued: Glued, options: MeshingOptions) -> str:
     )
 
 
-def _bolt_with_nut(joint: Joint) -> bool:
-    one, other = joint.bodies
-    return any(BOLT.search(a) and NUT.search(b) for a, b in ((one, other), (other, one)))
-
-
 def _face(face: Face) -> str:
     place = ", ".join(f"{x:.5g}" for x in face.centre)
-    return f"#   {face.name:32} {face.shape}, {face.area:.5g}, about ({place})\n"
+    shape = f"{face.shape} ({face.round_of})" if face.round_of else face.shape
+    return f"#   {face.name:32} {shape}, {face.area:.5g}, about ({place})\n"
 
 
-def _quoted(text: str) -> str:
+def _quoted(text: str | list[str]) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML wants that too

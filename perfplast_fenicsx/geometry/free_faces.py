@@ -122,6 +122,20 @@ def cylinder_of(dim: int, tag: int) -> Cylinder | None:
     return Cylinder(1 / curvature, axis, centre - (centre @ axis) * axis)
 
 
+def round_of(dim: int, tag: int) -> str:
+    """Radius and axis of the cylinder that a face lies on, in words; empty of other faces."""
+    on = cylinder_of(dim, tag)
+    if on is None:
+        return ""
+    radius = f"R {abs(on.radius):.5g}"
+    if dim == 1:
+        return radius
+    along = np.flatnonzero(np.abs(on.axis) > ALIKE)
+    axis = np.round(on.axis, 3) + 0.0
+    words = AXES[along[0]] if len(along) == 1 else f"({', '.join(f'{a:g}' for a in axis)})"
+    return f"{radius}, along {words}"
+
+
 def _by_end(body: str, dim: int, tags: Sequence[int], around: Floats) -> str | None:
     low, high = box(dim, tags)
     length = float(np.linalg.norm(around[1] - around[0]))

@@ -7,16 +7,14 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.geometry.free_faces import FaceGroup, shape_of
+from perfplast_fenicsx.geometry.cad_measures import cad_measure, mesh_measure
+from perfplast_fenicsx.geometry.free_faces import FaceGroup, round_of, shape_of
 from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.seams import Seam
 from perfplast_fenicsx.geometry.survey import Body, Face, Joint
 
 ROUNDING = 1e-9
 """Coordinates below this share of a body's size are zero."""
-
-GAUSS = "Gauss4"
-"""Rule that volumes of curved elements are exact with."""
 
 
 def measured_body(dim: int, part: Part) -> Body:
@@ -26,11 +24,12 @@ def measured_body(dim: int, part: Part) -> Body:
     return Body(
         name=part.name,
         label=part.label,
-        volume=sum(_measure(dim, tag) for tag in part.tags),
+        volume=sum(mesh_measure(dim, tag) for tag in part.tags),
         low=tuple(points.min(axis=0).tolist()),
         high=tuple(points.max(axis=0).tolist()),
         cells=elements(dim, part).size,
         worst=float(qualities(dim, part).min()),
+        cad=cad_measure(dim, part.tags),
     )
 
 
@@ -45,7 +44,7 @@ def measured_joint(dim: int, parts: Sequence[Part], number: int, seam: Seam) -> 
         for side, faces in zip(sides, seam.faces, strict=True):
             gmsh.model.addPhysicalGroup(dim - 1, faces, name=side)
     shapes = tuple(sorted({shape_of(dim - 1, face) for face in seam.faces[0]}))
-    area = sum(_measure(dim - 1, face) for face in seam.faces[0])
+    area = sum(mesh_measure(dim - 1, face) for face in seam.faces[0])
     return Joint((one, other), sides, area, shapes)
 
 
@@ -60,9 +59,11 @@ def measured_faces(
         nodes = np.concatenate([_coordinates(dim - 1, tag) for tag in group.tags])
         middle = nodes.mean(axis=0)
         middle[abs(middle) < ROUNDING * size] = 0.0
-        area = sum(_measure(dim - 1, tag) for tag in group.tags)
+        area = sum(mesh_measure(dim - 1, tag) for tag in group.tags)
         shape, body = shape_of(dim - 1, group.tags[0]), parts[group.body].name
-        faces.append(Face(group.number, name, body, shape, area, tuple(map(float, middle))))
+        centre = tuple(float(x) for x in middle)
+        known = (cad_measure(dim - 1, group.tags), round_of(dim - 1, group.tags[0]))
+        faces.append(Face(group.number, name, body, shape, area, centre, *known))
     for name, tags in together.items():
         gmsh.model.addPhysicalGroup(dim - 1, tags, name=name)
     return faces
@@ -85,16 +86,6 @@ def nodes_of(dim: int, part: Part) -> int:
     """How many nodes a body has."""
     nodes = [n for tag in part.tags for n in gmsh.model.mesh.getElements(dim, tag)[2]]
     return np.unique(np.concatenate(nodes)).size
-
-
-def _measure(dim: int, tag: int) -> float:
-    """Volume, area or length of the elements, curved ones too."""
-    total = 0.0
-    for kind in gmsh.model.mesh.getElementTypes(dim, tag):
-        points, weights = gmsh.model.mesh.getIntegrationPoints(kind, GAUSS)
-        determinants = gmsh.model.mesh.getJacobians(kind, points, tag)[1]
-        total += float((determinants.reshape(-1, weights.size) @ weights).sum())
-    return total
 
 
 def _coordinates(dim: int, tag: int) -> Floats:

@@ -1,15 +1,19 @@
 """A geometry file as a mesh of bodies with names, and a survey of what is in it. One process."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import gmsh
 import numpy as np
 
 from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.geometry import thickness
+from perfplast_fenicsx.geometry.cad_measures import worst_area
 from perfplast_fenicsx.geometry.face_names import face_names
 from perfplast_fenicsx.geometry.free_faces import put_together
 from perfplast_fenicsx.geometry.joints import box, cut_along_each_other, near_misses
+from perfplast_fenicsx.geometry.left_out_bodies import without
 from perfplast_fenicsx.geometry.measured import (
     elements,
     measured_body,
@@ -25,6 +29,7 @@ from perfplast_fenicsx.geometry.seams import find_seams, free_faces, take_apart
 from perfplast_fenicsx.geometry.skin import skin_of
 from perfplast_fenicsx.geometry.survey import Survey
 from perfplast_fenicsx.geometry.symmetry import cut_in_half
+from perfplast_fenicsx.geometry.thickness import share_through
 from perfplast_fenicsx.mesh.split_bodies import write_split
 
 ELEMENTS = 15_000
@@ -39,6 +44,13 @@ FLAT = 1e-7
 ALGORITHMS = ((6, 1), (6, 10), (1, 1))
 """Gmsh's, of faces and of bodies: frontal Delaunay and Delaunay, which are its defaults; HXT, which
 places nodes otherwise; MeshAdapt, which copes with the oddest faces."""
+
+USUAL, FINER = 10.0, (16.0, 26.0, 36.0)
+"""Elements about a circle where nothing is said, and those that areas may ask for in turn, as long
+as the mesh has no more than twice :data:`ELEMENTS`."""
+
+EXACT = 0.01
+"""Share by which areas may be wrong without a word."""
 
 POOR = 0.02
 """Elements of less quality are told of."""
@@ -58,6 +70,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     begin(Stage("reading it"))
     dim, parts = read_parts(source)
     begin(Stage("cutting its bodies along each other"))
+    parts = without(dim, parts, options.without)
     parts = cut_in_half(dim, parts, options.symmetry)
     parts = cut_along_each_other(dim, parts, options.overlap)
     near = near_misses(dim, parts)
@@ -70,7 +83,8 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     groups = put_together(dim - 1, free_faces(dim, parts, seams), extent)
     names = face_names(dim - 1, parts, groups, options)
     begin(Stage("meshing", _names_of_faces(dim, parts)))
-    longest = _mesh(dim, parts, options)
+    longest = _mesh_with_areas(dim, parts, options)
+    missed = worst_area(dim, parts)
 
     gmsh.model.removePhysicalGroups()
     bodies = [measured_body(dim, part) for part in parts]
@@ -90,7 +104,44 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         " no contact between them"
         for pair in edges
     ]
+    remarks += [
+        f"'{part.name}' has one element through its thickness in most places; bending asks for two"
+        f" at least: give a smaller size (--size-of {part.name}=H)"
+        for part in parts
+        if share_through(dim, part) > thickness.MOST
+    ]
+    if missed > EXACT:
+        remarks.append(
+            f"areas of faces are up to {100 * missed:.2g} % wrong, as circles are polygons, and so"
+            " are the forces of pressures on them; more elements about a circle (--curvature) are"
+            " nearer, and total = true keeps the force of a traction"
+        )
     return Survey(dim, options.order, nodes, bodies, joints, near, faces, remarks, longest)
+
+
+def _mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
+    """Mesh so finely about circles that areas are right, and say the largest edge length.
+
+    Where a finer mesh has flat elements, too many or none at all, the one before is made again.
+    """
+    longest = _mesh(dim, parts, options)
+    if options.curvature is not None:
+        return longest
+    before = USUAL
+    for finer in FINER:
+        if worst_area(dim, parts) <= EXACT:
+            break
+        try:
+            _mesh(dim, parts, replace(options, curvature=finer))
+            few = sum(elements(dim, part).size for part in parts) <= 2 * ELEMENTS
+            fine = few and min(qualities(dim, part).min() for part in parts) >= FLAT
+        except InputError:
+            fine = False
+        if not fine:
+            _mesh(dim, parts, replace(options, curvature=before))
+            break
+        before = finer
+    return longest
 
 
 def _mesh(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
@@ -104,7 +155,8 @@ def _mesh(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
     lengths = [np.sort(around[1] - around[0])[-dim:] for around in boxes.values()]
     room = sum(float(np.prod(np.maximum(length, 1e-12))) for length in lengths)
     size = options.size or float(room / (ELEMENTS / (6 if dim == 3 else 2))) ** (1 / dim)
-    for name, value in (("FromCurvature", options.curvature), ("ExtendFromBoundary", 1)):
+    curvature = USUAL if options.curvature is None else options.curvature
+    for name, value in (("FromCurvature", curvature), ("ExtendFromBoundary", 1)):
         gmsh.option.setNumber(f"Mesh.MeshSize{name}", value)
     gmsh.option.setNumber("Mesh.MeshSizeMax", max([size, *options.sizes.values()]))
     _without_size(max([size, *options.sizes.values()]))

@@ -9,6 +9,7 @@ from pathlib import Path
 import gmsh
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.geometry.sewing import sewn
 from perfplast_fenicsx.mesh.gmsh_subprocess import windows_path
 
 NO_NAME = re.compile(
@@ -75,13 +76,9 @@ def read_parts(path: Path) -> tuple[int, list[Part]]:
         reason = str(error).rstrip(".") or "OpenCASCADE does not say why"
         raise InputError(f"'{path}' cannot be read: {reason}; export it again.") from error
     tags = [tag for dim, tag in found if dim == 3]
-    if not tags:
-        raise InputError(
-            f"'{path}' has {len(found)} faces and curves, but no solid; sew the faces to solids in"
-            " the CAD system, and export those."
-            if found
-            else f"'{path}' is empty; export the parts as solids."
-        )
+    if not tags and not found:
+        raise InputError(f"'{path}' is empty; export the parts as solids.")
+    tags = tags or sewn(path, len(found))
     labels = [gmsh.model.getEntityName(3, tag) for tag in tags]
     names = unique_names(_leaf(label) for label in labels)
     return 3, [

@@ -15,6 +15,7 @@ class Body:
         high: Largest coordinates.
         cells: Elements.
         worst: Quality of the worst one, 1 for an equilateral one, 0 for a flat one.
+        cad: Its volume (in the plane, the area) in the file; None where that is not known.
     """
 
     name: str
@@ -24,6 +25,7 @@ class Body:
     high: tuple[float, ...]
     cells: int
     worst: float
+    cad: float | None = None
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,9 @@ class Face:
         shape: Such as "flat".
         area: Of its mesh.
         centre: The mean of its nodes' places.
+        cad: Its area in the file; None where that is not known.
+        round_of: Of a cylinder, its radius and the direction of its axis, such as "R 5, along z";
+            empty of others.
     """
 
     number: int
@@ -62,6 +67,8 @@ class Face:
     shape: str
     area: float
     centre: tuple[float, ...]
+    cad: float | None = None
+    round_of: str = ""
 
 
 @dataclass(frozen=True)

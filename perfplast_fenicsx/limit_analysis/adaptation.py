@@ -42,7 +42,8 @@ class Adaptation:
 
     Args:
         until: Gap of the bounds at which it ends, relative to the lower one, between 0 and 1.
-        cells: Cells that a mesh may have at most; at least those of the first one.
+        cells: Cells that a finer mesh may have at most; the first one may have more, and is the
+            only one then.
 
     Raises:
         InputError: A gap that is none.
@@ -59,14 +60,8 @@ class Adaptation:
         """Refuse a first mesh that cannot be adapted. Collective.
 
         Raises:
-            InputError: If it has too many cells, or curved ones.
+            InputError: If it has curved cells.
         """
-        count = _count(tagged_mesh)
-        if self.cells < count:
-            raise InputError(
-                f"cells = {self.cells} is less than the {count} of the first mesh; give more, or a"
-                " coarser mesh."
-            )
         check_refinable(tagged_mesh)
 
 
@@ -245,7 +240,9 @@ def _better(new: Bound, old: Bound, sign: int) -> bool:
 
 def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
     """The next mesh, or why there is none. Collective."""
-    part = PART[problem.bodies.gdim]
+    part, too_many = PART[problem.bodies.gdim], f"a finer mesh would have more than {cells} cells"
+    if _count(problem.tagged_mesh) >= cells:
+        return too_many
     if found.static is not None and found.static.verdict is Verdict.NO_RESISTANCE:
         part = 1.0  # what carries nothing has no shares: cells are too large anywhere
     for _ in range(FEWER):
@@ -256,7 +253,7 @@ def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
         if _count(finer) <= cells:
             return finer
         part /= 2
-    return f"a finer mesh would have more than {cells} cells"
+    return too_many
 
 
 def _marked(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.bool_]:

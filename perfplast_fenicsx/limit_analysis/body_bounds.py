@@ -39,6 +39,8 @@ log = logging.getLogger(__name__)
 
 NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("not computed; control = 'bounds' computes it",))
 
+NO_MECHANISM = "no admissible mechanism was found"
+
 
 @dataclass(frozen=True)
 class BodyBounds:
@@ -201,7 +203,7 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
     certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
     advice: tuple[str, ...] = ()
     if limit.upper is None:
-        why = UNLIMITED if limit.reason == UNLIMITED else "no admissible mechanism was found"
+        why = UNLIMITED if limit.reason == UNLIMITED else NO_MECHANISM
         upper = Bound(None, "upper", Scope.MESH, (why,))
     else:
         upper = strict_upper_bound(problem, limit.mechanism)

@@ -30,6 +30,7 @@ from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_tolerance,
 )
 from perfplast_fenicsx.limit_analysis.limit_program import limit_program
+from perfplast_fenicsx.limit_analysis.locking import locking_bodies
 from perfplast_fenicsx.limit_analysis.natural_units import (
     UNLIMITED,
     Start,
@@ -72,6 +73,7 @@ class DiscreteLimit:
         steps: What was done.
         factorisations: Of a stiffness, the projections included.
         linear_solves: Linear systems solved with them.
+        locked: Bodies that have most of what keeps v from being a mechanism, where there is none.
     """
 
     verdict: Verdict
@@ -87,6 +89,7 @@ class DiscreteLimit:
     steps: list[InteriorStep]
     factorisations: int
     linear_solves: int
+    locked: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         numbers = {"lower": self.lower, "estimate": self.estimate, "upper": self.upper}
@@ -205,6 +208,7 @@ def _result(
     forces: Floats = np.zeros(len(problem.basis.gap))
     lower = upper = estimate = None
     unbalanced = inadmissible = np.inf
+    locked: tuple[str, ...] = ()
     if iteration is not None and steps:
         low = lower_bound(iteration)
         lower, unbalanced = low.value, low.unbalanced
@@ -216,6 +220,7 @@ def _result(
             high = upper_bound(iteration)
             upper, inadmissible = high.value, high.inadmissible
             if upper is None:
+                locked = locking_bodies(problem, iteration)
                 reason += f"; no admissible mechanism was found, {_remedy(problem)}"
                 verdict = verdict if inadmissible <= NEARLY else Verdict.STALLED
         if verdict is Verdict.FOUND or upper is not None:
@@ -247,6 +252,7 @@ def _result(
         steps=steps,
         factorisations=program.stiffness.factorisations,
         linear_solves=program.stiffness.solves,
+        locked=locked,
     )
 
 

@@ -32,6 +32,8 @@ ROUNDING = 1e-9
 
 CURVED = "on curved contact surfaces normals are averaged, or are those of a curved obstacle"
 
+ENTERS = "the mechanism enters contact between nodes"
+
 IN_MEAN = "surfaces whose nodes do not match are kept apart in the mean alone"
 
 
@@ -68,7 +70,7 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
     if not comm.allreduce(bool(seen.all()), MPI.LAND):
         why.append(CURVED)
     if comm.allreduce(entered, MPI.MAX) > ROUNDING * largest:
-        why.append("the mechanism enters contact between nodes")
+        why.append(ENTERS)
     return why
 
 

@@ -68,6 +68,7 @@ class LimitLoad:
             (:mod:`coulomb_search`); neither is a bound of anything else.
         drucker: Beside such a load, what two theorems say of all of its kind; None where they have
             not been asked.
+        locked: Bodies that keep the interior point method from a mechanism, where it found none.
     """
 
     method: LimitMethod
@@ -88,6 +89,7 @@ class LimitLoad:
     inadmissible: float | None = None
     theorem: bool = True
     drucker: DruckerBounds | None = None
+    locked: tuple[str, ...] = ()
 
     @property
     def collapses(self) -> bool:
@@ -158,4 +160,5 @@ def from_interior_point(found: DiscreteLimit) -> LimitLoad:
         stress=found.stress,
         contact_forces=found.contact_forces,
         inadmissible=found.inadmissible,
+        locked=found.locked,
     )

@@ -9,6 +9,9 @@ from perfplast_fenicsx.mesh.connected_bodies import Bodies
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
 
+ROUNDING = 1e-9
+"""Coordinates of a middle, relative to the size of the body, that are told as 0."""
+
 
 def body_names(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, bodies: Bodies) -> list[str]:
     """Words for each body, alike on every rank. Collective.
@@ -19,8 +22,8 @@ def body_names(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, bodies: Bodies) ->
         bodies: Its bodies.
 
     Returns:
-        "'pin'"; "'bolts' in the box [0 to 1, 2 to 3]" where several bodies have that name; all
-        names where bodies of several names are one.
+        "'pin'"; "'bolts' about (0.5, 2.5)", with its middle, where several bodies have that name;
+        all names where bodies of several names are one.
     """
     topology, tags = tagged_mesh.mesh.topology, tagged_mesh.cell_tags
     owned = tags.indices < topology.index_map(topology.dim).size_local
@@ -37,6 +40,8 @@ def body_names(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, bodies: Bodies) ->
     for number, name in enumerate(called):
         if several[name] > 1:
             low, high = bounding_box(V.mesh.comm, x[bodies.of_node == number])
-            box = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True))
-            called[number] = f"{name} in the box [{box}]"
+            middle = (low + high) / 2
+            middle[np.abs(middle) < ROUNDING * np.linalg.norm(high - low)] = 0.0
+            place = ", ".join(f"{a:.4g}" for a in middle)
+            called[number] = f"{name} about ({place})"
     return called

@@ -81,6 +81,8 @@ class Traction(SpreadLoad):
         value: The force per area (stress), a number or formula a direction.
         name: What messages call it.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+        total: Whether a traction is the whole force on its surface, which is spread evenly over the
+            area in the mesh.
     """
 
     words: ClassVar[str] = "traction"
@@ -90,6 +92,7 @@ class Traction(SpreadLoad):
     value: Sequence[Formula]
     name: str = ""
     constant: bool = False
+    total: bool = False
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
         """t·v."""

@@ -15,6 +15,7 @@ from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.problem.given_motion import GivenMotion
+from perfplast_fenicsx.problem.moments import moment
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -29,6 +30,8 @@ class Resultants:
             is moved, ``obstacle NAME`` and ``contact PRIMARY SECONDARY``: that on the primary
             surface's body, and none on both together. What two supports hold alike is told of the
             first one.
+        moments: Of ``loads`` and of each ``support NAME`` and ``rigid surface NAME`` about the
+            origin (:func:`moments.moment`).
         balance: Sum of the forces on the bodies, or moment about the middle of the bodies over
             their size, whichever is larger, relative to the sum of all nodal forces. In
             axisymmetry it is that of the axial forces.
@@ -38,6 +41,7 @@ class Resultants:
     """
 
     forces: Mapping[str, list[float]]
+    moments: Mapping[str, list[float]]
     balance: float
     driving: float
     driving_by_name: Mapping[str, float]
@@ -116,10 +120,14 @@ def resultants(
         spread = comm.allreduce(float(contact @ motion.overlap))
         return moved + spread + float(np.sum(pushing * motion.sources))
 
+    turning = {"loads": moment(problem, external)}
+    for number, name in enumerate(problem.support_names):
+        turning[name] = moment(problem, np.where(held_by == number, reaction, 0.0))
+    moments = {name: comm.allreduce(each).tolist() for name, each in turning.items()}
     told = {name: [float(number) for number in force] for name, force in forces.items()}
     by_name = {name: driven(part) for name, part in problem.motion.parts.items()}
     balance = missing / total if total > 0 else 0.0
-    return Resultants(told, balance, driven(problem.motion), by_name)
+    return Resultants(told, moments, balance, driven(problem.motion), by_name)
 
 
 def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.Vec) -> None:

@@ -40,6 +40,9 @@ MODELS = {
 FEW = 4
 """Loads that are named where ζ is explained; all stand in the case."""
 
+MANY = 3
+"""Rows that say the same and become one."""
+
 
 class CaseWords:
     """Says what was given."""
@@ -69,7 +72,7 @@ class CaseWords:
                 numbers, remembers = material["body"], "; remembers plastic flow"
             words = LAWS.get(numbers["kind"], numbers["kind"])
             rows.append((name, f"{words}{remembers}: {self._numbers(numbers)}"))
-        return rows
+        return folded(rows, "bodies")
 
     def supports(self) -> list[Row]:
         """Each held surface, and how."""
@@ -140,7 +143,7 @@ class CaseWords:
             rows.append((obstacle.get("name") or obstacle["on"], text))
         for tie in self._given.get("ties", []):
             rows.append((f"{tie['primary']} – {tie['secondary']}", "glued together"))
-        return rows
+        return folded(rows, "places")
 
     def number(self, value: Any, kind: str) -> str:
         """A number, formula or vector with the unit of its kind, if any."""
@@ -176,6 +179,26 @@ class CaseWords:
             words, unit = NUMBERS.get(key, (key.replace("_", " "), ""))
             told.append(f"{words} {self.number(value, unit)}")
         return ", ".join(told)
+
+
+def folded(rows: Sequence[Row], what: str) -> list[Row]:
+    """Rows of which many say the same, those in one row with all their names.
+
+    Args:
+        rows: Names and what is said of them.
+        what: What the names are of, such as "bodies".
+    """
+    names: dict[str, list[str]] = {}
+    for name, text in rows:
+        names.setdefault(text, []).append(name)
+    told = []
+    for name, text in rows:
+        alike = names[text]
+        if len(alike) < MANY:
+            told.append((name, text))
+        elif name == alike[0]:
+            told.append((f"{len(alike)} {what}", f"{text}: {', '.join(alike)}"))
+    return told
 
 
 def plain(value: Any) -> str:

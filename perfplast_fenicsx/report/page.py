@@ -5,12 +5,20 @@ from html import escape
 from importlib import resources
 from string import Template
 
+from perfplast_fenicsx.force_rows import force_rows
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
 from perfplast_fenicsx.report.curve import NARROW, curve_of, to_svg
 from perfplast_fenicsx.report.run_again import command_of
-from perfplast_fenicsx.report.tables import GRADES, TIGHT, level_table, pairs, reaction_table
+from perfplast_fenicsx.report.tables import (
+    GRADES,
+    TIGHT,
+    force_table,
+    level_table,
+    pairs,
+    reaction_table,
+)
 from perfplast_fenicsx.report.verdict import Verdict, verdict_on
 from perfplast_fenicsx.report.view_data import View
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
@@ -44,10 +52,11 @@ def page_of(reader: ResultReader, view: View) -> str:
         title=escape(scene.title or "A run"),
         style=_asset("page.css"),
         verdict=_verdict(verdict_on(reader), words.meaning(scene.driven)),
+        warnings=_warnings(summary),
         view=_view(view),
         curve=_curve(reader),
         levels=_levels(reader),
-        reactions=_reactions(reader),
+        reactions=_limit_forces(reader) + _reactions(reader),
         case=_case(summary, words),
         again=_again(summary),
         version=escape(summary.version),
@@ -114,6 +123,38 @@ def _reactions(reader: ResultReader) -> str:
     return _section("reactions", "Forces", note + table)
 
 
+def _limit_forces(reader: ResultReader) -> str:
+    """Forces and moments of loads and supports where a limit load was sought."""
+    summary = reader.summary
+    limit = summary.limit or {}
+    body = limit.get("body") or {}
+    known = (summary.loads, body.get("lower"), body.get("upper"), limit.get("forces"))
+    forces, axes = force_rows(*known, zeta="ζ"), summary.model["axes"]
+    if not limit or not forces:
+        return ""
+    units = [summary.units.get(kind, "") for kind in ("force", "moment")]
+    text = force_table("force", axes, units[0], forces)
+    moments = force_rows(*known, moments=True, zeta="ζ")
+    if any(row for _, row in moments):
+        about = "xyz" if len(axes) == 3 else "z"
+        text += force_table("moment about the origin", about, units[1], moments)
+    note = summary.model["forces"]
+    text += f"<p>Forces and moments are {escape(note)}.</p>" if note else ""
+    if limit.get("forces"):
+        text += (
+            "<p>Forces of supports and contacts are those of the stress that was found on the mesh;"
+            " where they can share a force in several ways, it is one of them.</p>"
+        )
+    return _section("loads", "Forces and moments", text)
+
+
+def _warnings(summary: Summary) -> str:
+    """What the program has warned of, and said of the problem."""
+    told = [*summary.warnings, *summary.remarks]
+    items = "".join(f"<li>{escape(text[:1].upper() + text[1:])}</li>" for text in told)
+    return _section("warnings", "What to know of this run", f"<ul>{items}</ul>" if items else "")
+
+
 def _case(summary: Summary, words: CaseWords) -> str:
     kind = summary.model["kind"]
     parts = [
@@ -144,6 +185,7 @@ def _again(summary: Summary) -> str:
     versions = ", ".join(f"{a} {b}" for a, b in summary.surroundings.get("versions", {}).items())
     rows = [
         ("Method", summary.method),
+        ("Date", summary.surroundings.get("began", "")),
         ("Processes", str(summary.ranks)),
         ("Time", f"{timings.get('total', sum(timings.values())):.1f} s"),
         ("Memory", f"{summary.peak_memory_mb:.0f} MiB in all"),

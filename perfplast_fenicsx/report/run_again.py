@@ -13,7 +13,8 @@ def command_of(summary: Summary) -> str:
     """The command, as a shell has it; empty where a Python program has made the run."""
     if not summary.case:
         return ""
-    launch = ["mpirun", "-n", str(summary.ranks)] if summary.ranks > 1 else []
-    words = [*launch, "perfplast", "run", summary.case["file"], "-o", "results"]
+    launch = f"mpirun -n {summary.ranks} " if summary.ranks > 1 else ""
+    words = ["perfplast", "run", summary.case["file"], "-o", "results"]
+    command = summary.surroundings.get("command") or shlex.join(words)
     options = OF_SOLVERS.sub("", summary.surroundings.get("petsc_options", "")).strip()
-    return shlex.join(words) + (f" -- {options}" if options else "")
+    return launch + command + (f" -- {options}" if options else "")

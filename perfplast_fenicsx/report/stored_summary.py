@@ -106,6 +106,24 @@ class _Drucker(TypedDict):
     words: str
 
 
+class _Loaded(TypedDict):
+    name: str
+    on: str
+    constant: bool
+    force: list[float]
+    moment: list[float]
+
+
+class _Forces(TypedDict):
+    zeta: float
+    reactions: dict[str, list[float]]
+    moments: dict[str, list[float]]
+
+
+class _Design(TypedDict):
+    in_words: str
+
+
 class _Limit(TypedDict):
     lower: float
     estimate: float | None
@@ -115,6 +133,9 @@ class _Limit(TypedDict):
     theorem: NotRequired[bool]
     drucker: NotRequired[_Drucker | None]
     body: NotRequired[_Body | None]
+    next_steps: NotRequired[list[str]]
+    forces: NotRequired[_Forces | None]
+    design: NotRequired[_Design | None]
 
 
 class _Case(TypedDict, total=False):
@@ -125,6 +146,8 @@ class _Case(TypedDict, total=False):
 class _Surroundings(TypedDict, total=False):
     versions: dict[str, str]
     petsc_options: str
+    command: str
+    began: str
 
 
 class _Summary(TypedDict):
@@ -133,6 +156,9 @@ class _Summary(TypedDict):
     given: _Given
     case: _Case
     surroundings: _Surroundings
+    loads: NotRequired[list[_Loaded]]
+    remarks: NotRequired[list[str]]
+    warnings: NotRequired[list[str]]
     steps: list[_Step]
     limit: _Limit | None
 

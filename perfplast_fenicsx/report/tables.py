@@ -86,6 +86,13 @@ def reaction_table(reactions: Mapping[str, Sequence[float]], axes: str, unit: st
     return table(heads, rows)
 
 
+def force_table(what: str, axes: str, unit: str, rows: Sequence[tuple[str, list[float]]]) -> str:
+    """A row for each force, or moment, that :func:`force_rows.force_rows` has."""
+    heads = [what, *(f"{axis}{_bracket(unit)}" for axis in axes)]
+    cells = [[escape(name), *(f"{number:.6g}" for number in row)] for name, row in rows]
+    return table(heads, cells)
+
+
 def _bracket(unit: str) -> str:
     return f" ({escape(unit)})" if unit else ""
 

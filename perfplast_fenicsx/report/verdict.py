@@ -36,7 +36,11 @@ class Verdict:
 def verdict_on(reader: ResultReader) -> Verdict:
     """The verdict on the results that are on file."""
     if reader.limit is not None:
-        found = _of_limit(reader.limit, reader.summary.limit or {})
+        table = reader.summary.limit or {}
+        found = _of_limit(reader.limit, table)
+        if design := table.get("design"):
+            words = design["in_words"].replace("zeta", "ζ")
+            found = replace(found, details=[words, *found.details])
         solved = [report.zeta for report in reader.reports if report.converged]
         if not solved:
             return found
@@ -65,6 +69,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     reasons = [f"{why[:1].upper()}{why[1:]}." for why in limit.body.get("why_not", [])]
     met = table["levelled_off"] and limit.upper is not None
     ended = [] if met else [f"How the search on {mesh} ended: {table['reason']}."]
+    ended += [f"{step[:1].upper()}{step[1:]}." for step in table.get("next_steps", [])]
     if lower is not None and upper is not None:
         return Verdict(
             "proven",

@@ -18,6 +18,9 @@ from perfplast_fenicsx.report.packing import pack_integers, pack_numbers, size_o
 from perfplast_fenicsx.report.skin_fields import SkinState, read_state
 from perfplast_fenicsx.report.skin_lines import skin_lines
 
+ROUNDING = 1e-9
+"""Negative numbers of a field that are no larger, relative to its largest, begin its scale at 0."""
+
 ROOM = 18_000_000
 """Characters of packed arrays that a page may have; with all else it stays below 20 MB."""
 
@@ -163,13 +166,15 @@ def _offered(states: list[dict[str, Any]], units: Mapping[str, str]) -> list[dic
     for name in names:
         of_levels = [a["fields"][name] for a in states if name in a["fields"]]
         words = words_of(name, units)
+        low = min(a["low"] for a in of_levels)
+        high = max(a["high"] for a in of_levels)
         offered.append(
             {
                 "name": name,
                 "label": words.label,
                 "unit": words.unit,
-                "low": min(0.0, *(a["low"] for a in of_levels)),
-                "high": max(a["high"] for a in of_levels),
+                "low": low if low < -ROUNDING * abs(high) else 0.0,
+                "high": high,
                 "whole": all(a["whole"] for a in of_levels),
             }
         )

@@ -19,6 +19,7 @@ from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import support_tables
 from perfplast_fenicsx.io.case import tables as schemas
+from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.results import field_series
@@ -43,6 +44,7 @@ TABLES = {
     "[material.NAME]": [*MATERIALS.values()],
     "[[support]]": [support_tables.SupportTable],
     "[[load]]": [load_table()],
+    "[gravity]": [GravityTable],
     "[[temperature]]": [Temperature],
     "[[initial_stress]]": [InitialStress],
     "[[contact]]": [Contact],

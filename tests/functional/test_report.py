@@ -263,3 +263,37 @@ def test_in_a_browser(results: Path, browser: Any) -> None:
     asked = {message["params"]["request"]["url"].split(":")[0] for message in sent}
     assert asked <= {"file", "data"}
     assert sum(a["params"]["request"]["url"].startswith("file:") for a in sent) == 1
+
+
+@alone
+def test_in_the_dark_and_on_paper(results: Path, browser: Any) -> None:
+    """The page follows the scheme, its pictures stay light, and paper has their colours."""
+    page = Page(browser, results / "report.html")
+    paper = "getComputedStyle(document.body).backgroundColor"
+    assert page(paper) == "rgb(255, 255, 255)"
+
+    def emulate(media: str, scheme: str) -> None:
+        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        told = {"media": media, "features": features}
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", told)
+
+    emulate("screen", "dark")
+    page.wait(f"{paper} === 'rgb(22, 25, 29)'")
+    assert page("getComputedStyle(document.querySelector('.curve')).backgroundColor") == (
+        "rgb(255, 255, 255)"
+    )
+    assert page.pixels()[0, 0].tolist() == [255, 255, 255]
+    emulate("print", "dark")
+    page.wait(f"{paper} === 'rgb(255, 255, 255)'")
+    legend = "getComputedStyle(document.getElementById('legend-bar')).printColorAdjust"
+    assert page(legend) == "exact"
+    assert page("getComputedStyle(document.getElementById('told')).display") == "none"
+
+
+def test_date_and_command(results: Path, comm: MPI.Intracomm) -> None:
+    page = (results / "report.html").read_text(encoding="utf-8")
+    case = results.parent / "case.toml"
+    launch = f"mpirun -n {comm.size} " if comm.size > 1 else ""
+    assert f"{launch}perfplast run {case} -o {results} --report" in page
+    began = json.loads((results / "summary.json").read_text(encoding="utf-8"))["surroundings"]
+    assert f"<dd>{began['began']}</dd>" in page

@@ -15,7 +15,8 @@ from perfplast_fenicsx import read_gmsh
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey, mesher
-from perfplast_fenicsx.geometry.first_case import Glued, first_case
+from perfplast_fenicsx.geometry.first_case import first_case
+from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.parts import Part, check_file, unique_names
 from perfplast_fenicsx.geometry.survey import Body, Joint
 from perfplast_fenicsx.mesh import gmsh_session
@@ -174,6 +175,8 @@ def test_bolts_with_nuts() -> None:
     for glued, kind in ((Glued.NOTHING, "contact"), (Glued.BOLTS, "tie"), (Glued.ALL, "tie")):
         text = first_case(Survey(3, 1, 4, bodies, [joint]), "a", "a.step", glued=glued)
         assert kind in tomllib.loads(text)
+        loading = tomllib.loads(text)["loading"]["control"]
+        assert loading == ("work" if kind == "tie" else "bounds")
     with pytest.raises(InputError, match="no bolt touches a nut"):
         first_case(Survey(3, 1, 4, bodies), "a", "a.step", glued=Glued.BOLTS)
 
@@ -237,6 +240,10 @@ def test_any_title(title: str) -> None:
     assert case["material"].keys() == {"a"}
 
 
+SHAFT = (0, 0, 0, 0, 0, 40, 10)
+"""Place, axis and radius."""
+
+
 def test_names() -> None:
     wanted = ["Bolt M12", "bolt-m12", "12", "ÄÖ", "bolt_m12_1", "Nut"]
     names = unique_names(wanted)
@@ -245,12 +252,70 @@ def test_names() -> None:
 
 
 @pytest.mark.skipif(not FOREIGN.exists(), reason="OpenCASCADE's data are not installed")
-@pytest.mark.parametrize(
-    ("name", "says"), [("occ/face1.brep", "no solid"), ("iges/hammer.iges", "no solid")]
-)
-def test_files_of_others_without_solids(shared_tmp_path: Path, name: str, says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        survey_of(FOREIGN / name, shared_tmp_path / "out.msh")
+def test_a_file_of_others_without_solids(shared_tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no solid, and they enclose none"):
+        survey_of(FOREIGN / "occ" / "face1.brep", shared_tmp_path / "out.msh")
+
+
+@pytest.mark.skipif(not FOREIGN.exists(), reason="OpenCASCADE's data are not installed")
+def test_a_drawing_of_others_that_is_sewn(shared_tmp_path: Path) -> None:
+    found = survey_of(FOREIGN / "iges" / "hammer.iges", shared_tmp_path / "hammer.msh")
+    for body in found.bodies:
+        assert body.cad is not None
+        assert body.volume == pytest.approx(body.cad, rel=0.02)
+
+
+def test_faces_are_sewn_to_solids(shared_tmp_path: Path) -> None:
+    def box() -> None:
+        gmsh.model.occ.addBox(0, 0, 0, 10, 20, 30)
+
+    iges = write(shared_tmp_path / "box.igs", box)
+    (body,) = survey_of(iges, shared_tmp_path / "box.msh", MeshingOptions(size=8.0)).bodies
+    assert body.volume == pytest.approx(6000.0, rel=1e-9)
+    assert body.cad == pytest.approx(6000.0, rel=1e-9)
+
+
+def test_bodies_that_are_left_out(shared_tmp_path: Path) -> None:
+    step = write(shared_tmp_path / "pin.step", pin_in_plate)
+    mesh = shared_tmp_path / "pin.msh"
+    bodies = {body.name for body in survey_of(step, mesh, MeshingOptions(size=8.0)).bodies}
+    gone = sorted(bodies)[1:3]
+    found = survey_of(step, mesh, MeshingOptions(size=8.0, without=gone))
+    assert {body.name for body in found.bodies} == bodies - set(gone)
+    assert not {name for joint in found.joints for name in joint.bodies} & set(gone)
+    with pytest.raises(InputError, match=r"without names 'lid', but there is no such body"):
+        survey_of(step, mesh, MeshingOptions(without=["lid"]))
+    with pytest.raises(InputError, match="leaves out all bodies"):
+        survey_of(step, mesh, MeshingOptions(without=sorted(bodies)))
+
+
+def test_areas_are_right_to_one_percent(shared_tmp_path: Path) -> None:
+    """A shaft: ten elements about it would make its ends 6.5 % too small."""
+    step = write(shared_tmp_path / "shaft.step", lambda: gmsh.model.occ.addCylinder(*SHAFT))
+    mesh = shared_tmp_path / "shaft.msh"
+    found = survey_of(step, mesh, MeshingOptions(size=20.0))
+    for face in found.faces:
+        assert face.cad is not None
+        assert face.area == pytest.approx(face.cad, rel=0.01)
+    assert {face.round_of for face in found.faces} == {"", "R 10, along z"}
+    assert sum(face.cad or 0.0 for face in found.faces) == pytest.approx(1000 * math.pi)
+    assert not any("areas of faces" in remark for remark in found.remarks)
+    coarse = survey_of(step, mesh, MeshingOptions(size=20.0, curvature=8.0))
+    (remark,) = [remark for remark in coarse.remarks if "areas of faces" in remark]
+    assert "10 % wrong" in remark
+    assert "--curvature" in remark
+
+
+def test_one_element_through_the_thickness(shared_tmp_path: Path) -> None:
+    plate = write(shared_tmp_path / "plate.step", lambda: gmsh.model.occ.addBox(0, 0, 0, 50, 50, 2))
+    mesh = shared_tmp_path / "plate.msh"
+
+    def warned(size: float) -> bool:
+        remarks = survey_of(plate, mesh, MeshingOptions(size=size)).remarks
+        return any("one element through its thickness" in remark for remark in remarks)
+
+    assert warned(6.0)
+    assert not warned(1.2)
 
 
 @pytest.mark.skipif(not FOREIGN.exists(), reason="OpenCASCADE's data are not installed")

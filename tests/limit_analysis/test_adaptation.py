@@ -232,12 +232,16 @@ def test_a_mesh_that_does_not_fit_into_memory_is_the_last(
     assert found.upper.strict
 
 
+def test_a_first_mesh_that_is_finer_than_asked_is_the_only_one(shared_tmp_path: Path) -> None:
+    found = adaptive_bounds(footing(shared_tmp_path), Adaptation(until=1e-3, cells=9), rtol=1e-2)
+    assert len(found.rounds) == 1
+    assert found.reason == "a finer mesh would have more than 9 cells"
+    assert found.upper.strict
+
+
 def test_what_cannot_be_adapted(shared_tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^until = 1 is not between 0 and 1; try 0.01"):
         Adaptation(until=1)
-    problem = footing(shared_tmp_path)
-    with pytest.raises(InputError, match=r"^cells = 9 is less than the 353 of the first mesh"):
-        adaptive_bounds(problem, Adaptation(cells=9))
     mesh = made(shared_tmp_path, write_thick_tube, size=0.2, order=2)
     tube = Problem(
         mesh,

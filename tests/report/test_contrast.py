@@ -14,8 +14,12 @@ TEXT, MARK = 4.5, 3.0
 """Least contrasts, of text and of what is drawn."""
 
 CSS = resources.files("perfplast_fenicsx.report").joinpath("assets/page.css").read_text("utf-8")
-NAMES = dict(re.findall(r"--(\w+): (#\w{6})", CSS))
-PAPERS = (NAMES["paper"], NAMES["wash"])
+LIGHT, DARK = (
+    dict(re.findall(r"--(\w+): (#\w{6})", scheme)) for scheme in re.findall(r":root \{.*?\}", CSS)
+)
+SCHEMES = pytest.mark.parametrize("names", [LIGHT, DARK], ids=["light", "dark"])
+WHITE = "#ffffff"
+"""Of curves and the legend, in either scheme."""
 
 
 def luminance(colour: str) -> float:
@@ -31,20 +35,27 @@ def contrast(a: str, b: str) -> float:
     return (high + 0.05) / (low + 0.05)
 
 
-def used(kind: str) -> list[tuple[str, str]]:
+def used(kind: str, names: dict[str, str]) -> list[tuple[str, str]]:
     """Rules and the colours that they give to properties of a kind."""
-    plain = re.sub(r"var\(--(\w+)\)", lambda found: NAMES[found[1]], CSS)
+    plain = re.sub(r"var\(--(\w+)\)", lambda found: names[found[1]], CSS)
     found = []
     for rule, body in re.findall(r"([^{}]+)\{([^{}]*)\}", plain):
         for colour in re.findall(rf"(?:^|[;\s])(?:{kind}):[^;]*?(#\w+)", body):
-            found.append((f"{rule.strip()} on {ground(body)}", colour))
+            found.append((f"{rule.strip()} on {ground(rule, body)}", colour))
     return found
 
 
-def ground(body: str) -> str:
+def ground(rule: str, body: str) -> str:
     """The background of a rule, or that of the page."""
-    own = re.search(r"background: (#\w+)", body)
-    return own[1] if own else "paper"
+    own = re.search(r"background: (#\w{6})", body)
+    white = rule.strip().startswith((".curve", "#legend"))
+    return own[1] if own else WHITE if white else "paper"
+
+
+def test_both_schemes_have_the_same_colours() -> None:
+    assert LIGHT.keys() == DARK.keys()
+    assert luminance(LIGHT["paper"]) > 0.9
+    assert luminance(DARK["paper"]) < 0.05
 
 
 def test_the_measure() -> None:
@@ -54,12 +65,13 @@ def test_the_measure() -> None:
 
 def test_words_and_areas_of_the_curve() -> None:
     """Its words are filled, and so is the band between two bounds."""
-    found = dict(used("fill"))
-    assert set(found) == {".curve on paper", ".curve .band on paper"}
+    found = dict(used("fill", DARK))
+    assert set(found) == {f".curve on {WHITE}", f".curve .band on {WHITE}"}
     for colour in found.values():
-        assert contrast(colour, NAMES["paper"]) >= TEXT
+        assert contrast(colour, WHITE) >= TEXT
 
 
+@SCHEMES
 @pytest.mark.parametrize(
     ("kind", "least"),
     [
@@ -67,12 +79,12 @@ def test_words_and_areas_of_the_curve() -> None:
         ("border|border-left|border-bottom|border-left-color|outline|stroke|accent-color", MARK),
     ],
 )
-def test_colours_of_the_style_sheet(kind: str, least: float) -> None:
-    found = used(kind)
+def test_colours_of_the_style_sheet(kind: str, least: float, names: dict[str, str]) -> None:
+    found = used(kind, names)
     assert len(found) >= 8
     for rule, colour in found:
         own = rule.rsplit(" on ", 1)[1]
-        for paper in PAPERS if own == "paper" else (own,):
+        for paper in (names["paper"], names["wash"]) if own == "paper" else (own,):
             assert contrast(colour, paper) >= least, (rule, colour)
 
 
@@ -82,9 +94,9 @@ def test_colours_of_curves_and_axes() -> None:
     letters = re.findall(r"#\w{6}", listed)
     assert len(letters) == 3
     for colour in letters:
-        assert contrast(colour, NAMES["paper"]) >= TEXT
+        assert contrast(colour, WHITE) >= TEXT
     for colour in COLOURS:
-        assert contrast(colour, NAMES["paper"]) >= MARK
+        assert contrast(colour, WHITE) >= MARK
 
 
 def test_curves_differ_by_more_than_their_colours() -> None:

@@ -6,14 +6,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+from perfplast_fenicsx.force_rows import force_rows
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.result_reader import StoredLimit
-from perfplast_fenicsx.report.case_words import CaseWords
+from perfplast_fenicsx.report.case_words import CaseWords, folded
 from perfplast_fenicsx.report.curve import NARROW, curve_of, far_ticks, ticks, to_svg
 from perfplast_fenicsx.report.field_words import words_of
-from perfplast_fenicsx.report.page import mesh_in_words
+from perfplast_fenicsx.report.page import _warnings, mesh_in_words
 from perfplast_fenicsx.report.run_again import command_of
-from perfplast_fenicsx.report.tables import grade, level_table, pairs, reaction_table
+from perfplast_fenicsx.report.tables import (
+    force_table,
+    grade,
+    level_table,
+    pairs,
+    reaction_table,
+)
 from perfplast_fenicsx.units import Units
 from tests.io.results.test_result_folder import report
 
@@ -179,3 +186,34 @@ def test_how_to_run_it_again() -> None:
     assert command_of(summary) == (
         "mpirun -n 2 perfplast run 'my case.toml' -o results -- -perfplast_ksp_rtol 1e-10"
     )
+    summary.surroundings["command"] = "perfplast run 'my case.toml' -o here --report"
+    assert command_of(summary) == (
+        "mpirun -n 2 perfplast run 'my case.toml' -o here --report -- -perfplast_ksp_rtol 1e-10"
+    )
+
+
+def test_rows_that_say_the_same_are_one() -> None:
+    rows = [("a", "steel"), ("b", "brass"), ("c", "steel"), ("d", "steel"), ("e", "brass")]
+    told = [("3 bodies", "steel: a, c, d"), ("b", "brass"), ("e", "brass")]
+    assert folded(rows, "bodies") == told
+
+
+def test_what_was_warned_of_is_on_the_page() -> None:
+    summary = Summary("", "1", "newton", "zeta", ranks=1, mesh={}, model={})
+    assert _warnings(summary) == ""
+    summary.warnings, summary.remarks = ["loosely held: 'a<b'"], ["friction is steep"]
+    text = _warnings(summary)
+    assert "<li>Loosely held: &#x27;a&lt;b&#x27;</li><li>Friction is steep</li>" in text
+
+
+def test_forces_of_a_limit_load() -> None:
+    load = {"name": "push", "on": "push", "constant": False, "force": [3.0, 1e-15], "moment": [7.0]}
+    rows = force_rows([load], 2.0000001, 3.0, None, zeta="ζ")
+    assert rows == [
+        ("load push, ζ = 1", [3.0, 0.0]),
+        ("load push, ζ = 2, carried for certain", [6.0, 0.0]),
+        ("load push, ζ = 3, collapse for certain", [9.0, 0.0]),
+    ]
+    text = force_table("force", "xy", "N/mm", rows)
+    assert '<th scope="col">x (N/mm)</th>' in text
+    assert "<td>6</td><td>0</td>" in text

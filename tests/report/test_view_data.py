@@ -18,7 +18,7 @@ from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.report.packing import size_of
 from perfplast_fenicsx.report.skin_fields import as_number, rows_of
 from perfplast_fenicsx.report.skin_lines import skin_lines
-from perfplast_fenicsx.report.view_data import chosen_levels, view_data
+from perfplast_fenicsx.report.view_data import _offered, chosen_levels, view_data
 from perfplast_fenicsx.units import Units
 from tests.report.test_packing import unpacked
 
@@ -71,6 +71,13 @@ def test_the_view_is_that_of_the_results(reader: ResultReader) -> None:
     assert list(offered)[:2] == ["stress", "yield_ratio"]
     assert (offered["stress"]["unit"], offered["displacement"]["unit"]) == ("MPa", "mm")
     assert offered["stress"]["low"] == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(("low", "shown"), [(-1.77e-14, 0.0), (-2.0, -2.0), (3.0, 0.0)])
+def test_scales_begin_at_zero_but_for_what_is_below(low: float, shown: float) -> None:
+    states = [{"fields": {"stress": {"low": low, "high": 5.0, "whole": True}}}]
+    (field,) = _offered(states, {})
+    assert field["low"] == pytest.approx(shown, abs=1e-300)
 
 
 def test_numbers_that_are_not_finite_are_left_out_of_ranges(

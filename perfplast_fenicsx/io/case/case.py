@@ -1,7 +1,7 @@
 """Case files: what is solved and how, as TOML.
 
 A case file holds the tables ``[mesh]`` or ``[geometry]``, ``[material.NAME]``, ``[[support]]``,
-``[[load]]``, ``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``,
+``[[load]]``, ``[gravity]``, ``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``,
 ``[[temperature]]``, ``[[initial_stress]]``, ``[model]``, ``[element]``, ``[solve]``, ``[loading]``
 or ``[[stage]]``, ``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
@@ -18,6 +18,7 @@ from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile
+from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import read_load
 from perfplast_fenicsx.io.case.loading_checks import check_loading
 from perfplast_fenicsx.io.case.loading_options import (
@@ -215,9 +216,14 @@ def _case(path: Path, text: str) -> Case:
         _, law, rest = choose(properties, "law", MATERIALS, place)
         materials[body] = convert(rest, law, place)
     units = read_units(top.units, materials, name)
-    loads = []
+    loads: list[Load] = []
     for place, load in _numbered(top.load, f"{name}, [[load]]"):
         loads.append(read_load(load, place))
+    if top.gravity is not None:
+        place = f"{name}, [gravity]"
+        weight = convert(top.gravity, GravityTable, place)
+        with at(place):
+            loads += weight.loads(materials)
     supports = _numbered(top.support, f"{name}, [[support]]")
     contacts = _numbered(top.contact, f"{name}, [[contact]]")
     obstacles: list[Obstacle] = []

@@ -19,6 +19,7 @@ from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.docstrings import arguments, summary
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.case.support_tables import RigidSurfaceTable, SupportTable
@@ -87,6 +88,7 @@ def _tables() -> dict[str, Schema]:
         "material": _choice("law", MATERIALS),
         "support": _table(SupportTable),
         "load": _table(load_table()),
+        "gravity": _table(GravityTable),
         "temperature": _table(Temperature),
         "initial_stress": _table(InitialStress),
         "contact": _table(Contact),

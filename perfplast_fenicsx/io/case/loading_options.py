@@ -7,6 +7,7 @@ from typing import ClassVar, Literal
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.schema import Table
+from perfplast_fenicsx.limit_analysis.design_factor import check_design
 from perfplast_fenicsx.limit_analysis.limit_checks import check_tolerance
 from perfplast_fenicsx.limit_analysis.limit_methods import TOLERANCE, LimitMethod
 from perfplast_fenicsx.problem.prescribed import Prescribed
@@ -28,6 +29,7 @@ class LoadControl:
     prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
     limit_tolerance: ClassVar[None] = None
     limit_method: ClassVar[None] = None
+    design: ClassVar[None] = None
     element: ClassVar[Table] = {}
 
     values: list[float]
@@ -55,6 +57,8 @@ class WorkControl:
             "path" follows ζ(α), by steps of its own, until it has levelled off. The default is the
             former where it knows the laws and a factorisation fits, unless there is a [solve] to
             follow a path with or Coulomb's friction. With ``until`` only.
+        design: Load factor of the load that the bodies are designed for, often 1.0: results tell
+            how many times it is carried. With ``until`` only.
 
     Raises:
         InputError: Not exactly one of ``values`` and ``until``, or values out of their range.
@@ -67,6 +71,7 @@ class WorkControl:
     until: Literal["limit"] | None = None
     limit_tolerance: float | None = None
     limit_method: Literal["interior-point", "path"] | None = None
+    design: float | None = None
 
     def __post_init__(self) -> None:
         if (self.values is None) == (self.until is None):
@@ -74,12 +79,13 @@ class WorkControl:
             raise InputError(f"there is {what}; give either values = [...] or until = 'limit'.")
         if self.values is not None:
             _check_values(self.values, "works")
-            for key in ("limit_tolerance", "limit_method"):
+            for key in ("limit_tolerance", "limit_method", "design"):
                 if getattr(self, key) is not None:
                     raise InputError(f"{key} goes with until = 'limit'; leave it out.")
         else:
             tolerance = TOLERANCE if self.limit_tolerance is None else self.limit_tolerance
             check_tolerance(tolerance)
+            check_design(self.design)
             object.__setattr__(self, "limit_tolerance", tolerance)
 
     def check_proportional(self) -> None:
@@ -94,9 +100,11 @@ class BoundsControl:
     Args:
         limit_tolerance: How near each bound comes to the best of its kind on this mesh, relative,
             between 0 and 1.
+        design: Load factor of the load that the bodies are designed for, often 1.0: results tell
+            how many times it is carried.
 
     Raises:
-        InputError: A tolerance that is none.
+        InputError: A tolerance or a load factor that is none.
     """
 
     prescribes: ClassVar[Prescribed] = Prescribed.WORK  # L(v) = 1
@@ -105,9 +113,11 @@ class BoundsControl:
     element: ClassVar[Table] = {"degree": 2}  # linear ones lock
 
     limit_tolerance: float = 1e-4
+    design: float | None = None
 
     def __post_init__(self) -> None:
         check_tolerance(self.limit_tolerance)
+        check_design(self.design)
 
 
 @dataclass(frozen=True)
@@ -125,6 +135,7 @@ class DisplacementControl:
     prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
     limit_tolerance: ClassVar[None] = None
     limit_method: ClassVar[None] = None
+    design: ClassVar[None] = None
     element: ClassVar[Table] = {}
 
     values: list[float] | None = None
@@ -150,6 +161,7 @@ class StageControl:
     values: ClassVar[None] = None
     limit_tolerance: ClassVar[None] = None
     limit_method: ClassVar[None] = None
+    design: ClassVar[None] = None
     element: ClassVar[Table] = {}
 
     stages: list[Stage]

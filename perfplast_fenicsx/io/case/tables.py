@@ -27,6 +27,7 @@ class Document:
         stage: A history of loading, instead of [loading]: the bodies then remember plastic flow.
         model: What the coordinates of a mesh in the plane mean.
         title: For people; the name of the file where it is missing.
+        gravity: The weight of bodies, by their densities.
         support: What holds the bodies.
         temperature: Where the temperature changes.
         initial_stress: Where bodies have stress before they are deformed.
@@ -48,6 +49,7 @@ class Document:
     model: Table = field(default_factory=dict)
     title: str = ""
     load: list[Table] = field(default_factory=list)
+    gravity: Table | None = None
     support: list[Table] = field(default_factory=list)
     temperature: list[Table] = field(default_factory=list)
     initial_stress: list[Table] = field(default_factory=list)

@@ -34,6 +34,7 @@ from perfplast_fenicsx.io.results.result_files import (
     SERIES,
 )
 from perfplast_fenicsx.io.results.summary import Summary, to_json
+from perfplast_fenicsx.mesh.element_size import element_size
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.report import LevelReport
@@ -211,6 +212,7 @@ class Results:
             },
             model={"kind": kinematics.name, "axes": kinematics.axes, "forces": kinematics.forces},
             given=given_table(problem.given),
+            element_size=element_size(problem.tagged_mesh),
         )
         self.reports: list[LevelReport] = []
         for report in reports:

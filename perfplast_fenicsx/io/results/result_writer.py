@@ -1,5 +1,6 @@
 """What a run leaves behind for whoever looks at it: the scene, its levels, its limit load."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -14,7 +15,12 @@ from perfplast_fenicsx.io.results.result_files import PROOF
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.design_factor import DesignFactor
+from perfplast_fenicsx.limit_analysis.limit_forces import limit_forces
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
+from perfplast_fenicsx.mesh_estimate import MeshEstimate
+from perfplast_fenicsx.path_bracket import PathBracket
+from perfplast_fenicsx.problem.load_resultants import load_resultants
 from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level
@@ -23,7 +29,7 @@ LIMIT_KEYS = (
     *("method", "lower", "estimate", "upper", "alpha", "levelled_off", "reason"),
     *("iterations", "linear_solves", "factorisations", "theorem"),
 )
-"""Keys of ``limit`` in ``summary.json``, besides ``body`` and ``drucker``."""
+"""Keys of ``limit`` in ``summary.json``, besides ``body`` and what is said of both."""
 
 
 class ResultWriter:
@@ -66,6 +72,7 @@ class ResultWriter:
             folder, problem, scene.title, __version__, method, prescribed, saved.reports
         )
         self.results.summary.units = scene.units.table(problem.kinematics.whole)
+        self.results.summary.loads = [asdict(load) for load in load_resultants(problem)]
         self._output = OutputFields(problem) if fields else None
         self._fields = FieldSeries(folder, problem, prescribed, saved.reports) if fields else None
 
@@ -96,6 +103,8 @@ class ResultWriter:
         limit: LimitLoad,
         body: BodyBounds | None = None,
         adaptive: AdaptiveBounds | None = None,
+        steps: Sequence[str] = (),
+        design: DesignFactor | None = None,
         fields: bool = True,
     ) -> None:
         """Write a limit load and its mechanism. Collective.
@@ -104,6 +113,8 @@ class ResultWriter:
             limit: The limit load of the mesh.
             body: What is proven of the body.
             adaptive: The meshes on which that was sought, where there are several.
+            steps: What to do next, a sentence each without a full stop.
+            design: The limit load against the design load.
             fields: Whether to write the mechanism; where it is one on another mesh, the fields of
                 levels are lost.
 
@@ -133,10 +144,29 @@ class ResultWriter:
                     folder = self.results.folder
                     write_proof(folder, folder.file(PROOF), lower, upper)
             table = {key: getattr(limit, key) for key in LIMIT_KEYS}
-            drucker = limit.drucker and limit.drucker.table()
-            proven = body and _table(body, adaptive)
-            self.results.summary.limit = table | {"drucker": drucker, "body": proven}
+            table |= {"drucker": limit.drucker and limit.drucker.table()}
+            table |= {"body": body and _table(body, adaptive)}
+            table["verdict"] = verdict_of(limit, body)
+            forces = limit_forces(body.problem if body else self._problem, limit)
+            table["forces"] = forces and asdict(forces)
+            table["design"] = design and asdict(design) | {"in_words": design.in_words()}
+            self.results.summary.limit = table | {"next_steps": list(steps)}
             self.results.write()
+
+
+def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:
+    """The outcome in words: what is proven of the body if anything is, else the estimate.
+
+    Args:
+        limit: Of the mesh.
+        body: What is proven.
+    """
+    if body is not None and (body.lower.strict or body.upper.strict):
+        return body.in_words()
+    if not limit.theorem:
+        return f"This path {PathBracket(limit.lower, limit.upper).in_words()}."
+    estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
+    return f"Limit load of this mesh: {estimate.in_words()}."
 
 
 def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:

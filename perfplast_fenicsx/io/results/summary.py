@@ -13,12 +13,17 @@ class Summary:
     Attributes:
         prescribed: What each level prescribes, "zeta" or "alpha"; the other one is found.
         mesh: Numbers of cells, vertices and displacement unknowns (dofs).
+        element_size: Mean of the longest edges of the cells (length).
         model: Which ``kind`` it is, the ``axes`` that components of ``reactions`` are of, and what
             ``forces`` and works are of: each unit of depth, or the full turn.
         given: What was solved: materials, supports, loads and the rest
             (:func:`given_table.given_table`).
+        loads: Force and moment of each load at ζ = 1 (:class:`load_resultants.LoadResultant`).
         case: The case ``file``, and the ``text`` of it; nothing of a Python program.
-        surroundings: ``versions`` by name, and the ``petsc_options`` of the command line.
+        surroundings: ``versions`` by name, the ``petsc_options`` of the command line, the
+            ``command`` without them, and when it ``began``.
+        remarks: What was said of the problem before it was solved, a sentence each.
+        warnings: What the program warned of.
         steps: A :data:`result_folder.STEP_KEYS` table for each level.
         limit: Limit load, where one was asked for.
         timings: Wall time by activity (s).
@@ -36,8 +41,12 @@ class Summary:
     mesh: dict[str, int]
     model: dict[str, str]
     given: dict[str, Any] = field(default_factory=dict)
+    element_size: float = 0.0
+    loads: list[dict[str, Any]] = field(default_factory=list)
     case: dict[str, str] = field(default_factory=dict)
     surroundings: dict[str, Any] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
     steps: list[dict[str, Any]] = field(default_factory=list)
     limit: dict[str, Any] | None = None
     timings: dict[str, float] = field(default_factory=dict)

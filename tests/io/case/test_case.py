@@ -500,7 +500,6 @@ def test_fault_seen_with_the_mesh(
         ("adapt = { until = 2.0 }", ["[mesh], adapt", "until = 2.0", "try 0.01"]),
         ("adapt = { cels = 5 }", ["[mesh], adapt", "'cels'", "'cells'"]),
         ("adapt = true", ["[mesh]", "adapt = true", "a table"]),
-        ("adapt = { cells = 5 }", ["[mesh]: adapt: cells = 5", "288 of the first mesh"]),
     ],
 )
 def test_adaptation_that_cannot_be(

@@ -1,0 +1,48 @@
+"""Forces and moments of loads and supports on the terminal, where a limit load was sought."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from perfplast_fenicsx.force_rows import Row, force_rows
+
+
+def force_lines(
+    loads: Sequence[Mapping[str, Any]],
+    lower: float | None,
+    upper: float | None,
+    at_limit: Mapping[str, Any] | None,
+    axes: str,
+    units: Mapping[str, str],
+) -> list[str]:
+    """The table, a text for each line; nothing without loads.
+
+    Args:
+        loads: As for :func:`force_rows.force_rows`, and so the next three.
+        lower: Load factor that the bodies carry for certain.
+        upper: One at which they collapse for certain.
+        at_limit: What the stress of the mesh is in balance with.
+        axes: Letters of the components of forces.
+        units: As :meth:`units.Units.table` has them.
+    """
+    forces = force_rows(loads, lower, upper, at_limit)
+    moments = force_rows(loads, lower, upper, at_limit, moments=True)
+    if not forces:
+        return []
+    lines = _table(f"Forces{_bracket(units.get('force', ''))}", axes, forces)
+    if any(row for _, row in moments):
+        head = f"Moments about the origin{_bracket(units.get('moment', ''))}"
+        lines += _table(head, "xyz" if len(axes) == 3 else "z", moments)
+    return lines
+
+
+def _table(head: str, axes: str, rows: Sequence[Row]) -> list[str]:
+    width = max(len(head), *(len(name) + 2 for name, _ in rows))
+    lines = [f"{head:{width}}" + "".join(f"  {axis:>12}" for axis in axes)]
+    for name, row in rows:
+        cells = "".join(f"  {number:>12.6g}" for number in row)
+        lines.append(f"  {name:{width - 2}}{cells}")
+    return lines
+
+
+def _bracket(unit: str) -> str:
+    return f" ({unit})" if unit else ""

@@ -1,0 +1,81 @@
+"""The arguments of ``perfplast mesh``."""
+
+import argparse
+from typing import Any
+
+
+def add_mesh(commands: Any, scripts: argparse.ArgumentParser) -> None:
+    """Add the command.
+
+    Args:
+        commands: Sub-parsers.
+        scripts: What all commands have that may run a script.
+    """
+    mesh = commands.add_parser(
+        "mesh",
+        parents=[scripts],
+        help="turn a STEP, BREP, .geo or .inp file into a mesh and a first case file",
+        description="Read the bodies of a geometry file, find out where they touch, and write"
+        " DIR/case.msh and DIR/case.toml, in which materials, supports and loads are to be filled"
+        " in. Lengths are in mm for STEP files. A model of Abaqus or CalculiX (.inp) has its mesh:"
+        " it is taken with its materials, supports, loads, contacts and ties.",
+    )
+    mesh.add_argument(
+        "geometry", metavar="DRAWING", help=".step, .stp, .brep, .iges, .igs, .geo or .inp"
+    )
+    mesh.add_argument("-o", "--output", metavar="DIR", required=True, help="folder to write to")
+    mesh.add_argument("--size", metavar="H", type=float, help="largest edge length")
+    mesh.add_argument(
+        "--size-of",
+        metavar="BODY=H",
+        action="append",
+        default=[],
+        help="largest edge length of one body (may be repeated)",
+    )
+    mesh.add_argument(
+        "--curvature",
+        metavar="N",
+        type=float,
+        help="elements about a circle (default: 10, or what makes areas right to 1 %%)",
+    )
+    mesh.add_argument(
+        "--without",
+        metavar="BODY",
+        action="append",
+        default=[],
+        help="leave out a body, by its name (may be repeated)",
+    )
+    mesh.add_argument(
+        "--order", type=int, choices=(1, 2), default=1, help="2 for curved elements (default: 1)"
+    )
+    mesh.add_argument(
+        "--symmetry",
+        metavar="AXIS=X",
+        action="append",
+        default=[],
+        help="plane of symmetry, such as x=0; the half beyond is kept (may be repeated)",
+    )
+    mesh.add_argument(
+        "--apart", action="store_true", help="mesh each body by itself; contact is then mortar"
+    )
+    mesh.add_argument(
+        "--overlap",
+        metavar="SHARE",
+        type=float,
+        default=1e-3,
+        help="of a body's volume by which another may overlap it (default: 0.001)",
+    )
+    mesh.add_argument(
+        "--material", metavar="NAME", help="of all bodies, from the table of perfplast materials"
+    )
+    mesh.add_argument(
+        "--patience",
+        metavar="S",
+        type=float,
+        default=600.0,
+        help="longest time for it, in seconds (default: 600)",
+    )
+    glued = mesh.add_mutually_exclusive_group()
+    glued.add_argument("--tied", action="store_true", help="glue bodies that touch")
+    glued.add_argument("--bolted", action="store_true", help="glue bolts and their nuts alone")
+    mesh.add_argument("--force", action="store_true", help="replace mesh and case file in DIR")

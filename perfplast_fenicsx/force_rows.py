@@ -1,0 +1,70 @@
+"""Forces and moments of loads and supports as rows of a table, where a limit load was sought."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
+
+Row = tuple[str, list[float]]
+
+ROUNDING = 1e-9
+"""What of a force or moment is no larger, relative to the largest of its table, is told as 0."""
+
+
+def force_rows(
+    loads: Sequence[Mapping[str, Any]],
+    lower: float | None,
+    upper: float | None,
+    at_limit: Mapping[str, Any] | None,
+    moments: bool = False,
+    zeta: str = "zeta",
+) -> list[Row]:
+    """What loads are at ζ = 1 and at the bounds, and supports at the limit load of the mesh.
+
+    Args:
+        loads: Tables of :class:`load_resultants.LoadResultant`.
+        lower: Load factor that the bodies carry for certain.
+        upper: One at which they collapse for certain.
+        at_limit: Table of :class:`limit_forces.LimitForces`.
+        moments: Whether moments are meant, and no forces.
+        zeta: How the load factor is called.
+
+    Returns:
+        Words and numbers; without loads there are none.
+    """
+    rows = list(_rows(loads, lower, upper, at_limit, moments, zeta))
+    largest = max((abs(number) for _, row in rows for number in row), default=0.0)
+    return [
+        (name, [number if abs(number) > ROUNDING * largest else 0.0 for number in row])
+        for name, row in rows
+    ]
+
+
+def _rows(
+    loads: Sequence[Mapping[str, Any]],
+    lower: float | None,
+    upper: float | None,
+    at_limit: Mapping[str, Any] | None,
+    moments: bool,
+    zeta: str,
+) -> Iterator[Row]:
+    for load in loads:
+        named = load["name"] not in ("", load["on"])
+        name = f"load {load['name']} on {load['on']}" if named else f"load {load['on']}"
+        one = load["moment" if moments else "force"]
+        if load["constant"]:
+            yield f"{name}, at any {zeta}", one
+            continue
+        yield f"{name}, {zeta} = 1", one
+        if lower is not None:
+            shown = rounded_down(lower)
+            words = f"{name}, {zeta} = {shown}, carried for certain"
+            yield words, [float(shown) * number for number in one]
+        if upper is not None:
+            shown = rounded_up(upper)
+            words = f"{name}, {zeta} = {shown}, collapse for certain"
+            yield words, [float(shown) * number for number in one]
+    if at_limit is not None and loads:
+        for name, one in at_limit["moments" if moments else "reactions"].items():
+            if name != "loads":
+                yield f"{name}, {zeta} = {at_limit['zeta']:.6g}, limit load of the mesh", one

@@ -1,0 +1,90 @@
+"""What a first case asks for: bounds of the bodies where they are known and affordable."""
+
+from collections.abc import Iterator, Mapping
+
+from perfplast_fenicsx.geometry.glued import Glued
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.survey import Survey
+
+AFFORDABLE = {2: 60_000, 3: 12_000}
+"""Cells by dimension up to which a first case asks for bounds: some minutes on one core."""
+
+ADAPTED = {2: 20_000, 3: 9_000}
+"""Cells up to which it has the mesh adapted as well, which takes three to five times as long."""
+
+IN_CONTACT = 2 / 3
+"""Share of these that bodies may have which touch, as contact makes factors larger."""
+
+UNTIL = 0.1
+"""Distance of the bounds, relative, at which the meshes end."""
+
+GROWTH = 2.0
+"""How many times the cells of the first mesh the last one may have."""
+
+BOUNDS = """\
+[loading]
+control = "bounds"              # what the bodies carry, and what they do not, for certain
+"""
+
+ADAPT = """
+[mesh]                          # finer ones until bounds are {percent:.0f} % apart, or so fine
+adapt = {{ until = {until}, cells = {cells} }}
+"""
+
+ONE_MESH = """\
+# on this mesh alone, since {why}
+"""
+
+ESTIMATE = """\
+[loading]
+control = "work"                # no control = "bounds", since {why}
+until = "limit"                 # of the mesh: an estimate, which may lie above what bodies carry
+"""
+
+
+def loading_for(survey: Survey, glued: Glued, options: MeshingOptions) -> str:
+    """``[loading]`` and ``[mesh]`` of a first case, with the reason where no bounds are asked for.
+
+    Args:
+        survey: What there is; all bodies yield by von Mises' law, and all loads grow.
+        glued: What is glued.
+        options: By which it was meshed.
+    """
+    why = next(_against(survey, glued, options), None)
+    if why is not None:
+        return ESTIMATE.format(why=why)
+    why = next(_against_adapting(survey), None)
+    if why is not None:
+        return BOUNDS + ONE_MESH.format(why=why)
+    cells = round(GROWTH * _cells(survey) + 500, -3)
+    return BOUNDS + ADAPT.format(percent=100 * UNTIL, until=UNTIL, cells=int(cells))
+
+
+def _against(survey: Survey, glued: Glued, options: MeshingOptions) -> Iterator[str]:
+    """Why no bounds are asked for."""
+    if any(glued.glues(joint) for joint in survey.joints):
+        yield "none are known of bodies that a [[tie]] glues"
+    if survey.joints and options.meshed == "apart":
+        yield "none are known of contact whose nodes do not match (meshed apart)"
+    if survey.degree > 1:
+        yield "none are known of curved elements (order = 2)"
+    if (cells := _cells(survey)) > _most(survey, AFFORDABLE):
+        yield f"they take long on {cells} elements (a larger size has fewer)"
+
+
+def _against_adapting(survey: Survey) -> Iterator[str]:
+    """Why bounds are asked for on one mesh."""
+    for joint in survey.joints:
+        if any(shape not in ("flat", "straight") for shape in joint.shapes):
+            one, other = joint.bodies
+            yield f"'{one}' and '{other}' touch on curved faces: the lower bound alone is strict"
+    if _cells(survey) > _most(survey, ADAPTED):
+        yield f"finer ones than {_cells(survey)} elements take long; see adapt under [mesh]"
+
+
+def _most(survey: Survey, cells: Mapping[int, int]) -> float:
+    return cells[survey.dim] * (IN_CONTACT if survey.joints else 1.0)
+
+
+def _cells(survey: Survey) -> int:
+    return sum(body.cells for body in survey.bodies)

@@ -1,0 +1,39 @@
+"""Bodies of a geometry file that are left out, by their names."""
+
+from collections.abc import Sequence
+
+import gmsh
+
+from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.geometry.parts import Part
+
+
+def without(dim: int, parts: Sequence[Part], names: Sequence[str]) -> list[Part]:
+    """Remove bodies from gmsh's current model.
+
+    Args:
+        dim: Of the bodies.
+        parts: All bodies.
+        names: Of those to be left out.
+
+    Raises:
+        InputError: If there is no such body, or none remains.
+    """
+    known = [part.name for part in parts]
+    for name in names:
+        if name not in known:
+            raise InputError(
+                f"without names '{name}', but there is no such body; {nearest(name, known)}"
+            )
+    kept = [part for part in parts if part.name not in names]
+    if not kept:
+        raise InputError("without leaves out all bodies; leave one of them in.")
+    gone = [(dim, tag) for part in parts if part.name in names for tag in part.tags]
+    kernels = (gmsh.model.occ, gmsh.model.geo)
+    for kernel in kernels:
+        made = set(gmsh.model.occ.getEntities(dim))
+        here = [one for one in gone if (one in made) == (kernel is gmsh.model.occ)]
+        if here:
+            kernel.remove(here, recursive=True)
+            kernel.synchronize()
+    return kept

@@ -1,0 +1,61 @@
+"""The limit load against the load that the bodies are designed for."""
+
+import math
+from dataclasses import dataclass
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
+
+
+@dataclass(frozen=True)
+class DesignFactor:
+    """How many times the design load is carried.
+
+    Attributes:
+        zeta: Load factor of the design load.
+        lower: So many times it is carried for certain; None where nothing is proven.
+        upper: So many times it the bodies collapse for certain; None where nothing is proven.
+        estimate: So many times it the mesh carries; None where its limit load was not found.
+    """
+
+    zeta: float
+    lower: float | None
+    upper: float | None
+    estimate: float | None
+
+    @staticmethod
+    def of(
+        zeta: float, lower: float | None, upper: float | None, estimate: float | None
+    ) -> "DesignFactor":
+        """From the limit load and its bounds, as load factors."""
+        over = [None if value is None else value / zeta for value in (lower, upper, estimate)]
+        return DesignFactor(zeta, *over)
+
+    def in_words(self) -> str:
+        """What it says, in a sentence."""
+        load = f"The design load (zeta = {self.zeta:.6g})"
+        if self.lower is not None and self.lower >= 1:
+            beyond = "" if self.upper is None else f", and at most {rounded_up(self.upper)} times"
+            return f"{load} is carried {rounded_down(self.lower)} times for certain{beyond}."
+        if self.upper is not None and self.upper < 1:
+            return (
+                f"{load} is not carried: the bodies collapse at {rounded_up(self.upper)} times it"
+                " at the latest."
+            )
+        proven = [
+            f"{rounded_down(self.lower)} times it is carried" if self.lower is not None else "",
+            f"{rounded_up(self.upper)} times it is not" if self.upper is not None else "",
+        ]
+        known = "; ".join(filter(None, proven)) or "nothing is proven of the bodies"
+        guess = "" if self.estimate is None else f" (estimate: {self.estimate:.3g} times)"
+        return f"Whether {load[0].lower()}{load[1:]} is carried is open: {known}{guess}."
+
+
+def check_design(design: float | None) -> None:
+    """Refuse what is no load factor of a design load.
+
+    Raises:
+        InputError: If it is not a positive number.
+    """
+    if design is not None and not (design > 0 and math.isfinite(design)):
+        raise InputError(f"design = {design} is no load factor; give a positive number, often 1.0.")

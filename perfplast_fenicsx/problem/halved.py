@@ -1,0 +1,24 @@
+"""The same problem with elements of half the size."""
+
+import numpy as np
+
+from perfplast_fenicsx.contact.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.mesh.refinement import check_refinable, refine
+from perfplast_fenicsx.problem.problem import Problem
+
+
+def halved(problem: Problem) -> Problem:
+    """The problem on a mesh all of whose edges are cut in half. Collective.
+
+    Vertices that lie on each other where bodies touch do so afterwards, and the bodies are the
+    same: polygons that stand for circles stay what they are.
+
+    Raises:
+        InputError: If cells are curved.
+    """
+    tagged_mesh = problem.tagged_mesh
+    check_refinable(tagged_mesh)
+    topology = tagged_mesh.mesh.topology
+    every = np.ones(topology.index_map(topology.dim).size_local, dtype=np.bool_)
+    opposite = opposite_vertices(tagged_mesh, problem.given.contacts)
+    return problem.on(refine(tagged_mesh, every, opposite).tagged_mesh)

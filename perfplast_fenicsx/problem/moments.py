@@ -1,0 +1,27 @@
+"""Moments of nodal forces about the origin."""
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.problem.problem import Problem
+
+
+def moment(problem: Problem, forces: Floats) -> Floats:
+    """Sum of the moments of forces at the nodes of this rank. Not collective.
+
+    Args:
+        problem: At whose nodes they are.
+        forces: Of the nodes that this rank owns, shape (num_nodes, gdim).
+
+    Returns:
+        About x, y and z in space, about z in the plane (for each unit of depth), shape (3,) or
+        (1,); shape (0,) of bodies of revolution, whose forces have none.
+    """
+    gdim = problem.bodies.gdim
+    if problem.tagged_mesh.axisymmetric:
+        return np.zeros(0)
+    x = problem.V.tabulate_dof_coordinates()[: len(forces)]
+    if gdim == 3:
+        found: Floats = np.cross(x, forces).sum(axis=0)
+        return found
+    return np.atleast_1d((x[:, 0] * forces[:, 1] - x[:, 1] * forces[:, 0]).sum())

@@ -1,0 +1,59 @@
+"""What a first case asks for."""
+
+import tomllib
+
+import pytest
+
+from perfplast_fenicsx.geometry import MeshingOptions, Survey
+from perfplast_fenicsx.geometry.first_loading import loading_for
+from perfplast_fenicsx.geometry.glued import Glued
+from perfplast_fenicsx.geometry.survey import Body, Joint
+
+pytestmark = pytest.mark.serial
+
+
+def survey(cells: int = 100, dim: int = 3, degree: int = 1, shape: str = "flat") -> Survey:
+    bodies = [Body(a, a, 1.0, (0.0,) * 3, (1.0,) * 3, cells // 2, 1.0) for a in ("lid", "box")]
+    joint = Joint(("lid", "box"), ("lid_joint_1", "box_joint_1"), 1.0, (shape,))
+    return Survey(dim, degree, 4, bodies, [joint])
+
+
+def asked(found: Survey, glued: Glued = Glued.NOTHING, apart: bool = False) -> tuple[dict, str]:
+    options = MeshingOptions(meshed="apart" if apart else "together")
+    text = loading_for(found, glued, options)
+    return tomllib.loads(text), text
+
+
+def test_bounds_on_finer_meshes() -> None:
+    case, _ = asked(survey(4213))
+    assert case["loading"] == {"control": "bounds"}
+    assert case["mesh"]["adapt"] == {"until": 0.1, "cells": 9000}
+
+
+@pytest.mark.parametrize(
+    ("found", "why"),
+    [(survey(7_500), "7500 elements take long"), (survey(shape="cylindrical"), "curved faces")],
+)
+def test_bounds_on_one_mesh(found: Survey, why: str) -> None:
+    case, text = asked(found)
+    assert case == {"loading": {"control": "bounds"}}
+    assert why in text
+
+
+@pytest.mark.parametrize(
+    ("found", "glued", "apart", "why"),
+    [
+        (survey(), Glued.ALL, False, "[[tie]] glues"),
+        (survey(), Glued.NOTHING, True, "do not match"),
+        (survey(degree=2), Glued.NOTHING, False, "curved elements"),
+        (survey(40_000), Glued.NOTHING, False, "40000 elements"),
+    ],
+)
+def test_estimates_say_why(found: Survey, glued: Glued, apart: bool, why: str) -> None:
+    case, text = asked(found, glued, apart)
+    assert case["loading"] == {"control": "work", "until": "limit"}
+    assert why in text
+
+
+def test_the_plane_is_cheaper() -> None:
+    assert "mesh" in asked(survey(13_000, dim=2, shape="straight"))[0]

@@ -1,0 +1,38 @@
+"""The limit load against a design load, in words."""
+
+import math
+
+import pytest
+
+from perfplast_fenicsx import InputError
+from perfplast_fenicsx.limit_analysis.design_factor import DesignFactor, check_design
+
+pytestmark = pytest.mark.serial
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "estimate", "words"),
+    [
+        (3.0, 4.0, 3.9, "is carried 1.5 times for certain, and at most 2 times."),
+        (3.0, None, 3.9, "is carried 1.5 times for certain."),
+        (1.0, 1.5, 1.4, "is not carried: the bodies collapse at 0.75 times it at the latest."),
+        (1.0, 3.0, 2.9, "is carried is open: 0.5 times it is carried; 1.5 times it is not"),
+        (None, None, 2.9, "open: nothing is proven of the bodies (estimate: 1.45 times)."),
+        (None, 4.0, None, "open: 2 times it is not."),
+    ],
+)
+def test_words(
+    lower: float | None, upper: float | None, estimate: float | None, words: str
+) -> None:
+    assert words in DesignFactor.of(2.0, lower, upper, estimate).in_words()
+
+
+def test_rounding_is_to_the_safe_side() -> None:
+    words = DesignFactor.of(3.0, 4.0, 5.0, None).in_words()
+    assert "1.33333 times for certain, and at most 1.66667 times" in words
+
+
+@pytest.mark.parametrize("design", [0.0, -1.0, math.inf, math.nan])
+def test_what_is_no_load_factor(design: float) -> None:
+    with pytest.raises(InputError, match=r"^design = "):
+        check_design(design)

@@ -1,0 +1,146 @@
+"""Forces and moments of loads and supports against statics, at ζ = 1 and at the limit load."""
+
+from collections.abc import Callable, Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import (
+    BodyForce,
+    Contact,
+    Pressure,
+    Problem,
+    Support,
+    Traction,
+    limit_bounds,
+    two_blocks,
+)
+from perfplast_fenicsx.limit_analysis.discrete_limit import interior_point
+from perfplast_fenicsx.limit_analysis.limit_forces import LimitForces, limit_forces
+from perfplast_fenicsx.limit_analysis.limit_methods import from_interior_point
+from perfplast_fenicsx.problem.load_resultants import load_resultants
+from perfplast_fenicsx.problem.loads import Load
+from tests.contact.blocks_apart import blocks_apart
+from tests.models import STEEL, touching_blocks
+
+COMM = MPI.COMM_WORLD
+
+TOP = (1.5, (2.25, 0.5, 2.0))
+"""Area and centre of the loaded surface of two blocks."""
+
+UPPER = (3.0, (1.5, 0.5, 1.5))
+"""Volume and centre of the upper one."""
+
+DIGITS = 1e-9
+
+
+def cantilevers(loads: Sequence[Load], degree: int = 2) -> Problem:
+    mesh, contacts = two_blocks(COMM, 2), [Contact("upper_bottom", "lower_top")]
+    materials = {"lower": STEEL, "upper": STEEL}
+    return Problem(mesh, materials, [Support("left")], loads, contacts, degree=degree)
+
+
+def plane(turned: bool = False) -> Problem:
+    """Two blocks of plane strain, or discs, on each other."""
+    mesh = blocks_apart(COMM, (4, 2), (4, 2))
+    return Problem(
+        mesh.turned() if turned else mesh,
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom", "y" if turned else "xy")],
+        [Pressure("top", 3.0)],
+        [Contact("lower_top", "upper_bottom")],
+        degree=2,
+    )
+
+
+def at(place: Sequence[float], force: Sequence[float]) -> tuple[list[float], list[float]]:
+    """A force and its moment about the origin."""
+    if len(force) == 3:
+        return list(force), np.cross(place, force).tolist()
+    return list(force), [place[0] * force[1] - place[1] * force[0]]
+
+
+def of(on: tuple[float, Sequence[float]], density: Sequence[float]) -> tuple[list, list]:
+    size, centre = on
+    return at(centre, [size * each for each in density])
+
+
+SLOPE = [0.0, 0.0, -(3.0**2 - 1.5**2) / 2]
+"""Of the traction −x in z: its force; that acts at x = ∫x² / ∫x."""
+
+CASES: dict[str, tuple[Callable[[], Problem], list[tuple[list, list]]]] = {
+    "down": (lambda: cantilevers([Traction("top", (0, 0, -1.0))]), [of(TOP, (0, 0, -1.0))]),
+    "oblique": (lambda: cantilevers([Traction("top", (1, -2, -3.0))]), [of(TOP, (1, -2, -3.0))]),
+    "linear elements": (
+        lambda: cantilevers([Traction("top", (1, -2, -3.0))], degree=1),
+        [of(TOP, (1, -2, -3.0))],
+    ),
+    "pressure": (lambda: cantilevers([Pressure("top", 2.0)]), [of(TOP, (0, 0, -2.0))]),
+    "suction": (lambda: cantilevers([Pressure("top", -2.0)]), [of(TOP, (0, 0, 2.0))]),
+    "weight": (
+        lambda: cantilevers([BodyForce("upper", (0, 1, -5.0))]),
+        [of(UPPER, (0, 1, -5.0))],
+    ),
+    "two loads": (
+        lambda: cantilevers([BodyForce("upper", (0, 0, -5.0)), Pressure("top", 2.0)]),
+        [of(UPPER, (0, 0, -5.0)), of(TOP, (0, 0, -2.0))],
+    ),
+    "a formula": (
+        lambda: cantilevers([Traction("top", (0, 0, "-x"))]),
+        [at(((27 - 1.5**3) / 3 / -SLOPE[2], 0.5, 2.0), SLOPE)],
+    ),
+    "rollers": (lambda: touching_blocks(degree=2), [at((0.5, 0.5, 2.0), (0, 0, -1.0))]),
+    "plane strain": (plane, [at((0.5, 2.0), (0, -3.0))]),
+}
+
+
+def assert_close(found: Sequence[float], wanted: Sequence[float], scale: float) -> None:
+    assert found == pytest.approx(wanted, rel=0, abs=DIGITS * scale)
+
+
+def assert_static(problem: Problem, found: LimitForces | None) -> None:
+    """Loads and supports balance each other, in force and moment."""
+    assert found is not None
+    total = found.reactions["loads"]
+    supports = [name for name in found.reactions if name.startswith("support")]
+    force = np.sum([total, *(found.reactions[name] for name in supports)], axis=0)
+    scale = float(np.abs(total).max())
+    assert_close(force.tolist(), [0.0] * len(total), scale)
+    live = np.sum([load.force for load in load_resultants(problem)], axis=0)
+    assert_close(total, (found.zeta * live).tolist(), scale)
+    if found.moments["loads"]:
+        turning = np.sum(list(found.moments.values()), axis=0)
+        assert_close(turning.tolist(), [0.0] * len(turning), 4 * scale)
+    assert found.balance < DIGITS
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_statics(name: str) -> None:
+    make, wanted = CASES[name]
+    problem = make()
+    loads = load_resultants(problem)
+    for load, (force, moment) in zip(loads, wanted, strict=True):
+        scale = max(map(abs, (*force, *moment)))
+        assert_close(load.force, force, scale)
+        assert_close(load.moment, moment, scale)
+    assert_static(problem, limit_forces(problem, from_interior_point(interior_point(problem))))
+
+
+def test_statics_on_the_mesh_that_bounds_divide() -> None:
+    problem = cantilevers([Traction("top", (0.0, 0.0, -1.0))])
+    found = limit_bounds(problem, 1e-2)
+    assert found.problem is not problem
+    assert_static(problem, limit_forces(found.problem, found.mesh))
+
+
+def test_statics_of_the_full_turn() -> None:
+    """A disc of radius 1: the force along the axis is π times the pressure."""
+    problem = plane(turned=True)
+    (load,) = load_resultants(problem)
+    assert load.force[1] == pytest.approx(-3 * np.pi, rel=DIGITS)
+    assert load.moment == []
+    found = limit_forces(problem, from_interior_point(interior_point(problem)))
+    assert found is not None
+    assert found.reactions["support bottom"][1] == pytest.approx(3 * np.pi * found.zeta, rel=DIGITS)
