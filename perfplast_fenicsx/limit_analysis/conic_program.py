@@ -2,10 +2,11 @@
 
 On points with weights w,
 
-    max λ            with  Σ w σ:ε(v) + r·[v] = λ L(v) for all v,   ‖dev σ‖ ≤ γ,   r ≥ 0,
-    min Σ w γ‖dev ε(v)‖   with  L(v) = 1,   tr ε(v) = 0,   [v] ≤ 0,
+    max λ            with  Σ w σ:ε(v) + r·[v] = λ L(v) for all v,   ‖dev σ‖ ≤ γ − αp,   r ≥ 0,
+    min Σ γ z₀       with  L(v) = 1,   αz₀ = w tr ε(v),   z₀ ≥ w‖dev ε(v)‖,   [v] ≤ 0,
 
-where [v] are the jumps of contact pairs and obstacles and r their forces. In elastic bodies ‖dev σ‖
+where [v] are the jumps of contact pairs and obstacles, r their forces and p the mean stress. Where
+α = 0 bodies keep their volume; else they dilate, tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖
 is not bounded, and ε(v) = 0. The gaps of contact play no part: a body that moves without end has
 closed or opened them (E. Christiansen, Handbook of Numerical Analysis IV, 1996).
 
@@ -48,6 +49,28 @@ class SingularStiffness(RuntimeError):
     """A factorisation that has failed, on every rank alike."""
 
 
+@dataclass(frozen=True)
+class Moduli:
+    """κ, a, N and b of ⟨κ (tr ε − b:ε)² + a‖dev ε‖² − (N:ε)²⟩ at points.
+
+    Attributes:
+        bulk: κ, shape (count,).
+        a: Shape (count,).
+        normal: N, a deviator, shape (count, m).
+        along: b, a deviator, shape (count, m); None for zero.
+    """
+
+    bulk: Floats
+    a: Floats
+    normal: Floats
+    along: Floats | None = None
+
+    def first(self, count: int) -> "Moduli":
+        """Those of the first points."""
+        along = None if self.along is None else self.along[:count]
+        return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along)
+
+
 class Strains(Protocol):
     """ε(v) at the points of this rank, split into trace and deviator, and its transpose.
 
@@ -56,7 +79,8 @@ class Strains(Protocol):
         size: Components m of a deviator; its norm is that of the tensor.
         gdim: Dimension in which the trace is taken, and pressure acts.
         weights: Volume that a point stands for, shape (count,).
-        radii: Yield radius γ (stress), ∞ in elastic bodies, shape (count,).
+        radii: Yield radius γ (stress) without mean stress, ∞ in elastic bodies, shape (count,).
+        slopes: α, by which it falls with the mean stress, shape (count,).
     """
 
     count: int
@@ -64,6 +88,7 @@ class Strains(Protocol):
     gdim: int
     weights: Floats
     radii: Floats
+    slopes: Floats
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
         """Trace and deviator of ε(v), shapes (count,) and (count, m). Collective."""
@@ -79,7 +104,7 @@ class Strains(Protocol):
 
 
 class Stiffness(Protocol):
-    """K with ⟨κ tr ε δ + a dev ε − (N:ε) N, ε⟩ and c s² for the jump s of each contact pair."""
+    """K with :class:`Moduli` at the points and c s² for the jump s of each contact pair."""
 
     @property
     def factorisations(self) -> int:
@@ -91,7 +116,7 @@ class Stiffness(Protocol):
         """Systems solved so far."""
         ...
 
-    def assemble(self, bulk: Floats, a: Floats, normal: Floats, held: Ints = NONE) -> None:
+    def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
         """Bring K to moduli at the points, with unknowns that stay zero. Collective."""
         ...
 
@@ -152,6 +177,9 @@ class ConicProgram:
         plastic: Which points of this rank can yield, shape (count,): others are as elastic ones.
         weights: w, 1 in the mean, shape (count,).
         radii: γ of the plastic points, 1 where bodies bear the loads.
+        slopes: α of them.
+        dilating: Which of them dilate, α > 0.
+        dilates: Whether any of any rank does.
         strongest: Largest γ (stress) of them.
         viscosities: γ over a rate that suits the point.
         springs: Stiffness of contact that suits that of the bodies, shape (num_pairs,).
@@ -191,9 +219,11 @@ class ConicProgram:
         radii = self.strains.radii
         self.strongest = strongest
         self.plastic = np.isfinite(radii) & (radii <= strongest)
-        self.radii = radii[self.plastic] / unit
+        self.radii, self.slopes = radii[self.plastic] / unit, self.strains.slopes[self.plastic]
+        self.dilating = self.slopes > 0
         self.viscosities = np.minimum(self.radii**2, MOST_VISCOUS)
-        self.degree = self.num_pairs + int(self.comm.allreduce(len(self.radii)))
+        many, dilating = self.comm.allreduce(np.array([len(self.radii), self.dilating.sum()]))
+        self.degree, self.dilates = self.num_pairs + int(many), bool(dilating)
         before, self.force_unit = self.force_unit, unit * self._mean_weight
         self.stress_unit = unit
         self.load.scale(before / self.force_unit)
@@ -217,14 +247,22 @@ class ConicProgram:
         least, largest = float(values.min(initial=np.inf)), float(values.max(initial=0.0))
         return self.comm.allreduce(least, MPI.MIN), self.comm.allreduce(largest, MPI.MAX)
 
-    def overstress(self, deviator: Floats) -> float:
-        """Largest ‖dev σ‖/γ of all points, those that do not flow here too. Collective.
+    def overstress(self, stress: Stress) -> float:
+        """Largest (‖dev σ‖ + αp)/γ of all points, those that do not flow here too. Collective.
 
         Args:
-            deviator: In units of ``stress_unit``.
+            stress: In units of ``stress_unit``.
         """
-        sizes = np.linalg.norm(deviator, axis=1) * self.stress_unit
-        return float(self.comm.allreduce((sizes / self.strains.radii).max(initial=0.0), MPI.MAX))
+        pressure, deviator = stress
+        sizes = np.linalg.norm(deviator, axis=1) + self.strains.slopes * pressure
+        ratios = sizes * self.stress_unit / self.strains.radii
+        return float(self.comm.allreduce(ratios.max(initial=0.0), MPI.MAX))
+
+    def members(self, stress: Stress) -> Floats:
+        """(γ − αp, dev σ) of the plastic points, shape (num_plastic, 1 + m)."""
+        pressure, deviator = stress
+        heads = self.radii - self.slopes * pressure[self.plastic]
+        return np.column_stack([heads, deviator[self.plastic]])
 
     def whole(self, stress: Stress, load: float) -> Stress:
         """A stress that balances ``load`` times L, of one that balances what of L is sought."""
@@ -246,8 +284,18 @@ class ConicProgram:
     def viscous_stress(self, velocity: PETSc.Vec) -> Stress:
         """Pressure and deviator of the flow that units are chosen by. Collective."""
         trace, deviator = self.strains.of(velocity)
-        viscosity = self.at_points(self.viscosities, 1 / PROXIMAL) * self.weights
-        return self.weights / PROXIMAL * trace, viscosity[:, None] * deviator
+        moduli = self.flow_moduli()
+        return self.weights * moduli.bulk * trace, (self.weights * moduli.a)[:, None] * deviator
+
+    def flow_moduli(self) -> Moduli:
+        """Those of the flow that units are chosen by, and of the first step. Collective."""
+        viscosity = self.at_points(self.viscosities, 1 / PROXIMAL)
+        bulk = np.full_like(viscosity, 1 / PROXIMAL)
+        if self.dilates:
+            soft = self.viscosities[self.dilating] / self.slopes[self.dilating] ** 2
+            bulk[np.flatnonzero(self.plastic)[self.dilating]] = soft
+        none: Floats = np.zeros((len(viscosity), self.strains.size))
+        return Moduli(bulk, viscosity, none)
 
     def at_points(self, plastic: Floats, elastic: float) -> Floats:
         """Values at all points from those at the plastic ones."""
@@ -256,15 +304,20 @@ class ConicProgram:
         values[self.plastic] = plastic
         return values
 
-    def assemble(self, bulk: Floats, a: Floats, normal: Floats, held: Ints = NONE) -> None:
-        """Assemble Σ w² (κ tr ε δ + a dev ε − (N:ε) N):ε; see :class:`Stiffness`.
+    def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
+        """Assemble Σ w² times the moduli; see :class:`Stiffness`.
 
         No a counts as less than :data:`SOFTEST`: directions are a little less exact then, and the
         balance that they leave is made up for by the next ones.
         """
-        a = np.maximum(a, SOFTEST)
         scale = self.weights / self._mean_weight
-        self.stiffness.assemble(scale * bulk, scale * a, np.sqrt(scale)[:, None] * normal, held)
+        scaled = Moduli(
+            scale * moduli.bulk,
+            scale * np.maximum(moduli.a, SOFTEST),
+            np.sqrt(scale)[:, None] * moduli.normal,
+            moduli.along,
+        )
+        self.stiffness.assemble(scaled, held)
 
     def internal_forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
         """Set ``out`` to Σ w (p δ + s):ε(v) for all v. Collective."""
@@ -275,11 +328,16 @@ class ConicProgram:
         return float(self.load.dot(velocity))
 
     def dissipation(self, velocity: PETSc.Vec) -> float:
-        """Σ w γ‖dev ε(v)‖ over all points that have a yield radius. Collective."""
-        _, deviator = self.strains.of(velocity)
+        """Σ w γ‖dev ε(v)‖, and (γ/α) tr ε(v) where bodies dilate. Collective.
+
+        Over all points that have a yield radius, of a velocity that is admissible.
+        """
+        trace, deviator = self.strains.of(velocity)
         radii = self.strains.radii / self.stress_unit
         radii = np.where(np.isfinite(radii), radii, 0.0)
-        return self.total(float((self.weights * radii) @ np.linalg.norm(deviator, axis=1)))
+        rates, slopes = np.linalg.norm(deviator, axis=1), self.strains.slopes
+        np.divide(trace, slopes, out=rates, where=slopes > 0)
+        return self.total(float((self.weights * radii) @ rates))
 
     def total(self, value: float) -> float:
         """Sum over all ranks. Collective."""

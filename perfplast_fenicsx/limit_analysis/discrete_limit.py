@@ -170,11 +170,17 @@ def _search(
 
 def can_bound(problem: Problem) -> bool:
     """Whether the method knows the yield sets of all bodies."""
-    return all(on.law.cone() is not None for on in problem.laws)
+    in_plane = not problem.kinematics.whole
+    return all(on.law.cone(in_plane) is not None for on in problem.laws)
 
 
 def _why(problem: Problem) -> str:
     """Why no mechanism is in sight."""
+    if any(on.law.dilates for on in problem.laws):
+        return (
+            "bodies that dilate where they flow may be confined, so that they carry any load, or"
+            " elements have too few motions; leave them room, or use quadratic elements"
+        )
     if problem.degree == 1:
         return (
             "linear elements lock in plastic flow, which keeps the volume; use quadratic ones"
@@ -259,5 +265,8 @@ def _write_stress(iteration: InteriorIteration, function: fem.Function) -> None:
     pressure, deviator = iteration.program.whole((now.pressure, now.deviator), now.load)
     array[:] = deviator[:count]
     array[:, :3] += pressure[:count, None]
+    slopes = iteration.program.strains.slopes[:count]
+    if iteration.program.strains.gdim == 2:  # what leaves the most room
+        array[:, 2] -= slopes / 2 * np.linalg.norm(deviator[:count], axis=1)
     array *= iteration.program.stress_unit
     function.x.scatter_forward()

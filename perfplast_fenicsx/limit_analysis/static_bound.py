@@ -230,7 +230,7 @@ def _result(
     iteration.settle()
     now = iteration.now
     pressure, deviator = program.whole((now.pressure, now.deviator), now.load)
-    ratio = program.overstress(deviator)
+    ratio = program.overstress((pressure, deviator))
     scale = program.stress_unit / max(1.0, ratio)
     pressure, deviator = scale * pressure, scale * deviator
     value = now.load * program.load_unit / max(1.0, ratio)
