@@ -10,13 +10,12 @@ where [v] are the jumps of contact pairs and obstacles, r their forces and p the
 is not bounded, and ε(v) = 0. The gaps of contact play no part: a body that moves without end has
 closed or opened them (E. Christiansen, Handbook of Numerical Analysis IV, 1996).
 
-What the velocities v are is told by a :class:`Discretisation`: displacements of finite elements
-(:mod:`limit_program`), or the multipliers of the equilibrium of piecewise linear stresses
-(:mod:`static_program`).
+What the velocities v are is told by a :class:`discretisation.Discretisation`: displacements of
+finite elements (:mod:`limit_program`), or the multipliers of the equilibrium of piecewise linear
+stresses (:mod:`static_program`).
 """
 
-from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -24,6 +23,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.limit_analysis.discretisation import NONE, Discretisation, Moduli
 
 PROXIMAL = 1e-5
 """δ: stresses that nothing bounds change by 1/δ times a strain. With 1e-4 linear elements that
@@ -40,128 +40,6 @@ MOST_VISCOUS = 1e4
 SOFTEST = 1e-10
 """Modulus of points that have none left: of weak ones that flow beside strong ones, which bear the
 loads. Without it K is singular in double precision beside bulk moduli of 1e5."""
-
-
-NONE = np.zeros(0, dtype=np.int32)
-
-
-class SingularStiffness(RuntimeError):
-    """A factorisation that has failed, on every rank alike."""
-
-
-@dataclass(frozen=True)
-class Moduli:
-    """κ, a, N and b of ⟨κ (tr ε − b:ε)² + a‖dev ε‖² − (N:ε)²⟩ at points.
-
-    Attributes:
-        bulk: κ, shape (count,).
-        a: Shape (count,).
-        normal: N, a deviator, shape (count, m).
-        along: b, a deviator, shape (count, m); None for zero.
-    """
-
-    bulk: Floats
-    a: Floats
-    normal: Floats
-    along: Floats | None = None
-
-    def first(self, count: int) -> "Moduli":
-        """Those of the first points."""
-        along = None if self.along is None else self.along[:count]
-        return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along)
-
-
-class Strains(Protocol):
-    """ε(v) at the points of this rank, split into trace and deviator, and its transpose.
-
-    Attributes:
-        count: Points of this rank.
-        size: Components m of a deviator; its norm is that of the tensor.
-        gdim: Dimension in which the trace is taken, and pressure acts.
-        weights: Volume that a point stands for, shape (count,).
-        radii: Yield radius γ (stress) without mean stress, ∞ in elastic bodies, shape (count,).
-        slopes: α, by which it falls with the mean stress, shape (count,).
-    """
-
-    count: int
-    size: int
-    gdim: int
-    weights: Floats
-    radii: Floats
-    slopes: Floats
-
-    def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
-        """Trace and deviator of ε(v), shapes (count,) and (count, m). Collective."""
-        ...
-
-    def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
-        """Set ``out`` to ∫ (p δ + s):ε(v) for all v. Collective."""
-        ...
-
-    def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
-        ...
-
-
-class Stiffness(Protocol):
-    """K with :class:`Moduli` at the points and c s² for the jump s of each contact pair."""
-
-    @property
-    def factorisations(self) -> int:
-        """So far."""
-        ...
-
-    @property
-    def solves(self) -> int:
-        """Systems solved so far."""
-        ...
-
-    def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
-        """Bring K to moduli at the points, with unknowns that stay zero. Collective."""
-        ...
-
-    def jump_diagonal(self) -> Floats:
-        """Diagonal entries of the jumps of this rank's pairs. Collective."""
-        ...
-
-    def add_at_jumps(self, springs: Floats) -> None:
-        """Add c to the diagonal, shape (num_pairs,) on each rank. Collective."""
-        ...
-
-    def factorise(self) -> None:
-        """Factorise. Collective.
-
-        Raises:
-            SingularStiffness: If that fails.
-        """
-        ...
-
-    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Solve K x = b with the last factors. Collective."""
-        ...
-
-    def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Discretisation:
-    """What a limit load is looked for with.
-
-    Attributes:
-        comm: The ranks.
-        strains: Of velocities.
-        stiffness: Assembled for the same velocities.
-        load: L as a vector, in the user's units.
-        jumps: Local (owned) entries of velocities that are jumps [v] of contact pairs.
-    """
-
-    comm: MPI.Intracomm
-    strains: Strains
-    stiffness: Stiffness
-    load: PETSc.Vec
-    jumps: Ints
 
 
 class ConicProgram:
@@ -305,7 +183,7 @@ class ConicProgram:
         return values
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
-        """Assemble Σ w² times the moduli; see :class:`Stiffness`.
+        """Assemble Σ w² times the moduli; see :class:`discretisation.Stiffness`.
 
         No a counts as less than :data:`SOFTEST`: directions are a little less exact then, and the
         balance that they leave is made up for by the next ones.

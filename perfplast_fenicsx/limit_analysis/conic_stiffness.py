@@ -7,7 +7,7 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.limit_analysis.conic_program import NONE, Moduli
+from perfplast_fenicsx.limit_analysis.discretisation import NONE, Moduli
 from perfplast_fenicsx.limit_analysis.point_strains import deviator_in_plane, trace_dim
 from perfplast_fenicsx.limit_analysis.sprung_matrix import SprungMatrix
 from perfplast_fenicsx.materials.mandel import trace
@@ -19,7 +19,7 @@ from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 
 
 class ConicStiffness(SprungMatrix):
-    """K of displacements in the contact basis; see :class:`conic_program.Stiffness`."""
+    """K of displacements in the contact basis; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, problem: Problem) -> None:
         """Compile the form, and find the pattern. Collective."""
@@ -35,9 +35,7 @@ class ConicStiffness(SprungMatrix):
             volume -= ufl.dot(self._along, e)
             as_much -= ufl.dot(self._along, d)
         density = (
-            self._bulk * volume * as_much
-            + self._a * ufl.dot(e, d)
-            - ufl.dot(N, e) * ufl.dot(N, d)
+            self._bulk * volume * as_much + self._a * ufl.dot(e, d) - ufl.dot(N, e) * ufl.dot(N, d)
         )
         self._form = fem.form(density * problem.dx)
         self._stiffness = create_stiffness(problem)
@@ -50,9 +48,7 @@ class ConicStiffness(SprungMatrix):
         self._stiffness.destroy()
 
     @phase("assembly")
-    def assemble(
-        self, moduli: Moduli, held: npt.NDArray[np.int32] = NONE
-    ) -> None:
+    def assemble(self, moduli: Moduli, held: npt.NDArray[np.int32] = NONE) -> None:
         """Bring K to moduli at the points of this rank. Collective.
 
         Args:

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, Moduli
+from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram
 from perfplast_fenicsx.limit_analysis.conic_unknowns import Unknowns
+from perfplast_fenicsx.limit_analysis.discretisation import Moduli
 from perfplast_fenicsx.limit_analysis.second_order_cones import Scaling
 
 
@@ -19,17 +20,29 @@ class DilatingPoints:
     Attributes:
         among: Which of the plastic points they are.
         at: Their numbers among all points.
+        off: By how much z differs from the rates of the velocity, shape (num, 1 + m).
     """
 
     among: npt.NDArray[np.bool_]
     at: npt.NDArray[np.int64]
+    off: Floats
 
-    def __init__(self, program: ConicProgram, now: Unknowns) -> None:
-        """Find the scaling of their cones. Not collective."""
+    def __init__(
+        self, program: ConicProgram, now: Unknowns, trace: Floats, deviator: Floats
+    ) -> None:
+        """Find the scaling of their cones. Not collective.
+
+        Args:
+            program: What is solved.
+            now: The iterate.
+            trace: Of the strain rate of its velocity, at all points.
+            deviator: The same.
+        """
         self.among = program.dilating
         self.at = np.flatnonzero(program.plastic)[self.among]
         self._slopes, self._weights = program.slopes[self.among], program.weights[self.at]
         self._scaling = Scaling(now.S[self.among], now.Z[self.among])
+        self.off = now.Z[self.among] - self.rates(trace, deviator)
 
     def moduli(self, moduli: Moduli) -> Moduli:
         """Those of all points, with κ and b of these."""
@@ -38,7 +51,7 @@ class DilatingPoints:
         return Moduli(bulk, moduli.a, moduli.normal, along)
 
     def rates(self, trace: Floats, deviator: Floats) -> Floats:
-        """z of a strain rate at all points, shape (num, 1 + m)."""
+        """Z of a strain rate at all points, shape (num, 1 + m)."""
         heads = self._weights * trace[self.at] / self._slopes
         return np.column_stack([heads, -self._weights[:, None] * deviator[self.at]])
 

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.limit_analysis.conic_program import Moduli, SingularStiffness
+from perfplast_fenicsx.limit_analysis.discretisation import Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.rebalancing import rebalance
 

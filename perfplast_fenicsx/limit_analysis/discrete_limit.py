@@ -14,8 +14,9 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram
 from perfplast_fenicsx.limit_analysis.discrete_bounds import lower_bound, upper_bound
+from perfplast_fenicsx.limit_analysis.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.interior_steps import (
     InteriorStep,
@@ -64,7 +65,7 @@ class DiscreteLimit:
         mechanism: Velocity v of the collapse or of the upper bound, with L(v) = 1; zero where there
             is neither.
         stress: σ at the lower bound, Mandel vectors at the quadrature points; in plane strain the
-            stress out of the plane is the mean of those in it.
+            stress out of the plane is the one that leaves the most room to yield.
         contact_forces: Forces of the pairs hosted by this rank there, shape (num_pairs,).
         unbalanced: Largest force there that nothing balances, relative to the largest load.
         inadmissible: Volume change of v in plastic bodies, and strain in elastic ones, relative to

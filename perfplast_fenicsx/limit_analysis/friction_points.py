@@ -11,12 +11,12 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.friction import Friction
-from perfplast_fenicsx.limit_analysis.conic_program import NONE, Moduli, Strains
 from perfplast_fenicsx.limit_analysis.conic_stiffness import ConicStiffness
+from perfplast_fenicsx.limit_analysis.discretisation import NONE, Moduli, Strains
 
 
 class FrictionStrains:
-    """ε(v) at points and s/h at places of friction; see :class:`conic_program.Strains`."""
+    """ε(v) at points and s/h at places of friction; see :class:`discretisation.Strains`."""
 
     def __init__(self, points: Strains, friction: Friction) -> None:
         self._points, self._friction = points, friction
@@ -60,7 +60,7 @@ class FrictionStrains:
 
 
 class FrictionStiffness:
-    """K with friction; see :class:`conic_program.Stiffness`."""
+    """K with friction; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, bodies: ConicStiffness, strains: FrictionStrains, count: int) -> None:
         """Take K of the bodies over, whose points are ``count``."""

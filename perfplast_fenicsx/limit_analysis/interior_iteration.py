@@ -16,9 +16,10 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.centrality import Products
-from perfplast_fenicsx.limit_analysis.conic_program import PROXIMAL, ConicProgram, Moduli
+from perfplast_fenicsx.limit_analysis.conic_program import PROXIMAL, ConicProgram
 from perfplast_fenicsx.limit_analysis.conic_unknowns import Unknowns
 from perfplast_fenicsx.limit_analysis.dilating_points import DilatingPoints
+from perfplast_fenicsx.limit_analysis.discretisation import Moduli
 from perfplast_fenicsx.limit_analysis.second_order_cones import Scaling, product, quotient
 
 SHORTENED = 0.98
@@ -202,18 +203,16 @@ class _Newton:
         self.scaling = Scaling(now.S, now.Z)
         self._a, self._normal = self.scaling.moduli()
         self._free = program.weights / PROXIMAL
-        self._dilating = DilatingPoints(program, now) if program.dilates else None
+        self._trace, self._deviator = strain = program.strains.of(iteration.velocity)
+        self._dilating = DilatingPoints(program, now, *strain) if program.dilates else None
         if not factorised:
             self._factorise()
         program.stiffness.solve(program.load, iteration._of_load)
         self._work_of_load = program.work(iteration._of_load)
         self._missing_work = 1 - program.work(iteration.velocity)
-        self._trace, self._deviator = program.strains.of(iteration.velocity)
         plastic = program.plastic
         self._rates = program.weights[plastic, None]
         self._off = now.Z[:, 1:] + self._rates * self._deviator[plastic]
-        if (at := self._dilating) is not None:
-            self._off_dilating = now.Z[at.among] - at.rates(self._trace, self._deviator)
         self._off_jumps = iteration.velocity.array_r[iteration._jumps] + now.rooms
         iteration.balance()
 
@@ -254,7 +253,7 @@ class _Newton:
         pressure, stress = free * self._trace, free[:, None] * self._deviator
         stress[plastic] = self._moduli(unscaled + self._off)
         if (dilating := self._dilating) is not None:
-            dilating.put(dilating.members(-self._off_dilating, aim), pressure, stress)
+            dilating.put(dilating.members(-dilating.off, aim), pressure, stress)
         program.internal_forces(pressure, stress, it._right)
         it._right.axpy(1.0, it._balance)
         it._right.array[jumps] += (pairs + now.forces * self._off_jumps) / now.rooms
@@ -273,7 +272,7 @@ class _Newton:
         Z[:, 0] = self.scaling.invert(aim - self.scaling.invert(S))[:, 0]
         Z[:, 1:] = dZ
         if dilating is not None:
-            more = dilating.rates(trace, deviator) - self._off_dilating
+            more = dilating.rates(trace, deviator) - dilating.off
             S[dilating.among] = members = dilating.members(more, aim)
             Z[dilating.among] = more
             dilating.put(members, pressure, stress)

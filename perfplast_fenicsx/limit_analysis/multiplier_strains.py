@@ -11,7 +11,7 @@ from perfplast_fenicsx.limit_analysis.stress_cells import cell_layout, strain_ma
 
 
 class MultiplierStrains:
-    """e = W⁻¹Aᵀy of multipliers y; see :class:`conic_program.Strains`.
+    """e = W⁻¹Aᵀy of multipliers y; see :class:`discretisation.Strains`.
 
     A vector y has the facets' unknowns of a rank first, then the inner ones of its cells.
 

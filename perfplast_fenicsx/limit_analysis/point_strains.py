@@ -1,8 +1,8 @@
 """Strain rates of velocities at the quadrature points as arrays, and the forces of stresses there.
 
 Mandel vectors are split into trace and deviator. In plane strain the deviator is that in the plane:
-the stress out of it is in no equation, and its best value is the mean of those in the plane, so
-that ‖dev σ‖ is the norm of the deviator in the plane.
+the stress out of it is in no equation, and takes its best value (:class:`YieldCone`); with von
+Mises that is the mean of those in the plane, so that ‖dev σ‖ is the norm of the deviator there.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 class PointStrains:
-    """ε(v) of velocities in the contact basis; see :class:`conic_program.Strains`."""
+    """ε(v) of velocities in the contact basis; see :class:`discretisation.Strains`."""
 
     def __init__(self, problem: Problem) -> None:
         """Compile what evaluates them. Collective."""

@@ -7,7 +7,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic_program import Moduli, SingularStiffness
+from perfplast_fenicsx.limit_analysis.discretisation import Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 
 BALANCED = 1e-13

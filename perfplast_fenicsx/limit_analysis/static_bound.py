@@ -16,7 +16,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
-from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
+from perfplast_fenicsx.limit_analysis.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.facet_conditions import (
     BENT,
     FacetConditions,
