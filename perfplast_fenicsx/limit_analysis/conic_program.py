@@ -217,6 +217,27 @@ class ConicProgram:
         np.divide(trace, slopes, out=rates, where=slopes > 0)
         return self.total(float((self.weights * radii) @ rates))
 
+    def rates(self, velocity: PETSc.Vec) -> tuple[float, float]:
+        """What is inadmissible in ε(v), and ‖ε(v)‖, as root mean squares. Collective.
+
+        Of bodies that dilate it is what their volume grows too little by. In these units the latter
+        is about 1 of a flow that meets resistance.
+        """
+        trace, deviator = self.strains.of(velocity)
+        squares = np.einsum("ni,ni->n", deviator, deviator)
+        volume = trace**2 / self.strains.gdim
+        wrong = volume + np.where(self.plastic, 0.0, squares)
+        if self.dilates:
+            slopes = self.strains.slopes
+            short = np.maximum(slopes * np.sqrt(squares) - trace, 0.0)
+            wrong = np.where(self.plastic & (slopes > 0), short**2, wrong)
+        part, whole = (
+            self.total(self.weights @ wrong),
+            self.total(self.weights @ (volume + squares)),
+        )
+        size = self.total(self.weights.sum())
+        return float(np.sqrt(part / size)), float(np.sqrt(whole / size))
+
     def total(self, value: float) -> float:
         """Sum over all ranks. Collective."""
         return float(self.comm.allreduce(value))

@@ -44,6 +44,9 @@ nearly locks it takes more, as long as each leaves less than :data:`PROGRESS` of
 PROGRESS = 0.999
 """Share of what is inadmissible that an iteration of the projection may leave, beyond the usual."""
 
+MOST_CENTRINGS = 3
+"""Steps towards the middle of the cones, after which bodies that dilate grow enough."""
+
 MOST_HOLDINGS = 5
 """So often pairs are held; twice in the hardest case that was seen."""
 
@@ -145,8 +148,11 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     """
     program, now, v = iteration.program, iteration.now, iteration.velocity
     strains = program.strains
-    if program.dilates and (left := iteration.inadmissible()) <= EXACT:
-        return left
+    if program.dilates:
+        for _ in range(MOST_CENTRINGS):
+            if (left := iteration.inadmissible()) <= EXACT:
+                return left
+            iteration.step(onwards=False)
     v.array[held] = 0
     sizes = np.linalg.norm(now.Z[:, 1:], axis=1)
     viscosity = program.at_points(now.S[:, 0] / np.maximum(sizes, 1 / STIFF), 1.0)

@@ -108,24 +108,8 @@ class InteriorIteration:
         return wrong / rate if rate > 0 else 0.0
 
     def rates(self) -> tuple[float, float]:
-        """What is inadmissible in ε(v), and ‖ε(v)‖, as root mean squares. Collective.
-
-        Of bodies that dilate it is what their volume grows too little by.
-
-        In the program's units the latter is about 1 of a flow that meets resistance.
-        """
-        trace, deviator = self.program.strains.of(self.velocity)
-        squares = np.einsum("ni,ni->n", deviator, deviator)
-        volume = trace**2 / self.program.strains.gdim
-        wrong = volume + np.where(self.program.plastic, 0.0, squares)
-        slopes = self.program.strains.slopes
-        if self.program.dilates:
-            short = np.maximum(slopes * np.sqrt(squares) - trace, 0.0) ** 2
-            wrong = np.where(self.program.plastic & (slopes > 0), short, wrong)
-        weights, total = self.program.weights, self.program.total
-        part, whole = total(weights @ wrong), total(weights @ (volume + squares))
-        size = total(weights.sum())
-        return float(np.sqrt(part / size)), float(np.sqrt(whole / size))
+        """See :meth:`ConicProgram.rates`. Collective."""
+        return self.program.rates(self.velocity)
 
     def equilibrate(self) -> None:
         """Add the stress and contact forces that balance what is left. Collective.
@@ -136,8 +120,12 @@ class InteriorIteration:
             self.balance()
             self.now = self._newton.balanced()
 
-    def step(self) -> float:
+    def step(self, onwards: bool = True) -> float:
         """Make a step. Collective.
+
+        Args:
+            onwards: Towards the limit load; else towards the middle of the cones where it is, which
+                is all that is left to make the velocity right.
 
         Returns:
             Its length, at most 1; 0 where no direction was found.
@@ -149,9 +137,11 @@ class InteriorIteration:
         self._newton = newton = _Newton(self, factorised=not self._begun)
         self._begun = True
         here, mu = newton.products(), self.gap() / self.program.degree
-        affine = newton.towards(-here)
-        centre = (1 - min(1.0, self._longest(affine.unknowns))) ** 3 * mu
-        aim = -(here + newton.products(affine.unknowns)).raised(-centre)
+        centre, aim = mu, -here.raised(-mu)
+        if onwards:
+            affine = newton.towards(-here)
+            centre *= (1 - min(1.0, self._longest(affine.unknowns))) ** 3
+            aim = -(here + newton.products(affine.unknowns)).raised(-centre)
         chosen = newton.towards(aim)
         longest = self._longest(chosen.unknowns)
         for _ in range(MOST_CORRECTIONS):
