@@ -5,7 +5,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.limit_analysis.conic_program import NONE, SingularStiffness
+from perfplast_fenicsx.limit_analysis.discretisation import NONE, Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrains
 from perfplast_fenicsx.limit_analysis.sprung_matrix import SprungMatrix
 from perfplast_fenicsx.profiling import phase
@@ -32,7 +32,7 @@ UNPIVOTED = {**DIRECT, "mat_mumps_cntl_1": 0.0}
 
 
 class CondensedStiffness(SprungMatrix):
-    """See :class:`conic_program.Stiffness`; y and b are vectors of :class:`MultiplierStrains`."""
+    """See :class:`discretisation.Stiffness`; y and b are vectors of :class:`MultiplierStrains`."""
 
     def __init__(self, strains: MultiplierStrains, held: Ints, jumps: Ints) -> None:
         """Find the pattern. Collective.
@@ -101,15 +101,17 @@ class CondensedStiffness(SprungMatrix):
         check_memory(self._ksp)
 
     @phase("assembly")
-    def assemble(self, bulk: Floats, a: Floats, normal: Floats, held: Ints = NONE) -> None:
-        """Bring K to moduli at the points of this rank. Collective.
+    def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
+        """Bring K to moduli at the points of this rank, of bodies that keep volumes. Collective.
 
         Raises:
             SingularStiffness: If inner unknowns of a cell cannot be eliminated.
         """
         strains, outer = self._strains, self._strains.layout.outer
         values = np.empty((strains.num_cells, outer, outer))
-        roots = _roots(bulk, a, normal) * np.sqrt(strains.weights)[:, None, None]
+        roots = (
+            _roots(moduli.bulk, moduli.a, moduli.normal) * np.sqrt(strains.weights)[:, None, None]
+        )
         roots = roots.reshape(strains.num_cells, -1, *roots.shape[1:])
         singular = False
         for first in range(0, strains.num_cells, self._chunk):

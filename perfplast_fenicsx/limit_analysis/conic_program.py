@@ -2,20 +2,20 @@
 
 On points with weights w,
 
-    max λ            with  Σ w σ:ε(v) + r·[v] = λ L(v) for all v,   ‖dev σ‖ ≤ γ,   r ≥ 0,
-    min Σ w γ‖dev ε(v)‖   with  L(v) = 1,   tr ε(v) = 0,   [v] ≤ 0,
+    max λ            with  Σ w σ:ε(v) + r·[v] = λ L(v) for all v,   ‖dev σ‖ ≤ γ − αp,   r ≥ 0,
+    min Σ γ z₀       with  L(v) = 1,   αz₀ = w tr ε(v),   z₀ ≥ w‖dev ε(v)‖,   [v] ≤ 0,
 
-where [v] are the jumps of contact pairs and obstacles and r their forces. In elastic bodies ‖dev σ‖
+where [v] are the jumps of contact pairs and obstacles, r their forces and p the mean stress. Where
+α = 0 bodies keep their volume; else they dilate, tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖
 is not bounded, and ε(v) = 0. The gaps of contact play no part: a body that moves without end has
 closed or opened them (E. Christiansen, Handbook of Numerical Analysis IV, 1996).
 
-What the velocities v are is told by a :class:`Discretisation`: displacements of finite elements
-(:mod:`limit_program`), or the multipliers of the equilibrium of piecewise linear stresses
-(:mod:`static_program`).
+What the velocities v are is told by a :class:`discretisation.Discretisation`: displacements of
+finite elements (:mod:`limit_program`), or the multipliers of the equilibrium of piecewise linear
+stresses (:mod:`static_program`).
 """
 
-from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -23,6 +23,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.limit_analysis.discretisation import NONE, Discretisation, Moduli
 
 PROXIMAL = 1e-5
 """δ: stresses that nothing bounds change by 1/δ times a strain. With 1e-4 linear elements that
@@ -41,104 +42,6 @@ SOFTEST = 1e-10
 loads. Without it K is singular in double precision beside bulk moduli of 1e5."""
 
 
-NONE = np.zeros(0, dtype=np.int32)
-
-
-class SingularStiffness(RuntimeError):
-    """A factorisation that has failed, on every rank alike."""
-
-
-class Strains(Protocol):
-    """ε(v) at the points of this rank, split into trace and deviator, and its transpose.
-
-    Attributes:
-        count: Points of this rank.
-        size: Components m of a deviator; its norm is that of the tensor.
-        gdim: Dimension in which the trace is taken, and pressure acts.
-        weights: Volume that a point stands for, shape (count,).
-        radii: Yield radius γ (stress), ∞ in elastic bodies, shape (count,).
-    """
-
-    count: int
-    size: int
-    gdim: int
-    weights: Floats
-    radii: Floats
-
-    def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
-        """Trace and deviator of ε(v), shapes (count,) and (count, m). Collective."""
-        ...
-
-    def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
-        """Set ``out`` to ∫ (p δ + s):ε(v) for all v. Collective."""
-        ...
-
-    def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
-        ...
-
-
-class Stiffness(Protocol):
-    """K with ⟨κ tr ε δ + a dev ε − (N:ε) N, ε⟩ and c s² for the jump s of each contact pair."""
-
-    @property
-    def factorisations(self) -> int:
-        """So far."""
-        ...
-
-    @property
-    def solves(self) -> int:
-        """Systems solved so far."""
-        ...
-
-    def assemble(self, bulk: Floats, a: Floats, normal: Floats, held: Ints = NONE) -> None:
-        """Bring K to moduli at the points, with unknowns that stay zero. Collective."""
-        ...
-
-    def jump_diagonal(self) -> Floats:
-        """Diagonal entries of the jumps of this rank's pairs. Collective."""
-        ...
-
-    def add_at_jumps(self, springs: Floats) -> None:
-        """Add c to the diagonal, shape (num_pairs,) on each rank. Collective."""
-        ...
-
-    def factorise(self) -> None:
-        """Factorise. Collective.
-
-        Raises:
-            SingularStiffness: If that fails.
-        """
-        ...
-
-    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Solve K x = b with the last factors. Collective."""
-        ...
-
-    def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Discretisation:
-    """What a limit load is looked for with.
-
-    Attributes:
-        comm: The ranks.
-        strains: Of velocities.
-        stiffness: Assembled for the same velocities.
-        load: L as a vector, in the user's units.
-        jumps: Local (owned) entries of velocities that are jumps [v] of contact pairs.
-    """
-
-    comm: MPI.Intracomm
-    strains: Strains
-    stiffness: Stiffness
-    load: PETSc.Vec
-    jumps: Ints
-
-
 class ConicProgram:
     """Both problems of one discretisation.
 
@@ -152,6 +55,9 @@ class ConicProgram:
         plastic: Which points of this rank can yield, shape (count,): others are as elastic ones.
         weights: w, 1 in the mean, shape (count,).
         radii: γ of the plastic points, 1 where bodies bear the loads.
+        slopes: α of them.
+        dilating: Which of them dilate, α > 0.
+        dilates: Whether any of any rank does.
         strongest: Largest γ (stress) of them.
         viscosities: γ over a rate that suits the point.
         springs: Stiffness of contact that suits that of the bodies, shape (num_pairs,).
@@ -191,9 +97,11 @@ class ConicProgram:
         radii = self.strains.radii
         self.strongest = strongest
         self.plastic = np.isfinite(radii) & (radii <= strongest)
-        self.radii = radii[self.plastic] / unit
+        self.radii, self.slopes = radii[self.plastic] / unit, self.strains.slopes[self.plastic]
+        self.dilating = self.slopes > 0
         self.viscosities = np.minimum(self.radii**2, MOST_VISCOUS)
-        self.degree = self.num_pairs + int(self.comm.allreduce(len(self.radii)))
+        many, dilating = self.comm.allreduce(np.array([len(self.radii), self.dilating.sum()]))
+        self.degree, self.dilates = self.num_pairs + int(many), bool(dilating)
         before, self.force_unit = self.force_unit, unit * self._mean_weight
         self.stress_unit = unit
         self.load.scale(before / self.force_unit)
@@ -217,14 +125,22 @@ class ConicProgram:
         least, largest = float(values.min(initial=np.inf)), float(values.max(initial=0.0))
         return self.comm.allreduce(least, MPI.MIN), self.comm.allreduce(largest, MPI.MAX)
 
-    def overstress(self, deviator: Floats) -> float:
-        """Largest ‖dev σ‖/γ of all points, those that do not flow here too. Collective.
+    def overstress(self, stress: Stress) -> float:
+        """Largest (‖dev σ‖ + αp)/γ of all points, those that do not flow here too. Collective.
 
         Args:
-            deviator: In units of ``stress_unit``.
+            stress: In units of ``stress_unit``.
         """
-        sizes = np.linalg.norm(deviator, axis=1) * self.stress_unit
-        return float(self.comm.allreduce((sizes / self.strains.radii).max(initial=0.0), MPI.MAX))
+        pressure, deviator = stress
+        sizes = np.linalg.norm(deviator, axis=1) + self.strains.slopes * pressure
+        ratios = sizes * self.stress_unit / self.strains.radii
+        return float(self.comm.allreduce(ratios.max(initial=0.0), MPI.MAX))
+
+    def members(self, stress: Stress) -> Floats:
+        """(γ − αp, dev σ) of the plastic points, shape (num_plastic, 1 + m)."""
+        pressure, deviator = stress
+        heads = self.radii - self.slopes * pressure[self.plastic]
+        return np.column_stack([heads, deviator[self.plastic]])
 
     def whole(self, stress: Stress, load: float) -> Stress:
         """A stress that balances ``load`` times L, of one that balances what of L is sought."""
@@ -246,8 +162,18 @@ class ConicProgram:
     def viscous_stress(self, velocity: PETSc.Vec) -> Stress:
         """Pressure and deviator of the flow that units are chosen by. Collective."""
         trace, deviator = self.strains.of(velocity)
-        viscosity = self.at_points(self.viscosities, 1 / PROXIMAL) * self.weights
-        return self.weights / PROXIMAL * trace, viscosity[:, None] * deviator
+        moduli = self.flow_moduli()
+        return self.weights * moduli.bulk * trace, (self.weights * moduli.a)[:, None] * deviator
+
+    def flow_moduli(self) -> Moduli:
+        """Those of the flow that units are chosen by, and of the first step. Collective."""
+        viscosity = self.at_points(self.viscosities, 1 / PROXIMAL)
+        bulk = np.full_like(viscosity, 1 / PROXIMAL)
+        if self.dilates:
+            soft = self.viscosities[self.dilating] / self.slopes[self.dilating] ** 2
+            bulk[np.flatnonzero(self.plastic)[self.dilating]] = soft
+        none: Floats = np.zeros((len(viscosity), self.strains.size))
+        return Moduli(bulk, viscosity, none)
 
     def at_points(self, plastic: Floats, elastic: float) -> Floats:
         """Values at all points from those at the plastic ones."""
@@ -256,15 +182,20 @@ class ConicProgram:
         values[self.plastic] = plastic
         return values
 
-    def assemble(self, bulk: Floats, a: Floats, normal: Floats, held: Ints = NONE) -> None:
-        """Assemble Σ w² (κ tr ε δ + a dev ε − (N:ε) N):ε; see :class:`Stiffness`.
+    def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
+        """Assemble Σ w² times the moduli; see :class:`discretisation.Stiffness`.
 
         No a counts as less than :data:`SOFTEST`: directions are a little less exact then, and the
         balance that they leave is made up for by the next ones.
         """
-        a = np.maximum(a, SOFTEST)
         scale = self.weights / self._mean_weight
-        self.stiffness.assemble(scale * bulk, scale * a, np.sqrt(scale)[:, None] * normal, held)
+        scaled = Moduli(
+            scale * moduli.bulk,
+            scale * np.maximum(moduli.a, SOFTEST),
+            np.sqrt(scale)[:, None] * moduli.normal,
+            moduli.along,
+        )
+        self.stiffness.assemble(scaled, held)
 
     def internal_forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
         """Set ``out`` to Σ w (p δ + s):ε(v) for all v. Collective."""
@@ -275,11 +206,37 @@ class ConicProgram:
         return float(self.load.dot(velocity))
 
     def dissipation(self, velocity: PETSc.Vec) -> float:
-        """Σ w γ‖dev ε(v)‖ over all points that have a yield radius. Collective."""
-        _, deviator = self.strains.of(velocity)
+        """Σ w γ‖dev ε(v)‖, and (γ/α) tr ε(v) where bodies dilate. Collective.
+
+        Over all points that have a yield radius, of a velocity that is admissible.
+        """
+        trace, deviator = self.strains.of(velocity)
         radii = self.strains.radii / self.stress_unit
         radii = np.where(np.isfinite(radii), radii, 0.0)
-        return self.total(float((self.weights * radii) @ np.linalg.norm(deviator, axis=1)))
+        rates, slopes = np.linalg.norm(deviator, axis=1), self.strains.slopes
+        np.divide(trace, slopes, out=rates, where=slopes > 0)
+        return self.total(float((self.weights * radii) @ rates))
+
+    def rates(self, velocity: PETSc.Vec) -> tuple[float, float]:
+        """What is inadmissible in ε(v), and ‖ε(v)‖, as root mean squares. Collective.
+
+        Of bodies that dilate it is what their volume grows too little by. In these units the latter
+        is about 1 of a flow that meets resistance.
+        """
+        trace, deviator = self.strains.of(velocity)
+        squares = np.einsum("ni,ni->n", deviator, deviator)
+        volume = trace**2 / self.strains.gdim
+        wrong = volume + np.where(self.plastic, 0.0, squares)
+        if self.dilates:
+            slopes = self.strains.slopes
+            short = np.maximum(slopes * np.sqrt(squares) - trace, 0.0)
+            wrong = np.where(self.plastic & (slopes > 0), short**2, wrong)
+        part, whole = (
+            self.total(self.weights @ wrong),
+            self.total(self.weights @ (volume + squares)),
+        )
+        size = self.total(self.weights.sum())
+        return float(np.sqrt(part / size)), float(np.sqrt(whole / size))
 
     def total(self, value: float) -> float:
         """Sum over all ranks. Collective."""

@@ -7,7 +7,7 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.limit_analysis.conic_program import NONE
+from perfplast_fenicsx.limit_analysis.discretisation import NONE, Moduli
 from perfplast_fenicsx.limit_analysis.point_strains import deviator_in_plane, trace_dim
 from perfplast_fenicsx.limit_analysis.sprung_matrix import SprungMatrix
 from perfplast_fenicsx.materials.mandel import trace
@@ -19,7 +19,7 @@ from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 
 
 class ConicStiffness(SprungMatrix):
-    """K of displacements in the contact basis; see :class:`conic_program.Stiffness`."""
+    """K of displacements in the contact basis; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, problem: Problem) -> None:
         """Compile the form, and find the pattern. Collective."""
@@ -29,11 +29,13 @@ class ConicStiffness(SprungMatrix):
         self._bulk, self._a, self._normal = fem.Function(Q), fem.Function(Q), fem.Function(S)
         trial, test = (strain(f(problem.V)) for f in (ufl.TrialFunction, ufl.TestFunction))
         e, d = deviator_in_plane(trial, dim), deviator_in_plane(test, dim)
-        N = self._normal
+        N, volume, as_much = self._normal, trace(trial), trace(test)
+        self._along = fem.Function(S)
+        if any(on.law.dilates for on in problem.laws):
+            volume -= ufl.dot(self._along, e)
+            as_much -= ufl.dot(self._along, d)
         density = (
-            self._bulk * trace(trial) * trace(test)
-            + self._a * ufl.dot(e, d)
-            - ufl.dot(N, e) * ufl.dot(N, d)
+            self._bulk * volume * as_much + self._a * ufl.dot(e, d) - ufl.dot(N, e) * ufl.dot(N, d)
         )
         self._form = fem.form(density * problem.dx)
         self._stiffness = create_stiffness(problem)
@@ -46,18 +48,17 @@ class ConicStiffness(SprungMatrix):
         self._stiffness.destroy()
 
     @phase("assembly")
-    def assemble(
-        self, bulk: Floats, a: Floats, normal: Floats, held: npt.NDArray[np.int32] = NONE
-    ) -> None:
+    def assemble(self, moduli: Moduli, held: npt.NDArray[np.int32] = NONE) -> None:
         """Bring K to moduli at the points of this rank. Collective.
 
         Args:
-            bulk: κ, shape (count,).
-            a: Shape (count,).
-            normal: N, shape (count, m).
+            moduli: At the points.
             held: Local (owned) unknowns that stay zero.
         """
-        for function, values in ((self._bulk, bulk), (self._a, a), (self._normal, normal)):
+        given = [(self._bulk, moduli.bulk), (self._a, moduli.a), (self._normal, moduli.normal)]
+        if moduli.along is not None:
+            given.append((self._along, moduli.along))
+        for function, values in given:
             function.x.array[: values.size] = values.ravel()
         self._stiffness.zeroEntries()
         fem_petsc.assemble_matrix(self._stiffness, self._form, self._problem.bcs)  # type: ignore[arg-type]

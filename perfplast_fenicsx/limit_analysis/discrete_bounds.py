@@ -13,7 +13,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
+from perfplast_fenicsx.limit_analysis.discretisation import Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.rebalancing import rebalance
 
@@ -43,6 +43,9 @@ nearly locks it takes more, as long as each leaves less than :data:`PROGRESS` of
 
 PROGRESS = 0.999
 """Share of what is inadmissible that an iteration of the projection may leave, beyond the usual."""
+
+MOST_CENTRINGS = 3
+"""Steps towards the middle of the cones, after which bodies that dilate grow enough."""
 
 MOST_HOLDINGS = 5
 """So often pairs are held; twice in the hardest case that was seen."""
@@ -90,8 +93,7 @@ def lower_bound(iteration: InteriorIteration) -> LowerBound:
     if not iteration.unbalanced() <= IN_BALANCE:
         rebalance(iteration)
     program, now = iteration.program, iteration.now
-    _, deviator = program.whole((now.pressure, now.deviator), now.load)
-    ratio = program.overstress(deviator)
+    ratio = program.overstress(program.whole((now.pressure, now.deviator), now.load))
     unbalanced = iteration.unbalanced()
     if not unbalanced <= IN_BALANCE:
         return LowerBound(None, unbalanced)
@@ -108,6 +110,8 @@ def upper_bound(iteration: InteriorIteration) -> UpperBound:
     jumps, inadmissible, entering = program.jumps, np.inf, np.inf
     largest = v.norm(PETSc.NormType.NORM_INFINITY)
     closed = (now.forces > program.springs * now.rooms) | (now.rooms < ROUNDING * largest)
+    if program.dilates:  # in the end iterates are inside of all cones, and are left there
+        closed[:] = False
     for _ in range(MOST_HOLDINGS):
         try:
             inadmissible = _project(iteration, jumps[closed])
@@ -129,7 +133,8 @@ def upper_bound(iteration: InteriorIteration) -> UpperBound:
 def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float:
     """Bring the velocity to the nearest one that keeps volumes and elastic bodies. Collective.
 
-    It is nearest in the norm of the last viscosities, and found by the method of multipliers.
+    It is nearest in the norm of the last viscosities, and found by the method of multipliers. What
+    dilates is left as it is.
 
     Args:
         iteration: Whose velocity it is.
@@ -143,12 +148,19 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     """
     program, now, v = iteration.program, iteration.now, iteration.velocity
     strains = program.strains
+    if program.dilates:
+        for _ in range(MOST_CENTRINGS):
+            if (left := iteration.inadmissible()) <= EXACT:
+                return left
+            iteration.step(onwards=False)
     v.array[held] = 0
     sizes = np.linalg.norm(now.Z[:, 1:], axis=1)
     viscosity = program.at_points(now.S[:, 0] / np.maximum(sizes, 1 / STIFF), 1.0)
-    penalty = np.full_like(viscosity, PENALTY)
+    keeps = ~(program.plastic & (strains.slopes > 0))
+    penalty = np.where(keeps, PENALTY, viscosity)
     none = np.zeros((len(viscosity), strains.size))
-    program.assemble(penalty, program.at_points(viscosity[program.plastic], PENALTY), none, held)
+    stiff = program.at_points(viscosity[program.plastic], PENALTY)
+    program.assemble(Moduli(penalty, stiff, none), held)
     program.stiffness.factorise()
 
     before = v.copy()
@@ -162,7 +174,7 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
         slow = number >= USUAL and not inadmissible < PROGRESS * last
         if slow or not inadmissible > EXACT:
             break
-        pressure = pressure - PENALTY * program.weights * trace
+        pressure = pressure - np.where(keeps, PENALTY * program.weights * trace, 0.0)
         stress = stress - PENALTY * program.weights[:, None] * elastic
         program.internal_forces(pressure, stress, forces)
         forces.array[held] = 0

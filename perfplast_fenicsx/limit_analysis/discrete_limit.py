@@ -14,8 +14,9 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram
 from perfplast_fenicsx.limit_analysis.discrete_bounds import lower_bound, upper_bound
+from perfplast_fenicsx.limit_analysis.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.interior_steps import (
     InteriorStep,
@@ -65,7 +66,7 @@ class DiscreteLimit:
         mechanism: Velocity v of the collapse or of the upper bound, with L(v) = 1; zero where there
             is neither.
         stress: σ at the lower bound, Mandel vectors at the quadrature points; in plane strain the
-            stress out of the plane is the mean of those in it.
+            stress out of the plane is the one that leaves the most room to yield.
         contact_forces: Forces of the pairs hosted by this rank there, shape (num_pairs,).
         unbalanced: Largest force there that nothing balances, relative to the largest load.
         inadmissible: Volume change of v in plastic bodies, and strain in elastic ones, relative to
@@ -173,11 +174,17 @@ def _search(
 
 def can_bound(problem: Problem) -> bool:
     """Whether the method knows the yield sets of all bodies."""
-    return all(on.law.cone() is not None for on in problem.laws)
+    in_plane = not problem.kinematics.whole
+    return all(on.law.cone(in_plane) is not None for on in problem.laws)
 
 
 def _why(problem: Problem) -> str:
     """Why no mechanism is in sight."""
+    if any(on.law.dilates for on in problem.laws):
+        return (
+            "bodies that dilate where they flow may be confined, so that they carry any load, or"
+            " elements have too few motions; leave them room, or use quadratic elements"
+        )
     if problem.degree == 1:
         return (
             "linear elements lock in plastic flow, which keeps the volume; use quadratic ones"
@@ -265,5 +272,8 @@ def _write_stress(iteration: InteriorIteration, function: fem.Function) -> None:
     pressure, deviator = iteration.program.whole((now.pressure, now.deviator), now.load)
     array[:] = deviator[:count]
     array[:, :3] += pressure[:count, None]
+    slopes = iteration.program.strains.slopes[:count]
+    if iteration.program.strains.gdim == 2:  # what leaves the most room
+        array[:, 2] -= slopes / 2 * np.linalg.norm(deviator[:count], axis=1)
     array *= iteration.program.stress_unit
     function.x.scatter_forward()

@@ -11,12 +11,12 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.friction import Friction
-from perfplast_fenicsx.limit_analysis.conic_program import NONE, Strains
 from perfplast_fenicsx.limit_analysis.conic_stiffness import ConicStiffness
+from perfplast_fenicsx.limit_analysis.discretisation import NONE, Moduli, Strains
 
 
 class FrictionStrains:
-    """ε(v) at points and s/h at places of friction; see :class:`conic_program.Strains`."""
+    """ε(v) at points and s/h at places of friction; see :class:`discretisation.Strains`."""
 
     def __init__(self, points: Strains, friction: Friction) -> None:
         self._points, self._friction = points, friction
@@ -27,6 +27,7 @@ class FrictionStrains:
         self.count = points.count + len(bound)
         self.weights = np.concatenate([points.weights, area * self.length])
         self.radii = np.concatenate([points.radii, bound / area])
+        self.slopes = np.append(points.slopes, np.zeros(len(bound)))
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
@@ -59,7 +60,7 @@ class FrictionStrains:
 
 
 class FrictionStiffness:
-    """K with friction; see :class:`conic_program.Stiffness`."""
+    """K with friction; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, bodies: ConicStiffness, strains: FrictionStrains, count: int) -> None:
         """Take K of the bodies over, whose points are ``count``."""
@@ -78,8 +79,7 @@ class FrictionStiffness:
         """Systems solved so far."""
         return self._bodies.solves
 
-    def assemble(self, bulk: Floats, a: Floats, normal: Floats, held: Ints = NONE) -> None:
+    def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
         """Bring K to moduli at all points. Collective."""
-        self._bodies.add_springs(self._strains.springs(a, normal))
-        some = slice(self._count)
-        self._bodies.assemble(bulk[some], a[some], normal[some], held)
+        self._bodies.add_springs(self._strains.springs(moduli.a, moduli.normal))
+        self._bodies.assemble(moduli.first(self._count), held)

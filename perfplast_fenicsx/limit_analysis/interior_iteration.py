@@ -18,6 +18,8 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.centrality import Products
 from perfplast_fenicsx.limit_analysis.conic_program import PROXIMAL, ConicProgram
 from perfplast_fenicsx.limit_analysis.conic_unknowns import Unknowns
+from perfplast_fenicsx.limit_analysis.dilating_points import DilatingPoints
+from perfplast_fenicsx.limit_analysis.discretisation import Moduli
 from perfplast_fenicsx.limit_analysis.second_order_cones import Scaling, product, quotient
 
 SHORTENED = 0.98
@@ -56,8 +58,9 @@ class InteriorIteration:
             self._vectors
         )
         stress = np.zeros((program.strains.count, program.strains.size))
-        S, Z = (np.zeros((len(program.radii), 1 + stress.shape[1])) for _ in range(2))
-        S[:, 0], Z[:, 0] = program.radii, program.radii / program.viscosities
+        S = program.members((stress[:, 0], stress))
+        Z = np.zeros_like(S)
+        Z[:, 0] = program.radii / program.viscosities
         root = np.sqrt(program.springs)
         self._newton: _Newton | None = None
         self.now = Unknowns(0.0, stress[:, 0].copy(), stress, S, Z, root, 1 / root)
@@ -105,18 +108,8 @@ class InteriorIteration:
         return wrong / rate if rate > 0 else 0.0
 
     def rates(self) -> tuple[float, float]:
-        """What is inadmissible in ε(v), and ‖ε(v)‖, as root mean squares. Collective.
-
-        In the program's units the latter is about 1 of a flow that meets resistance.
-        """
-        trace, deviator = self.program.strains.of(self.velocity)
-        squares = np.einsum("ni,ni->n", deviator, deviator)
-        volume = trace**2 / self.program.strains.gdim
-        wrong = volume + np.where(self.program.plastic, 0.0, squares)
-        weights, total = self.program.weights, self.program.total
-        part, whole = total(weights @ wrong), total(weights @ (volume + squares))
-        size = total(weights.sum())
-        return float(np.sqrt(part / size)), float(np.sqrt(whole / size))
+        """See :meth:`ConicProgram.rates`. Collective."""
+        return self.program.rates(self.velocity)
 
     def equilibrate(self) -> None:
         """Add the stress and contact forces that balance what is left. Collective.
@@ -127,8 +120,12 @@ class InteriorIteration:
             self.balance()
             self.now = self._newton.balanced()
 
-    def step(self) -> float:
+    def step(self, onwards: bool = True) -> float:
         """Make a step. Collective.
+
+        Args:
+            onwards: Towards the limit load; else towards the middle of the cones where it is, which
+                is all that is left to make the velocity right.
 
         Returns:
             Its length, at most 1; 0 where no direction was found.
@@ -140,9 +137,11 @@ class InteriorIteration:
         self._newton = newton = _Newton(self, factorised=not self._begun)
         self._begun = True
         here, mu = newton.products(), self.gap() / self.program.degree
-        affine = newton.towards(-here)
-        centre = (1 - min(1.0, self._longest(affine.unknowns))) ** 3 * mu
-        aim = -(here + newton.products(affine.unknowns)).raised(-centre)
+        centre, aim = mu, -here.raised(-mu)
+        if onwards:
+            affine = newton.towards(-here)
+            centre *= (1 - min(1.0, self._longest(affine.unknowns))) ** 3
+            aim = -(here + newton.products(affine.unknowns)).raised(-centre)
         chosen = newton.towards(aim)
         longest = self._longest(chosen.unknowns)
         for _ in range(MOST_CORRECTIONS):
@@ -194,12 +193,13 @@ class _Newton:
         self.scaling = Scaling(now.S, now.Z)
         self._a, self._normal = self.scaling.moduli()
         self._free = program.weights / PROXIMAL
+        self._trace, self._deviator = strain = program.strains.of(iteration.velocity)
+        self._dilating = DilatingPoints(program, now, *strain) if program.dilates else None
         if not factorised:
             self._factorise()
         program.stiffness.solve(program.load, iteration._of_load)
         self._work_of_load = program.work(iteration._of_load)
         self._missing_work = 1 - program.work(iteration.velocity)
-        self._trace, self._deviator = program.strains.of(iteration.velocity)
         plastic = program.plastic
         self._rates = program.weights[plastic, None]
         self._off = now.Z[:, 1:] + self._rates * self._deviator[plastic]
@@ -210,7 +210,10 @@ class _Newton:
         program = self._program
         soft = np.full_like(self._free, 1 / PROXIMAL)
         a, normal = program.at_points(self._a, 1 / PROXIMAL), program.at_points(self._normal, 0.0)
-        program.assemble(soft, a, normal)
+        moduli = Moduli(soft, a, normal)
+        if self._dilating is not None:
+            moduli = self._dilating.moduli(moduli)
+        program.assemble(moduli)
         program.stiffness.add_at_jumps(self._contact)
         program.stiffness.factorise()
 
@@ -237,9 +240,11 @@ class _Newton:
         plastic, free, jumps = program.plastic, self._free, it._jumps
         aim, pairs = quotient(self.scaling.point, change.cones), change.pairs
         unscaled = self.scaling.invert(aim)[:, 1:]
-        stress = free[:, None] * self._deviator
+        pressure, stress = free * self._trace, free[:, None] * self._deviator
         stress[plastic] = self._moduli(unscaled + self._off)
-        program.internal_forces(free * self._trace, stress, it._right)
+        if (dilating := self._dilating) is not None:
+            dilating.put(dilating.members(-dilating.off, aim), pressure, stress)
+        program.internal_forces(pressure, stress, it._right)
         it._right.axpy(1.0, it._balance)
         it._right.array[jumps] += (pairs + now.forces * self._off_jumps) / now.rooms
         it._right.scale(-1.0)
@@ -249,15 +254,21 @@ class _Newton:
 
         trace, deviator = program.strains.of(it._change)
         dZ = -self._off - self._rates * deviator[plastic]
+        pressure = free * (self._trace + trace)
         stress = free[:, None] * (self._deviator + deviator)
         stress[plastic] = self._moduli(unscaled - dZ)
         S, Z = np.zeros_like(now.S), np.zeros_like(now.Z)
         S[:, 1:] = stress[plastic]
         Z[:, 0] = self.scaling.invert(aim - self.scaling.invert(S))[:, 0]
         Z[:, 1:] = dZ
+        if dilating is not None:
+            more = dilating.rates(trace, deviator) - dilating.off
+            S[dilating.among] = members = dilating.members(more, aim)
+            Z[dilating.among] = more
+            dilating.put(members, pressure, stress)
         rooms = -self._off_jumps - it._change.array_r[jumps]
         forces = (pairs - now.forces * rooms) / now.rooms
-        unknowns = Unknowns(load, free * (self._trace + trace), stress, S, Z, forces, rooms)
+        unknowns = Unknowns(load, pressure, stress, S, Z, forces, rooms)
         return _Direction(unknowns, it._change.array_r.copy())
 
     def balanced(self) -> Unknowns:
@@ -265,15 +276,16 @@ class _Newton:
         it, now, program = self._it, self._it.now, self._program
         program.stiffness.solve(it._balance, it._of_rest)
         trace, deviator = program.strains.of(it._of_rest)
-        stress = self._free[:, None] * deviator
+        pressure, stress = self._free * trace, self._free[:, None] * deviator
         stress[program.plastic] = self._moduli(self._rates * deviator[program.plastic])
-        S = now.S.copy()
-        S[:, 1:] -= stress[program.plastic]
+        if (dilating := self._dilating) is not None:
+            dilating.put(dilating.members(dilating.rates(trace, deviator)), pressure, stress)
+        changed = now.pressure - pressure, now.deviator - stress
         forces = now.forces - self._contact * it._of_rest.array_r[it._jumps]
         return replace(
             now,
-            pressure=now.pressure - self._free * trace,
-            deviator=now.deviator - stress,
-            S=S,
+            pressure=changed[0],
+            deviator=changed[1],
+            S=program.members(changed),
             forces=np.maximum(forces, 0.0),
         )

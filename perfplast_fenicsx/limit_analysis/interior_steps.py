@@ -7,7 +7,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
+from perfplast_fenicsx.limit_analysis.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 
 MOST_STEPS = 60

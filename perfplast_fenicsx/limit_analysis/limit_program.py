@@ -1,12 +1,8 @@
 """The limit load of a discrete problem; velocities are displacements in the contact basis."""
 
-from perfplast_fenicsx.limit_analysis.conic_program import (
-    ConicProgram,
-    Discretisation,
-    Stiffness,
-    Strains,
-)
+from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram
 from perfplast_fenicsx.limit_analysis.conic_stiffness import ConicStiffness
+from perfplast_fenicsx.limit_analysis.discretisation import Discretisation, Stiffness, Strains
 from perfplast_fenicsx.limit_analysis.friction_points import FrictionStiffness, FrictionStrains
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.problem.problem import Problem

@@ -11,7 +11,7 @@ from perfplast_fenicsx.limit_analysis.stress_cells import cell_layout, strain_ma
 
 
 class MultiplierStrains:
-    """e = W⁻¹Aᵀy of multipliers y; see :class:`conic_program.Strains`.
+    """e = W⁻¹Aᵀy of multipliers y; see :class:`discretisation.Strains`.
 
     A vector y has the facets' unknowns of a rank first, then the inner ones of its cells.
 
@@ -41,6 +41,7 @@ class MultiplierStrains:
         self.size = self.matrices.shape[-1] - 1
         self.weights: Floats = volumes.ravel()
         self.radii: Floats = np.repeat(radii, points)
+        self.slopes: Floats = np.zeros_like(self.radii)
         self.rows = self.layout.rows.reshape(points, -1)
         places = (np.ones(self.rows.size), (self.rows.ravel(), np.arange(self.rows.size)))
         self._sum = sparse.csr_array(places)

@@ -82,7 +82,7 @@ def next_start(
         return replace(start, pushed=True)
     over = False
     if now is not None:
-        _, whole = program.whole((now.pressure, now.deviator), now.load)
+        whole = program.whole((now.pressure, now.deviator), now.load)
         over = program.overstress(whole) > 1 + rtol
     if verdict is Verdict.NO_RESISTANCE or (verdict is Verdict.FOUND and not over):
         return None
@@ -138,12 +138,11 @@ def _flow(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None = None)
         flow: Set to the flow.
         springs: By default, and then the program's, those that suit the bodies.
     """
-    viscosity = program.at_points(program.viscosities, 1 / PROXIMAL)
-    none: Floats = np.zeros((len(viscosity), program.strains.size))
+    moduli = program.flow_moduli()
     if springs is None and program.num_pairs:
-        program.assemble(np.ones_like(viscosity), viscosity, none)
+        program.assemble(replace(moduli, bulk=np.ones_like(moduli.bulk)))
         program.springs = program.stiffness.jump_diagonal()
-    program.assemble(np.full_like(viscosity, 1 / PROXIMAL), viscosity, none)
+    program.assemble(moduli)
     program.stiffness.add_at_jumps(program.springs if springs is None else springs)
     program.stiffness.factorise()
     program.stiffness.solve(program.load, flow)
@@ -197,10 +196,11 @@ def _divide_loads(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None
     stress: Floats = np.zeros((len(pressure), program.strains.size))
     pushes: Floats = np.zeros(len(program.jumps))
     bulk, first = program.weights / PROXIMAL, program.work(flow)
+    bounded = program.at_points(program.dilating.astype(np.float64), 0.0) > 0
     try:
         for _ in range(MOST_DIVISIONS):
             trace, deviator = program.strains.of(flow)
-            of_mean = bulk * trace
+            of_mean = np.where(bounded, 0.0, bulk * trace)
             of_shape = np.where(program.plastic, 0.0, bulk)[:, None] * deviator
             jumps = flow.array_r[program.jumps]
             more = np.zeros_like(pushes)

@@ -1,9 +1,11 @@
 """Strain rates of velocities at the quadrature points as arrays, and the forces of stresses there.
 
 Mandel vectors are split into trace and deviator. In plane strain the deviator is that in the plane:
-the stress out of it is in no equation, and its best value is the mean of those in the plane, so
-that ‖dev σ‖ is the norm of the deviator in the plane.
+the stress out of it is in no equation, and takes its best value (:class:`YieldCone`); with von
+Mises that is the mean of those in the plane, so that ‖dev σ‖ is the norm of the deviator there.
 """
+
+from collections.abc import Callable
 
 from petsc4py import PETSc
 
@@ -16,13 +18,14 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.mandel import Expr, trace
+from perfplast_fenicsx.materials.yield_cone import YieldCone
 from perfplast_fenicsx.problem.integrals import assemble_force
-from perfplast_fenicsx.problem.law_on_cells import LawExpression
+from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells
 from perfplast_fenicsx.problem.problem import Problem
 
 
 class PointStrains:
-    """ε(v) of velocities in the contact basis; see :class:`conic_program.Strains`."""
+    """ε(v) of velocities in the contact basis; see :class:`discretisation.Strains`."""
 
     def __init__(self, problem: Problem) -> None:
         """Compile what evaluates them. Collective."""
@@ -36,7 +39,7 @@ class PointStrains:
         self.count = problem.Q.dofmap.index_map.size_local
         self.size = problem.S.dofmap.index_map_bs
         self.weights = self._weights()
-        self.radii = yield_radii(problem)
+        self.radii, self.slopes = yield_cones(problem)
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
@@ -91,29 +94,67 @@ def deviator_in_plane(e: Expr, gdim: int) -> Expr:
     return ufl.as_vector([e[i] - mean if i < gdim else e[i] for i in range(len(e))])
 
 
-def yield_radii(problem: Problem) -> Floats:
-    """γ (stress) at the points of this rank, ∞ in elastic bodies, shape (count,). Collective.
+def yield_cones(problem: Problem) -> tuple[Floats, Floats]:
+    """γ (stress) and α of ‖dev σ‖ ≤ γ − αp at the points of this rank. Collective.
+
+    Returns:
+        γ, ∞ in elastic bodies, and α, 0 where the mean stress plays no part; shapes (count,).
 
     Raises:
         InputError: If a body's yield set is none that the method knows (:meth:`Law.cone`).
     """
+    in_plane = trace_dim(problem) == 2
     for on in problem.laws:
-        if on.law.cone() is None:
+        if on.law.cone(in_plane) is None:
             raise InputError(
-                f"the interior point method knows no yield set of {type(on.law).__name__}; use"
-                " von Mises or elastic bodies with it, or load by work (limit_load)."
+                f"the interior point method knows no yield set of {type(on.law).__name__}; give"
+                " limit_method = 'path', or bodies of von Mises, Drucker and Prager, or elastic"
+                " ones."
             )
-    weakness = fem.Function(problem.Q)
-    LawExpression(problem.laws, problem.Q, lambda on: on.law.cone()).interpolate(weakness)
-    values = weakness.x.array[: problem.Q.dofmap.index_map.size_local]
-    radii = np.full(len(values), np.inf)
-    np.divide(1.0, values, out=radii, where=values > 0)
-    return radii
+
+    def at_points(what: Callable[[YieldCone], Expr]) -> Floats:
+        def of(on: LawOnCells) -> Expr:
+            cone = on.law.cone(in_plane)
+            assert cone is not None
+            return what(cone)
+
+        values = fem.Function(problem.Q)
+        LawExpression(problem.laws, problem.Q, of).interpolate(values)
+        found: Floats = values.x.array[: problem.Q.dofmap.index_map.size_local].copy()
+        return found
+
+    weakness = at_points(lambda cone: cone.weakness)
+    radii = np.full(len(weakness), np.inf)
+    np.divide(1.0, weakness, out=radii, where=weakness > 0)
+    if not any(on.law.dilates for on in problem.laws):
+        return radii, np.zeros_like(radii)
+    slopes = at_points(lambda cone: cone.slope)
+    np.divide(slopes, weakness, out=slopes, where=weakness > 0)
+    return radii, slopes
 
 
 def radii_of_cells(problem: Problem) -> Floats:
-    """γ of each cell that this rank owns, the least of its points. Collective."""
+    """γ of each cell that this rank owns, the least of its points. Collective.
+
+    Raises:
+        InputError: If bodies dilate, whose strength is not their yield radius alone.
+    """
+    check_keeps_volume(problem)
     topology = problem.tagged_mesh.mesh.topology
     owned = topology.index_map(topology.dim).size_local
-    radii: Floats = yield_radii(problem)[problem.Q.dofmap.list[:owned]].min(axis=1)
+    radii: Floats = yield_cones(problem)[0][problem.Q.dofmap.list[:owned]].min(axis=1)
     return radii
+
+
+def check_keeps_volume(problem: Problem) -> None:
+    """Refuse bodies that dilate, of which no strict bounds are known.
+
+    Raises:
+        InputError: Naming the law.
+    """
+    for on in problem.laws:
+        if on.law.dilates:
+            raise InputError(
+                f"strict bounds do not know bodies that dilate ({type(on.law).__name__}); seek the"
+                " limit load of the mesh (control = 'work', until = 'limit')."
+            )

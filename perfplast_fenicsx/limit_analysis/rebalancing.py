@@ -7,7 +7,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
+from perfplast_fenicsx.limit_analysis.discretisation import Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 
 BALANCED = 1e-13
@@ -42,7 +42,7 @@ def rebalance(iteration: InteriorIteration) -> None:
     correction = program.create_vector()
     try:
         for _ in range(MOST_ROUNDS):
-            program.assemble(uniform, uniform, np.zeros_like(balanced.deviator))
+            program.assemble(Moduli(uniform, uniform, np.zeros_like(balanced.deviator)))
             program.stiffness.add_at_jumps(springs)
             program.stiffness.factorise()
             _balance(iteration, springs, correction)
@@ -94,13 +94,12 @@ def _balance(iteration: InteriorIteration, springs: Floats, correction: PETSc.Ve
             if not (refining or (power > 0 and resisted > 0)):
                 break
             length, now = 1.0 if refining else power / resisted, iteration.now
-            changed, S = now.deviator - length * stress, now.S.copy()
-            S[:, 1:] = changed[program.plastic]
+            changed = now.pressure - length * pressure, now.deviator - length * stress
             iteration.now = replace(
                 now,
-                pressure=now.pressure - length * pressure,
-                deviator=changed,
-                S=S,
+                pressure=changed[0],
+                deviator=changed[1],
+                S=program.members(changed),
                 forces=now.forces - length * forces,
             )
     finally:

@@ -90,3 +90,16 @@ class Scaling:
         size2 = np.einsum("ni,ni->n", self._w, self._w)
         scale = self._eta * np.sqrt(2 / (1 + 2 * size2))
         return self._eta**2, scale[:, None] * self._w
+
+    def coupled(self, slopes: Floats) -> tuple[Floats, Floats]:
+        """What W² is of a₀ = −αp besides :meth:`moduli`: κ(t − b·x)² for the rates t and x.
+
+        Args:
+            slopes: α > 0, shape (num_cones,).
+
+        Returns:
+            κ, shape (num_cones,); b, shape (num_cones, m).
+        """
+        size2 = 1 + 2 * np.einsum("ni,ni->n", self._w, self._w)
+        along = (2 * slopes * self._w0 / size2)[:, None] * self._w
+        return self._eta**2 * size2 / slopes**2, along

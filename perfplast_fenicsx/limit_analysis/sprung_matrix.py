@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from petsc4py import PETSc
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
+from perfplast_fenicsx.limit_analysis.discretisation import SingularStiffness
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
 from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
@@ -13,7 +13,7 @@ from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
 
 
 class SprungMatrix:
-    """What both kinds of :class:`conic_program.Stiffness` do once their matrix is assembled.
+    """What both kinds of :class:`discretisation.Stiffness` do once their matrix is assembled.
 
     Attributes:
         factorisations: So far.

@@ -16,7 +16,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
-from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
+from perfplast_fenicsx.limit_analysis.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.facet_conditions import (
     BENT,
     FacetConditions,
@@ -230,7 +230,7 @@ def _result(
     iteration.settle()
     now = iteration.now
     pressure, deviator = program.whole((now.pressure, now.deviator), now.load)
-    ratio = program.overstress(deviator)
+    ratio = program.overstress((pressure, deviator))
     scale = program.stress_unit / max(1.0, ratio)
     pressure, deviator = scale * pressure, scale * deviator
     value = now.load * program.load_unit / max(1.0, ratio)

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.condensed_stiffness import CondensedStiffness
-from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, Discretisation, Stress
+from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, Stress
+from perfplast_fenicsx.limit_analysis.discretisation import Discretisation
 from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions
 from perfplast_fenicsx.limit_analysis.facet_velocities import FacetVelocities
 from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrains

@@ -37,6 +37,8 @@ from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.problem import Problem
 
+DILATES = "strict bounds do not know bodies that dilate"
+
 SUBDIVISIONS = 8
 """Parts of a cell's edge in the composite vertex rule."""
 
@@ -79,6 +81,8 @@ def strict_upper_bound(
     check_proportional(problem)
     if problem.tagged_mesh.axisymmetric:
         return Bound(None, "upper", Scope.MESH, (TURNED,))
+    if any(on.law.dilates for on in problem.laws):
+        return Bound(None, "upper", Scope.MESH, (DILATES,))
     strains = PointStrains(problem)
     try:
         trace, deviator = strains.of_function(mechanism)

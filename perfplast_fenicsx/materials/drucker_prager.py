@@ -26,6 +26,7 @@ from perfplast_fenicsx.materials.elastic import Elastic, require_positive
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
+from perfplast_fenicsx.materials.yield_cone import YieldCone
 
 TINY = 1e-300
 """Smallest divisor; avoids 0/0 where a strain has no deviator."""
@@ -62,6 +63,15 @@ class DruckerPragerLaw(Law):
     def _stiffness(self) -> Expr:
         """D, by which f falls with flow."""
         return self.shear + self.bulk * self.slope**2
+
+    def cone(self, in_plane: bool) -> YieldCone:
+        """‖dev σ‖ + √2 ηp ≤ √2 c, and in the plane both divided by √(1 − η²/3).
+
+        There the stress out of the plane is p − (α/2)‖dev σ‖, which leaves the most room; η is
+        less than √3 with any match.
+        """
+        size: Expr = ufl.sqrt(1 - self.slope**2 / 3) if in_plane else ufl.as_ufl(1)
+        return YieldCone(size / (math.sqrt(2) * self.strength), self.slope / self.strength)
 
     def excess(self, e: Expr) -> Expr:
         """F (stress): how far Ce is outside of K, negative inside."""

@@ -11,6 +11,7 @@ from perfplast_fenicsx.errors import InputError, check_magnitude
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.materials.yield_cone import YieldCone
 
 
 @dataclass(frozen=True)
@@ -59,9 +60,9 @@ class ElasticLaw(Law):
         """0."""
         return ufl.as_ufl(0)
 
-    def cone(self) -> Expr:
-        """0."""
-        return ufl.as_ufl(0)
+    def cone(self, in_plane: bool) -> YieldCone:
+        """All stresses."""
+        return YieldCone(ufl.as_ufl(0), ufl.as_ufl(0))
 
     def dissipation(self, rate: Expr) -> Expr:
         """0, the power of no rate at all."""

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.materials.yield_cone import YieldCone
 
 Old = Mapping[str, Expr]
 """The history at a point by name, as it was after the last accepted level; {} where a law has
@@ -91,10 +92,13 @@ class Law(Protocol):
         """
         ...
 
-    def cone(self) -> Expr | None:
-        """1/γ (1/stress) of the yield set ‖dev σ‖ ≤ γ, 0 for bodies that never yield; else None.
+    def cone(self, in_plane: bool) -> YieldCone | None:
+        """The yield set, where it is a cone about the hydrostatic axis that stays; else None.
 
         The interior point method for limit loads knows these sets alone.
+
+        Args:
+            in_plane: Whether it is that of stresses in the plane, in plane strain.
         """
         return None
 

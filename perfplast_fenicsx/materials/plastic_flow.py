@@ -25,6 +25,7 @@ from perfplast_fenicsx.materials.hardening import Hardening, HardeningLaw
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.materials.von_mises import FirstYield, VonMises, VonMisesLaw
+from perfplast_fenicsx.materials.yield_cone import YieldCone
 
 STRAIN, ACCUMULATED = "plastic_strain", "accumulated_plastic_strain"
 """The history: p as a Mandel vector, and p̄ = ∫√⅔‖dp‖, which in uniaxial stress is ∫|dε^p|."""
@@ -121,9 +122,9 @@ class FlowLaw(FirstYield, Step):
         """What has flowed."""
         return old[STRAIN]
 
-    def cone(self) -> Expr | None:
+    def cone(self, in_plane: bool) -> YieldCone | None:
         """That of the law of total strain: what has flowed changes no yield set."""
-        return self.perfect.cone()
+        return self.perfect.cone(in_plane)
 
     def inadmissible(self, rate: Expr) -> Expr | None:
         """The spherical part."""
@@ -144,7 +145,7 @@ class HardeningFlowLaw(FlowLaw):
     projects: ClassVar[bool] = False
     carries_any_load: ClassVar[bool] = True
 
-    def cone(self) -> None:
+    def cone(self, in_plane: bool) -> None:
         """None: the yield set does not stay."""
         return None
 

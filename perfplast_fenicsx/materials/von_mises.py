@@ -21,6 +21,7 @@ from perfplast_fenicsx.materials.elastic import Elastic, require_positive
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
+from perfplast_fenicsx.materials.yield_cone import YieldCone
 
 
 @dataclass(frozen=True)
@@ -109,9 +110,9 @@ class VonMisesLaw(FirstYield):
             "N": root * self.direction(e),
         }
 
-    def cone(self) -> Expr:
-        """1/γ."""
-        return 1 / self.yield_radius
+    def cone(self, in_plane: bool) -> YieldCone:
+        """‖dev σ‖ ≤ γ, in the plane as well."""
+        return YieldCone(1 / self.yield_radius, ufl.as_ufl(0))
 
     def inadmissible(self, rate: Expr) -> Expr:
         """The spherical part."""

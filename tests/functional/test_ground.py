@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from dolfinx import fem
 
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import (
@@ -16,16 +17,23 @@ from perfplast_fenicsx import (
     Contact,
     DruckerPrager,
     Level,
+    LimitLoad,
     Newton,
     NewtonOptions,
     Pressure,
     Problem,
     Support,
+    VonMises,
     WorkNewton,
     limit_load,
+    stacked_blocks,
 )
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
+from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
+from perfplast_fenicsx.materials.drucker_prager import Match
+from perfplast_fenicsx.problem.law_on_cells import LawExpression
 from tests.functional.test_command_line import one_line, write
 from tests.models import Read
 
@@ -100,12 +108,71 @@ def test_the_four_algorithms_agree(read: Read, sign: float, outside: float) -> N
     assert bordered.report.zeta == pytest.approx(zeta, rel=1e-7)
 
 
+@pytest.mark.mpi3
 def test_limit_load_is_the_exact_one(read: Read) -> None:
-    """By the path, as the interior point method has no cone for it; no upper bound is known."""
-    found = limit_load(divided_tube(read), 1e-4)
+    """By the interior point method, with a mechanism, and by the path, which knows no upper one."""
+    found = limit_load(divided_tube(read), 1e-5)
+    assert found.method is LimitMethod.INTERIOR_POINT
     assert found.levelled_off, found.reason
     assert found.estimate == pytest.approx(EXACT, rel=5e-4)
-    assert found.upper is None
+    assert found.upper is not None
+    assert 0 <= found.upper - found.lower <= 1e-5 * found.lower
+    assert found.iterations < 12
+    path = limit_load(divided_tube(read), 1e-4, method="path")
+    assert path.levelled_off, path.reason
+    assert path.estimate == pytest.approx(found.estimate, rel=1e-4)
+    assert path.upper is None
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("match", ["compression", "extension", "plane-strain"])
+def test_blocks_in_space(match: Match, degree: int) -> None:
+    """Uniform stress and strain: the pressure at which the cone is met without any other."""
+    ground = DruckerPrager(1e5, 0.3, COHESION, ANGLE, match)
+    mesh = stacked_blocks(MPI.COMM_WORLD, 2)
+    supports = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
+    contacts = [Contact("upper_bottom", "lower_top")]
+    loads = [Pressure("top", 1.0)]
+    problem = Problem(
+        mesh, dict.fromkeys(mesh.volumes, ground), supports, loads, contacts, degree=degree
+    )
+    found = limit_load(problem, 1e-5)
+    slope, strength = ground.cone
+    exact = strength / (1 / math.sqrt(3) - slope / 3)
+    assert found.lower == pytest.approx(exact, rel=1e-5)
+    assert found.upper == pytest.approx(exact, rel=1e-5)
+    assert_admissible(problem, found)
+
+
+def assert_admissible(problem: Problem, found: LimitLoad) -> None:
+    """The stress is nowhere beyond yield, and the mechanism grows wherever it shears."""
+    assert found.stress is not None
+    gauge = fem.Function(problem.Q)
+    law = LawExpression(problem.laws, problem.Q, lambda on: on.law.yield_ratio(found.stress))
+    law.interpolate(gauge)
+    count = problem.Q.dofmap.index_map.size_local
+    assert gauge.x.array[:count].max(initial=0.0) <= 1 + 1e-9
+    strains = PointStrains(problem)
+    trace, deviator = strains.of_function(found.mechanism)
+    rates = np.linalg.norm(deviator, axis=1)
+    assert (trace - strains.slopes * rates).min(initial=0.0) >= -1e-9 * rates.max(initial=0.0)
+    strains.destroy()
+
+
+@pytest.mark.parametrize("outer", [True, False])
+def test_beside_von_mises(read: Read, outer: bool) -> None:
+    """Bodies that keep their volume touch such as grow; the path agrees."""
+    problem = divided_tube(read)
+    ground = problem.given.materials["inner_tube"]
+    laws = {"inner_tube": ground, "outer_tube": ground}
+    laws["outer_tube" if outer else "inner_tube"] = VonMises(1e5, 0.3, 30.0)
+    problem = Problem(problem.tagged_mesh, **vars(problem.given) | {"materials": laws})
+    found = limit_load(problem, 1e-4)
+    assert found.upper is not None
+    assert found.upper - found.lower <= 1e-4 * found.lower
+    path = limit_load(problem, 1e-4, method="path")
+    assert path.estimate == pytest.approx(found.estimate, rel=2e-4)
+    assert_admissible(problem, found)
 
 
 def test_confined_ground_is_said_to_be_confined(read: Read) -> None:
@@ -114,7 +181,12 @@ def test_confined_ground_is_said_to_be_confined(read: Read) -> None:
     ground = DruckerPrager(1e5, 0.3, COHESION, ANGLE, "plane-strain")
     supports = [Support("x0", "x"), Support("y0", "y"), Support("outer")]
     loads = [Pressure("inner", 1.0)]
-    found = limit_load(Problem(tagged_mesh, {"tube": ground}, supports, loads), 1e-2)
+    problem = Problem(tagged_mesh, {"tube": ground}, supports, loads)
+    steps = limit_load(problem, 1e-2)
+    assert not steps.levelled_off
+    assert steps.upper is None
+    assert "dilate" in steps.reason
+    found = limit_load(problem, 1e-2, method="path")
     assert not found.levelled_off
     assert found.lower > 100 * EXACT
     assert "dilate" in found.reason
@@ -149,7 +221,7 @@ def test_a_case_file_runs_to_the_limit_load(comm: MPI.Intracomm, shared_tmp_path
 @pytest.mark.parametrize(
     ("loading", "changes", "named"),
     [
-        ('control = "bounds"', {}, "von Mises"),
+        ('control = "bounds"', {}, "strict bounds do not know bodies that dilate"),
         ('control = "load"\nvalues = [1.0]', {"friction_angle": "95.0"}, "friction_angle = 95.0"),
         ('control = "load"\nvalues = [1.0]', {"match": '"inner"'}, "match"),
         ('control = "load"\nvalues = [1.0]', {"cohesion": "-1.0"}, "cohesion = -1.0"),

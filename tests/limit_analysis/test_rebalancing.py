@@ -11,7 +11,7 @@ import pytest
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis import rebalancing
-from perfplast_fenicsx.limit_analysis.conic_program import SingularStiffness
+from perfplast_fenicsx.limit_analysis.discretisation import SingularStiffness
 
 pytestmark = pytest.mark.serial
 

@@ -1,0 +1,132 @@
+"""What a limit load is looked for with: strain rates at points, and a stiffness of moduli there."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Ints
+
+NONE = np.zeros(0, dtype=np.int32)
+
+
+class SingularStiffness(RuntimeError):
+    """A factorisation that has failed, on every rank alike."""
+
+
+@dataclass(frozen=True)
+class Moduli:
+    """κ, a, N and b of ⟨κ (tr ε − b:ε)² + a‖dev ε‖² − (N:ε)²⟩ at points.
+
+    Attributes:
+        bulk: κ, shape (count,).
+        a: Shape (count,).
+        normal: N, a deviator, shape (count, m).
+        along: b, a deviator, shape (count, m); None for zero.
+    """
+
+    bulk: Floats
+    a: Floats
+    normal: Floats
+    along: Floats | None = None
+
+    def first(self, count: int) -> "Moduli":
+        """Those of the first points."""
+        along = None if self.along is None else self.along[:count]
+        return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along)
+
+
+class Strains(Protocol):
+    """ε(v) at the points of this rank, split into trace and deviator, and its transpose.
+
+    Attributes:
+        count: Points of this rank.
+        size: Components m of a deviator; its norm is that of the tensor.
+        gdim: Dimension in which the trace is taken, and pressure acts.
+        weights: Volume that a point stands for, shape (count,).
+        radii: Yield radius γ (stress) without mean stress, ∞ in elastic bodies, shape (count,).
+        slopes: α, by which it falls with the mean stress, shape (count,).
+    """
+
+    count: int
+    size: int
+    gdim: int
+    weights: Floats
+    radii: Floats
+    slopes: Floats
+
+    def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
+        """Trace and deviator of ε(v), shapes (count,) and (count, m). Collective."""
+        ...
+
+    def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
+        """Set ``out`` to ∫ (p δ + s):ε(v) for all v. Collective."""
+        ...
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        ...
+
+
+class Stiffness(Protocol):
+    """K with :class:`Moduli` at the points and c s² for the jump s of each contact pair."""
+
+    @property
+    def factorisations(self) -> int:
+        """So far."""
+        ...
+
+    @property
+    def solves(self) -> int:
+        """Systems solved so far."""
+        ...
+
+    def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
+        """Bring K to moduli at the points, with unknowns that stay zero. Collective."""
+        ...
+
+    def jump_diagonal(self) -> Floats:
+        """Diagonal entries of the jumps of this rank's pairs. Collective."""
+        ...
+
+    def add_at_jumps(self, springs: Floats) -> None:
+        """Add c to the diagonal, shape (num_pairs,) on each rank. Collective."""
+        ...
+
+    def factorise(self) -> None:
+        """Factorise. Collective.
+
+        Raises:
+            SingularStiffness: If that fails.
+        """
+        ...
+
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Solve K x = b with the last factors. Collective."""
+        ...
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Discretisation:
+    """What a limit load is looked for with.
+
+    Attributes:
+        comm: The ranks.
+        strains: Of velocities.
+        stiffness: Assembled for the same velocities.
+        load: L as a vector, in the user's units.
+        jumps: Local (owned) entries of velocities that are jumps [v] of contact pairs.
+    """
+
+    comm: MPI.Intracomm
+    strains: Strains
+    stiffness: Stiffness
+    load: PETSc.Vec
+    jumps: Ints
