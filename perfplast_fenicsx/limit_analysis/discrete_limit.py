@@ -36,6 +36,7 @@ from perfplast_fenicsx.limit_analysis.natural_units import (
     choose_units,
     next_start,
 )
+from perfplast_fenicsx.limit_analysis.point_strains import weakness
 from perfplast_fenicsx.mesh_estimate import percent
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -170,7 +171,7 @@ def _search(
 
 def can_bound(problem: Problem) -> bool:
     """Whether the method knows the yield sets of all bodies."""
-    return all(on.law.cone() is not None for on in problem.laws)
+    return all(weakness(on.law) is not None for on in problem.laws)
 
 
 def _why(problem: Problem) -> str:

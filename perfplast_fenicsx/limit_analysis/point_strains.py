@@ -15,7 +15,10 @@ from dolfinx.fem import petsc as fem_petsc
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.materials.law import Law
 from perfplast_fenicsx.materials.mandel import Expr, trace
+from perfplast_fenicsx.materials.von_mises import VonMisesSet
+from perfplast_fenicsx.materials.yield_set import NeverYields
 from perfplast_fenicsx.problem.integrals import assemble_force
 from perfplast_fenicsx.problem.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.problem import Problem
@@ -91,21 +94,34 @@ def deviator_in_plane(e: Expr, gdim: int) -> Expr:
     return ufl.as_vector([e[i] - mean if i < gdim else e[i] for i in range(len(e))])
 
 
+def weakness(law: Law) -> Expr | None:
+    """1/γ (1/stress) of the yield set ‖dev σ‖ ≤ γ, 0 for bodies that never yield; else None.
+
+    The interior point method for limit loads knows these sets alone.
+    """
+    if law.carries_any_load:
+        return None
+    yields = law.yields
+    if type(yields) is VonMisesSet:  # what derives from it may be another set
+        return 1 / yields.radius
+    return ufl.as_ufl(0) if type(yields) is NeverYields else None
+
+
 def yield_radii(problem: Problem) -> Floats:
     """γ (stress) at the points of this rank, ∞ in elastic bodies, shape (count,). Collective.
 
     Raises:
-        InputError: If a body's yield set is none that the method knows (:meth:`Law.cone`).
+        InputError: If a body's yield set is none that the method knows (:func:`weakness`).
     """
     for on in problem.laws:
-        if on.law.cone() is None:
+        if weakness(on.law) is None:
             raise InputError(
                 f"the interior point method knows no yield set of {type(on.law).__name__}; use"
                 " von Mises or elastic bodies with it, or load by work (limit_load)."
             )
-    weakness = fem.Function(problem.Q)
-    LawExpression(problem.laws, problem.Q, lambda on: on.law.cone()).interpolate(weakness)
-    values = weakness.x.array[: problem.Q.dofmap.index_map.size_local]
+    inverse = fem.Function(problem.Q)
+    LawExpression(problem.laws, problem.Q, lambda on: weakness(on.law)).interpolate(inverse)
+    values = inverse.x.array[: problem.Q.dofmap.index_map.size_local]
     radii = np.full(len(values), np.inf)
     np.divide(1.0, values, out=radii, where=values > 0)
     return radii

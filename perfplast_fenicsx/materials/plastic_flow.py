@@ -121,14 +121,6 @@ class FlowLaw(FirstYield, Step):
         """What has flowed."""
         return old[STRAIN]
 
-    def cone(self) -> Expr | None:
-        """That of the law of total strain: what has flowed changes no yield set."""
-        return self.perfect.cone()
-
-    def inadmissible(self, rate: Expr) -> Expr | None:
-        """The spherical part."""
-        return self.perfect.inadmissible(rate)
-
 
 @dataclass(frozen=True)
 class HardeningFlowLaw(FlowLaw):
@@ -144,10 +136,6 @@ class HardeningFlowLaw(FlowLaw):
     projects: ClassVar[bool] = False
     carries_any_load: ClassVar[bool] = True
 
-    def cone(self) -> None:
-        """None: the yield set does not stay."""
-        return None
-
     def hencky(self, old: Old) -> VonMisesLaw | HardeningLaw:
         """With the radius γ + √⅔ H_i p̄."""
         radius = self.yield_radius + math.sqrt(3 / 2) * self.isotropic * old[ACCUMULATED]
@@ -156,10 +144,6 @@ class HardeningFlowLaw(FlowLaw):
     def back_stress(self, old: Old) -> Expr | None:
         """⅔H_k p."""
         return self.kinematic * old[STRAIN]
-
-    def inadmissible(self, rate: Expr) -> None:
-        """None: nothing flows without end."""
-        return None
 
 
 @dataclass(frozen=True)
