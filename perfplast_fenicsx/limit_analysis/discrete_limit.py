@@ -38,6 +38,7 @@ from perfplast_fenicsx.limit_analysis.natural_units import (
     choose_units,
     next_start,
 )
+from perfplast_fenicsx.limit_analysis.point_strains import axial_cone_of
 from perfplast_fenicsx.mesh_estimate import percent
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -110,7 +111,7 @@ def interior_point(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, or a
-            body's yield set is none that the method knows (:meth:`Law.cone`).
+            body's yield set is none that the method knows (:func:`point_strains.axial_cone_of`).
     """
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
@@ -174,8 +175,7 @@ def _search(
 
 def can_bound(problem: Problem) -> bool:
     """Whether the method knows the yield sets of all bodies."""
-    in_plane = not problem.kinematics.whole
-    return all(on.law.cone(in_plane) is not None for on in problem.laws)
+    return all(axial_cone_of(on.law) is not None for on in problem.laws)
 
 
 def _why(problem: Problem) -> str:

@@ -91,7 +91,11 @@ class KinematicBound:
         self._flow: ViscousFlow | None = None
         strain = problem.kinematics.strain
         rate = strain(fem.Function(problem.V))
-        unable = [type(on.law).__name__ for on in laws if on.law.inadmissible(rate) is None]
+        unable = [
+            type(on.law).__name__
+            for on in laws
+            if on.law.carries_any_load or on.law.yields.inadmissible(rate) is None
+        ]
         if unable:
             self.unable = f"{unable[0]} has no linear condition for admissible rates"
             return
@@ -104,8 +108,10 @@ class KinematicBound:
             return LawExpression(laws, problem.Q, value)
 
         self._size = at_points(lambda on: ufl.sqrt(ufl.dot(rate, rate)))
-        self._density = at_points(lambda on: on.law.dissipation(rate))
-        self._power = Integral(problem.comm, integrate(laws, lambda on: on.law.dissipation(rate)))
+        self._density = at_points(lambda on: on.law.yields.support(rate))
+        self._power = Integral(
+            problem.comm, integrate(laws, lambda on: on.law.yields.support(rate))
+        )
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""

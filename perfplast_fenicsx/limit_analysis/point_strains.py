@@ -1,11 +1,9 @@
 """Strain rates of velocities at the quadrature points as arrays, and the forces of stresses there.
 
 Mandel vectors are split into trace and deviator. In plane strain the deviator is that in the plane:
-the stress out of it is in no equation, and takes its best value (:class:`YieldCone`); with von
+the stress out of it is in no equation, and takes its best value (:func:`yield_cones`); with von
 Mises that is the mean of those in the plane, so that ‖dev σ‖ is the norm of the deviator there.
 """
-
-from collections.abc import Callable
 
 from petsc4py import PETSc
 
@@ -17,8 +15,9 @@ from dolfinx.fem import petsc as fem_petsc
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.materials.law import Law
 from perfplast_fenicsx.materials.mandel import Expr, trace
-from perfplast_fenicsx.materials.yield_cone import YieldCone
+from perfplast_fenicsx.materials.yield_set import AxialCone
 from perfplast_fenicsx.problem.integrals import assemble_force
 from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells
 from perfplast_fenicsx.problem.problem import Problem
@@ -94,42 +93,66 @@ def deviator_in_plane(e: Expr, gdim: int) -> Expr:
     return ufl.as_vector([e[i] - mean if i < gdim else e[i] for i in range(len(e))])
 
 
+def axial_cone_of(law: Law) -> tuple[Expr, Expr] | None:
+    """1/γ and α/γ (1/stress) of ‖dev σ‖ ≤ γ − αp in space; None for any other yield set.
+
+    Both are 0 for bodies that never yield.
+    """
+    cones = None if law.carries_any_load else law.yields.cones(6)
+    if cones is None:
+        return None
+    if len(cones) == 0:
+        return ufl.as_ufl(0), ufl.as_ufl(0)
+    (cone, *more) = cones
+    if more or not isinstance(cone, AxialCone):
+        return None
+    return 1 / cone.bound, cone.alpha / cone.bound
+
+
 def yield_cones(problem: Problem) -> tuple[Floats, Floats]:
     """γ (stress) and α of ‖dev σ‖ ≤ γ − αp at the points of this rank. Collective.
+
+    In plane strain these are of the stress in the plane: with the stress p − (α/2)‖dev σ‖ out of
+    it, which leaves the most room, both are divided by √(1 − α²/6), α being that in space. A cone
+    with α ≥ √6 has room for any stress in the plane.
 
     Returns:
         γ, ∞ in elastic bodies, and α, 0 where the mean stress plays no part; shapes (count,).
 
     Raises:
-        InputError: If a body's yield set is none that the method knows (:meth:`Law.cone`).
+        InputError: If a body's yield set is none that the method knows (:func:`axial_cone_of`).
     """
-    in_plane = trace_dim(problem) == 2
     for on in problem.laws:
-        if on.law.cone(in_plane) is None:
+        if axial_cone_of(on.law) is None:
             raise InputError(
                 f"the interior point method knows no yield set of {type(on.law).__name__}; give"
                 " limit_method = 'path', or bodies of von Mises, Drucker and Prager, or elastic"
                 " ones."
             )
 
-    def at_points(what: Callable[[YieldCone], Expr]) -> Floats:
+    def at_points(which: int) -> Floats:
         def of(on: LawOnCells) -> Expr:
-            cone = on.law.cone(in_plane)
+            cone = axial_cone_of(on.law)
             assert cone is not None
-            return what(cone)
+            return cone[which]
 
         values = fem.Function(problem.Q)
         LawExpression(problem.laws, problem.Q, of).interpolate(values)
         found: Floats = values.x.array[: problem.Q.dofmap.index_map.size_local].copy()
         return found
 
-    weakness = at_points(lambda cone: cone.weakness)
+    weakness = at_points(0)
     radii = np.full(len(weakness), np.inf)
     np.divide(1.0, weakness, out=radii, where=weakness > 0)
     if not any(on.law.dilates for on in problem.laws):
         return radii, np.zeros_like(radii)
-    slopes = at_points(lambda cone: cone.slope)
+    slopes = at_points(1)
     np.divide(slopes, weakness, out=slopes, where=weakness > 0)
+    if trace_dim(problem) == 2:
+        room = 1 - slopes**2 / 6
+        radii[room <= 0], slopes[room <= 0] = np.inf, 0.0
+        size = np.sqrt(np.where(room > 0, room, 1.0))
+        radii, slopes = radii / size, slopes / size
     return radii, slopes
 
 

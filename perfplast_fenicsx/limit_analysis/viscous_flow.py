@@ -64,15 +64,15 @@ class ViscousFlow:
         rate = strain(v)
         trial, test = (strain(f(problem.V)) for f in (ufl.TrialFunction, ufl.TestFunction))
         multipliers = {
-            on: fem.Function(problem.space_at_points(on.law.inadmissible(rate).ufl_shape))
+            on: fem.Function(problem.space_at_points(on.law.yields.inadmissible(rate).ufl_shape))
             for on in laws
         }
 
         def risen(on: LawOnCells) -> Expr:
-            return multipliers[on] + PENALTY * eta * on.law.inadmissible(rate)
+            return multipliers[on] + PENALTY * eta * on.law.yields.inadmissible(rate)
 
         def density(on: LawOnCells) -> Expr:
-            lost = (on.law.inadmissible(e) for e in (trial, test))
+            lost = (on.law.yields.inadmissible(e) for e in (trial, test))
             return eta * (ufl.dot(trial, test) + PENALTY * ufl.dot(*lost))
 
         self._multipliers = [
@@ -81,9 +81,9 @@ class ViscousFlow:
         ]
         self._operator_form = fem.form(integrate(laws, density))
         self._force_form = fem.form(
-            integrate(laws, lambda on: -ufl.dot(multipliers[on], on.law.inadmissible(test)))
+            integrate(laws, lambda on: -ufl.dot(multipliers[on], on.law.yields.inadmissible(test)))
         )
-        lost = integrate(laws, lambda on: ufl.dot(*[on.law.inadmissible(rate)] * 2))
+        lost = integrate(laws, lambda on: ufl.dot(*[on.law.yields.inadmissible(rate)] * 2))
         self._lost = Integral(problem.comm, lost)
         self._square = Integral(problem.comm, integrate(laws, lambda on: ufl.dot(rate, rate)))
         self._stiffness = create_stiffness(problem)

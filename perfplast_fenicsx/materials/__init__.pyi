@@ -1,5 +1,6 @@
 from .drucker_prager import DruckerPrager as DruckerPrager
 from .drucker_prager import DruckerPragerLaw as DruckerPragerLaw
+from .drucker_prager import DruckerPragerSet as DruckerPragerSet
 from .elastic import Elastic as Elastic
 from .elastic import ElasticLaw as ElasticLaw
 from .hardening import Hardening as Hardening
@@ -19,3 +20,7 @@ from .plastic_flow import FlowLaw as FlowLaw
 from .plastic_flow import HardeningFlowLaw as HardeningFlowLaw
 from .von_mises import VonMises as VonMises
 from .von_mises import VonMisesLaw as VonMisesLaw
+from .von_mises import VonMisesSet as VonMisesSet
+from .yield_set import Cone as Cone
+from .yield_set import NeverYields as NeverYields
+from .yield_set import YieldSet as YieldSet

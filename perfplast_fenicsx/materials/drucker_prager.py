@@ -15,7 +15,7 @@ tr ε ≥ √2 η‖dev ε‖, and dissipate (c/η) tr ε, whatever their deviat
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -26,7 +26,7 @@ from perfplast_fenicsx.materials.elastic import Elastic, require_positive
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
-from perfplast_fenicsx.materials.yield_cone import YieldCone
+from perfplast_fenicsx.materials.yield_set import Cone, axial_cone
 
 TINY = 1e-300
 """Smallest divisor; avoids 0/0 where a strain has no deviator."""
@@ -34,6 +34,36 @@ TINY = 1e-300
 Match = Literal["plane-strain", "compression", "extension"]
 """Where the cone has the strength of Mohr and Coulomb: limit loads in plane strain, or triaxial
 compression or extension."""
+
+
+@dataclass(frozen=True)
+class DruckerPragerSet:
+    """‖dev σ‖/√2 + η tr σ/3 ≤ c; see :class:`YieldSet` for the methods.
+
+    Args:
+        slope: η > 0.
+        strength: c > 0 in pure shear (stress).
+    """
+
+    slope: Expr
+    strength: Expr
+
+    def gauge(self, s: Expr) -> Expr:
+        """(‖dev σ‖/√2 + η tr σ/3)/c, and 0 where pressure makes it negative."""
+        size = _size(deviator(s)) / math.sqrt(2) + self.slope * trace(s) / 3
+        return ufl.max_value(size, 0.0) / self.strength
+
+    def support(self, rate: Expr) -> Expr:
+        """(c/η) tr rate, where tr rate ≥ √2 η‖dev rate‖."""
+        return self.strength / self.slope * trace(rate)
+
+    def cones(self, size: int) -> Sequence[Cone]:
+        """One, whose bound falls with the mean stress: ‖dev σ‖ ≤ √2 c − √2 ηp."""
+        return (axial_cone(math.sqrt(2) * self.strength, math.sqrt(2) * self.slope, size),)
+
+    def inadmissible(self, rate: Expr) -> None:
+        """None: admissible rates are a cone, which no linear condition says."""
+        return None
 
 
 @dataclass(frozen=True)
@@ -63,15 +93,6 @@ class DruckerPragerLaw(Law):
     def _stiffness(self) -> Expr:
         """D, by which f falls with flow."""
         return self.shear + self.bulk * self.slope**2
-
-    def cone(self, in_plane: bool) -> YieldCone:
-        """‖dev σ‖ + √2 ηp ≤ √2 c, and in the plane both divided by √(1 − η²/3).
-
-        There the stress out of the plane is p − (α/2)‖dev σ‖, which leaves the most room; η is
-        less than √3 with any match.
-        """
-        size: Expr = ufl.sqrt(1 - self.slope**2 / 3) if in_plane else ufl.as_ufl(1)
-        return YieldCone(size / (math.sqrt(2) * self.strength), self.slope / self.strength)
 
     def excess(self, e: Expr) -> Expr:
         """F (stress): how far Ce is outside of K, negative inside."""
@@ -142,18 +163,10 @@ class DruckerPragerLaw(Law):
         isotropic = spherical(stored["bulk"] * trace(d), len(d)) + stored["a"] * deviator(d)
         return isotropic + ufl.dot(P, d) * P - ufl.dot(M, d) * M
 
-    def yield_ratio(self, s: Expr) -> Expr:
-        """(‖dev σ‖/√2 + η tr σ/3)/c, and 0 where pressure makes it negative."""
-        size = _size(deviator(s)) / math.sqrt(2) + self.slope * trace(s) / 3
-        return ufl.max_value(size, 0.0) / self.strength
-
-    def dissipation(self, rate: Expr) -> Expr:
-        """(c/η) tr rate, where tr rate ≥ √2 η‖dev rate‖."""
-        return self.strength / self.slope * trace(rate)
-
-    def inadmissible(self, rate: Expr) -> None:
-        """None: admissible rates are a cone, which no linear condition says."""
-        return None
+    @property
+    def yields(self) -> DruckerPragerSet:
+        """‖dev σ‖/√2 + η tr σ/3 ≤ c."""
+        return DruckerPragerSet(self.slope, self.strength)
 
 
 def _size(d: Expr) -> Expr:

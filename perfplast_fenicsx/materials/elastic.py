@@ -11,7 +11,7 @@ from perfplast_fenicsx.errors import InputError, check_magnitude
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr
-from perfplast_fenicsx.materials.yield_cone import YieldCone
+from perfplast_fenicsx.materials.yield_set import NeverYields
 
 
 @dataclass(frozen=True)
@@ -56,21 +56,10 @@ class ElasticLaw(Law):
         """C d."""
         return self.elastic.hooke(d)
 
-    def yield_ratio(self, s: Expr) -> Expr:
-        """0."""
-        return ufl.as_ufl(0)
-
-    def cone(self, in_plane: bool) -> YieldCone:
+    @property
+    def yields(self) -> NeverYields:
         """All stresses."""
-        return YieldCone(ufl.as_ufl(0), ufl.as_ufl(0))
-
-    def dissipation(self, rate: Expr) -> Expr:
-        """0, the power of no rate at all."""
-        return ufl.as_ufl(0)
-
-    def inadmissible(self, rate: Expr) -> Expr:
-        """All of it."""
-        return rate
+        return NeverYields()
 
 
 @dataclass(frozen=True)

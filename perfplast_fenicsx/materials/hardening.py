@@ -64,7 +64,7 @@ class HardeningLaw(FirstYield):
 
     def conjugate(self, s: Expr, old: Old) -> Expr:
         """ψ*(s)."""
-        beyond = self.yield_radius * ufl.max_value(0.0, self.yield_ratio(s) - 1)
+        beyond = self.yield_radius * ufl.max_value(0.0, self.yields.gauge(s) - 1)
         return self.perfect.conjugate(s, old) + beyond**2 / (2 * self.hardening)
 
     def plastic(self, e: Expr, old: Old) -> Expr:
@@ -78,10 +78,6 @@ class HardeningLaw(FirstYield):
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
         """Those of perfect plasticity, with ρ + (1 − ρ)s for ρ."""
         return self.perfect.tangent_fields(e, old, rho + (1 - rho) * self.share)
-
-    def inadmissible(self, rate: Expr) -> None:
-        """None: nothing flows without end."""
-        return None
 
 
 @dataclass(frozen=True)

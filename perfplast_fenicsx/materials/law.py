@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.mandel import Expr
-from perfplast_fenicsx.materials.yield_cone import YieldCone
+from perfplast_fenicsx.materials.yield_set import YieldSet
 
 Old = Mapping[str, Expr]
 """The history at a point by name, as it was after the last accepted level; {} where a law has
@@ -21,23 +21,29 @@ class Law(Protocol):
     """A law that derives from a convex potential: Σ = Dψ is monotone.
 
     Strains e, rates and stresses s are Mandel vectors, shape (m,) with m = 6, or 4 in plane strain
-    (:mod:`mandel`); ``old`` is the history. :meth:`history`, :meth:`updated`
-    and :meth:`cone` are here as laws without a history (those of Hencky), and without a cone, have
-    them, if they derive from this class.
+    (:mod:`mandel`); ``old`` is the history. :meth:`history` and :meth:`updated` are here as laws
+    without a history (those of Hencky) have them, if they derive from this class.
 
     Attributes:
         projects: Whether Σ(e) is the projection of C(e − p) on a yield set that stays, in the norm
             of C⁻¹, with the strain p of :meth:`unstressed`, as it is in perfect plasticity; ALG2 is
             built on that.
         dilates: Whether bodies grow where they flow, so that confinement may carry any load.
+        carries_any_load: Whether it hardens without end, so that there is no limit load.
     """
 
     projects: ClassVar[bool]
     dilates: ClassVar[bool] = False
+    carries_any_load: ClassVar[bool] = False
 
     @property
     def elastic(self) -> IsotropicElasticity:
         """C, which makes the norms ‖e‖_C of strains and ‖σ‖_E of stresses."""
+        ...
+
+    @property
+    def yields(self) -> YieldSet:
+        """The yield set of the virgin body; stresses leave it where a law has hardened."""
         ...
 
     def history(self, m: int) -> Mapping[str, tuple[int, ...]]:
@@ -84,35 +90,6 @@ class Law(Protocol):
     def updated(self, e: Expr, old: Old) -> Mapping[str, Expr]:
         """The history after a level that was accepted with the strain e."""
         return {}
-
-    def yield_ratio(self, s: Expr) -> Expr:
-        """The gauge of the first yield set: 1 on its surface, and t times as much for t s.
-
-        Greater than 1 where a law has hardened; 0 for bodies that never yield.
-        """
-        ...
-
-    def cone(self, in_plane: bool) -> YieldCone | None:
-        """The yield set, where it is a cone about the hydrostatic axis that stays; else None.
-
-        The interior point method for limit loads knows these sets alone.
-
-        Args:
-            in_plane: Whether it is that of stresses in the plane, in plane strain.
-        """
-        return None
-
-    def dissipation(self, rate: Expr) -> Expr:
-        """Sup of s:rate over the yield set, power per volume, for a rate that is admissible."""
-        ...
-
-    def inadmissible(self, rate: Expr) -> Expr:
-        """The part of a strain rate, shape (k,) and linear in it, that has to vanish, or None.
-
-        Where it does :meth:`dissipation` is finite. None where no linear condition says so, as for
-        a yield set that is a cone, or where hardening makes it infinite: no upper bound is known.
-        """
-        ...
 
 
 @runtime_checkable

@@ -25,7 +25,6 @@ from perfplast_fenicsx.materials.hardening import Hardening, HardeningLaw
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.materials.von_mises import FirstYield, VonMises, VonMisesLaw
-from perfplast_fenicsx.materials.yield_cone import YieldCone
 
 STRAIN, ACCUMULATED = "plastic_strain", "accumulated_plastic_strain"
 """The history: p as a Mandel vector, and p̄ = ∫√⅔‖dp‖, which in uniaxial stress is ∫|dε^p|."""
@@ -122,14 +121,6 @@ class FlowLaw(FirstYield, Step):
         """What has flowed."""
         return old[STRAIN]
 
-    def cone(self, in_plane: bool) -> YieldCone | None:
-        """That of the law of total strain: what has flowed changes no yield set."""
-        return self.perfect.cone(in_plane)
-
-    def inadmissible(self, rate: Expr) -> Expr | None:
-        """The spherical part."""
-        return self.perfect.inadmissible(rate)
-
 
 @dataclass(frozen=True)
 class HardeningFlowLaw(FlowLaw):
@@ -145,10 +136,6 @@ class HardeningFlowLaw(FlowLaw):
     projects: ClassVar[bool] = False
     carries_any_load: ClassVar[bool] = True
 
-    def cone(self, in_plane: bool) -> None:
-        """None: the yield set does not stay."""
-        return None
-
     def hencky(self, old: Old) -> VonMisesLaw | HardeningLaw:
         """With the radius γ + √⅔ H_i p̄."""
         radius = self.yield_radius + math.sqrt(3 / 2) * self.isotropic * old[ACCUMULATED]
@@ -157,10 +144,6 @@ class HardeningFlowLaw(FlowLaw):
     def back_stress(self, old: Old) -> Expr | None:
         """⅔H_k p."""
         return self.kinematic * old[STRAIN]
-
-    def inadmissible(self, rate: Expr) -> None:
-        """None: nothing flows without end."""
-        return None
 
 
 @dataclass(frozen=True)

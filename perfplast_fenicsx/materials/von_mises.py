@@ -11,7 +11,7 @@ condition nor a division by ‖dev e‖,
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -21,7 +21,34 @@ from perfplast_fenicsx.materials.elastic import Elastic, require_positive
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
-from perfplast_fenicsx.materials.yield_cone import YieldCone
+from perfplast_fenicsx.materials.yield_set import Cone, axial_cone
+
+
+@dataclass(frozen=True)
+class VonMisesSet:
+    """‖dev σ‖ ≤ γ; see :class:`YieldSet` for the methods.
+
+    Args:
+        radius: γ (stress).
+    """
+
+    radius: Expr
+
+    def gauge(self, s: Expr) -> Expr:
+        """‖dev s‖/γ."""
+        return _size(deviator(s)) / self.radius
+
+    def support(self, rate: Expr) -> Expr:
+        """γ‖dev rate‖."""
+        return self.radius * _size(deviator(rate))
+
+    def cones(self, size: int) -> Sequence[Cone]:
+        """One, without a slope."""
+        return (axial_cone(self.radius, 0.0, size),)
+
+    def inadmissible(self, rate: Expr) -> Expr:
+        """The spherical part."""
+        return spherical(trace(rate) / 3, len(rate))
 
 
 @dataclass(frozen=True)
@@ -49,13 +76,10 @@ class FirstYield(Law):
         pressure = spherical(self.bulk * trace(d), len(d))
         return pressure + a * deviator(d) - ufl.dot(normal, d) * normal
 
-    def yield_ratio(self, s: Expr) -> Expr:
-        """‖dev s‖/γ, above 1 where a body has hardened."""
-        return _size(deviator(s)) / self.yield_radius
-
-    def dissipation(self, rate: Expr) -> Expr:
-        """γ‖dev rate‖, that of the first yield set."""
-        return self.yield_radius * _size(deviator(rate))
+    @property
+    def yields(self) -> VonMisesSet:
+        """‖dev σ‖ ≤ γ."""
+        return VonMisesSet(self.yield_radius)
 
 
 @dataclass(frozen=True)
@@ -109,14 +133,6 @@ class VonMisesLaw(FirstYield):
             "a": 2 * self.shear * (rho + (1 - rho) * theta),
             "N": root * self.direction(e),
         }
-
-    def cone(self, in_plane: bool) -> YieldCone:
-        """‖dev σ‖ ≤ γ, in the plane as well."""
-        return YieldCone(1 / self.yield_radius, ufl.as_ufl(0))
-
-    def inadmissible(self, rate: Expr) -> Expr:
-        """The spherical part."""
-        return spherical(trace(rate) / 3, len(rate))
 
 
 def _size(d: Expr) -> Expr:

@@ -73,7 +73,7 @@ class QuadratureFields:
         self._at_points = fem.Function(Q)
         self._plastic = LawExpression(laws, Q, lambda on: on.law.plastic(e, on.old))
         self._overstress = LawExpression(
-            laws, Q, lambda on: on.law.yield_ratio(on.law.elastic.hooke(e))
+            laws, Q, lambda on: on.law.yields.gauge(on.law.elastic.hooke(e))
         )
         self._history = {name: self._updated(name) for name in problem.history}
         self._force_form = fem.form(problem.internal_form(s))

@@ -148,7 +148,7 @@ def assert_admissible(problem: Problem, found: LimitLoad) -> None:
     """The stress is nowhere beyond yield, and the mechanism grows wherever it shears."""
     assert found.stress is not None
     gauge = fem.Function(problem.Q)
-    law = LawExpression(problem.laws, problem.Q, lambda on: on.law.yield_ratio(found.stress))
+    law = LawExpression(problem.laws, problem.Q, lambda on: on.law.yields.gauge(found.stress))
     law.interpolate(gauge)
     count = problem.Q.dofmap.index_map.size_local
     assert gauge.x.array[:count].max(initial=0.0) <= 1 + 1e-9

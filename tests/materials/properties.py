@@ -51,15 +51,10 @@ class Point:
             "hooke": law.elastic.hooke(x),
             "compliance": law.elastic.compliance(x),
             "tangent": law.tangent(stored, d),
-            "yield_ratio": law.yield_ratio(x),
-            "dissipation": law.dissipation(x),
+            "yield_ratio": law.yields.gauge(x),
+            "dissipation": law.yields.support(x),
             **law.updated(x, before),
         }
-        for place, in_plane in (("space", False), ("plane", True)):
-            cone = law.cone(in_plane)
-            if cone is not None:
-                self.expressions[f"weakness in {place}"] = cone.weakness
-                self.expressions[f"slope in {place}"] = cone.slope
         self.compiled: dict[str, fem.Expression] = {}
 
     def __call__(self, name: str, x: Array, d: Array | None = None) -> Array:
@@ -125,8 +120,6 @@ def check_all(
         assert np.allclose(point("compliance", point("hooke", e)), e, rtol=1e-9, atol=1e-300)
         ratio = point.number("yield_ratio", e)
         assert point.number("yield_ratio", 2 * e) == _near(2 * ratio)
-        if "weakness in space" in point.expressions:
-            _check_cone(point, e)
     if centre is None:
         assert not point("stress", zero).any()
     for rho in (0.0, 0.3, 1.0):
@@ -135,29 +128,6 @@ def check_all(
         assert np.allclose(point("tangent", middle, d), point("hooke", d))
         for e in around:
             _check_tangent(point, e, rho)
-
-
-def _check_cone(point: Point, s: Array) -> None:
-    """Gauge and cone are of one set, and the cone in the plane is its best one out of it."""
-    size, zero = np.linalg.norm(deviator(s)), np.zeros(point.size)
-
-    def gauge(place: str, size: float, mean: float) -> float:
-        slope = point.number(f"slope in {place}", zero)
-        return max(point.number(f"weakness in {place}", zero) * size + slope * mean, 0.0)
-
-    assert gauge("space", size, s[:3].mean()) == _near(point.number("yield_ratio", s))
-    if len(s) != 4:
-        return
-    mean = s[:2].mean()
-    size = np.linalg.norm([s[0] - mean, s[1] - mean, s[3]])
-    weakness = point.number("weakness in plane", zero)
-    alpha = point.number("slope in plane", zero) / weakness if weakness else 0.0
-    ratios = []
-    for off in (0.0, -0.3, 0.3):
-        best = np.array([s[0], s[1], mean - alpha / 2 * size + off * size, s[3]])
-        ratios.append(point.number("yield_ratio", best))
-    assert gauge("plane", size, mean) == _near(ratios[0])
-    assert ratios[0] <= min(ratios[1:]) * (1 + 1e-12)
 
 
 def _check_stress(point: Point, e: Array) -> None:

@@ -56,6 +56,25 @@ from tests.models import STEEL
 
 
 @dataclass(frozen=True)
+class FirstSet:
+    """Of a law that does not say that it carries any load, nor of which rates it flows."""
+
+    radius: Expr
+
+    def gauge(self, s: Expr) -> Expr:
+        return norm(deviator(s)) / self.radius
+
+    def support(self, rate: Expr) -> Expr:
+        return self.radius * norm(deviator(rate))
+
+    def cones(self, size: int) -> None:
+        return None
+
+    def inadmissible(self, rate: Expr) -> None:
+        return None
+
+
+@dataclass(frozen=True)
 class HardeningLaw(Law):
     bulk: Expr
     shear: Expr
@@ -108,14 +127,9 @@ class HardeningLaw(Law):
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
         return ufl.dot(stored["D"], d)
 
-    def yield_ratio(self, s: Expr) -> Expr:
-        return norm(deviator(s)) / self.yield_radius
-
-    def dissipation(self, rate: Expr) -> Expr:
-        return self.yield_radius * norm(deviator(rate))
-
-    def inadmissible(self, rate: Expr) -> None:
-        return None
+    @property
+    def yields(self) -> FirstSet:
+        return FirstSet(self.yield_radius)
 
 
 def norm(x: Expr) -> Expr:

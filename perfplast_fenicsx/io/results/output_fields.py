@@ -68,7 +68,7 @@ class OutputFields:
         self._stress = s
         laws, Q = problem.laws, problem.Q
         self._plastic = LawExpression(laws, Q, lambda on: on.law.plastic(e, on.old))
-        self._ratio = LawExpression(laws, Q, lambda on: on.law.yield_ratio(s))
+        self._ratio = LawExpression(laws, Q, lambda on: on.law.yields.gauge(s))
         self._to_nodes = fem_petsc.interpolation_matrix(vertices, self._nodes)
         self._to_nodes.assemble()
         self._areas = self._contact_areas(vertices)
@@ -163,7 +163,7 @@ def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
         v: The velocity, its ghosts up to date.
     """
     rate, at_points = problem.kinematics.strain(v), fem.Function(problem.Q)
-    work = LawExpression(problem.laws, problem.Q, lambda on: on.law.dissipation(rate))
+    work = LawExpression(problem.laws, problem.Q, lambda on: on.law.yields.support(rate))
     work.interpolate(at_points)
     cells = fem.functionspace(problem.tagged_mesh.mesh, ("DG", 0))
     mean = fem.Function(cells, name="dissipation")

@@ -1,0 +1,119 @@
+"""The yield set of a law, in UFL at a point: what stresses a body carries, and what flow costs.
+
+Stresses s and strain rates are Mandel vectors, shape (m,) (:mod:`mandel`).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import ufl
+
+from perfplast_fenicsx.materials.mandel import Expr, spherical
+
+
+@dataclass(frozen=True)
+class Cone:
+    """‖matrix·s‖ ≤ bound − slope·s, a second-order cone of stresses.
+
+    Args:
+        bound: Positive (stress), shape ().
+        slope: By which the bound falls with the stress, shape (m,); zero without friction.
+        matrix: Full row rank, shape (k, m).
+    """
+
+    bound: Expr
+    slope: Expr
+    matrix: Expr
+
+
+@dataclass(frozen=True)
+class AxialCone(Cone):
+    """‖dev s‖ ≤ bound − αp about the hydrostatic axis, p being the mean of the normal stresses.
+
+    The interior point method knows these; :func:`axial_cone` makes them.
+
+    Args:
+        bound: As of all cones.
+        slope: αδ/3.
+        matrix: Orthonormal deviators as rows.
+        alpha: α ≥ 0, shape ().
+    """
+
+    alpha: Expr
+
+
+class YieldSet(Protocol):
+    """A closed convex set of stresses with zero inside.
+
+    Gauge, support and cones are three descriptions of one set.
+    """
+
+    def gauge(self, s: Expr) -> Expr:
+        """1 on the surface, and t times as much for t s; 0 where no multiple of s yields."""
+        ...
+
+    def support(self, rate: Expr) -> Expr:
+        """Sup of s:rate over the set, power per volume, for a rate that is admissible."""
+        ...
+
+    def cones(self, size: int) -> Sequence[Cone] | None:
+        """The cones whose intersection the set is; () if nothing yields, None if not known.
+
+        Args:
+            size: m.
+        """
+        ...
+
+    def inadmissible(self, rate: Expr) -> Expr:
+        """The part of a rate, shape (k,) and linear in it, that has to vanish, or None.
+
+        Where it does :meth:`support` is finite. None where no linear condition says so, as for a
+        set whose admissible rates are a cone.
+        """
+        ...
+
+
+class NeverYields:
+    """All stresses; see :class:`YieldSet` for the methods."""
+
+    def gauge(self, s: Expr) -> Expr:
+        """0."""
+        return ufl.as_ufl(0)
+
+    def support(self, rate: Expr) -> Expr:
+        """0, the power of no rate at all."""
+        return ufl.as_ufl(0)
+
+    def cones(self, size: int) -> Sequence[Cone]:
+        """None of them bounds a stress."""
+        return ()
+
+    def inadmissible(self, rate: Expr) -> Expr:
+        """All of it."""
+        return rate
+
+
+def axial_cone(bound: Expr, alpha: Expr | float, size: int) -> AxialCone:
+    """‖dev s‖ ≤ bound − αp.
+
+    Args:
+        bound: γ > 0 (stress).
+        alpha: α ≥ 0.
+        size: m.
+    """
+    falls = ufl.as_ufl(alpha)
+    return AxialCone(bound, spherical(falls / 3, size), deviators(size), falls)
+
+
+def deviators(size: int) -> Expr:
+    """Orthonormal deviators as rows, shape (m − 1, m): their product with s has the size of dev s.
+
+    Args:
+        size: m.
+    """
+    a, b = 1 / math.sqrt(2), 1 / math.sqrt(6)
+    shears = [[float(i == j) for j in range(size)] for i in range(3, size)]
+    rest = [0.0] * (size - 3)
+    return ufl.as_matrix([[a, -a, 0.0, *rest], [b, b, -2 * b, *rest], *shears])

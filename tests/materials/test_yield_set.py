@@ -1,0 +1,168 @@
+"""Gauge, support, cones and admissible rates of a law are of one set, by plain numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import ufl
+
+from perfplast_fenicsx import DruckerPrager, Elastic, VonMises
+from perfplast_fenicsx.materials import (
+    MATERIALS,
+    Cone,
+    DruckerPragerSet,
+    Expr,
+    Flow,
+    Hardening,
+    Material,
+    VonMisesSet,
+    YieldSet,
+)
+from tests.materials.properties import Array
+
+pytestmark = pytest.mark.serial
+
+EXACT = 1e-12
+"""Relative difference of two descriptions of a set."""
+
+STEEL = VonMises(2e5, 0.3, 240.0)
+HARD = Hardening(2e5, 0.3, 240.0, isotropic=1e3, kinematic=2e3)
+LAWS: dict[str, Sequence[Material]] = {
+    "von-mises": (STEEL, Flow(STEEL)),
+    "von-mises-hardening": (HARD, Flow(HARD)),
+    "drucker-prager": (
+        DruckerPrager(1e4, 0.3, 10.0, 20.0, "compression"),
+        DruckerPrager(1e4, 0.3, 0.1, 42.0, "plane-strain"),
+        DruckerPrager(1e4, 0.3, 3.0, 2.0, "extension"),
+    ),
+    "elastic": (Elastic(2e5, 0.3),),
+}
+"""Materials by the names of case files."""
+
+
+def value(expression: Expr) -> Array:
+    """Of an expression of numbers alone; UFL evaluates scalars."""
+    shape = expression.ufl_shape
+    entries = [expression[i](()) if i else expression(()) for i in np.ndindex(shape)]
+    return np.array(entries, dtype=np.float64).reshape(shape)
+
+
+def check_set(yields: YieldSet, size: int) -> None:
+    """Check that a set of one cone or none is the same in all its descriptions."""
+    random = np.random.default_rng(11)
+    cones = yields.cones(size)
+    assert cones is not None and len(cones) <= 1
+    units = [yields.inadmissible(ufl.as_vector(list(e))) for e in np.eye(size)]
+    linear = None if units[0] is None else np.stack([value(unit) for unit in units])
+    if not cones:
+        assert linear is not None and np.linalg.matrix_rank(linear) == size
+        for stress in random.normal(size=(20, size)):
+            assert value(yields.gauge(ufl.as_vector(list(stress)))) == 0
+        assert value(yields.support(ufl.as_vector([0.0] * size))) == 0
+        return
+    bound, slope, matrix = (value(ufl.as_ufl(a)) for a in (cones[0].bound, *_rest(cones[0])))
+    assert np.linalg.matrix_rank(matrix) == len(matrix) and bound > 0
+
+    def gauge(stress: Array) -> float:
+        return float(value(yields.gauge(ufl.as_vector(list(stress)))))
+
+    def support(rate: Array) -> float:
+        return float(value(yields.support(ufl.as_vector(list(rate)))))
+
+    def room(stress: Array) -> float:
+        return float(bound - slope @ stress - np.linalg.norm(matrix @ stress))
+
+    both = np.vstack([slope, matrix])
+    if linear is not None:
+        # what no rate may have is what no stress of the cone bounds
+        assert not slope.any()
+        assert np.linalg.matrix_rank(linear) + len(matrix) == size
+        assert np.abs(matrix @ linear).max() < EXACT
+    else:
+        assert slope.any() and np.linalg.matrix_rank(both) == size
+    surface = []
+    for stress in random.normal(size=(200, size)) * bound:
+        t = gauge(stress)
+        assert gauge(3 * stress) == pytest.approx(3 * t, rel=EXACT)
+        if t == 0:
+            assert room(1e3 * stress) > 0
+            continue
+        surface.append(stress / t)
+        rounding = EXACT * (bound + np.linalg.norm(both) * np.linalg.norm(surface[-1]))
+        assert abs(room(surface[-1])) < rounding
+    assert len(surface) > 20
+    for z in random.normal(size=(50, len(matrix))):
+        # a rate of the dual cone, (head, z); the best stress is on its ray, or the tip
+        for more in (1.0,) if linear is not None else (1.0, 1.7):
+            head = more * np.linalg.norm(z)
+            rate = matrix.T @ z + head * slope
+            if linear is not None:
+                assert np.abs(rate @ linear).max() < EXACT * np.linalg.norm(rate)
+            power = support(rate)
+            assert power == pytest.approx(bound * head, rel=EXACT)
+            along = bound * z / head if more == 1 else 0 * z
+            best = np.linalg.lstsq(both, np.r_[0 if more == 1 else bound, along], rcond=None)[0]
+            assert gauge(best) == pytest.approx(1, rel=EXACT)
+            assert best @ rate == pytest.approx(power, rel=EXACT)
+            sizes = np.linalg.norm(surface, axis=1) * np.linalg.norm(rate)
+            assert (np.array(surface) @ rate <= power + EXACT * sizes).all()
+
+
+def _rest(cone: Cone) -> tuple[Expr, Expr]:
+    return cone.slope, cone.matrix
+
+
+def test_each_law_of_case_files_is_here() -> None:
+    assert set(LAWS) == set(MATERIALS)
+    assert all(type(given[0]) is MATERIALS[name] for name, given in LAWS.items())
+
+
+@pytest.mark.parametrize("size", [4, 6])
+@pytest.mark.parametrize("material", [m for given in LAWS.values() for m in given])
+def test_descriptions_are_of_one_set(material: Material, size: int) -> None:
+    law = material.law(**{name: ufl.as_ufl(a) for name, a in material.parameters().items()})
+    check_set(law.yields, size)
+
+
+@dataclass(frozen=True)
+class Wrong(VonMisesSet):
+    """Of which one description is of another set.
+
+    Args:
+        which: Which one.
+    """
+
+    which: str = ""
+
+    def gauge(self, s: Expr) -> Expr:
+        return super().gauge(s) * (1.001 if self.which == "gauge" else 1)
+
+    def support(self, rate: Expr) -> Expr:
+        return super().support(rate) * (1 + 1e-9 if self.which == "support" else 1)
+
+    def cones(self, size: int) -> Sequence[Cone]:
+        (cone,) = super().cones(size)
+        return (replace(cone, bound=cone.bound * (2 if self.which == "cones" else 1)),)
+
+    def inadmissible(self, rate: Expr) -> Expr:
+        return rate if self.which == "inadmissible" else super().inadmissible(rate)
+
+
+@pytest.mark.parametrize("which", ["", "gauge", "support", "cones", "inadmissible"])
+def test_a_description_of_another_set_is_noticed(which: str) -> None:
+    yields = Wrong(ufl.as_ufl(3.0), which)
+    if not which:
+        return check_set(yields, 6)
+    with pytest.raises(AssertionError):
+        check_set(yields, 6)
+
+
+def test_tip_of_a_cone_bounds_tension() -> None:
+    """c cot φ of Mohr and Coulomb, wherever the cone meets the pyramid."""
+    for material in LAWS["drucker-prager"]:
+        assert isinstance(material, DruckerPrager)
+        yields = DruckerPragerSet(*(ufl.as_ufl(a) for a in material.cone))
+        tip = material.cohesion / np.tan(np.radians(material.friction_angle))
+        even = ufl.as_vector([tip] * 3 + [0.0] * 3)
+        assert value(yields.gauge(even)) == pytest.approx(1, rel=EXACT)
