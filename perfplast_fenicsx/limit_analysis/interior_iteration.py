@@ -120,6 +120,7 @@ class InteriorIteration:
             self.balance()
             self.now = self._newton.balanced()
 
+    @np.errstate(over="ignore", invalid="ignore")  # a direction without end is not taken
     def step(self, onwards: bool = True) -> float:
         """Make a step. Collective.
 
