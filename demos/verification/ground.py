@@ -18,6 +18,9 @@
 # Mohr and Coulomb's (c cot φ)((b/a)^m' − 1), m' = 4 sin φ/(1 + sin φ). Elastic constants do not
 # matter. Bodies that flow dilate, and elements do not lock: linear ones converge too.
 #
+# A smooth strip footing on ground without weight carries N_c c, N_c = (e^(π tan φ) N − 1) cot φ
+# with N = (1 + sin φ)/(1 − sin φ) (L. Prandtl, Nachr. Ges. Wiss. Göttingen (1920), 74).
+#
 # A block in space between smooth plates carries 2c √N, N = (1 + sin φ)/(1 − sin φ), whatever the
 # mesh, if the cone is that of triaxial compression.
 #
@@ -30,6 +33,7 @@ from collections.abc import Sequence
 from mpi4py import MPI
 
 from demos.verification.study import Row, collapse, mesh, run
+from meshes.strip_footing import write_strip_footing
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import (
     Contact,
@@ -68,6 +72,13 @@ def sphere_limit(angle: float, match: str) -> float:
     slope, strength = ground(angle, match).cone
     power = 6 * slope / (math.sqrt(3) + 2 * slope)
     return float(strength / slope * (OUTER**power - 1))
+
+
+def footing_limit(angle: float) -> float:
+    """Pressure under a strip footing on weightless ground."""
+    phi = math.radians(angle)
+    grows = math.exp(math.pi * math.tan(phi)) * (1 + math.sin(phi)) / (1 - math.sin(phi))
+    return COHESION * (grows - 1) / math.tan(phi)
 
 
 def block_limit(angle: float) -> float:
@@ -149,6 +160,30 @@ def spheres(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
     return rows
 
 
+FOOTINGS = {10.0: (6.0, 3.0), 20.0: (9.0, 4.0), 30.0: (16.0, 7.0)}
+"""Width and depth of the ground by the angle; its sides confine no more."""
+
+
+def footings(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
+    """Uniform pressures on a strip, by the interior point method. Collective."""
+    rows = []
+    for angle, (width, depth) in FOOTINGS.items():
+        for size in sizes:
+            tagged_mesh = mesh(
+                folder, write_strip_footing, width=width, depth=depth, grading=20.0, size=size
+            )
+            problem = Problem(
+                tagged_mesh,
+                {"ground": ground(angle)},
+                [Support("x0", "x"), Support("side", "x"), Support("bottom")],
+                [Pressure("footing", 1.0)],
+                degree=2,
+            )
+            found = collapse(problem)
+            rows.append(found.row(f"footing, φ {angle:g}°", size, footing_limit(angle), 0.015))
+    return rows
+
+
 def blocks(comm: MPI.Intracomm) -> list[Row]:
     """Two stacked cubes in contact, in space, free at their sides. Collective."""
     tagged_mesh = stacked_blocks(comm, n=1)
@@ -167,6 +202,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     """Limit loads of tubes, spheres and blocks. Collective."""
     sizes = (0.1,) if coarse else (0.3, 0.15, 0.075)
     rows = [*tubes(folder, sizes), *spheres(folder, sizes), *blocks(comm)]
+    rows += footings(folder, (0.5,) if coarse else (0.5, 0.25, 0.12))
     loads = [Pressure("inner", 1.0)]
     tagged_mesh = mesh(folder, write_thick_tube, outer=OUTER, size=sizes[-1], order=2)
     found = collapse(shell(tagged_mesh, 30.0, loads), method="path")

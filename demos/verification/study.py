@@ -163,8 +163,12 @@ def collapse(problem: Problem, rtol: float = 1e-4, method: str = "interior-point
     seconds = time.perf_counter() - began
     bracket = ""
     if problem.degree == 2 and limit.factorisations is not None:
-        turned = problem.tagged_mesh.axisymmetric
-        bracket = "none: axisymmetric" if turned else in_brackets(limit_bounds(problem, rtol))
+        if problem.tagged_mesh.axisymmetric:
+            bracket = "none: axisymmetric"
+        elif any(on.law.dilates for on in problem.laws):
+            bracket = "none: dilates"
+        else:
+            bracket = in_brackets(limit_bounds(problem, rtol))
     return Collapse(problem, limit, bracket, seconds)
 
 

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from dolfinx import fem
 
+from demos.verification.ground import FOOTINGS, footing_limit
+from meshes.strip_footing import write_strip_footing
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import (
     AugmentedLagrangian,
@@ -157,6 +159,23 @@ def assert_admissible(problem: Problem, found: LimitLoad) -> None:
     rates = np.linalg.norm(deviator, axis=1)
     assert (trace - strains.slopes * rates).min(initial=0.0) >= -1e-9 * rates.max(initial=0.0)
     strains.destroy()
+
+
+@pytest.mark.parametrize(("angle", "off"), [(10.0, 0.006), (30.0, 0.011)])
+def test_a_strip_footing(read: Read, angle: float, off: float) -> None:
+    """Prandtl's wedge and spirals: N_c of 8.34 and 30.1 on less than 400 cells."""
+    width, depth = FOOTINGS[angle]
+    mesh = read(write_strip_footing, width=width, depth=depth, grading=20.0, size=0.5)
+    ground = DruckerPrager(1e4, 0.3, COHESION, angle, "plane-strain")
+    supports = [Support("x0", "x"), Support("side", "x"), Support("bottom")]
+    problem = Problem(mesh, {"ground": ground}, supports, [Pressure("footing", 1.0)], degree=2)
+    found = limit_load(problem)
+    exact = footing_limit(angle)
+    assert found.levelled_off
+    assert found.iterations < 20
+    assert found.lower <= found.upper
+    assert exact * (1 - 1e-3) < found.lower < (1 + off) * exact
+    assert_admissible(problem, found)
 
 
 @pytest.mark.parametrize("outer", [True, False])
