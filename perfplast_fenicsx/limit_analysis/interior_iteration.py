@@ -80,6 +80,10 @@ class InteriorIteration:
         loads = max(abs(self.now.load), 1.0) * self.program.load.norm(largest)
         return float(self.balance().norm(largest) / loads)
 
+    def row_units(self) -> Floats | float:
+        """Force in each row of this rank that is as bad as any other if nothing balances it."""
+        return 1.0
+
     def unbalanced_work(self) -> float:
         """Work of the forces that nothing balances on the velocity. Collective.
 

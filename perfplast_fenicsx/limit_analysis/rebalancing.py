@@ -14,10 +14,13 @@ BALANCED = 1e-13
 """Forces without balance, relative to the largest load, that need not be corrected."""
 
 MOST_CORRECTIONS = 20
-"""One or two, and a step of conjugate gradients for each place where edges nearly cross."""
+"""One or two, and one for each place where edges nearly cross."""
 
-REFINED = 0.1
-"""Share of what was left before a mere refinement, above which it does not help enough."""
+WORTH = 0.5
+"""Share of the least that was left, below which a correction has helped."""
+
+PATIENCE = 4
+"""Corrections in a row that may not help before they end."""
 
 MOST_ROUNDS = 4
 """So often it is balanced, and forces that pull are let go of between."""
@@ -39,13 +42,12 @@ def rebalance(iteration: InteriorIteration) -> None:
     uniform: Floats = np.ones(len(program.weights))
     largest = max(program.comm.allgather(float(balanced.forces.max(initial=0))))
     springs = program.springs * (balanced.forces / (largest or 1.0) + LEAST)
-    correction = program.create_vector()
     try:
         for _ in range(MOST_ROUNDS):
             program.assemble(Moduli(uniform, uniform, np.zeros_like(balanced.deviator)))
             program.stiffness.add_at_jumps(springs)
             program.stiffness.factorise()
-            _balance(iteration, springs, correction)
+            _balance(iteration, springs)
             balanced = iteration.now
             pulls = balanced.forces < 0
             if not program.comm.allreduce(int(pulls.sum())):
@@ -56,53 +58,75 @@ def rebalance(iteration: InteriorIteration) -> None:
         pass
     finally:
         iteration.now = balanced
-        correction.destroy()
 
 
-def _balance(iteration: InteriorIteration, springs: Floats, correction: PETSc.Vec) -> None:
+def _balance(iteration: InteriorIteration, springs: Floats) -> None:
     """Correct stress and contact forces with the factors that there are. Collective.
 
-    By refinement as long as that helps, then by conjugate gradients with the factors as those of
-    K: where rows of equilibrium nearly depend
-    on each other, as where edges nearly cross, the ridge of the factors
-    (:data:`condensed_stiffness.RIDGE`) is more than K itself, and of a few such motions mere
-    refinement would correct next to nothing. The best balance is kept: where no stress has it, what
-    is left grows.
+    By generalised conjugate residuals (S. Eisenstat, H. Elman and M. Schultz, SIAM Journal on
+    Numerical Analysis 20, 1983), with the factors as those of K. Where rows of equilibrium nearly
+    depend on each other, as where edges nearly cross, the ridge of the factors
+    (:data:`condensed_stiffness.RIDGE`) is more than K itself: mere refinement corrects next to
+    nothing of a few such motions, and conjugate gradients leave the balance again where no stress
+    has it to the last bit. The best balance is kept.
     """
-    program = iteration.program
+    program, units = iteration.program, iteration.row_units()
     direction, product = program.create_vector(), program.create_vector()
-    before, least, best, refining = 0.0, np.inf, iteration.now, True
+    before: list[tuple[Floats, Floats]] = []
+    least, best, since = np.inf, iteration.now, 0
     try:
-        for _ in range(MOST_CORRECTIONS + 1):
+        while len(before) <= MOST_CORRECTIONS:
             missing = iteration.unbalanced()
-            refining = refining and missing < REFINED * least
+            since = 0 if missing < WORTH * least else since + 1
             if missing < least:
                 least, best = missing, iteration.now
-            if not missing > BALANCED:
+            if not missing > BALANCED or since == PATIENCE:
                 break
             left = iteration.balance()
-            program.stiffness.solve(left, correction)
-            power = float(left.dot(correction))
-            direction.aypx(power / before if before > 0 else 0.0, correction)
-            before = 0.0 if refining else power
-            trace, deviator = program.strains.of(direction)
-            pressure, stress = program.weights * trace, program.weights[:, None] * deviator
-            program.internal_forces(pressure, stress, product)
-            forces = springs * direction.array_r[program.jumps]
-            product.array[program.jumps] += forces
-            resisted = float(direction.dot(product))
-            if not (refining or (power > 0 and resisted > 0)):
+            program.stiffness.solve(left, direction)
+            _resistance(iteration, springs, direction, product)
+            motion, forces = direction.array_r.copy(), product.array_r / units
+            for motion_before, forces_before in before:
+                share = program.total(float(forces_before @ forces))
+                motion -= share * motion_before
+                forces -= share * forces_before
+            size = np.sqrt(program.total(float(forces @ forces)))
+            if not size > 0:
                 break
-            length, now = 1.0 if refining else power / resisted, iteration.now
-            changed = now.pressure - length * pressure, now.deviator - length * stress
+            before.append((motion / size, forces / size))
+            length = program.total(float(forces @ (left.array_r / units))) / size
+            direction.array[:] = length * before[-1][0]
+            pressure, stress, pushes = _resistance(iteration, springs, direction, product)
+            now = iteration.now
+            changed = now.pressure - pressure, now.deviator - stress
             iteration.now = replace(
                 now,
                 pressure=changed[0],
                 deviator=changed[1],
                 S=program.members(changed),
-                forces=now.forces - length * forces,
+                forces=now.forces - pushes,
             )
     finally:
         iteration.now = best
         for vector in (direction, product):
             vector.destroy()
+
+
+def _resistance(
+    iteration: InteriorIteration, springs: Floats, motion: PETSc.Vec, out: PETSc.Vec
+) -> tuple[Floats, Floats, Floats]:
+    """Pressure, deviator and contact forces that resist a motion. Collective.
+
+    Args:
+        iteration: Of whose program they are.
+        springs: Stiffness of contact.
+        motion: Of bodies whose moduli are 1.
+        out: Set to the forces of all of them.
+    """
+    program = iteration.program
+    trace, deviator = program.strains.of(motion)
+    pressure, stress = program.weights * trace, program.weights[:, None] * deviator
+    program.internal_forces(pressure, stress, out)
+    pushes = springs * motion.array_r[program.jumps]
+    out.array[program.jumps] += pushes
+    return pressure, stress, pushes

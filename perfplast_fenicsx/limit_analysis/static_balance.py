@@ -42,6 +42,10 @@ class StaticIteration(InteriorIteration):
         mine = float((np.abs(self.balance().array_r) / self._rows).max(initial=0.0))
         return float(self.program.comm.allreduce(mine, MPI.MAX)) * self.program.force_unit
 
+    def row_units(self) -> Floats | float:
+        """See :meth:`InteriorIteration.row_units`."""
+        return super().row_units() if self._rows is None else self._rows
+
     def settle(self) -> None:
         """Bring stress and loads into balance, row by row, as far as rounding lets. Collective."""
         self._rows = self._static.forces_of_strengths()

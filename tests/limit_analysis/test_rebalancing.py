@@ -35,7 +35,7 @@ def test_what_was_balanced_last_is_left(
         if singular == len(found) + 1:
             raise SingularStiffness("nothing resists")
 
-    def balance(iteration: Any, _springs: Floats, _correction: object) -> None:
+    def balance(iteration: Any, _springs: Floats) -> None:
         forces = iteration.now.forces.copy()
         forces[len(found)] = -0.1
         iteration.now = Forces(forces, iteration.now.deviator)
@@ -49,7 +49,6 @@ def test_what_was_balanced_last_is_left(
         springs=np.ones(9),
         stiffness=stiffness,
         assemble=lambda *_: None,
-        create_vector=lambda: SimpleNamespace(destroy=lambda: None),
     )
     iteration = SimpleNamespace(program=program, now=Forces(np.ones(9), np.zeros(2)))
     rebalancing.rebalance(cast("Any", iteration))
