@@ -44,6 +44,13 @@ nearly locks it takes more, as long as each leaves less than :data:`PROGRESS` of
 PROGRESS = 0.999
 """Share of what is inadmissible that an iteration of the projection may leave, beyond the usual."""
 
+BETTER = 1e-12
+"""What is inadmissible that the projection goes on to, as long as it is quick: what strict bounds
+and those who check them let pass is about :data:`EXACT`."""
+
+QUICK = 0.8
+"""Share of what is inadmissible that an iteration leaves where it is quick."""
+
 MOST_CENTRINGS = 3
 """Steps towards the middle of the cones, after which bodies that dilate grow enough."""
 
@@ -171,8 +178,9 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
         trace, deviator = strains.of(v)
         elastic = np.where(program.plastic[:, None], 0.0, deviator)
         last, inadmissible = inadmissible, iteration.inadmissible()
+        enough = inadmissible <= (EXACT if number >= USUAL else BETTER)
         slow = number >= USUAL and not inadmissible < PROGRESS * last
-        if slow or not inadmissible > EXACT:
+        if enough or slow or (inadmissible <= EXACT and not inadmissible < QUICK * last):
             break
         pressure = pressure - np.where(keeps, PENALTY * program.weights * trace, 0.0)
         stress = stress - PENALTY * program.weights[:, None] * elastic
