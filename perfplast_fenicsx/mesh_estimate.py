@@ -6,6 +6,7 @@ and above, and that of the body on neither side. So both are told by their dista
 estimate in few digits.
 """
 
+import math
 from dataclasses import dataclass
 
 from perfplast_fenicsx.rounding import rounded_down
@@ -25,7 +26,8 @@ class MeshEstimate:
     """What is known of the limit load of a mesh.
 
     Attributes:
-        static: Load of the static side (ζ), or the largest that a loading path has reached.
+        static: Load of the static side (ζ), or the largest that a loading path has reached; −∞
+            where none is known.
         estimate: The limit load; None where none was found.
         kinematic: Load of the kinematic side; None where no mechanism was found.
     """
@@ -37,9 +39,9 @@ class MeshEstimate:
     @property
     def apart(self) -> float | None:
         """Distance of the two sides, relative to the static one; None of one side, or of 0."""
-        if self.kinematic is None or not self.static > 0:
+        if self.kinematic is None or self.static == 0 or not math.isfinite(self.static):
             return None
-        return abs(self.kinematic - self.static) / self.static
+        return abs((self.kinematic - self.static) / self.static)
 
     @property
     def shown(self) -> str:
@@ -56,7 +58,8 @@ class MeshEstimate:
             zeta: Stands before loads, such as "ζ = ".
         """
         if self.estimate is None:
-            carried = f", but not below {zeta}{rounded_down(self.static)}" if self.static else ""
+            known = self.static != 0 and math.isfinite(self.static)
+            carried = f", but not below {zeta}{rounded_down(self.static)}" if known else ""
             beyond = "" if self.kinematic is None else f", nor above {zeta}{self.kinematic:.6g}"
             return f"not found{carried}{beyond}; no bound of the body"
         apart = self.apart

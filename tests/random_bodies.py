@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import gmsh
 
@@ -98,13 +99,16 @@ def _seams(dim: int, heights: Sequence[float]) -> list[list[int]]:
     return [[tag for tag in on_plane(dim, dim, z) if tag in interface(dim)] for z in level]
 
 
-def problem_of(it: Stack, mesh: TaggedMesh, contrast: float = 1) -> tuple[Problem, float | None]:
+def problem_of(
+    it: Stack, mesh: TaggedMesh, contrast: float = 1, dead: float = 0
+) -> tuple[Problem, float | None]:
     """Random materials, supports and loads on it, quadratic.
 
     Args:
         it: The stack.
         mesh: Of it.
         contrast: A random block is so many times as strong as it was.
+        dead: So many times the loads stay at any load factor, which lowers the limit load by that.
 
     Returns:
         The problem, and its limit load where that is known.
@@ -136,6 +140,8 @@ def problem_of(it: Stack, mesh: TaggedMesh, contrast: float = 1) -> tuple[Proble
             loads.append(Traction("top", side))
         if random.random() < 0.5:
             loads.append(BodyForce(random.choice(names), side))
+    if dead:
+        loads += [replace(load, value=_times(dead, load.value), constant=True) for load in loads]
     contacts = []
     for i, (below, above) in enumerate(pairwise(names)):
         pair = [f"{below}_seam{i}", f"{above}_seam{i}"]
@@ -144,3 +150,7 @@ def problem_of(it: Stack, mesh: TaggedMesh, contrast: float = 1) -> tuple[Proble
     problem = Problem(mesh, materials, supports, loads, contacts, planes, degree=2)
     factor = 2 / 3**0.5 if dim == 2 else 1.0
     return problem, factor * min(strengths.values()) if it.plain else None
+
+
+def _times(factor: float, value: Any) -> Any:
+    return factor * value if isinstance(value, float) else tuple(factor * x for x in value)

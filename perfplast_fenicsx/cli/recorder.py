@@ -13,7 +13,11 @@ from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
 from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds, Round
-from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body_bounds import (
+    NOT_SOUGHT,
+    BodyBounds,
+    standing_in_words,
+)
 from perfplast_fenicsx.limit_analysis.design_factor import DesignFactor
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_judge import Search
@@ -196,10 +200,10 @@ class Recorder:
         self._run.journal.limit(limit, body)
         if not self.results.reports:  # without levels nothing else has counted it
             self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
-        lower = body.lower.value if body and body.lower.strict else None
-        upper = body.upper.value if body and body.upper.strict else None
+        known = body.limits if body else (NOT_SOUGHT, NOT_SOUGHT)
+        lower, upper = (bound.value if bound.strict else None for bound in known)
         zeta, design = self._run.case.loading.design, None
-        if zeta is not None:
+        if zeta is not None and not standing_in_words(limit, body):
             design = DesignFactor.of(zeta, lower, upper, limit.estimate)
             self._run.terminal.say(design.in_words())
         self._writer.write_limit(limit, body, adaptive, steps, design)

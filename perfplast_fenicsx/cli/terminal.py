@@ -15,7 +15,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.cli.remaining import clock, next_level
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.adaptation import Round
-from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
@@ -171,6 +171,9 @@ class Terminal:
         """Say what is known of the limit load of the mesh, the last one of several if so."""
         if not limit.theorem:
             self._path_bracket(limit)
+            return
+        if words := standing_in_words(limit):
+            self.say(f"{words[:-1]} ({effort(limit)}).")
             return
         estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
         met = limit.levelled_off and limit.upper is not None

@@ -124,7 +124,7 @@ class AdaptiveBounds:
         Where the lower one is of another mesh than the upper one, that of the two whose own bounds
         are nearer to each other.
         """
-        gaps = [_gap(it.lower, it.upper) for it in (self.low, self.high)]
+        gaps = [it.lower.apart(it.upper) for it in (self.low, self.high)]
         low, high = (np.inf if gap is None else gap for gap in gaps)
         return self.low if low < high else self.high
 
@@ -176,7 +176,7 @@ def adaptive_bounds(
     found = limit_bounds(problem, rtol, steps)
     low = high = found
     while True:
-        gap = _gap(low.lower, high.upper)
+        gap = low.lower.apart(high.upper)
         round_ = Round(
             number=len(rounds) + 1,
             cells=_count(problem.tagged_mesh),
@@ -204,9 +204,10 @@ def adaptive_bounds(
             reason = f"the next mesh has {_count(finer)} cells: {fault}"
             break
         problem = finer_problem
-        if _better(found.lower, low.lower, 1):
+        other = found.question is not low.question  # bounds of other loads are no better ones
+        if other or _better(found.lower, low.lower, 1):
             low = found
-        if _better(found.upper, high.upper, -1):
+        if other or _better(found.upper, high.upper, -1):
             high = found
     return AdaptiveBounds(low, high, found, problem, rounds, reason)
 
@@ -215,12 +216,6 @@ def _count(tagged_mesh: TaggedMesh) -> int:
     topology = tagged_mesh.mesh.topology
     count: int = topology.index_map(topology.dim).size_global
     return count
-
-
-def _gap(lower: Bound, upper: Bound) -> float | None:
-    if lower.value is None or upper.value is None or lower.value <= 0:
-        return None
-    return upper.value / lower.value - 1
 
 
 def _better(new: Bound, old: Bound, sign: int) -> bool:

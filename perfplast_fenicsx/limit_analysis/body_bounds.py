@@ -9,18 +9,21 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
+from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope, measure_of
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
 from perfplast_fenicsx.limit_analysis.gap_shares import gap_shares
 from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_bodies_have_limits,
-    check_proportional,
+    check_loads,
     check_tolerance,
 )
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, from_interior_point
 from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.natural_units import UNLIMITED
+from perfplast_fenicsx.limit_analysis.question import Question
+from perfplast_fenicsx.limit_analysis.standing import Standing
+from perfplast_fenicsx.limit_analysis.standing_stress import with_standing_stress
 from perfplast_fenicsx.limit_analysis.static_bound import (
     StaticBound,
     check_stress_fits,
@@ -38,6 +41,8 @@ from perfplast_fenicsx.problem.problem import Problem
 log = logging.getLogger(__name__)
 
 NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("not computed; control = 'bounds' computes it",))
+
+STANDING = "no load factor was sought, but how many times constant loads are carried"
 
 NO_MECHANISM = "no admissible mechanism was found"
 
@@ -62,6 +67,8 @@ class BodyBounds:
         steps: Of the interior point method, for both bounds.
         factorisations: For both bounds.
         advice: What to change for better bounds, in clauses.
+        question: Of which loads the factor is bounded: of the growing ones, or, where the constant
+            ones were found to be too much on the mesh, of these (:class:`question.Question`).
     """
 
     problem: Problem
@@ -76,6 +83,15 @@ class BodyBounds:
     steps: int = 0
     factorisations: int = 0
     advice: tuple[str, ...] = ()
+    question: Question = Question.LIMIT
+
+    @property
+    def limits(self) -> tuple[Bound, Bound]:
+        """Bounds of the load factor ζ; without values where they are of the constant loads."""
+        if self.question is Question.LIMIT:
+            return self.lower, self.upper
+        why = (STANDING,)
+        return Bound(None, "lower", Scope.MESH, why), Bound(None, "upper", Scope.MESH, why)
 
     @property
     def strict(self) -> bool:
@@ -106,8 +122,14 @@ class BodyBounds:
         """What is proven, in a sentence."""
         reasons = f" ({'; '.join(self.why_not)})" if self.why_not else ""
         body = "The body that the mesh fills"
+        if self.question is Question.STANDS:
+            known = [bound.value if bound.strict else None for bound in (self.lower, self.upper)]
+            stands = Standing(*known)
+            return f"{body} {stands.verdict}: {stands.in_words()}; this is strict{reasons}."
         if UNLIMITED in self.lower.why_not and UNLIMITED in self.upper.why_not:
             return f"{UNLIMITED[0].upper()}{UNLIMITED[1:]}."
+        if upper and self.upper.value is not None and self.upper.value < 0:
+            body = f"Without load the constant loads are not carried. {body}"
         if lower and upper:
             return (
                 f"{body} collapses between {self.lower.shown} and {self.upper.shown};"
@@ -135,7 +157,7 @@ def limit_bounds(
         monitor: Called on every rank after each step.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, a body
+        InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, a body
             has another law than those of von Mises and Hooke, strict bounds do not know a load,
             no stress can carry them, the mesh is axisymmetric, or a bound does not fit into memory
             (the lower one is asked first, before anything is computed).
@@ -154,7 +176,7 @@ def limit_bounds(
         check_bounded(load)
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
-    check_proportional(problem)
+    check_loads(problem)
     problem = with_divided_corners(problem)
     check_stress_fits(problem)
     given, split = problem, None
@@ -165,15 +187,21 @@ def limit_bounds(
     log.info("upper bound: a mechanism on %s", problem)
     found = interior_point(without_entering(problem) or problem, rtol, monitor)
     limit = from_interior_point(found)
-    forces = contact_forces(problem, found.stress, limit.lower)  # of pairs, not of coefficients
-    bounds = bounds_of_mesh(problem, replace(limit, contact_forces=forces))
+    if np.isfinite(limit.lower):  # of pairs, not of coefficients
+        limit = replace(limit, contact_forces=contact_forces(problem, found.stress, limit.lower))
+    bounds = bounds_of_mesh(problem, limit)
     log.info("lower bound: a stress on the same cells")
-    static = strict_lower_bound(given, rtol, monitor)
+    static = strict_lower_bound(given, rtol, monitor, bounds.question)
+    static = with_standing_stress(given, static, rtol, monitor, bounds.question)
     lower, certificates = static.bound, {}
     if static.certificate is not None:
         certificates = vars(static.certificate)
         if bounds.upper.value is not None:
-            lower = beside_mechanism(lower, static.certificate, bounds.upper, bounds.mechanism)
+            _, dead, _ = bounds.question.of(
+                0.0, problem.loads.dead_work(bounds.mechanism.x.petsc_vec)
+            )
+            power = measure_of(bounds.upper.value + dead, bounds.upper.value)
+            lower = beside_mechanism(lower, static.certificate, power, bounds.mechanism)
     stress = shares = None
     # parts of a tetrahedron that is not split for the mechanism are no cells of any mesh
     if static.bound.value is not None and (split is not None or problem.bodies.gdim == 2):
@@ -202,11 +230,13 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
     """
     certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
     advice: tuple[str, ...] = ()
-    if limit.upper is None:
+    question = limit.question
+    stands = question is Question.STANDS
+    if limit.upper is None and not (stands and limit.collapses):
         why = UNLIMITED if limit.reason == UNLIMITED else NO_MECHANISM
         upper = Bound(None, "upper", Scope.MESH, (why,))
     else:
-        upper = strict_upper_bound(problem, limit.mechanism)
+        upper = strict_upper_bound(problem, limit.mechanism, question=question)
     if upper.of_rounding > NOTICED:
         advice = strong_bodies(problem, upper.of_rounding)
     return BodyBounds(
@@ -219,7 +249,24 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
         steps=limit.iterations,
         factorisations=limit.factorisations or 0,
         advice=advice,
+        question=question,
     )
+
+
+def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str | None:
+    """Whether constant loads alone are carried, in a sentence; None where more is known.
+
+    Args:
+        limit: Of the mesh.
+        body: What is proven.
+    """
+    known = body is not None and (body.lower.strict or body.upper.strict)
+    if body is not None and known and body.question is Question.STANDS:
+        return body.in_words()
+    if known or limit.standing is None or limit.question is Question.LIMIT:
+        return None
+    stands = limit.standing
+    return f"This mesh {stands.verdict}: {stands.in_words()}; no proof of the body."
 
 
 def _on_parts(stress: Floats, split: AlfeldSplit) -> Floats:

@@ -12,6 +12,21 @@ TURNED = (
 """Why an axisymmetric mesh has none."""
 
 
+LEAST_SHARE = 1e-3
+"""What differences of bounds are measured by at least, relative to the load factor: where bodies
+that dead loads hold together part, nothing is dissipated."""
+
+
+def measure_of(dissipation: float, load: float) -> float:
+    """What differences of load factors are measured by.
+
+    Args:
+        dissipation: Of a mechanism with L(v) = 1, which is λ without dead loads.
+        load: λ.
+    """
+    return max(abs(dissipation), LEAST_SHARE * abs(load))
+
+
 class Scope(StrEnum):
     """What a bound is one of."""
 
@@ -49,6 +64,15 @@ class Bound:
         if self.value is None:
             return "none"
         return rounded_down(self.value) if self.kind == "lower" else rounded_up(self.value)
+
+    def apart(self, upper: "Bound") -> float | None:
+        """By how much an upper bound exceeds this lower one, relative to the smaller magnitude.
+
+        None where one of them is missing, or 0 is between them.
+        """
+        if self.value is None or upper.value is None or not self.value * upper.value > 0:
+            return None
+        return (upper.value - self.value) / min(abs(self.value), abs(upper.value))
 
     def __repr__(self) -> str:
         value = self.shown

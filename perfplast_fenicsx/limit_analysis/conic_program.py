@@ -2,13 +2,15 @@
 
 On points with weights w,
 
-    max λ            with  Σ w σ:ε(v) + r·[v] = λ L(v) for all v,   ‖dev σ‖ ≤ γ − αp,   r ≥ 0,
-    min Σ γ z₀       with  L(v) = 1,   αz₀ = w tr ε(v),   z₀ ≥ w‖dev ε(v)‖,   [v] ≤ 0,
+    max λ            with  Σ w σ:ε(v) + r·[v] = λ L(v) + L₀(v) for all v,
+                           ‖dev σ‖ ≤ γ − αp,   r ≥ 0,
+    min Σ γ z₀ − L₀(v)  with  L(v) = 1,   αz₀ = w tr ε(v),   z₀ ≥ w‖dev ε(v)‖,   [v] ≤ 0,
 
-where [v] are the jumps of contact pairs and obstacles, r their forces and p the mean stress. Where
-α = 0 bodies keep their volume; else they dilate, tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖
-is not bounded, and ε(v) = 0. The gaps of contact play no part: a body that moves without end has
-closed or opened them (E. Christiansen, Handbook of Numerical Analysis IV, 1996).
+where L₀ is of the loads that stay as they are, [v] are the jumps of contact pairs and obstacles, r
+their forces and p the mean stress. Where α = 0 bodies keep their volume; else they dilate,
+tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖ is not bounded, and ε(v) = 0. The gaps of contact
+play no part: a body that moves without end has closed or opened them (E. Christiansen, Handbook of
+Numerical Analysis IV, 1996).
 
 What the velocities v are is told by a :class:`discretisation.Discretisation`: displacements of
 finite elements (:mod:`limit_program`), or the multipliers of the equilibrium of piecewise linear
@@ -50,6 +52,11 @@ class ConicProgram:
         strains: Strain rates at the points.
         stiffness: K, to be assembled with any moduli.
         load: L, less what ``carried`` balances.
+        dead: L₀, less what ``carried_dead`` does.
+        free: Loads of any factor, which may help to carry the others: they do no work on v.
+        has_free: Whether there are any.
+        has_dead: Whether there is any L₀. A stress that is above yield cannot be scaled into it
+            then, and yield sets are taken as a little smaller.
         jumps: Local (owned) entries of velocities that are jumps of contact pairs.
         num_pairs: Contact pairs on all ranks together.
         plastic: Which points of this rank can yield, shape (count,): others are as elastic ones.
@@ -67,10 +74,18 @@ class ConicProgram:
         force_unit: What 1 is of r.
         carried: Stress that nothing bounds, of pressures and of points that are not plastic, which
             balances a part of L; None of no part.
+        carried_dead: The same of L₀.
     """
 
-    def __init__(self, on: Discretisation) -> None:
-        """Take a discretisation over, its PETSc objects too. Collective."""
+    def __init__(self, on: Discretisation, reserve: float) -> None:
+        """Take a discretisation over, its PETSc objects too. Collective.
+
+        Args:
+            on: The discretisation.
+            reserve: Share of the strengths that beside dead loads is kept for what rounding leaves
+                of a stress.
+        """
+        self._reserve = reserve
         self.comm, self.strains, self.stiffness = on.comm, on.strains, on.stiffness
         strains, self.jumps = on.strains, on.jumps
         finite = strains.radii[np.isfinite(strains.radii)]
@@ -81,10 +96,12 @@ class ConicProgram:
         self.num_pairs = int(pairs)
         self._mean_weight = volume / points
         self.weights = strains.weights / self._mean_weight
-        self.load = on.load
+        self.load, self.dead, self.free = on.load, on.dead, on.free
+        self.has_dead, self.has_free = float(on.dead.norm()) > 0, float(on.free.norm()) > 0
         self.load_unit = self.stress_unit = self.force_unit = 1.0
         self.springs: Floats = np.zeros(len(on.jumps))
         self.carried: Stress | None = None
+        self.carried_dead: Stress | None = None
         self.measure(cones / weaknesses if cones else 1.0)  # that of weak bodies counts
 
     def measure(self, unit: float, strongest: float = np.inf) -> None:
@@ -97,14 +114,19 @@ class ConicProgram:
         radii = self.strains.radii
         self.strongest = strongest
         self.plastic = np.isfinite(radii) & (radii <= strongest)
-        self.radii, self.slopes = radii[self.plastic] / unit, self.strains.slopes[self.plastic]
+        kept = 1 - self._reserve if self.has_dead else 1.0
+        self.radii, self.slopes = (
+            kept * radii[self.plastic] / unit,
+            self.strains.slopes[self.plastic],
+        )
         self.dilating = self.slopes > 0
         self.viscosities = np.minimum(self.radii**2, MOST_VISCOUS)
         many, dilating = self.comm.allreduce(np.array([len(self.radii), self.dilating.sum()]))
         self.degree, self.dilates = self.num_pairs + int(many), bool(dilating)
         before, self.force_unit = self.force_unit, unit * self._mean_weight
         self.stress_unit = unit
-        self.load.scale(before / self.force_unit)
+        for load in (self.load, self.dead, self.free):
+            load.scale(before / self.force_unit)
 
     def multiply(self, unit: float) -> None:
         """Multiply the loads, and so divide the load factor that is sought."""
@@ -143,15 +165,21 @@ class ConicProgram:
         return np.column_stack([heads, deviator[self.plastic]])
 
     def whole(self, stress: Stress, load: float) -> Stress:
-        """A stress that balances ``load`` times L, of one that balances what of L is sought."""
-        if self.carried is None:
-            return stress
-        return stress[0] + load * self.carried[0], stress[1] + load * self.carried[1]
+        """A stress that balances all loads, of one that balances what of them is sought."""
+        for share, carried in ((load, self.carried), (1.0, self.carried_dead)):
+            if carried is not None:
+                stress = stress[0] + share * carried[0], stress[1] + share * carried[1]
+        return stress
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
-        for thing in (self.strains, self.stiffness, self.load):
+        for thing in (self.strains, self.stiffness, self.load, self.dead, self.free):
             thing.destroy()
+
+    def dead_to_live(self) -> float:
+        """Ratio of the largest force of L₀ to that of L. Collective."""
+        largest = PETSc.NormType.NORM_INFINITY
+        return float(self.dead.norm(largest) / self.load.norm(largest)) if self.has_dead else 0.0
 
     def create_vector(self) -> PETSc.Vec:
         """A velocity of zeros. Collective."""
@@ -204,6 +232,10 @@ class ConicProgram:
     def work(self, velocity: PETSc.Vec) -> float:
         """L(v). Collective."""
         return float(self.load.dot(velocity))
+
+    def dead_work(self, velocity: PETSc.Vec) -> float:
+        """L₀(v). Collective."""
+        return float(self.dead.dot(velocity)) if self.has_dead else 0.0
 
     def dissipation(self, velocity: PETSc.Vec) -> float:
         """Σ w γ‖dev ε(v)‖, and (γ/α) tr ε(v) where bodies dilate. Collective.

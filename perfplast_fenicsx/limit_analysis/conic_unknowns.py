@@ -14,6 +14,7 @@ class Unknowns:
 
     Attributes:
         load: λ.
+        aside: Factor of the loads of any factor, 0 without them.
         pressure: p, the mean stress (in plane strain that in the plane), shape (count,).
         deviator: s = dev σ, shape (count, m).
         S: Rows (γ, s) of plastic points; (0, ...) in changes.
@@ -23,6 +24,7 @@ class Unknowns:
     """
 
     load: float
+    aside: float
     pressure: Floats
     deviator: Floats
     S: Floats

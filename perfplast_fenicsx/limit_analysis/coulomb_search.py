@@ -83,7 +83,8 @@ def coulomb_limit(
             f"limit_tolerance = {rtol:g} is finer than what tells bodies that slide from those at"
             f" rest with Coulomb's friction; give {finest:g} or more."
         )
-    drucker = drucker_bounds(problem) if method_for(problem) is LimitMethod.INTERIOR_POINT else None
+    direct = method_for(problem) is LimitMethod.INTERIOR_POINT and problem.loads.is_proportional()
+    drucker = drucker_bounds(problem) if direct else None
     search = search or Search()
     path = _Path(solver, rtol, search, monitor, on_level)
     path.follow(reached)

@@ -13,6 +13,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.limit_analysis.bound import measure_of
 from perfplast_fenicsx.limit_analysis.discretisation import Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.rebalancing import rebalance
@@ -60,10 +61,10 @@ MOST_HOLDINGS = 5
 
 @dataclass(frozen=True)
 class LowerBound:
-    """λ of a stress in equilibrium, scaled into the yield set.
+    """λ of a stress in equilibrium, scaled into the yield set where nothing but λL loads.
 
     Attributes:
-        value: The bound; None where equilibrium was not reached.
+        value: The bound; None where equilibrium was not reached, or yield beside dead loads.
         unbalanced: Largest force that nothing balances, relative to the largest of the loads.
     """
 
@@ -73,15 +74,17 @@ class LowerBound:
 
 @dataclass(frozen=True)
 class UpperBound:
-    """Dissipation of a mechanism with L(v) = 1.
+    """Dissipation of a mechanism with L(v) = 1, less the work of dead loads.
 
     Attributes:
         value: The bound; None where no admissible mechanism was reached.
+        size: What its difference to others is measured by; 0 without a bound.
         inadmissible: Volume change and strain of elastic bodies that are left, relative to ‖ε(v)‖.
         entering: Largest entering, relative to the largest velocity.
     """
 
     value: float | None
+    size: float
     inadmissible: float
     entering: float
 
@@ -104,6 +107,8 @@ def lower_bound(iteration: InteriorIteration) -> LowerBound:
     unbalanced = iteration.unbalanced()
     if not unbalanced <= IN_BALANCE:
         return LowerBound(None, unbalanced)
+    if program.has_dead and ratio > 1:
+        return LowerBound(None, unbalanced)
     return LowerBound(now.load / max(1.0, ratio) * program.load_unit, unbalanced)
 
 
@@ -123,7 +128,7 @@ def upper_bound(iteration: InteriorIteration) -> UpperBound:
         try:
             inadmissible = _project(iteration, jumps[closed])
         except SingularStiffness:
-            return UpperBound(None, np.inf, np.inf)
+            return UpperBound(None, 0.0, np.inf, np.inf)
         largest = v.norm(PETSc.NormType.NORM_INFINITY) or 1.0
         enters = v.array_r[jumps] / largest
         entering = program.comm.allreduce(float(enters.max(initial=0)), MPI.MAX)
@@ -132,9 +137,11 @@ def upper_bound(iteration: InteriorIteration) -> UpperBound:
         closed |= enters > 0
     work, dissipation = program.work(v), program.dissipation(v)
     if not (inadmissible <= EXACT and entering <= ROUNDING and work > ROUNDING):
-        return UpperBound(None, inadmissible, entering)
+        return UpperBound(None, 0.0, inadmissible, entering)
     v.scale(1 / work)
-    return UpperBound(dissipation / work * program.load_unit, inadmissible, entering)
+    dissipated = dissipation / work * program.load_unit
+    value = dissipated - program.dead_work(v) * program.load_unit
+    return UpperBound(value, measure_of(dissipated, value), inadmissible, entering)
 
 
 def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float:

@@ -121,7 +121,9 @@ class Discretisation:
         comm: The ranks.
         strains: Of velocities.
         stiffness: Assembled for the same velocities.
-        load: L as a vector, in the user's units.
+        load: L, the loads whose factor λ is sought, as a vector, in the user's units.
+        dead: L₀, loads that stay as they are, in the same.
+        free: Loads of any factor.
         jumps: Local (owned) entries of velocities that are jumps [v] of contact pairs.
     """
 
@@ -129,4 +131,6 @@ class Discretisation:
     strains: Strains
     stiffness: Stiffness
     load: PETSc.Vec
+    dead: PETSc.Vec
+    free: PETSc.Vec
     jumps: Ints

@@ -1,5 +1,6 @@
 """What supports, loads and contact say of the tractions on each facet."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -41,6 +42,19 @@ TIED = "surfaces are glued together in the mean alone"
 
 
 @dataclass(frozen=True, eq=False)
+class FacetLoads:
+    """Loads as stresses that are linear in the cells balance them.
+
+    Attributes:
+        tractions: At the vertices by their places, shape (num_facets, d, d); cartesian.
+        forces: Per volume, shape (num_cells, d).
+    """
+
+    tractions: Floats
+    forces: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class FacetConditions:
     """Conditions of the local facets, ghosts too, and those of this rank's cells.
 
@@ -50,8 +64,8 @@ class FacetConditions:
         axes: Directions of a facet's components, the first one along the normal on surfaces in
             contact, shape (num_facets, d, d).
         held: Components that supports hold, shape (num_facets, d).
-        tractions: Of ζ = 1 at the vertices by their places, shape (num_facets, d, d); cartesian.
-        forces: Per volume, of ζ = 1, shape (num_cells, d).
+        live: Loads that ζ multiplies, at ζ = 1.
+        dead: Those that it does not.
         hosts: Owned facets whose first component is a jump.
         twins: Unknowns that the jumps are relative to, −1 for none, shape (num_facets, d); of the
             first component at each vertex.
@@ -64,8 +78,8 @@ class FacetConditions:
     vertices: Floats
     axes: Floats
     held: npt.NDArray[np.bool_]
-    tractions: Floats
-    forces: Floats
+    live: "FacetLoads"
+    dead: "FacetLoads"
     hosts: Longs
     twins: Longs
     in_contact: Longs
@@ -81,6 +95,7 @@ class _Facets:
         self.tdim = tdim = topology.dim
         self.index_map = topology.index_map(tdim - 1)
         self.num = self.index_map.size_local + self.index_map.num_ghosts
+        self.num_cells = len(vertices)
         topology.create_connectivity(tdim - 1, tdim)
         self.exterior = exterior_facet_indices(topology)
         cell, side = np.zeros(self.num, dtype=np.int64), np.zeros(self.num, dtype=np.int64)
@@ -118,14 +133,14 @@ def facet_conditions(problem: Problem) -> FacetConditions:
     vertices: Floats = np.asarray(mesh.geometry.x[nodes][:, :, :tdim], dtype=np.float64)
     facets = _Facets(problem, numbers, vertices)
     held = _held(problem, facets)
-    tractions, bent = _tractions(problem, facets)
-    forces = np.zeros((len(vertices), tdim))
+    known = [load for load in given.loads if is_bounded(load)]
+    live, dead = (
+        _loads(problem, facets, [load for load in known if load.constant is constant])
+        for constant in (False, True)
+    )
+    bent = live[1] or dead[1]
     unknown = any(type(load) not in LOADS.values() for load in given.loads)
-    varies = not unknown and not all(is_bounded(load) for load in given.loads)
-    for load in given.loads:
-        if isinstance(load, BodyForce) and is_bounded(load):
-            cells = problem.tagged_mesh.cells(load.on)
-            forces[cells[cells < len(vertices)]] += np.asarray(load.value, dtype=np.float64)
+    varies = not unknown and len(known) < len(given.loads)
 
     axes = np.tile(np.eye(tdim), (facets.num, 1, 1))
     twins = np.full((facets.num, tdim), -1)
@@ -184,8 +199,8 @@ def facet_conditions(problem: Problem) -> FacetConditions:
         vertices=vertices,
         axes=axes,
         held=held,
-        tractions=tractions,
-        forces=forces,
+        live=live[0],
+        dead=dead[0],
         hosts=np.concatenate(hosts),
         twins=twins,
         in_contact=every.astype(np.int64),
@@ -194,12 +209,19 @@ def facet_conditions(problem: Problem) -> FacetConditions:
     )
 
 
-def _tractions(problem: Problem, facets: _Facets) -> tuple[Floats, str | None]:
-    """Those of all surfaces, and a surface whose are not linear on facets. Collective."""
+def _loads(
+    problem: Problem, facets: _Facets, loads: Sequence[Load]
+) -> tuple[FacetLoads, str | None]:
+    """Sums of loads, and a surface whose tractions are not linear on facets. Collective."""
     values = np.zeros((facets.num, facets.tdim, facets.tdim))
-    surfaces: list[Load] = [
-        load for load in problem.given.loads if is_bounded(load) and not isinstance(load, BodyForce)
-    ]
+    forces = np.zeros((facets.num_cells, facets.tdim))
+    surfaces = list[Load]()
+    for load in loads:
+        if isinstance(load, BodyForce):
+            cells = problem.tagged_mesh.cells(load.on)
+            forces[cells[cells < len(forces)]] += np.asarray(load.value, dtype=np.float64)
+        else:
+            surfaces.append(load)
     sizes = np.zeros((2, len(surfaces)))
     for number, load in enumerate(surfaces):
         on = facets.of(problem, load.on)
@@ -208,7 +230,7 @@ def _tractions(problem: Problem, facets: _Facets) -> tuple[Floats, str | None]:
         sizes[:, number] = np.abs(there).max(initial=0.0), off.max(initial=0.0)
     problem.comm.Allreduce(MPI.IN_PLACE, sizes, MPI.MAX)
     bent = np.flatnonzero(sizes[1] > ROUNDING * sizes[0])
-    return values, surfaces[bent[0]].on if len(bent) else None
+    return FacetLoads(values, forces), surfaces[bent[0]].on if len(bent) else None
 
 
 def _held(problem: Problem, facets: _Facets) -> npt.NDArray[np.bool_]:

@@ -7,20 +7,16 @@ with the same factors. Stresses that nothing bounds, mean ones and those of elas
 the proximal point method, which does not change where the iteration ends.
 """
 
-from dataclasses import dataclass, replace
-
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.centrality import Products
-from perfplast_fenicsx.limit_analysis.conic_program import PROXIMAL, ConicProgram
+from perfplast_fenicsx.limit_analysis.bound import measure_of
+from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram
 from perfplast_fenicsx.limit_analysis.conic_unknowns import Unknowns
-from perfplast_fenicsx.limit_analysis.dilating_points import DilatingPoints
-from perfplast_fenicsx.limit_analysis.discretisation import Moduli
-from perfplast_fenicsx.limit_analysis.second_order_cones import Scaling, product, quotient
+from perfplast_fenicsx.limit_analysis.newton_directions import NewtonDirections, Workspace
 
 SHORTENED = 0.98
 """Share of the way to the boundary that a step goes."""
@@ -33,6 +29,10 @@ FURTHER = 0.3
 
 WORTH = 0.02
 """By so much it must be longer to be taken."""
+
+
+AT_REST = 1e-4
+"""Strain rates, relative to those of a flow that meets resistance, that are next to none."""
 
 
 class InteriorIteration:
@@ -53,22 +53,19 @@ class InteriorIteration:
         self.program = program
         self._begun = False
         self._comm, self._jumps = program.comm, program.jumps
-        self._vectors = tuple(program.create_vector() for _ in range(6))
-        self.velocity, self._balance, self._of_load, self._of_rest, self._right, self._change = (
-            self._vectors
-        )
+        self.velocity, self._work = program.create_vector(), Workspace(program)
         stress = np.zeros((program.strains.count, program.strains.size))
         S = program.members((stress[:, 0], stress))
         Z = np.zeros_like(S)
         Z[:, 0] = program.radii / program.viscosities
         root = np.sqrt(program.springs)
-        self._newton: _Newton | None = None
-        self.now = Unknowns(0.0, stress[:, 0].copy(), stress, S, Z, root, 1 / root)
+        self._newton: NewtonDirections | None = None
+        self.now = Unknowns(0.0, 0.0, stress[:, 0].copy(), stress, S, Z, root, 1 / root)
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
-        for vector in self._vectors:
-            vector.destroy()
+        self.velocity.destroy()
+        self._work.destroy()
 
     def gap(self) -> float:
         """By how much static and kinematic load differ once all else is right. Collective."""
@@ -78,6 +75,7 @@ class InteriorIteration:
         """Largest force that nothing balances, relative to the largest of the loads. Collective."""
         largest = PETSc.NormType.NORM_INFINITY
         loads = max(abs(self.now.load), 1.0) * self.program.load.norm(largest)
+        loads += self.program.dead.norm(largest)
         return float(self.balance().norm(largest) / loads)
 
     def row_units(self) -> Floats | float:
@@ -92,23 +90,37 @@ class InteriorIteration:
         """
         return float(self.balance().dot(self.velocity))
 
+    def size(self) -> float:
+        """What differences of bounds are measured by (:func:`bound.measure_of`). Collective."""
+        load = self.now.load
+        return measure_of(load + self.program.dead_work(self.velocity), load)
+
     def missing_work(self) -> float:
-        """|1 − L(v)|. Collective."""
-        return abs(1 - self.program.work(self.velocity))
+        """|1 − L(v)|, and the work of loads of any factor. Collective."""
+        missing = abs(1 - self.program.work(self.velocity))
+        if not self.program.has_free:
+            return missing
+        return max(missing, abs(float(self.program.free.dot(self.velocity))))
 
     def balance(self) -> PETSc.Vec:
-        """Σ w σ:ε(v) + r·[v] − λ L(v) for all v, which should be zero. Collective."""
-        self.program.internal_forces(self.now.pressure, self.now.deviator, self._balance)
-        self._balance.axpy(-self.now.load, self.program.load)
-        self._balance.array[self._jumps] += self.now.forces
-        return self._balance
+        """Σ w σ:ε(v) + r·[v] less the work of the loads for all v, to become zero. Collective."""
+        program, now, left = self.program, self.now, self._work.balance
+        program.internal_forces(now.pressure, now.deviator, left)
+        left.axpy(-now.load, program.load)
+        left.axpy(-1.0, program.dead)
+        if program.has_free:
+            left.axpy(-now.aside, program.free)
+        left.array[self._jumps] += now.forces
+        return left
 
     def inadmissible(self) -> float:
         """Volume change of v in plastic bodies and strain in elastic ones, relative to ‖ε(v)‖.
 
-        Collective.
+        Beside dead loads, which alone may hold bodies, these may part as rigid ones: strain rates
+        that are rounding count as :data:`AT_REST` then. Collective.
         """
         wrong, rate = self.rates()
+        rate = max(rate, AT_REST) if self.program.has_dead else rate
         return wrong / rate if rate > 0 else 0.0
 
     def rates(self) -> tuple[float, float]:
@@ -122,7 +134,7 @@ class InteriorIteration:
         """
         if self._newton is not None:
             self.balance()
-            self.now = self._newton.balanced()
+            self.now = self._newton.balanced(self.now)
 
     @np.errstate(over="ignore", invalid="ignore")  # a direction without end is not taken
     def step(self, onwards: bool = True) -> float:
@@ -139,7 +151,10 @@ class InteriorIteration:
             SingularStiffness: If K cannot be factorised.
         """
         self._newton = None  # its factors go with what is factorised next
-        self._newton = newton = _Newton(self, factorised=not self._begun)
+        self.balance()
+        self._newton = newton = NewtonDirections(
+            self.program, self.now, self.velocity, self._work, factorised=not self._begun
+        )
         self._begun = True
         here, mu = newton.products(), self.gap() / self.program.degree
         centre, aim = mu, -here.raised(-mu)
@@ -168,129 +183,3 @@ class InteriorIteration:
 
     def _longest(self, change: Unknowns) -> float:
         return float(self._comm.allreduce(self.now.longest(change), MPI.MIN))
-
-
-@dataclass(frozen=True, eq=False)
-class _Direction:
-    """Changes of the unknowns, and of the velocity's entries on this rank."""
-
-    unknowns: Unknowns
-    velocity: Floats
-
-
-class _Newton:
-    """Newton's directions from one iterate for given changes of the products of cones and pairs.
-
-    Attributes:
-        scaling: Of the cones.
-    """
-
-    def __init__(self, iteration: InteriorIteration, factorised: bool) -> None:
-        """Assemble and factorise K, and find what is the same for all directions. Collective.
-
-        Args:
-            iteration: Where it is.
-            factorised: Whether the last factors are those of K.
-        """
-        self._it, program, now = iteration, iteration.program, iteration.now
-        self._program, self._now = program, now
-        self._contact = now.forces / now.rooms
-        self.scaling = Scaling(now.S, now.Z)
-        self._a, self._normal = self.scaling.moduli()
-        self._free = program.weights / PROXIMAL
-        self._trace, self._deviator = strain = program.strains.of(iteration.velocity)
-        self._dilating = DilatingPoints(program, now, *strain) if program.dilates else None
-        if not factorised:
-            self._factorise()
-        program.stiffness.solve(program.load, iteration._of_load)
-        self._work_of_load = program.work(iteration._of_load)
-        self._missing_work = 1 - program.work(iteration.velocity)
-        plastic = program.plastic
-        self._rates = program.weights[plastic, None]
-        self._off = now.Z[:, 1:] + self._rates * self._deviator[plastic]
-        self._off_jumps = iteration.velocity.array_r[iteration._jumps] + now.rooms
-        iteration.balance()
-
-    def _factorise(self) -> None:
-        program = self._program
-        soft = np.full_like(self._free, 1 / PROXIMAL)
-        a, normal = program.at_points(self._a, 1 / PROXIMAL), program.at_points(self._normal, 0.0)
-        moduli = Moduli(soft, a, normal)
-        if self._dilating is not None:
-            moduli = self._dilating.moduli(moduli)
-        program.assemble(moduli)
-        program.stiffness.add_at_jumps(self._contact)
-        program.stiffness.factorise()
-
-    def _moduli(self, x: Floats) -> Floats:
-        """H⁻¹ x at the plastic points."""
-        along = np.einsum("ni,ni->n", self._normal, x)
-        return self._a[:, None] * x - along[:, None] * self._normal
-
-    def products(self, change: Unknowns | None = None) -> Products:
-        """Products of the unknowns, or of a change of them."""
-        if change is None:
-            point = self.scaling.point
-            return Products(product(point, point), self._now.forces * self._now.rooms)
-        cones = product(self.scaling.invert(change.S), self.scaling.apply(change.Z))
-        return Products(cones, change.forces * change.rooms)
-
-    def products_after(self, t: float, change: Unknowns) -> Products:
-        """Products of the unknowns after t times a change."""
-        return self.products(self._now.plus(t, change))
-
-    def towards(self, change: Products) -> _Direction:
-        """The direction in which the products change so, to first order. Collective."""
-        it, now, program = self._it, self._now, self._program
-        plastic, free, jumps = program.plastic, self._free, it._jumps
-        aim, pairs = quotient(self.scaling.point, change.cones), change.pairs
-        unscaled = self.scaling.invert(aim)[:, 1:]
-        pressure, stress = free * self._trace, free[:, None] * self._deviator
-        stress[plastic] = self._moduli(unscaled + self._off)
-        if (dilating := self._dilating) is not None:
-            dilating.put(dilating.members(-dilating.off, aim), pressure, stress)
-        program.internal_forces(pressure, stress, it._right)
-        it._right.axpy(1.0, it._balance)
-        it._right.array[jumps] += (pairs + now.forces * self._off_jumps) / now.rooms
-        it._right.scale(-1.0)
-        program.stiffness.solve(it._right, it._of_rest)
-        load = (self._missing_work - program.work(it._of_rest)) / self._work_of_load
-        it._change.waxpy(load, it._of_load, it._of_rest)
-
-        trace, deviator = program.strains.of(it._change)
-        dZ = -self._off - self._rates * deviator[plastic]
-        pressure = free * (self._trace + trace)
-        stress = free[:, None] * (self._deviator + deviator)
-        stress[plastic] = self._moduli(unscaled - dZ)
-        S, Z = np.zeros_like(now.S), np.zeros_like(now.Z)
-        S[:, 1:] = stress[plastic]
-        Z[:, 0] = self.scaling.invert(aim - self.scaling.invert(S))[:, 0]
-        Z[:, 1:] = dZ
-        if dilating is not None:
-            more = dilating.rates(trace, deviator) - dilating.off
-            S[dilating.among] = members = dilating.members(more, aim)
-            Z[dilating.among] = more
-            dilating.put(members, pressure, stress)
-        rooms = -self._off_jumps - it._change.array_r[jumps]
-        forces = (pairs - now.forces * rooms) / now.rooms
-        unknowns = Unknowns(load, pressure, stress, S, Z, forces, rooms)
-        return _Direction(unknowns, it._change.array_r.copy())
-
-    def balanced(self) -> Unknowns:
-        """The iteration's unknowns with what its balance calls for. Collective."""
-        it, now, program = self._it, self._it.now, self._program
-        program.stiffness.solve(it._balance, it._of_rest)
-        trace, deviator = program.strains.of(it._of_rest)
-        pressure, stress = self._free * trace, self._free[:, None] * deviator
-        stress[program.plastic] = self._moduli(self._rates * deviator[program.plastic])
-        if (dilating := self._dilating) is not None:
-            dilating.put(dilating.members(dilating.rates(trace, deviator)), pressure, stress)
-        changed = now.pressure - pressure, now.deviator - stress
-        forces = now.forces - self._contact * it._of_rest.array_r[it._jumps]
-        return replace(
-            now,
-            pressure=changed[0],
-            deviator=changed[1],
-            S=program.members(changed),
-            forces=np.maximum(forces, 0.0),
-        )

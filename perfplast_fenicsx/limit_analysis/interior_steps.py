@@ -58,7 +58,8 @@ class InteriorStep:
     Attributes:
         number: From 1.
         load: λ of the stress, a lower bound once forces balance.
-        gap: What λ of the velocity exceeds it by, relative, once that is admissible.
+        gap: What λ of the velocity exceeds it by, once that is admissible, relative to the power of
+            all loads there.
         unbalanced: Largest force that nothing balances, relative to the largest of the loads.
         inadmissible: Volume change of v in plastic bodies, and strain in elastic ones, relative to
             ‖ε(v)‖.
@@ -96,6 +97,7 @@ def iterate(
     """
     program, began = iteration.program, time.perf_counter()
     good: tuple[Unknowns, Floats] | None = None  # an iterate and its velocity's entries
+    far = FAR * (program.degree + program.dead_to_live())
     while len(steps) < MOST_STEPS:
         try:
             length = iteration.step()
@@ -103,14 +105,14 @@ def iterate(
             return Verdict.STALLED, str(failure)
         if length < STUCK:
             return Verdict.STALLED, "the steps became too short"
-        load, gap = iteration.now.load, iteration.gap()
+        load, gap, size = iteration.now.load, iteration.gap(), iteration.size()
         unbalanced, missing = iteration.unbalanced(), iteration.missing_work()
         wrong, rate = iteration.rates()
         inadmissible = wrong / rate if rate > 0 else 0.0
         step = InteriorStep(
             number=len(steps) + 1,
             load=load * program.load_unit,
-            gap=gap / abs(load) if load else np.inf,
+            gap=gap / size if size else np.inf,
             unbalanced=unbalanced,
             inadmissible=inadmissible,
             length=length,
@@ -119,14 +121,13 @@ def iterate(
         steps.append(step)
         if monitor is not None:
             monitor(step)
-        if load > FAR * program.degree and unbalanced <= ALMOST < inadmissible:
+        if load > far and unbalanced <= ALMOST < inadmissible:
             return Verdict.UNBOUNDED, (
                 "stresses within yield carry the loads beyond ζ ="
-                f" {FAR * program.load_unit * program.degree:.3g}, so that nothing seems to bound"
-                " them"
+                f" {far * program.load_unit:.3g}, so that nothing seems to bound them"
             )
         at_rest = rate <= NOTHING  # bodies move as rigid ones, and what strains is rounding
-        tolerated = share * rtol * abs(load)
+        tolerated = share * rtol * size
         idle = unbalanced <= ALMOST and abs(iteration.unbalanced_work()) <= tolerated
         balanced = missing <= SETTLED and unbalanced <= SETTLED
         if good is not None and not balanced:  # rounding of a K that is nearly singular
@@ -135,14 +136,14 @@ def iterate(
         settled = missing <= SETTLED and (unbalanced <= SETTLED or idle)
         if not settled or (inadmissible > ALMOST and not at_rest):
             continue
-        if abs(load) + gap <= NOTHING * program.degree:
+        if not program.has_dead and size + gap <= NOTHING * program.degree:
             reason = (
                 "no stress can carry the loads: they move bodies off what holds them,"
                 " and meet no resistance"
             )
             return Verdict.NO_RESISTANCE, reason
-        if gap <= share * rtol * load:
+        if gap <= tolerated:
             return Verdict.FOUND, f"the steps have converged to {rtol:g}"
-        if balanced and gap <= rtol * load:
+        if balanced and gap <= rtol * size:
             good = iteration.now, iteration.velocity.array_r.copy()
     return Verdict.STALLED, f"the bounds have not met in {MOST_STEPS} steps"

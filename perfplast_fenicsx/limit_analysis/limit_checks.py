@@ -43,32 +43,32 @@ def check_bodies_have_limits(problem: Problem) -> None:
             )
 
 
-def grows_by_loads_alone(problem: Problem) -> bool:
-    """Whether all that does work at collapse grows with ζ, and is a load. Collective.
+def collapses_by_loads(problem: Problem) -> bool:
+    """Whether all that does work at collapse is a load, and there is one. Collective.
 
     Displacements, overlaps and strains that stay do none: supports are at rest in a mechanism, and
     stresses in balance without loads do no work on its strain rates.
     """
-    loads = problem.loads
-    return loads.is_proportional() and loads.grows() and not problem.motion.driven
+    return _is_loaded(problem) and not problem.motion.driven
 
 
-def check_proportional(problem: Problem) -> None:
-    """Refuse loads and motions that a limit load of growing loads does not know. Collective.
+def _is_loaded(problem: Problem) -> bool:
+    return problem.loads.grows() or not problem.loads.is_proportional()
+
+
+def check_loads(problem: Problem) -> None:
+    """Refuse motions that grow, and bodies without loads. Collective.
 
     Raises:
-        InputError: If loads are constant, ζ moves supports or obstacles, or no load grows.
+        InputError: If ζ moves supports or obstacles, or there is no load.
     """
-    what = "strict bounds and the interior point method are for loads that all grow"
-    other = "give method = 'path'"
-    if not problem.loads.is_proportional():
-        raise InputError(f"loads are constant, and {what}; {other}, or leave these out.")
+    what = "strict bounds and the interior point method are for loads"
     if problem.motion.driven:
         raise InputError(
             f"the load factor moves supports or obstacles, and {what}; let these rest."
         )
-    if not problem.loads.grows():
-        raise InputError(f"no load grows, and {what}; give a load.")
+    if not _is_loaded(problem):
+        raise InputError(f"there is no load, and {what}; give a load.")
 
 
 def ignored(problem: Problem) -> list[str]:

@@ -1,5 +1,6 @@
 """Forces of loads, supports, obstacles and contacts at the limit load of a mesh."""
 
+import math
 from dataclasses import dataclass
 
 from dolfinx import fem
@@ -39,7 +40,7 @@ def limit_forces(problem: Problem, limit: LimitLoad) -> LimitForces | None:
     Returns:
         None where there is no stress, or it carries nothing.
     """
-    if limit.stress is None or not limit.lower > 0:
+    if limit.stress is None or limit.lower == 0 or not math.isfinite(limit.lower):
         return None
     internal, zeta = problem.create_vector(), limit.lower
     assemble_force(internal, fem.form(problem.internal_form(limit.stress)), [])

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
@@ -15,7 +16,9 @@ from perfplast_fenicsx.limit_analysis.discrete_limit import (
 )
 from perfplast_fenicsx.limit_analysis.drucker import DruckerBounds
 from perfplast_fenicsx.limit_analysis.interior_steps import InteriorStep, StopSearch, Verdict
-from perfplast_fenicsx.limit_analysis.limit_checks import grows_by_loads_alone
+from perfplast_fenicsx.limit_analysis.limit_checks import collapses_by_loads
+from perfplast_fenicsx.limit_analysis.question import Question
+from perfplast_fenicsx.limit_analysis.standing import Standing
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.state import Level
 
@@ -41,7 +44,8 @@ class LimitLoad:
     Attributes:
         method: How it was found.
         lower: A lower bound of the discrete limit load: λ of a stress in equilibrium and within
-            yield, or the largest ζ(α) reached.
+            yield, or the largest ζ(α) reached; −∞ where constant loads are there, and none is
+            known.
         estimate: The limit load, between the bounds; None where there is none, or no upper bound
             and no plateau was found. See :attr:`uncertainty`.
         residual: Change of the estimate with the last level, relative; None without two estimates,
@@ -69,6 +73,9 @@ class LimitLoad:
         drucker: Beside such a load, what two theorems say of all of its kind; None where they have
             not been asked.
         locked: Bodies that keep the interior point method from a mechanism, where it found none.
+        question: Of which loads the factor was sought: that of constant ones, where no load grows,
+            or no load factor is carried beside them. The mechanism is theirs then.
+        standing: How many times they are carried, where that was sought.
     """
 
     method: LimitMethod
@@ -90,11 +97,15 @@ class LimitLoad:
     theorem: bool = True
     drucker: DruckerBounds | None = None
     locked: tuple[str, ...] = ()
+    question: Question = Question.LIMIT
+    standing: Standing | None = None
 
     @property
     def collapses(self) -> bool:
         """Whether there is a mechanism, if only the velocity that a path ends with."""
-        known = (self.upper, self.estimate)
+        known: tuple[float | None, ...] = (self.upper, self.estimate)
+        if self.question is Question.STANDS and self.standing is not None:
+            known = (self.standing.upper,)
         return self.method is LimitMethod.PATH or any(value is not None for value in known)
 
     @property
@@ -118,7 +129,7 @@ class LimitLoad:
 
 def method_for(problem: Problem) -> LimitMethod:
     """The interior point method where it knows laws and loads, and a factorisation fits."""
-    if not grows_by_loads_alone(problem):
+    if not collapses_by_loads(problem):
         return LimitMethod.PATH
     small = problem.num_dofs <= MOST_UNKNOWNS[problem.bodies.gdim]
     return LimitMethod.INTERIOR_POINT if small and can_bound(problem) else LimitMethod.PATH
@@ -144,9 +155,12 @@ def from_interior_point(found: DiscreteLimit) -> LimitLoad:
     """
     if found.verdict is Verdict.NO_RESISTANCE:
         raise InputError(f"{found.reason}; turn the loads around, or hold the bodies there.")
+    lower = max(found.lower or 0.0, 0.0)  # no load at all is always carried
+    if found.has_dead:
+        lower = -np.inf if found.lower is None else found.lower
     return LimitLoad(
         method=LimitMethod.INTERIOR_POINT,
-        lower=max(found.lower or 0.0, 0.0),  # no load at all is always carried
+        lower=lower,
         estimate=found.estimate,
         residual=None,
         upper=found.upper,
@@ -161,4 +175,6 @@ def from_interior_point(found: DiscreteLimit) -> LimitLoad:
         contact_forces=found.contact_forces,
         inadmissible=found.inadmissible,
         locked=found.locked,
+        question=found.question,
+        standing=found.standing,
     )

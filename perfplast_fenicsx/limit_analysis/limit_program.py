@@ -5,18 +5,29 @@ from perfplast_fenicsx.limit_analysis.conic_stiffness import ConicStiffness
 from perfplast_fenicsx.limit_analysis.discretisation import Discretisation, Stiffness, Strains
 from perfplast_fenicsx.limit_analysis.friction_points import FrictionStiffness, FrictionStrains
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.question import Question
 from perfplast_fenicsx.problem.problem import Problem
 
 
-def limit_program(problem: Problem) -> ConicProgram:
-    """Compile the forms. Collective."""
+def limit_program(problem: Problem, question: Question, reserve: float) -> ConicProgram:
+    """Compile the forms. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        question: Of which loads the factor is sought.
+        reserve: See :class:`ConicProgram`.
+    """
     points, bodies = PointStrains(problem), ConicStiffness(problem)
     strains: Strains = points
     stiffness: Stiffness = bodies
     if problem.friction.count:
         strains = both = FrictionStrains(points, problem.friction)
         stiffness = FrictionStiffness(bodies, both, points.count)
-    load = problem.create_vector()
-    problem.basis.T.multTranspose(problem.loads.live, load)
-    jumps = problem.basis.index
-    return ConicProgram(Discretisation(problem.comm, strains, stiffness, load, jumps))
+    live, dead = problem.create_vector(), problem.create_vector()
+    problem.basis.T.multTranspose(problem.loads.live, live)
+    problem.basis.T.multTranspose(problem.loads.dead, dead)
+    loads = question.loads(live, dead)
+    return ConicProgram(
+        Discretisation(problem.comm, strains, stiffness, *loads, jumps=problem.basis.index),
+        reserve,
+    )

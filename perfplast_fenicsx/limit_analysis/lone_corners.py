@@ -83,12 +83,14 @@ def lone_corners(problem: Problem, conditions: FacetConditions) -> Ints:
     rows = (every * told[..., None]).reshape(-1, 4, 3)
     beside = corner[:, None] - (side < corner[:, None])  # the corner among the facet's vertices
     place = conditions.numbers.places[cell[:, None], side, beside]
-    pushes = np.take_along_axis(conditions.tractions[here], place[..., None, None], axis=2)[:, :, 0]
-    given = (np.einsum("nfai,nfi->nfa", axes, pushes) * told).reshape(-1, 4)
     inverse = np.linalg.pinv(rows)
-    left = np.einsum("nrm,nmq,nq->nr", rows, inverse, given) - given
-    largest = problem.comm.allreduce(np.abs(conditions.tractions).max(initial=0.0), MPI.MAX)
-    wrong = np.linalg.norm(left, axis=1) > ROUNDING * largest
+    wrong = np.zeros(len(cell), dtype=bool)
+    for loads in (conditions.live, conditions.dead):
+        pushes = np.take_along_axis(loads.tractions[here], place[..., None, None], axis=2)[:, :, 0]
+        given = (np.einsum("nfai,nfi->nfa", axes, pushes) * told).reshape(-1, 4)
+        left = np.einsum("nrm,nmq,nq->nr", rows, inverse, given) - given
+        largest = problem.comm.allreduce(np.abs(loads.tractions).max(initial=0.0), MPI.MAX)
+        wrong |= np.linalg.norm(left, axis=1) > ROUNDING * largest
     free = every[:, :, 0] - np.einsum("nfm,nmr,nrq->nfq", every[:, :, 0], inverse, rows)
     wrong |= (pressed & (np.linalg.norm(free, axis=2) < ROUNDING)).any(axis=1)
     vertices = topology.connectivity(2, 0).array.reshape(-1, 3)

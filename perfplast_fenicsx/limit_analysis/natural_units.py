@@ -20,7 +20,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic_program import PROXIMAL, ConicProgram
+from perfplast_fenicsx.limit_analysis.conic_program import PROXIMAL, ConicProgram, Stress
 from perfplast_fenicsx.limit_analysis.conic_unknowns import Unknowns
 from perfplast_fenicsx.limit_analysis.interior_steps import Verdict
 
@@ -46,6 +46,10 @@ MOST_DIVISIONS = 20
 HARD = 1e4
 """Springs of contact so many times as stiff as bodies leave little of what contact carries."""
 
+RESERVES = (1e-5, 1e-4, 1e-3)
+"""Shares of the strengths that beside dead loads are kept for what rounding leaves of a stress: a
+tenth of the tolerance that bounds are sought with, and more where it has left yield by more."""
+
 UNLIMITED = (
     "nothing limits the loads, as far as rounding tells: mean stresses, bodies that do not yield"
     " and contact that pushes carry them at any factor"
@@ -60,10 +64,17 @@ class Start:
         scale: Yield radius (stress) of those that bear the loads; None where the flow has to tell.
         pushed: Whether contact carries most of the loads, so that a flow with soft springs in its
             place says nothing.
+        reserve: Share of the strengths that is kept beside dead loads.
     """
 
     scale: float | None = None
     pushed: bool = False
+    reserve: float = RESERVES[0]
+
+    def with_more_in_reserve(self) -> "Start | None":
+        """The next one with more in reserve; None if that would change the bound."""
+        more = [reserve for reserve in RESERVES if reserve > self.reserve]
+        return replace(self, reserve=more[0]) if more else None
 
 
 def next_start(
@@ -87,7 +98,7 @@ def next_start(
     if verdict is Verdict.NO_RESISTANCE or (verdict is Verdict.FOUND and not over):
         return None
     stronger = program.stronger()
-    return None if stronger is None else Start(stronger)
+    return None if stronger is None else replace(start, scale=stronger, pushed=False)
 
 
 def choose_units(program: ConicProgram, start: Start) -> bool:
@@ -116,9 +127,12 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
         if start.pushed:
             springs = HARD * program.springs
             _flow(program, flow, springs)
-        pushes = _divide_loads(program, flow, springs)
-        if pushes is None:
+        found = _divide(program, program.load, flow, springs)
+        if found is None:
             return False
+        program.carried, pushes = found
+        if program.has_dead:
+            _divide_dead(program)
         unit = _dissipation(program, flow) / program.work(flow) / max(program.degree, 1)
         if start.pushed:  # forces begin at the roots of springs: at those of the limit load
             pushes = program.degree * unit * pushes
@@ -177,25 +191,45 @@ def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
     return True
 
 
-def _divide_loads(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None) -> Floats | None:
-    """Take off the loads what stresses carry that nothing bounds, where that is most. Collective.
+def _divide_dead(program: ConicProgram) -> None:
+    """Take off the dead loads what stresses carry that nothing bounds. Collective.
+
+    With the factors that there are. Where no flow is left of them such stresses carry them whole.
+    """
+    flow = program.create_vector()
+    try:
+        program.stiffness.solve(program.dead, flow)
+        found = _divide(program, program.dead, flow, None)
+        if found is not None:
+            program.carried_dead, _ = found
+    finally:
+        flow.destroy()
+
+
+def _divide(
+    program: ConicProgram, load: PETSc.Vec, flow: PETSc.Vec, springs: Floats | None
+) -> tuple[Stress | None, Floats] | None:
+    """Take off loads what stresses carry that nothing bounds, where that is most. Collective.
 
     Uzawa's iteration, with the factors of the flow. What contact carries is left in the loads,
     since its forces must not pull; the flow is that of the rest in the end.
 
     Args:
         program: Whose loads they are.
+        load: The loads, of which what is carried is taken off.
         flow: That of the loads.
         springs: Of contact, whose forces are looked for as well; None if not.
 
     Returns:
-        Contact forces, zeros where none are looked for; None if no flow is left.
+        What is carried, None of nothing; contact forces, zeros where none are looked for. None if
+        no flow is left.
     """
-    given, left, rest = program.load.copy(), program.create_vector(), program.load.copy()
+    given, left, rest = load.copy(), program.create_vector(), load.copy()
+    carried: Stress | None = None
     pressure: Floats = np.zeros(program.strains.count)
     stress: Floats = np.zeros((len(pressure), program.strains.size))
     pushes: Floats = np.zeros(len(program.jumps))
-    bulk, first = program.weights / PROXIMAL, program.work(flow)
+    bulk, first = program.weights / PROXIMAL, float(load.dot(flow))
     bounded = program.at_points(program.dilating.astype(np.float64), 0.0) > 0
     try:
         for _ in range(MOST_DIVISIONS):
@@ -214,13 +248,13 @@ def _divide_loads(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None
             if free <= MOSTLY * power:
                 break
             pressure, stress, pushes = pressure + of_mean, stress + of_shape, pushes + more
-            program.carried = pressure, stress
+            carried = pressure, stress
             program.internal_forces(pressure, stress, left)
-            program.load.waxpy(-1.0, left, given)
-            program.load.copy(rest)
+            load.waxpy(-1.0, left, given)
+            load.copy(rest)
             rest.array[program.jumps] -= pushes
             program.stiffness.solve(rest, flow)
     finally:
         for vector in (given, left, rest):
             vector.destroy()
-    return pushes
+    return carried, pushes

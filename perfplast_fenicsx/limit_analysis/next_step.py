@@ -61,8 +61,7 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
                 'what the bodies carry for certain is told by control = "bounds" under [loading],'
                 f" which takes about {_times(BOUNDED[dim], seconds)}"
             )
-    elif lower.strict and upper.strict and lower.value and upper.value:
-        apart = upper.value / lower.value - 1
+    elif lower.strict and upper.strict and (apart := lower.apart(upper)) is not None:
         if apart > WIDE and effort.ended:
             yield (
                 f"the bounds are {percent(apart)} apart, and {effort.ended}; more cells, or a"

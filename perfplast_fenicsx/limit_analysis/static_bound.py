@@ -9,11 +9,10 @@ yield set in the end, so that its load is a bound whatever the method has reache
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
 from perfplast_fenicsx.limit_analysis.discretisation import SingularStiffness
@@ -25,7 +24,7 @@ from perfplast_fenicsx.limit_analysis.facet_conditions import (
 from perfplast_fenicsx.limit_analysis.interior_steps import InteriorStep, Verdict, iterate
 from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_bodies_have_limits,
-    check_proportional,
+    check_loads,
     check_tolerance,
 )
 from perfplast_fenicsx.limit_analysis.natural_units import (
@@ -34,9 +33,11 @@ from perfplast_fenicsx.limit_analysis.natural_units import (
     choose_units,
     next_start,
 )
+from perfplast_fenicsx.limit_analysis.question import Question
 from perfplast_fenicsx.limit_analysis.static_balance import StaticIteration
-from perfplast_fenicsx.limit_analysis.static_certificate import StaticCertificate, certify_stress
+from perfplast_fenicsx.limit_analysis.static_certificate import certify_stress
 from perfplast_fenicsx.limit_analysis.static_program import StaticProgram, static_program
+from perfplast_fenicsx.limit_analysis.static_stress import StaticBound, no_stress
 from perfplast_fenicsx.limit_analysis.strength_contrast import weak_bodies
 from perfplast_fenicsx.limit_analysis.stress_cells import mandel_vectors
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
@@ -69,46 +70,11 @@ programming found that there was none."""
 REPLACED = "loads were put in the place of those that the problem was declared with"
 
 
-@dataclass(frozen=True, eq=False)
-class StaticBound:
-    """A lower bound and the stress that proves it.
-
-    Attributes:
-        bound: The bound, and what it is one of.
-        verdict: Whether the best stress of the mesh was found.
-        reason: The same in words.
-        stress: σ at the bound, Mandel vectors in the user's units, linear between vertices. In the
-            plane of shape (num_owned_cells, 3, 4), vertices in the order of the mesh's geometry
-            (that of its topology); in space (num_owned_cells, 4, 4, 6), by part and vertex, where
-            part a is the one in which the barycentre replaces vertex a.
-        contact_facets: Owned facets on which ``contact_pressure`` is given, one of each pair.
-        contact_pressure: Pressure at their vertices, by global number, shape (num_facets, d).
-        dissipation: γ‖ε‖ of the multipliers, of each owned cell, with L = 1; the sum over all cells
-            is the bound, but for the tolerance. Where it is large, smaller cells would help.
-        certificate: What the stress leaves; None where there is none.
-        steps: What was done.
-        factorisations: Of a stiffness.
-    """
-
-    bound: Bound
-    verdict: Verdict
-    reason: str
-    stress: Floats
-    contact_facets: Longs
-    contact_pressure: Floats
-    dissipation: Floats
-    certificate: StaticCertificate | None
-    steps: list[InteriorStep]
-    factorisations: int
-
-    def __repr__(self) -> str:
-        return f"StaticBound({self.bound!r}; {len(self.steps)} steps; {self.reason})"
-
-
 def strict_lower_bound(
     problem: Problem,
     rtol: float = 1e-4,
     monitor: Callable[[InteriorStep], None] | None = None,
+    question: Question = Question.LIMIT,
 ) -> StaticBound:
     """Bound the limit load of the body from below. Collective.
 
@@ -119,28 +85,30 @@ def strict_lower_bound(
         problem: The bodies and their loads.
         rtol: What is left between the bound and the best one on this mesh, relative.
         monitor: Called on every rank after each step.
+        question: Of which loads the factor is sought.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, supports move or loads are constant, or a
+        InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or a
             body has another law than those of von Mises and Hooke.
     """
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
-    check_proportional(problem)
+    check_loads(problem)
     conditions = facet_conditions(problem)
     if problem.tagged_mesh.axisymmetric:
-        return _nothing(conditions, Verdict.STALLED, TURNED)
+        return no_stress(conditions, Verdict.STALLED, TURNED)
     if not problem.as_declared:
-        return _nothing(conditions, Verdict.STALLED, REPLACED)
+        return no_stress(conditions, Verdict.STALLED, REPLACED)
     if conditions.prevents is not None:
-        return _nothing(conditions, Verdict.STALLED, conditions.prevents)
+        return no_stress(conditions, Verdict.STALLED, conditions.prevents)
     why_not = conditions.why_not
     if has_curved_cells(problem.tagged_mesh.mesh):
         why_not = ("cells are curved", *why_not)
-    found, start = _search(problem, conditions, why_not, rtol, monitor, Start())
+    given = problem, conditions, question, why_not, rtol, monitor
+    found, start = _search(*given, Start())
     while start is not None:
         before = found
-        found, start = _search(problem, conditions, why_not, rtol, monitor, start)
+        found, start = _search(*given, start)
         found = _together(before, found)
     return found
 
@@ -158,6 +126,7 @@ def _together(before: StaticBound, after: StaticBound) -> StaticBound:
 def _search(
     problem: Problem,
     conditions: FacetConditions,
+    question: Question,
     why_not: tuple[str, ...],
     rtol: float,
     monitor: Callable[[InteriorStep], None] | None,
@@ -165,35 +134,38 @@ def _search(
 ) -> tuple[StaticBound, Start | None]:
     """Search from a start, and tell where to begin anew; None to end. Collective."""
     with ExitStack() as made:
-        static = static_program(problem, conditions)
+        static = static_program(problem, conditions, question, start.reserve)
         program = static.program
         made.callback(program.destroy)
         if program.degree == program.num_pairs:
             reason = "nothing can yield; give the bodies that may collapse a yield stress"
-            return _nothing(conditions, Verdict.UNBOUNDED, reason), None
+            return no_stress(conditions, Verdict.UNBOUNDED, reason), None
         try:
             limited = choose_units(program, start)
         except SingularStiffness as failure:
-            found = _nothing(conditions, Verdict.STALLED, str(failure))
+            found = no_stress(conditions, Verdict.STALLED, str(failure))
             return found, next_start(start, program, None, found.verdict, rtol)
         if not limited:
-            found = _nothing(conditions, Verdict.UNBOUNDED, UNLIMITED)
+            found = no_stress(conditions, Verdict.UNBOUNDED, UNLIMITED)
             return found, next_start(start, program, None, found.verdict, rtol)
         none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
         if not static.can_carry():
-            return _nothing(conditions, Verdict.NO_RESISTANCE, CORNERS, none), None
+            return no_stress(conditions, Verdict.NO_RESISTANCE, CORNERS, none), None
         iteration = StaticIteration(static)
         made.callback(iteration.destroy)
         steps: list[InteriorStep] = []
         verdict, reason = iterate(iteration, rtol, steps, monitor)
         taken = program.stiffness.factorisations
         if verdict is Verdict.NO_RESISTANCE:
-            found = _nothing(conditions, verdict, COARSE, none)
+            found = no_stress(conditions, verdict, COARSE, none)
             return replace(found, steps=steps, factorisations=taken), None
         then = next_start(start, program, iteration.now, verdict, rtol)
-        return _result(
-            static, iteration, problem, conditions, why_not, verdict, reason, steps
-        ), then
+        found = _result(static, iteration, problem, conditions, why_not, verdict, reason, steps)
+        certificate = found.certificate
+        if program.has_dead and verdict is Verdict.FOUND and certificate is not None:
+            over = certificate.in_equilibrium and not certificate.holds
+            then = start.with_more_in_reserve() if over else then
+        return found, then
 
 
 def check_stress_fits(problem: Problem) -> None:
@@ -208,7 +180,7 @@ def check_stress_fits(problem: Problem) -> None:
         if BENT in conditions.prevents:
             raise InputError(f"{conditions.prevents}, and {BOUNDED}")
         return
-    static = static_program(problem, conditions)
+    static = static_program(problem, conditions, Question.LIMIT, Start().reserve)
     try:
         static.stiffness.check_memory()
     finally:
@@ -231,12 +203,17 @@ def _result(
     now = iteration.now
     pressure, deviator = program.whole((now.pressure, now.deviator), now.load)
     ratio = program.overstress((pressure, deviator))
-    scale = program.stress_unit / max(1.0, ratio)
+    scale = program.stress_unit / (1.0 if program.has_dead else max(1.0, ratio))
     pressure, deviator = scale * pressure, scale * deviator
-    value = now.load * program.load_unit / max(1.0, ratio)
-    share = min(1.0, LEFT / max(static.unbalanced((pressure, deviator), value), LEFT))
-    pressure, deviator, value = share * pressure, share * deviator, share * value
-    certificate, pushes = certify_stress(static, pressure, deviator, value)
+    shrunk = scale / program.stress_unit
+    value, aside = shrunk * now.load * program.load_unit, shrunk * now.aside
+    share = 1.0
+    if not program.has_dead:
+        left = static.unbalanced((pressure, deviator), value, aside)
+        share = min(1.0, LEFT / max(left, LEFT))
+        pressure, deviator = share * pressure, share * deviator
+        value, aside = share * value, share * aside
+    certificate, pushes = certify_stress(static, pressure, deviator, value, aside)
     scope = Scope.MESH if why_not else Scope.BODY
     bound = Bound(value, "lower", scope, why_not)
     if not certificate.holds:
@@ -258,30 +235,11 @@ def _result(
         verdict=verdict,
         reason=reason,
         stress=stress.reshape(shape),
+        aside=aside,
         contact_facets=np.sort(conditions.hosts),
         contact_pressure=pushes.reshape(-1, tdim),
         dissipation=powers.reshape(count, -1).sum(axis=1) * program.load_unit,
         certificate=certificate,
         steps=steps,
         factorisations=program.stiffness.factorisations,
-    )
-
-
-def _nothing(
-    conditions: FacetConditions, verdict: Verdict, reason: str, bound: Bound | None = None
-) -> StaticBound:
-    """The stress 0, and no bound unless one is given."""
-    count, _, tdim = conditions.vertices.shape
-    shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
-    return StaticBound(
-        bound=bound or Bound(None, "lower", Scope.MESH, (reason,)),
-        verdict=verdict,
-        reason=reason,
-        stress=np.zeros(shape),
-        contact_facets=np.zeros(0, dtype=np.int64),
-        contact_pressure=np.zeros((0, tdim)),
-        dissipation=np.zeros(count),
-        certificate=None,
-        steps=[],
-        factorisations=0,
     )

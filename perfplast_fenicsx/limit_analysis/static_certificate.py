@@ -46,7 +46,7 @@ class StaticCertificate:
         shear: Largest tangential traction on surfaces in contact.
         tension: Largest pull on surfaces in contact.
         forces: The sum of the magnitudes of all forces without balance, a force.
-        left_of_load: The same sum, relative to that of the loads at λ.
+        left_of_load: The same sum, relative to those of the loads of each kind at λ.
         left_of_strength: The same sum, relative to the least γV^((d − 1)/d) of all cells that can
             yield, V being the volume.
         overstress: ‖dev σ‖/γ − 1 where that is largest; negative in bodies far from yield.
@@ -64,7 +64,12 @@ class StaticCertificate:
     @property
     def holds(self) -> bool:
         """Whether the stress is admissible, but for rounding."""
-        each = (self.equilibrium, self.traction, self.shear, self.tension, self.overstress)
+        return self.in_equilibrium and self.overstress <= ROUNDING
+
+    @property
+    def in_equilibrium(self) -> bool:
+        """Whether the stress is in equilibrium, but for rounding."""
+        each = (self.equilibrium, self.traction, self.shear, self.tension)
         return (
             all(value <= ROUNDING for value in each)
             and self.left_of_load <= LEFT_OF_LOAD
@@ -73,7 +78,7 @@ class StaticCertificate:
 
 
 def certify_stress(
-    static: StaticProgram, pressure: Floats, deviator: Floats, load: float
+    static: StaticProgram, pressure: Floats, deviator: Floats, load: float, aside: float = 0.0
 ) -> tuple[StaticCertificate, Floats]:
     """Judge a stress at the points of :class:`MultiplierStrains`. Collective.
 
@@ -82,6 +87,7 @@ def certify_stress(
         pressure: Mean stress, that in the plane in plane strain; shape (count,).
         deviator: Shape (count, m).
         load: λ.
+        aside: Factor of the loads of any factor.
 
     Returns:
         The certificate; the pressure on the vertices of facets that are hosts of contact, shape
@@ -90,7 +96,7 @@ def certify_stress(
     strains, comm = static.strains, static.program.comm
     left = strains.create_vector()
     strains.forces(pressure, deviator, left)
-    residual = left.array_r - load * static.load
+    residual = left.array_r - static.loads(load, aside)
     left.destroy()
     count, tdim = strains.facets.count, strains.gdim
     on_facets = residual[:count] / np.repeat(static.areas, tdim**2)
@@ -117,7 +123,7 @@ def certify_stress(
     strength, radius = (-float(value) for value in largest[5:])
     forces = np.abs(residual)
     forces[:count][static.jumps] = np.maximum(residual[:count][static.jumps], 0.0)
-    sums: Floats = np.array([forces.sum(), np.abs(load * static.load).sum()])
+    sums: Floats = np.array([forces.sum(), static.loaded(load, aside)])
     comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
     missing, whole = (float(value) for value in sums)
     certificate = StaticCertificate(
@@ -134,7 +140,7 @@ def certify_stress(
 
 
 def beside_mechanism(
-    lower: Bound, certificate: StaticCertificate, upper: Bound, mechanism: fem.Function
+    lower: Bound, certificate: StaticCertificate, power: float, mechanism: fem.Function
 ) -> Bound:
     """A lower bound once a mechanism tells what is left of the stress's balance. Collective.
 
@@ -145,13 +151,12 @@ def beside_mechanism(
     Args:
         lower: The bound.
         certificate: Of its stress.
-        upper: An upper bound, with a value.
-        mechanism: Its velocity, with L(v) = 1.
+        power: What differences of bounds are measured by (:func:`bound.measure_of`).
+        mechanism: Its velocity.
     """
-    assert upper.value is not None
     mine = float(np.abs(mechanism.x.array).max(initial=0.0))
     speed = mechanism.function_space.mesh.comm.allreduce(mine, MPI.MAX)
-    if not lower.strict or certificate.forces * speed <= ON_MECHANISM * upper.value:
+    if not lower.strict or certificate.forces * speed <= ON_MECHANISM * power:
         return lower
     why = "what rounding leaves of its balance does work on the mechanism"
     return replace(lower, of=Scope.MESH, why_not=(*lower.why_not, why))

@@ -12,10 +12,11 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.condensed_stiffness import CondensedStiffness
 from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, Stress
 from perfplast_fenicsx.limit_analysis.discretisation import Discretisation
-from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions
+from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions, FacetLoads
 from perfplast_fenicsx.limit_analysis.facet_velocities import FacetVelocities
 from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrains
 from perfplast_fenicsx.limit_analysis.point_strains import radii_of_cells
+from perfplast_fenicsx.limit_analysis.question import Question
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -41,6 +42,8 @@ class StaticProgram:
         areas: Area that a vertex of an owned facet stands for, shape (num_facets,).
         volumes: Of the cells.
         load: L before it was scaled, in the user's units.
+        dead: L₀, the same.
+        free: Loads of any factor, the same.
         jumps: Whether an owned facet unknown is a jump of contact, shape (num_unknowns,).
         slips: Whether it is a tangential one on a surface in contact.
     """
@@ -51,8 +54,29 @@ class StaticProgram:
     areas: Floats
     volumes: Floats
     load: Floats
+    dead: Floats
+    free: Floats
     jumps: npt.NDArray[np.bool_]
     slips: npt.NDArray[np.bool_]
+
+    def loads(self, load: float, aside: float) -> Floats:
+        """All loads, in the user's units.
+
+        Args:
+            load: λ.
+            aside: Factor of the loads of any factor.
+        """
+        return load * self.load + self.dead + aside * self.free
+
+    def loaded(self, load: float, aside: float) -> float:
+        """The sum of the magnitudes of all loads, each kind by itself, on this rank.
+
+        Args:
+            load: λ.
+            aside: Factor of the loads of any factor.
+        """
+        kinds = (load * self.load, self.dead, aside * self.free)
+        return float(sum(np.abs(kind).sum() for kind in kinds))
 
     def can_carry(self) -> bool:
         """Whether any stress is in equilibrium with the loads, pulling contact too. Collective.
@@ -84,7 +108,7 @@ class StaticProgram:
             vector.destroy()
         return bool(missing <= MISSING)
 
-    def unbalanced(self, stress: Stress, load: float) -> float:
+    def unbalanced(self, stress: Stress, load: float, aside: float) -> float:
         """Largest force that nothing balances, relative to the strengths at its row. Collective.
 
         Contact that pushes is balanced, and contact that pulls is not.
@@ -92,10 +116,11 @@ class StaticProgram:
         Args:
             stress: In the user's units.
             load: λ.
+            aside: Factor of the loads of any factor.
         """
         left = self.strains.create_vector()
         self.strains.forces(*stress, left)
-        forces = left.array_r - load * self.load
+        forces = left.array_r - self.loads(load, aside)
         left.destroy()
         on_jumps = np.append(self.jumps, np.zeros(len(forces) - len(self.jumps), dtype=bool))
         forces = np.where(on_jumps, np.maximum(forces, 0.0), np.abs(forces))
@@ -117,8 +142,16 @@ class StaticProgram:
         return np.concatenate([on_facets, np.repeat(inside, strains.layout.inner)])
 
 
-def static_program(problem: Problem, conditions: FacetConditions) -> StaticProgram:
+def static_program(
+    problem: Problem, conditions: FacetConditions, question: Question, reserve: float
+) -> StaticProgram:
     """Put the program together. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        conditions: On facets.
+        question: Of which loads the factor is sought.
+        reserve: See :class:`ConicProgram`.
 
     Raises:
         InputError: If a body has another law than those of von Mises and Hooke.
@@ -148,26 +181,41 @@ def static_program(problem: Problem, conditions: FacetConditions) -> StaticProgr
     shares = np.linalg.norm(slopes, axis=2) * volumes[:, None]  # area / d
     areas = np.zeros(len(at.held))
     areas[on] = shares
-    tractions = np.take_along_axis(at.tractions[on], at.numbers.places[..., None], axis=2)
-    pushes = np.einsum("cfik,cfjk->cfji", axes, tractions) * shares[:, :, None, None]
-    load = strains.create_vector()
-    of_facets = pushes.reshape(len(on), -1)
-    load.array[: facets.count] = facets.add_up(of_facets)
     layout = strains.layout
     parts = layout.rows[:, 0, 0] - layout.outer
-    strains.inner(load.array)[:, parts] = (at.forces * volumes[:, None] / len(parts))[:, None]
-    unscaled = load.array_r.copy()
+
+    def vector(loads: FacetLoads) -> PETSc.Vec:
+        tractions = np.take_along_axis(loads.tractions[on], at.numbers.places[..., None], axis=2)
+        pushes = np.einsum("cfik,cfjk->cfji", axes, tractions) * shares[:, :, None, None]
+        load = strains.create_vector()
+        load.array[: facets.count] = facets.add_up(pushes.reshape(len(on), -1))
+        strains.inner(load.array)[:, parts] = (loads.forces * volumes[:, None] / len(parts))[
+            :, None
+        ]
+        return load
+
+    load, dead, free = question.loads(vector(at.live), vector(at.dead))
+    unscaled = [of.array_r.copy() for of in (load, dead, free)]
     return StaticProgram(
         program=ConicProgram(
             Discretisation(
-                problem.comm, strains, stiffness, load, np.flatnonzero(jumps).astype(np.int32)
-            )
+                problem.comm,
+                strains,
+                stiffness,
+                load,
+                dead,
+                free,
+                np.flatnonzero(jumps).astype(np.int32),
+            ),
+            reserve,
         ),
         strains=strains,
         stiffness=stiffness,
         areas=areas[:num_owned],
         volumes=volumes,
-        load=unscaled,
+        load=unscaled[0],
+        dead=unscaled[1],
+        free=unscaled[2],
         jumps=jumps.ravel(),
         slips=slips.ravel() & ~held.ravel(),
     )

@@ -20,18 +20,19 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
+from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope, measure_of
 from perfplast_fenicsx.limit_analysis.entering import entering_between_nodes
 from perfplast_fenicsx.limit_analysis.facet_conditions import (
     TWICE,
-    FacetConditions,
+    FacetLoads,
     facet_conditions,
 )
 from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_friction_has_limits,
-    check_proportional,
+    check_loads,
 )
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.question import Question
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import corners
@@ -46,6 +47,13 @@ PROVABLE = 5e-10
 """Work of the loads' own stress at what volume changes, relative to that of the loads, up to which
 a mechanism counts as a proof; half of what is left of it to whoever checks it cell by cell."""
 
+ASIDE = 1e-6
+"""Work of live loads on a mechanism of dead ones that counts as none, relative to the norms of
+both. It would count at load factors some million times as large as those that bodies bear."""
+
+AT_REST = 1e-5
+"""Strain rates, relative to velocities over the size of the bodies, that are next to none."""
+
 ADMISSIBLE = 1e-9
 """Volume change in plastic bodies and strain in elastic ones that are rounding, beside ‖ε(v)‖."""
 
@@ -59,31 +67,34 @@ ROUNDINGS = 32.0
 
 
 def strict_upper_bound(
-    problem: Problem, mechanism: fem.Function, subdivisions: int = SUBDIVISIONS
+    problem: Problem,
+    mechanism: fem.Function,
+    subdivisions: int = SUBDIVISIONS,
+    question: Question = Question.LIMIT,
 ) -> Bound:
-    """The work of an admissible mechanism from above, over that of the loads. Collective.
+    """What a mechanism dissipates, from above, less the work of dead loads, over L₁(v). Collective.
 
     Args:
         problem: The bodies and their loads.
         mechanism: A velocity that is admissible at the points, such as that of
             :func:`discrete_limit.interior_point`; its ghosts up to date.
         subdivisions: Parts of a cell's edge; the result falls with them, towards the true work.
+        question: Of which loads the factor is sought.
 
     Returns:
         The bound; without a value where the mechanism is not admissible at the points or does no
         work, and of the mesh alone where the reasons say so.
 
     Raises:
-        InputError: If ζ moves supports or obstacles, loads are constant, none grows,
-            or friction is Coulomb's.
+        InputError: If ζ moves supports or obstacles, no load grows, or friction is Coulomb's.
     """
     check_friction_has_limits(problem)
-    check_proportional(problem)
+    check_loads(problem)
     if problem.tagged_mesh.axisymmetric:
         return Bound(None, "upper", Scope.MESH, (TURNED,))
     if any(on.law.dilates for on in problem.laws):
         return Bound(None, "upper", Scope.MESH, (DILATES,))
-    strains = PointStrains(problem)
+    strains, velocity = PointStrains(problem), mechanism.x.petsc_vec
     try:
         trace, deviator = strains.of_function(mechanism)
         plastic = np.isfinite(strains.radii)
@@ -92,12 +103,18 @@ def strict_upper_bound(
         wrong = volume + np.where(plastic, 0.0, squares)
         weights, comm = strains.weights, problem.comm
         part, whole = comm.allreduce(np.array([weights @ wrong, weights @ (volume + squares)]))
-        work = problem.loads.alpha(mechanism.x.petsc_vec)
+        works = question.of(problem.loads.alpha(velocity), problem.loads.dead_work(velocity))
+        work, dead, aside = works
         v = np.abs(mechanism.x.array.reshape(problem.fixed.shape))
         largest = np.array([v[problem.fixed].max(initial=0), v.max(initial=0)])
         comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
         held = largest[0] <= ADMISSIBLE * largest[1]
-        if not (held and whole > 0 and part <= ADMISSIBLE**2 * whole and work > 0):
+        if not problem.loads.is_proportional():  # bodies may part as rigid ones, and strain by none
+            total = comm.allreduce(float(weights.sum()))
+            usual = largest[1] / total ** (1 / strains.gdim)
+            whole = max(whole, (AT_REST * usual) ** 2 * total)
+        ends = abs(aside) <= ASIDE * problem.loads.live.norm() * velocity.norm()
+        if not (held and ends and whole > 0 and part <= ADMISSIBLE**2 * whole and work > 0):
             return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
         radii = np.where(plastic, strains.radii, 0.0)
         volumes = weights[points_of_cells(problem)].sum(axis=1)
@@ -117,15 +134,21 @@ def strict_upper_bound(
     finally:
         strains.destroy()
     conditions = facet_conditions(problem)
-    stress = _largest_load(problem, conditions, float(volume))
-    provable = most * stress <= PROVABLE * work
-    work -= MEAN_STRESSES * lost * stress
+    if problem.friction.count:
+        dissipation += _rubbed(problem, mechanism)
+    at_one, at_zero, _ = question.of(
+        *(_largest_load(problem, of, float(volume)) for of in (conditions.live, conditions.dead))
+    )
+    excess = dissipation - dead
+    stress = abs(excess / work) * at_one + at_zero
+    provable = most * stress <= PROVABLE * measure_of(dissipation, excess)
+    excess += MEAN_STRESSES * lost * at_zero
+    work -= np.copysign(MEAN_STRESSES * lost * at_one, excess)
     if not work > 0:
         return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
     why_not = [] if provable else ["volume changes of the mechanism are more than rounding"]
     if problem.friction.count:
         why_not.append("friction is taken at the nodes alone")
-        dissipation += _rubbed(problem, mechanism)
     if has_curved_cells(problem.tagged_mesh.mesh):
         why_not.append("cells are curved")
     why_not += entering_between_nodes(problem, mechanism)
@@ -134,13 +157,13 @@ def strict_upper_bound(
         why_not.append(unknown)
     of = Scope.MESH if why_not else Scope.BODY
     share = float(allowed / dissipation) if dissipation > 0 else 0.0
-    return Bound(float(dissipation / work), "upper", of, tuple(why_not), share)
+    return Bound(float(excess / work), "upper", of, tuple(why_not), share)
 
 
-def _largest_load(problem: Problem, conditions: FacetConditions, volume: float) -> float:
+def _largest_load(problem: Problem, loads: FacetLoads, volume: float) -> float:
     """Largest traction, or body force over the size of the bodies. Collective."""
-    tractions = np.linalg.norm(conditions.tractions, axis=2).max(initial=0.0)
-    forces = np.linalg.norm(conditions.forces, axis=1).max(initial=0.0)
+    tractions = np.linalg.norm(loads.tractions, axis=2).max(initial=0.0)
+    forces = np.linalg.norm(loads.forces, axis=1).max(initial=0.0)
     mine = float(tractions + forces * volume ** (1 / problem.bodies.gdim))
     return float(problem.comm.allreduce(mine, MPI.MAX))
 

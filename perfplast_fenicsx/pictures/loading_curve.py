@@ -3,6 +3,7 @@
 Single-process.
 """
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
@@ -112,7 +113,7 @@ def draw_curve(
         known = "limit load of this mesh," if limit.theorem else "this path loses equilibrium at"
         label = f"{known} {limit.estimate:.4g}"
         axes.axhline(limit.estimate, color=LIMIT, linewidth=1, label=label)
-        if limit.upper is not None:
+        if limit.upper is not None and math.isfinite(limit.lower):
             label = f"its two sides on this mesh, {limit.lower:.6g} and {limit.upper:.6g}"
             if not limit.theorem:
                 label = f"from {limit.lower:.6g} (solved) to {limit.upper:.6g} (no equilibrium)"

@@ -166,6 +166,8 @@ def _collapse(limit: StoredLimit) -> str:
     """The limit load in words: of the body where its bracket is known, else of the mesh."""
     if not limit.theorem:
         return f"velocity where this path has come to, ζ = {rounded_down(limit.lower)}"
+    if limit.standing:
+        return "collapse mechanism of the constant loads"
     lower, upper = (limit.body.get(name) for name in ("lower", "upper"))
     estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
     zeta = f"ζ = {estimate.shown} on this mesh"

@@ -7,6 +7,7 @@ does not disturb it. HDF5's locks are not used, since some file systems have non
 import csv
 import dataclasses
 import json
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -56,12 +57,13 @@ class StoredLimit:
     """What is known of the limit load (:class:`limit_methods.LimitLoad`).
 
     Attributes:
-        lower: A lower bound of that of the mesh.
+        lower: A lower bound of that of the mesh; −∞ where none is known.
         estimate: That of the mesh.
         upper: An upper bound of it.
         body: What ``summary.json`` says of the body, if anything.
         theorem: Whether these are bounds; if not they are loads between which a path loses
             equilibrium.
+        standing: Whether constant loads alone are carried, in a sentence, where that was sought.
     """
 
     lower: float
@@ -69,6 +71,7 @@ class StoredLimit:
     upper: float | None
     body: Mapping[str, Any]
     theorem: bool = True
+    standing: str = ""
 
 
 @dataclass(frozen=True)
@@ -149,7 +152,8 @@ class ResultReader:
         def stored(_: Path) -> StoredLimit:
             body = found.get("body") or {}
             known = found["estimate"], found["upper"], body, found.get("theorem", True)
-            return StoredLimit(float(found["lower"]), *known)
+            lower = float(found["lower"]) if found["lower"] is not None else -math.inf
+            return StoredLimit(lower, *known, standing=found.get("standing") or "")
 
         return self.read("summary.json", stored)
 

@@ -58,9 +58,13 @@ class LoadCase:
         """Work of the live loads α = L₁(u), which the work-controlled methods prescribe."""
         return float(self.live.dot(u))
 
+    def dead_work(self, u: PETSc.Vec) -> float:
+        """Work of the dead loads L₀(u)."""
+        return float(self.dead.dot(u))
+
     def work(self, u: PETSc.Vec, zeta: float) -> float:
         """Work of all loads L₀(u) + ζL₁(u)."""
-        return float(self.dead.dot(u)) + zeta * self.alpha(u)
+        return self.dead_work(u) + zeta * self.alpha(u)
 
     def add_all_to(self, force: PETSc.Vec, zeta: float) -> None:
         """Add L₀ + ζL₁ and what of them acts on supported unknowns."""

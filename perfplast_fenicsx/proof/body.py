@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.proof.loads import ANY, CONSTANT, SOUGHT, Loads, with_all
 from perfplast_fenicsx.proof.plain_arrays import ProofError, checked
 
 Floats = npt.NDArray[np.float64]
@@ -27,10 +28,14 @@ class Body:
         cells: Their vertices, shape (num_cells, d + 1).
         yield_radius: Largest ‖dev σ‖ of each cell, ∞ in elastic bodies.
         body_force: Force per volume of λ = 1, shape (num_cells, d).
+        constant_body_force: The same of loads that stay as they are.
+        any_body_force: The same of loads that may have any factor, of factor 1.
         facets: Vertices of the outer facets, shape (num_facets, d).
         surface: Tag of the surface of each; 0 for none.
         held: Which components of the velocity are zero there, shape (num_facets, d).
         traction: Force per area of λ = 1 at their vertices, linear between, (num_facets, d, d).
+        constant_traction: The same of loads that stay as they are.
+        any_traction: The same of loads that may have any factor, of factor 1.
         contacts: Tags of two surfaces that cannot enter each other, shape (num_contacts, 2).
         obstacles: Tags of surfaces that cannot enter a half space.
         obstacle_normals: Unit vectors into these, shape (num_obstacles, d).
@@ -40,10 +45,14 @@ class Body:
     cells: Longs
     yield_radius: Floats
     body_force: Floats
+    constant_body_force: Floats
+    any_body_force: Floats
     facets: Longs
     surface: Longs
     held: Flags
     traction: Floats
+    constant_traction: Floats
+    any_traction: Floats
     contacts: Longs
     obstacles: Longs
     obstacle_normals: Floats
@@ -57,11 +66,11 @@ class Body:
         shapes = {
             "cells": (c, d + 1),
             "yield_radius": (c,),
-            "body_force": (c, d),
+            **{names[0]: (c, d) for names in (SOUGHT, CONSTANT, ANY)},
             "facets": (f, d),
             "surface": (f,),
             "held": (f, d),
-            "traction": (f, d, d),
+            **{names[1]: (f, d, d) for names in (SOUGHT, CONSTANT, ANY)},
             "contacts": (pairs, 2),
             "obstacles": (k,),
             "obstacle_normals": (k, d),
@@ -75,7 +84,8 @@ class Body:
             numbers = getattr(self, name)
             if numbers.size and not (numbers.min() >= 0 and numbers.max() < n):
                 raise ProofError(f"{name} names vertices that there are not.")
-        known = (self.vertices, self.body_force, self.traction, self.obstacle_normals)
+        every = (getattr(self, name) for names in (SOUGHT, CONSTANT, ANY) for name in names)
+        known = (self.vertices, *every, self.obstacle_normals)
         if not all(np.isfinite(values).all() for values in known):
             raise ProofError("vertices, loads or normals are not finite.")
         if not (self.yield_radius > 0).all():
@@ -84,7 +94,7 @@ class Body:
             raise ProofError("a normal of an obstacle is no unit vector.")
         if not self.plastic.any():
             raise ProofError("no cell can yield, so that nothing limits the load.")
-        if not (self.body_force.any() or self.traction.any()):
+        if not self.sought:
             raise ProofError("nothing is loaded, and every load factor would be a bound.")
         places = self.vertices[self.cells]
         size = np.ptp(places, axis=1).max(axis=1)
@@ -107,7 +117,7 @@ class Body:
         Raises:
             ProofError: If one is missing or of another kind, or they do not fit together.
         """
-        values = checked(arrays, tuple(cls.__dataclass_fields__))
+        values = checked(with_all(arrays), tuple(cls.__dataclass_fields__))
         same = known is not None and all(
             np.array_equal(getattr(known, name), value) for name, value in values.items()
         )
@@ -198,22 +208,19 @@ class Body:
         return areas
 
     @cached_property
-    def live_load(self) -> float:
-        """The sum of the magnitudes of all loads of λ = 1."""
-        on_facets = np.linalg.norm(self.traction, axis=2).mean(axis=1)
-        in_cells = np.linalg.norm(self.body_force, axis=1)
-        return float(self.areas @ on_facets + self.volumes @ in_cells)
+    def sought(self) -> Loads:
+        """Loads of λ = 1."""
+        return Loads(self.body_force, self.traction)
 
     @cached_property
-    def load_stress(self) -> float:
-        """A stress that loads of λ = 1 cause: the largest traction, and that of a column."""
-        largest = np.linalg.norm(self.traction, axis=2).max(initial=0)
-        heavy = self.body_force.any(axis=1)
-        if heavy.any():
-            there = self.vertices[self.cells[heavy]].reshape(-1, self.dim)
-            extent = np.linalg.norm(np.ptp(there, axis=0))
-            largest += np.linalg.norm(self.body_force, axis=1).max() * extent
-        return float(largest)
+    def constant(self) -> Loads:
+        """Loads that stay as they are."""
+        return Loads(self.constant_body_force, self.constant_traction)
+
+    @cached_property
+    def others(self) -> Loads:
+        """Loads that may have any factor."""
+        return Loads(self.any_body_force, self.any_traction)
 
     def on(self, tag: np.int64) -> Longs:
         """Numbers of the facets of a surface."""

@@ -16,7 +16,13 @@ from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.halves import differences
 from perfplast_fenicsx.proof.lower import measure_stress
 from perfplast_fenicsx.proof.overlap import overlapping
-from perfplast_fenicsx.proof.plain_arrays import ProofError, bound_of, checked, stored_arrays
+from perfplast_fenicsx.proof.plain_arrays import (
+    ProofError,
+    bound_of,
+    checked,
+    number_of,
+    stored_arrays,
+)
 from perfplast_fenicsx.proof.taken_as_written import taken_as_written
 from perfplast_fenicsx.proof.upper import check_nodes, measure_velocity
 
@@ -34,6 +40,7 @@ LIMITS: Mapping[str, float] = {
     "left_of_load": 1e-10,
     "left_of_strength": 1e-7,
     "entering": 1e-12,
+    "work_of_others": 1e-6,
     "yield_ratio": 1 + 1e-9,
 }
 """What may be left of conditions. Symmetry and rest at supports are exact, as a program can write
@@ -86,6 +93,7 @@ class _Half:
         overlaps: How many points of cells are in others too.
         forces: The sum of forces without balance.
         speed: The largest velocity, relative to L(v).
+        power: What differences of bounds are measured by (:attr:`upper.Flow.size`), over L(v).
     """
 
     checked: Checked
@@ -93,6 +101,7 @@ class _Half:
     overlaps: int
     forces: float = 0.0
     speed: float = 0.0
+    power: float = np.inf
 
 
 def check(path: str | Path) -> dict[str, Checked]:
@@ -155,14 +164,18 @@ def check_upper(arrays: Mapping[str, npt.NDArray]) -> Checked:
 
 
 def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
-    claimed = bound_of(arrays["bound"])
     stress = checked(arrays, ("stress",))["stress"]
     body, overlaps = _body(arrays, before)
+    claimed = bound_of(arrays["bound"], bool(body.constant))
+    other = number_of("any_factor", arrays.get("any_factor", 0.0))
     if stress.shape != (len(body.cells), body.dim + 1, body.dim, body.dim):
         raise ProofError("the stress does not fit the cells.")
-    left = measure_stress(body, stress, claimed)
+    left = measure_stress(body, stress, (claimed * body.sought, body.constant, other * body.others))
     faults = (*_reasons(overlaps, left.reason), *_left(left.measured))
-    proven = None if faults else claimed / max(1.0, left.measured["yield_ratio"])
+    over = left.measured["yield_ratio"]
+    if body.constant and not over <= 1:  # such a stress cannot be made smaller
+        faults = (*faults, f"stresses are {over:.17g} times as large as they may be")
+    proven = None if faults else claimed / max(1.0, over)
     sums = (
         f"Forces without balance are {left.forces:.2g} in all, of {left.loads:.6g} that the loads"
         " are."
@@ -173,27 +186,35 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
 
 
 def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
-    claimed = bound_of(arrays["bound"])
     given = checked(arrays, ("velocity", "nodes"))
     velocity, nodes = given["velocity"], given["nodes"]
     body, overlaps = _body(arrays, before)
+    claimed = bound_of(arrays["bound"], bool(body.constant))
     if velocity.ndim != 2 or velocity.shape[1] != body.dim or not np.isfinite(velocity).all():
         raise ProofError("the velocity is none of these bodies.")
     check_nodes(body, nodes, len(velocity))
     v = velocity[nodes]
     flow = measure_velocity(body, v, SUBDIVISIONS)
     faults = (*_reasons(overlaps, flow.reason), *_left(flow.measured))
-    proven, speed = None, np.inf
+    proven, speed, power = None, np.inf, np.inf
     if not flow.work > 0:
         faults = (*faults, "the loads do no work")
     else:
-        proven, speed = flow.dissipation / flow.work, float(np.abs(v).max() / flow.work)
-        if not proven <= claimed * (1 + ROUNDING):
+        proven, speed = flow.excess / flow.work, float(np.abs(v).max() / flow.work)
+        power = flow.size / flow.work
+        if not proven <= claimed + ROUNDING * power:
             faults = (*faults, f"only {proven:.9g} is proven")
     same = before is not None and body is before.body
-    words = ("Of the same bodies.",) if same else (taken_as_written(body),)
-    found = Checked("upper", claimed, None if faults else proven, flow.measured, faults, words)
-    return _Half(found, body, overlaps, speed=speed)
+    words = ["Of the same bodies." if same else taken_as_written(body)]
+    if body.others and proven is not None and proven < 1 and flow.others > 0:
+        most = (1 - proven) * flow.work / flow.others
+        words.append(
+            f"At factor 1 they are not carried with any factor of others up to {most:.2g}."
+        )
+    found = Checked(
+        "upper", claimed, None if faults else proven, flow.measured, faults, tuple(words)
+    )
+    return _Half(found, body, overlaps, speed=speed, power=power)
 
 
 def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
@@ -201,10 +222,10 @@ def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
     same = upper.body is lower.body
     faults = [] if same else differences(lower.body, upper.body)
     low, high = lower.checked.claimed, upper.checked.claimed
-    if not low <= high * (1 + ROUNDING):
+    if not low <= high + ROUNDING * upper.power:
         faults.append(f"the lower bound {low:.9g} is above the upper one {high:.9g}")
     change = lower.forces * upper.speed if lower.forces else 0.0
-    if not change <= ON_MECHANISM * max(high - low, 1e-4 * high):
+    if not change <= ON_MECHANISM * max(high - low, 1e-4 * upper.power):
         faults.append(f"forces without balance change the bound by {change:.1e}")
     words = f"On the mechanism they change the bound by {change:.1e} at most; bounds are"
     return faults, f"{words} {high - low:.3g} apart."

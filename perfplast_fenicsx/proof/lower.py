@@ -1,17 +1,20 @@
 """Does a stress prove a lower bound? It is linear in each cell, and given at the cells' vertices.
 
-λ is a lower bound of the limit load of the bodies where div σ + λb = 0 in each cell, tractions are
-equal on both sides of inner facets and those of λ on outer ones, contact pushes and has no shear,
+λ is a lower bound of the limit load of the bodies where div σ + b = 0 in each cell for the force b
+per volume of all loads at λ, tractions are equal on both sides of inner facets and those of the
+loads on outer ones, contact pushes and has no shear,
 and ‖dev σ‖ ≤ γ at each vertex, and so everywhere, ‖·‖ being convex (static theorem, W. Prager,
 P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). What is left by rounding is a load of its
 own: it is measured by what the weakest could bear of it, each row by itself and all together.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats
+from perfplast_fenicsx.proof.loads import Loads
 from perfplast_fenicsx.proof.touching import Touching, touching
 
 UNDETERMINED = 1e-12
@@ -28,7 +31,7 @@ class Left:
             cells that each row touches (a cell and those that share its facets; both sides of a
             facet, of a contact too), and to the least of all where these are elastic;
             ``asymmetry``, relative to the least of all; ``left_of_load``, the sum of all forces
-            without balance relative to that of the loads at λ, and ``left_of_strength``, relative
+            without balance relative to those of the loads at λ, and ``left_of_strength``, relative
             to the least γV^((d − 1)/d) of a cell of volume V; ``yield_ratio``, the largest
             ‖dev σ‖/γ.
         forces: The sum of the magnitudes of all forces without balance.
@@ -42,18 +45,19 @@ class Left:
     reason: str | None
 
 
-def measure_stress(body: Body, stress: Floats, load: float) -> Left:
+def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     """What is left of each condition, and what forbids to tell it.
 
     Args:
         body: The bodies.
         stress: σ at the vertices of each cell, shape (num_cells, d + 1, d, d).
-        load: λ.
+        kinds: All loads at λ, each kind by itself.
     """
+    loads = sum(kinds[1:], start=kinds[0])
     d, radii = body.dim, body.yield_radius
     weakest = float(radii.min())
     section = body.volumes ** ((d - 1) / d)
-    divergence = np.einsum("cvij,cvj->ci", stress, body.gradients) + load * body.body_force
+    divergence = np.einsum("cvij,cvj->ci", stress, body.gradients) + loads.body_force
     in_cells = np.linalg.norm(divergence, axis=1) * body.volumes
     traces = np.trace(stress, axis1=2, axis2=3)[..., None, None] / d
     sizes = np.linalg.norm(stress - traces * np.eye(d), axis=(2, 3))
@@ -66,7 +70,7 @@ def measure_stress(body: Body, stress: Floats, load: float) -> Left:
     around = radii.copy()
     for side in (0, 1):
         np.minimum.at(around, inner[:, side] // (d + 1), between)
-    outer, forces, reason = _outer(body, stress, load)
+    outer, forces, reason = _outer(body, stress, loads)
     size = np.ptp(body.vertices[body.cells], axis=1).max(axis=1)
     ratios = {
         "equilibrium": np.linalg.norm(divergence, axis=1) * size / _finite(around, weakest),
@@ -76,11 +80,11 @@ def measure_stress(body: Body, stress: Floats, load: float) -> Left:
     measured = {"asymmetry": _largest(stress - stress.transpose(0, 1, 3, 2)) / weakest}
     measured |= {name: _largest(values) for name, values in ratios.items()}
     forces += float(in_cells.sum() + body.areas_of(inner[:, 0]) @ on_facets.mean(axis=1))
-    loads = load * body.live_load
-    measured["left_of_load"] = _share(forces, loads)
+    loaded = sum(kind.size(body.volumes, body.areas) for kind in kinds)
+    measured["left_of_load"] = _share(forces, loaded)
     measured["left_of_strength"] = _share(forces, float((radii * section).min()))
     measured["yield_ratio"] = _largest(sizes[body.plastic] / radii[body.plastic, None])
-    return Left(measured, forces, loads, reason)
+    return Left(measured, forces, loaded, reason)
 
 
 def _finite(radii: Floats, weakest: float) -> Floats:
@@ -112,12 +116,12 @@ def _inner_tractions(body: Body, stress: Floats, sides: np.ndarray) -> Floats:
     return tractions
 
 
-def _outer(body: Body, stress: Floats, load: float) -> tuple[dict[str, Floats], float, str | None]:
+def _outer(body: Body, stress: Floats, loads: Loads) -> tuple[dict[str, Floats], float, str | None]:
     """What is left on outer facets, relative to the weakest; the sum of forces, and a reason."""
     d = body.dim
     cells = body.outer // (d + 1)
     traction = np.einsum("fvij,fj->fvi", stress[cells[:, None], body.places], body.normals)
-    rest = traction - load * body.traction
+    rest = traction - loads.traction
     free = ~body.held
     into = np.zeros_like(body.normals)  # where contact pushes from: σn = λt − p into
     times = np.zeros(len(into), dtype=int)

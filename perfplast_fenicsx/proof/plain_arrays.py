@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 FLOATS = (
     *("vertices", "yield_radius", "body_force", "traction", "obstacle_normals"),
+    *("constant_body_force", "constant_traction", "any_body_force", "any_traction"),
     *("stress", "velocity"),
 )
 LONGS = ("cells", "facets", "surface", "contacts", "obstacles", "nodes")
@@ -47,18 +48,35 @@ def plain(name: str, values: Any) -> npt.NDArray:
     return array.astype(np.float64)
 
 
-def bound_of(values: Any) -> float:
-    """The bound that is claimed.
+def number_of(name: str, values: Any) -> float:
+    """A number that is claimed.
 
     Raises:
-        ProofError: If it is not one finite real number, or negative.
+        ProofError: If it is not one finite real number.
     """
     array = np.asarray(values)
     if array.shape != () or array.dtype.kind not in "fiu" or array.dtype.itemsize > 8:
-        raise ProofError("bound is not one real number.")
-    if not (np.isfinite(array) and array >= 0):
-        raise ProofError("bound is negative or not finite.")
+        raise ProofError(f"{name} is not one real number.")
+    if not np.isfinite(array):
+        raise ProofError(f"{name} is not finite.")
     return float(array)
+
+
+def bound_of(values: Any, with_constant: bool) -> float:
+    """The bound that is claimed.
+
+    Args:
+        values: As given.
+        with_constant: Whether there are constant loads: else the bodies carry no load at all, and a
+            negative bound is none.
+
+    Raises:
+        ProofError: If it is not one finite real number, or negative for no reason.
+    """
+    bound = number_of("bound", values)
+    if bound < 0 and not with_constant:
+        raise ProofError("bound is negative.")
+    return bound
 
 
 def stored_arrays(group: Any) -> dict[str, npt.NDArray]:
@@ -90,7 +108,8 @@ def stored_arrays(group: Any) -> dict[str, npt.NDArray]:
         found[name] = np.asarray(data)
     if "bound" not in group.attrs:
         raise ProofError("bound is missing.")
-    return found | {"bound": np.asarray(group.attrs["bound"])}
+    numbers = ("bound", "any_factor")
+    return found | {name: np.asarray(group.attrs[name]) for name in numbers if name in group.attrs}
 
 
 def checked(arrays: Mapping[str, npt.NDArray], names: tuple[str, ...]) -> dict[str, npt.NDArray]:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body
+from perfplast_fenicsx.proof.loads import Loads
 
 MOST = 6
 """Materials, surfaces and so on that are named one by one."""
@@ -17,8 +18,13 @@ def taken_as_written(body: Body) -> str:
         _strengths(body),
         _supports(body),
         _contacts(body),
-        _loads(body),
+        f"loads whose resultants at λ = 1 are {_loads(body, body.sought)}",
     ]
+    if body.constant:
+        parts.append(f"loads that stay, whose resultants are {_loads(body, body.constant)}")
+    if body.others:
+        words = _loads(body, body.others)
+        parts.append(f"loads of any factor, whose resultants at factor 1 are {words}")
     return f"Taken as written: {'; '.join(parts)}."
 
 
@@ -60,15 +66,15 @@ def _contacts(body: Body) -> str:
     return f"contact without friction of {_listed(words)}" if words else "no contact"
 
 
-def _loads(body: Body) -> str:
+def _loads(body: Body, loads: Loads) -> str:
     words = []
-    force = body.areas[:, None] * body.traction.mean(axis=1)
-    for tag in np.unique(body.surface[body.traction.any(axis=(1, 2))]):
+    force = body.areas[:, None] * loads.traction.mean(axis=1)
+    for tag in np.unique(body.surface[loads.traction.any(axis=(1, 2))]):
         total = force[body.on(tag)].sum(axis=0)
         words.append(f"{_vector(total)} on surface {tag}")
-    if body.body_force.any():
-        words.append(f"{_vector(body.volumes @ body.body_force)} in the volume")
-    return f"loads whose resultants at λ = 1 are {_listed(words)}"
+    if loads.body_force.any():
+        words.append(f"{_vector(body.volumes @ loads.body_force)} in the volume")
+    return _listed(words)
 
 
 def _vector(values: np.ndarray) -> str:

@@ -1,6 +1,7 @@
 """Does a velocity prove an upper bound? It is quadratic in each cell, and continuous.
 
-∫γ‖ε(v)‖/L(v) is an upper bound of the limit load of the bodies where v = 0 at supports, div v = 0
+(∫γ‖ε(v)‖ − L₀(v))/L(v), with the work L₀(v) of loads that stay, is an upper bound of the limit load
+of the bodies where v = 0 at supports, div v = 0
 in bodies that yield and ε(v) = 0 in elastic ones, and v enters nothing. ε(v) is linear in a cell,
 so that div v vanishes everywhere if it does at the vertices, and the integral is at most that of
 the linear interpolation of ‖ε(v)‖ on any subdivision (kinematic theorem, W. Prager, P. G. Hodge,
@@ -15,6 +16,7 @@ from math import factorial
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats, Longs
+from perfplast_fenicsx.proof.loads import Loads
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.touching import touching
 
@@ -27,6 +29,9 @@ CHILDREN = {
 }
 """Parts of a simplex whose edges are halved, by dimension: ends of the edges whose middles are the
 vertices. The order is that of J. Bey, Tetrahedral grid refinement, Computing 55 (1995), 355."""
+
+LEAST_SHARE = 1e-3
+"""Of the work of the loads whose factor is bounded, as which a dissipation counts at least."""
 
 AT_ONCE = 10_000
 """Cells whose dissipation is found together, for the memory it takes."""
@@ -66,19 +71,35 @@ class Flow:
 
     Attributes:
         measured: ``volume_change``, ``elastic_strain`` and ``entering_work``: the work of a stress
-            as large as the loads cause (:attr:`Body.load_stress`) at what is left in each cell and
-            facet, all added up, relative to L(v), which is what it changes the bound by.
+            as large as the loads at the bound cause (:meth:`Loads.stress`) at what is left in each
+            cell and facet, all added up, relative to what is dissipated.
+            ``work_of_others``: the work of loads of any factor, relative to the largest that they
+            could do at that speed.
             ``entering``: relative to the largest velocity on the same facets.
             ``moved_supports``: relative to the largest velocity.
         dissipation: From above.
         work: L(v).
+        constant_work: Work of the loads that stay as they are.
+        others: What loads of any factor 1 can do in all, by what is left of the conditions too.
         reason: Why the conditions of contact cannot be told, or None.
     """
 
     measured: dict[str, float]
     dissipation: float
     work: float
+    constant_work: float
+    others: float
     reason: str | None
+
+    @property
+    def excess(self) -> float:
+        """What the loads whose factor is bounded have to do at least."""
+        return self.dissipation - self.constant_work
+
+    @property
+    def size(self) -> float:
+        """What is left of conditions is measured by it: where bodies part nothing is dissipated."""
+        return size_of(self.dissipation, self.excess)
 
 
 def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
@@ -96,18 +117,30 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
     entering, entered, reason = _entering(body, at_facets)
     dissipation = _dissipation(body, deviator[plastic], subdivisions)
-    work = _work(body, v, at_facets)
+    kinds = (body.sought, body.constant, body.others)
+    work, constant_work, other_work = (_work(body, of, v, at_facets) for of in kinds)
     volumes = np.where(plastic, np.abs(trace).max(axis=1), 0.0) * body.volumes
     strains = np.linalg.norm(rates[~plastic], axis=(2, 3)).max(axis=1) @ body.volumes[~plastic]
     moved = float(np.abs(at_facets * body.held[:, None]).max(initial=0))
-    measured = {
-        "volume_change": _share(body.load_stress * float(volumes.sum()), work),
-        "elastic_strain": _share(body.load_stress * float(strains), work),
-        "moved_supports": _share(moved, float(np.abs(v).max(initial=0))),
-        "entering": entering,
-        "entering_work": _share(body.load_stress * entered, work),
-    }
-    return Flow(measured, dissipation, work, reason)
+    fastest = float(np.abs(v).max(initial=0))
+    at_one, at_zero, of_others = (of.stress(body.vertices[body.cells]) for of in kinds)
+    factor = abs(dissipation - constant_work) / work if work > 0 else 0.0
+    stress = factor * at_one + at_zero
+    left = (float(volumes.sum()), float(strains), entered)
+    names = ("volume_change", "elastic_strain", "entering_work")
+    size = size_of(dissipation, dissipation - constant_work)
+    measured = {name: _share(stress * x, size) for name, x in zip(names, left, strict=True)}
+    measured |= {"moved_supports": _share(moved, fastest), "entering": entering}
+    if body.others:
+        most = body.others.size(body.volumes, body.areas) * fastest
+        measured["work_of_others"] = _share(abs(other_work), most)
+    others = abs(other_work) + of_others * sum(left)
+    return Flow(measured, dissipation, work, constant_work, others, reason)
+
+
+def size_of(dissipation: float, excess: float) -> float:
+    """What a mechanism dissipates, or a share of what loads have to do beyond others, if more."""
+    return max(dissipation, LEAST_SHARE * abs(excess))
 
 
 def _share(part: float, whole: float) -> float:
@@ -176,13 +209,13 @@ def _facet_nodes(body: Body) -> Longs:
     return np.concatenate([places, np.stack(middles, axis=1)], axis=1)
 
 
-def _work(body: Body, v: Floats, at_facets: Floats) -> float:
+def _work(body: Body, loads: Loads, v: Floats, at_facets: Floats) -> float:
     """L(v), exact."""
     d = body.dim
     moments = np.array([[_moment(d - 1, [a, *b]) for b in _quadratic(d)] for a in range(d)])
-    work = np.einsum("f,fai,an,fni->", body.areas, body.traction, _nodal(moments, d), at_facets)
+    work = np.einsum("f,fai,an,fni->", body.areas, loads.traction, _nodal(moments, d), at_facets)
     means = _nodal(np.array([[_moment(d, list(b)) for b in _quadratic(d + 1)]]), d + 1)[0]
-    return float(work + np.einsum("c,ci,n,cni->", body.volumes, body.body_force, means, v))
+    return float(work + np.einsum("c,ci,n,cni->", body.volumes, loads.body_force, means, v))
 
 
 def _quadratic(count: int) -> list[tuple[int, int]]:

@@ -112,7 +112,9 @@ def _bounds(limit: StoredLimit | None) -> tuple[tuple[float, float] | None, str]
     if lower is not None and upper is not None:
         return (lower, upper), "limit load of the bodies"
     words = "estimate on this mesh" if limit.theorem else "this path loses equilibrium"
-    return None if limit.upper is None else (limit.lower, limit.upper), words
+    if limit.upper is None or not math.isfinite(limit.lower):
+        return None, words
+    return (limit.lower, limit.upper), words
 
 
 def to_svg(curve: Curve, sheet: Sheet = WIDE) -> str:

@@ -62,6 +62,10 @@ def _of_path(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
 def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     if not limit.theorem:
         return _of_path(limit, table)
+    if limit.standing:
+        proven = (table.get("body") or {}).get("standing") is not None
+        ended = [f"{step[:1].upper()}{step[1:]}." for step in table.get("next_steps", [])]
+        return Verdict("proven" if proven else "found", limit.standing, ended)
     lower, upper = limit.body.get("lower"), limit.body.get("upper")
     estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
     mesh = "the last mesh" if limit.body.get("meshes") else "this mesh"

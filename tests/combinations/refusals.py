@@ -9,7 +9,6 @@ REFUSALS: Mapping[str, str] = {
     "no limit load to be sought": f"{STAYS}: what hardens without end has no limit load",
     "is no projection on a yield set": f"{STAYS}: the algorithm is made of that projection",
     "knows no friction": f"{STAYS}: contact is a bound there, and friction is none",
-    "are for loads that all grow": f"{TO_COME}: loads that stay, in the cone program and in bounds",
     "is a formula": f"{STAYS}: stresses are linear in cells, and balance linear tractions",
     "is a pore pressure": f"{TO_COME}: its body force and tractions",
     "is rigid, and of such surfaces": f"{TO_COME}: resultants as conditions",

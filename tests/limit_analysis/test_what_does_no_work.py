@@ -72,7 +72,6 @@ def test_strict_bounds_are_those_without(what: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "part"),
     [
-        ({"loads": [*LOADS, Traction("top", (1.0, 0, 0), constant=True)]}, "loads are constant"),
         (
             {"supports": [*PLACES, Support("bottom", "z", value=1e-3, constant=False)]},
             "the load factor moves supports",
@@ -83,7 +82,7 @@ def test_strict_bounds_are_those_without(what: str) -> None:
         ),
         ({"materials": {"lower": Flow(Hardening(2e5, 0.3, 300.0, 1e3)), "upper": STEEL}}, "harden"),
     ],
-    ids=["dead load", "driven", "no load", "hardening"],
+    ids=["driven", "no load", "hardening"],
 )
 def test_what_is_refused(changes: dict[str, Any], part: str) -> None:
     with pytest.raises(InputError, match=part):

@@ -6,16 +6,13 @@ from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import Obstacle
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.loading_options import (
-    BoundsControl,
     Control,
     DisplacementControl,
     LoadControl,
     StageControl,
     WorkControl,
 )
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
 from perfplast_fenicsx.problem.loads import Load
-from perfplast_fenicsx.problem.prescribed import Prescribed
 from perfplast_fenicsx.problem.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.stage import Mover, follows
 from perfplast_fenicsx.problem.supports import Support
@@ -62,14 +59,14 @@ def check_loading(
                 " control = 'displacement', or stages; choose one of them, or leave move out."
             )
     constant = any(load.constant for load in loads)
-    if constant or any(support.moves for support in supports) or strained:
-        _check_constant(loading, loads)
-    elif isinstance(loading, LoadControl | WorkControl):
+    stays = constant or any(support.moves for support in supports) or strained
+    if not stays and isinstance(loading, LoadControl | WorkControl):
         loading.check_proportional()
-    if loading.prescribes is Prescribed.WORK and all(load.constant for load in loads):
+    if isinstance(loading, WorkControl) and all(load.constant for load in loads):
         raise InputError(
             "control = 'work' goes with a load that grows, but all loads are constant; take"
-            " constant = true from one of them, or give control = 'load'."
+            " constant = true from one of them, or give control = 'load', or 'bounds', which tells"
+            " how many times they are carried."
         )
 
 
@@ -87,15 +84,3 @@ def _check_driven(loads: Sequence[Load], movers: Sequence[Mover]) -> None:
             " a move, a [[rigid_surface]] a displacement or rotation, or a [[contact]] with"
             " interference constant = false."
         )
-
-
-def _check_constant(loading: Control, loads: Sequence[Load]) -> None:
-    """Refuse constant loads beside what is for loads that all grow; all else that stays may."""
-    interior = loading.limit_method == LimitMethod.INTERIOR_POINT
-    for load in loads:
-        if load.constant and (interior or isinstance(loading, BoundsControl)):
-            raise InputError(
-                f"the load on '{load.on}' is constant, and strict bounds and the interior point"
-                " method are for loads that all grow; give control = 'work', until = 'limit' and"
-                " limit_method = 'path', or leave out what does not grow."
-            )

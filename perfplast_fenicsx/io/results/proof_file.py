@@ -4,6 +4,7 @@ The groups ``lower`` and ``upper`` have a stress and a velocity, each with the b
 of as plain arrays; :class:`proof.body.Body` says which, :mod:`proof.checker` checks them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -27,13 +28,14 @@ from perfplast_fenicsx.io.results.global_ordering import (
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.limit_checks import grows_by_loads_alone
+from perfplast_fenicsx.limit_analysis.limit_checks import collapses_by_loads
 from perfplast_fenicsx.limit_analysis.point_strains import radii_of_cells
+from perfplast_fenicsx.limit_analysis.question import Question
 from perfplast_fenicsx.limit_analysis.stress_cells import matrices
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
 from perfplast_fenicsx.problem.linear_tractions import linear_tractions
-from perfplast_fenicsx.problem.loads import BodyForce, check_bounded
+from perfplast_fenicsx.problem.loads import BodyForce, Load, check_bounded
 from perfplast_fenicsx.problem.problem import Problem
 
 Blocks = dict[str, Block]
@@ -51,11 +53,15 @@ class StressProof:
         problem: On straight cells.
         bound: λ.
         stress: Mandel vectors at the vertices of this rank's cells, shape (num_cells, tdim + 1, m).
+        question: Of which loads λ is the factor.
+        aside: Factor of the loads of any factor.
     """
 
     problem: Problem
     bound: float
     stress: Floats
+    question: Question = Question.LIMIT
+    aside: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -66,11 +72,13 @@ class VelocityProof:
         problem: On straight cells.
         bound: λ.
         velocity: A function of its V, with up-to-date ghosts.
+        question: Of which loads λ is the factor.
     """
 
     problem: Problem
     bound: float
     velocity: fem.Function
+    question: Question = Question.LIMIT
 
 
 def proofs(low: BodyBounds, high: BodyBounds) -> tuple[StressProof | None, VelocityProof | None]:
@@ -82,9 +90,10 @@ def proofs(low: BodyBounds, high: BodyBounds) -> tuple[StressProof | None, Veloc
     """
     stress = velocity = None
     if low.lower.strict and low.lower.value is not None and low.stress is not None:
-        stress = StressProof(low.problem, low.lower.value, low.stress)
+        aside = 0.0 if low.static is None else low.static.aside
+        stress = StressProof(low.problem, low.lower.value, low.stress, low.question, aside)
     if high.upper.strict and high.upper.value is not None and high.problem.degree == 2:
-        velocity = VelocityProof(high.problem, high.upper.value, high.mechanism)
+        velocity = VelocityProof(high.problem, high.upper.value, high.mechanism, high.question)
     return stress, velocity
 
 
@@ -104,20 +113,22 @@ def write_proof(
             the file cannot say; or where the system refuses.
     """
     blocks: Blocks = {}
-    bounds: dict[str, float] = {}
+    numbers: dict[str, dict[str, float]] = {}
     for half in (lower, upper):
         if half is not None:
             _check(half.problem)
     if lower is not None:
-        blocks |= _named("lower", _body(lower.problem) | _stress(lower))
-        bounds["lower"] = lower.bound
+        blocks |= _named("lower", _body(lower.problem, lower.question) | _stress(lower))
+        numbers["lower"] = {"bound": lower.bound}
+        if lower.question is Question.STANDS:
+            numbers["lower"]["any_factor"] = lower.aside
     if upper is not None:
-        blocks |= _named("upper", _body(upper.problem) | _velocity(upper))
-        bounds["upper"] = upper.bound
+        blocks |= _named("upper", _body(upper.problem, upper.question) | _velocity(upper))
+        numbers["upper"] = {"bound": upper.bound}
 
     def describe(file: h5py.File) -> None:
-        for kind, bound in bounds.items():
-            file.create_group(kind).attrs["bound"] = bound
+        for kind, each in numbers.items():
+            file.create_group(kind).attrs.update(each)
 
     write_arrays(folder, path, blocks, describe=describe)
 
@@ -131,8 +142,8 @@ def _check(problem: Problem) -> None:
             raise InputError(f"the obstacle at '{obstacle.on}' is curved; a proof knows planes.")
     for load in problem.given.loads:
         check_bounded(load)
-    if not grows_by_loads_alone(problem):
-        raise InputError("a load is constant, or ζ moves supports; a proof knows loads that grow.")
+    if not collapses_by_loads(problem):
+        raise InputError("ζ moves supports, or no load grows; a proof knows loads that grow.")
 
 
 def _named(group: str, blocks: Blocks) -> Blocks:
@@ -174,7 +185,7 @@ def _velocity(proof: VelocityProof) -> Blocks:
     }
 
 
-def _body(problem: Problem) -> Blocks:
+def _body(problem: Problem, question: Question) -> Blocks:
     """The bodies with loads, supports and contact. Collective."""
     tagged_mesh, given = problem.tagged_mesh, problem.given
     mesh = tagged_mesh.mesh
@@ -199,15 +210,19 @@ def _body(problem: Problem) -> Blocks:
     contacts = [[tags[contact.primary], tags[contact.secondary]] for contact in given.contacts]
     walls = [obstacle for obstacle in given.obstacles if isinstance(obstacle, Plane)]
     into = [plane.towards(np.zeros((1, d)))[1][0] for plane in walls]
-    return {
+    loads: Blocks = {}
+    for prefix, constant in _kinds(problem, question).items():
+        chosen = [load for load in given.loads if load.constant is constant]
+        pushes = _tractions(chosen, outer, points[facets], surface, tags)
+        loads[f"{prefix}body_force"] = block(of_cells, _body_forces(problem, chosen, len(cells)))
+        loads[f"{prefix}traction"] = block(of_facets, pushes)
+    return loads | {
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),
         "cells": block(of_cells, numbers[cells]),
         "yield_radius": block(of_cells, radii_of_cells(problem)),
-        "body_force": block(of_cells, _body_forces(problem, len(cells))),
         "facets": block(of_facets, numbers[facets]),
         "surface": block(of_facets, surface),
         "held": block(of_facets, held),
-        "traction": block(of_facets, _tractions(problem, outer, points[facets], surface, tags)),
         "contacts": _table(problem, contacts, (2,), np.int64),
         "obstacles": _table(problem, [tags[plane.on] for plane in walls], (), np.int64),
         "obstacle_normals": _table(problem, into, (d,), np.float64),
@@ -220,11 +235,20 @@ def _table(problem: Problem, rows: list, shape: tuple[int, ...], kind: npt.DType
     return Block(values if problem.comm.rank == 0 else values[:0], 0, len(rows))
 
 
-def _body_forces(problem: Problem, count: int) -> Floats:
+def _kinds(problem: Problem, question: Question) -> dict[str, bool]:
+    """Whether the loads of each kind that the file knows are the constant ones."""
+    if question is Question.STANDS:
+        return {"": True, "any_": False}
+    if any(load.constant for load in problem.given.loads):
+        return {"": False, "constant_": True}
+    return {"": False}
+
+
+def _body_forces(problem: Problem, loads: Sequence[Load], count: int) -> Floats:
     """Force per volume of each owned cell."""
     tagged_mesh = problem.tagged_mesh
     forces = np.zeros((count, tagged_mesh.mesh.geometry.dim))
-    for load in problem.given.loads:
+    for load in loads:
         if isinstance(load, BodyForce):
             cells = tagged_mesh.cells(load.on)
             forces[cells[cells < count]] += np.asarray(load.value, dtype=np.float64)
@@ -232,7 +256,7 @@ def _body_forces(problem: Problem, count: int) -> Floats:
 
 
 def _tractions(
-    problem: Problem,
+    loads: Sequence[Load],
     outer: OuterFacets,
     corners: Floats,
     surface: npt.NDArray,
@@ -240,7 +264,7 @@ def _tractions(
 ) -> Floats:
     """Force per area at the vertices of outer facets."""
     values = np.zeros_like(corners)
-    for load in problem.given.loads:
+    for load in loads:
         if not isinstance(load, BodyForce):
             here = surface == tags[load.on]
             values[here] += linear_tractions(load, corners[here], outer.normals[here])[0]

@@ -1,5 +1,6 @@
 """What a run leaves behind for whoever looks at it: the scene, its levels, its limit load."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -14,10 +15,11 @@ from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.io.results.result_files import PROOF
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds
-from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, standing_in_words
 from perfplast_fenicsx.limit_analysis.design_factor import DesignFactor
 from perfplast_fenicsx.limit_analysis.limit_forces import limit_forces
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
+from perfplast_fenicsx.limit_analysis.question import Question
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.path_bracket import PathBracket
 from perfplast_fenicsx.problem.load_resultants import load_resultants
@@ -136,7 +138,8 @@ class ResultWriter:
                 if body is not None:
                     found |= bound_fields(body)
                 alpha = 0.0 if limit.alpha is None else limit.alpha
-                self._fields.write_mechanism(found, limit.lower, alpha)
+                zeta = limit.lower if math.isfinite(limit.lower) else 0.0
+                self._fields.write_mechanism(found, zeta, alpha)
             if body is not None:
                 low, high = (adaptive.low, adaptive.high) if adaptive else (body, body)
                 lower, upper = proofs(low, high)
@@ -147,6 +150,7 @@ class ResultWriter:
             table |= {"drucker": limit.drucker and limit.drucker.table()}
             table |= {"body": body and _table(body, adaptive)}
             table["verdict"] = verdict_of(limit, body)
+            table["standing"] = standing_in_words(limit, body)
             forces = limit_forces(body.problem if body else self._problem, limit)
             table["forces"] = forces and asdict(forces)
             table["design"] = design and asdict(design) | {"in_words": design.in_words()}
@@ -163,6 +167,8 @@ def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:
     """
     if body is not None and (body.lower.strict or body.upper.strict):
         return body.in_words()
+    if words := standing_in_words(limit, body):
+        return words
     if not limit.theorem:
         return f"This path {PathBracket(limit.lower, limit.upper).in_words()}."
     estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
@@ -171,10 +177,16 @@ def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:
 
 def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
     """What ``summary.json`` says of the body: bounds that hold for it, and no others."""
+    lower, upper = body.limits
+    standing = None
+    if body.question is Question.STANDS:
+        both = (body.lower, body.upper)
+        standing = [bound.value if bound.strict else None for bound in both]
     return {
-        "lower": body.lower.value if body.lower.strict else None,
-        "upper": body.upper.value if body.upper.strict else None,
+        "lower": lower.value if lower.strict else None,
+        "upper": upper.value if upper.strict else None,
         "strict": body.strict,
+        "standing": standing,
         "why_not": body.why_not,
         "certificates": dict(body.certificates),
         "meshes": [asdict(round_) for round_ in adaptive.rounds] if adaptive else [],

@@ -1,0 +1,54 @@
+"""Do bodies stand under their dead loads, whatever the factor of the live ones?"""
+
+from dataclasses import dataclass
+
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How many times the dead loads are carried, with whatever factor of the live ones is best.
+
+    The largest μ for which μL₀ + λL₁ is carried with any λ (:class:`question.Question`). Where it
+    is below 1 no load factor is carried, and the strengths fall short by 1/μ.
+
+    Attributes:
+        lower: So many times they are carried; None where no stress was found.
+        upper: More they are not; None where no mechanism was found.
+    """
+
+    lower: float | None
+    upper: float | None
+
+    @property
+    def falls(self) -> bool:
+        """Whether a mechanism shows that they are too much."""
+        return self.upper is not None and self.upper < 1
+
+    @property
+    def stands(self) -> bool:
+        """Whether a stress shows that they are carried."""
+        return self.lower is not None and self.lower >= 1
+
+    @property
+    def verdict(self) -> str:
+        """What bodies do, for a sentence about them."""
+        if self.falls:
+            return "does not stand"
+        return "stands" if self.stands else "may stand or not"
+
+    def in_words(self) -> str:
+        """What it says, in a clause."""
+        sides = []
+        if self.lower is not None:
+            sides.append(f"{rounded_down(self.lower)} times at least")
+        if self.upper is not None:
+            sides.append(f"{rounded_up(self.upper)} times at most")
+        if not sides:
+            return "whether the constant loads are carried was not found"
+        words = f"the constant loads are carried {' and '.join(sides)}, at any load factor"
+        if self.upper is None or self.upper >= 1:
+            return words
+        most = f" and at most {rounded_up(1 / self.lower)}" if self.lower else ""
+        short = f"strengths fall short by a factor of at least {rounded_down(1 / self.upper)}{most}"
+        return f"{words}; {short}"

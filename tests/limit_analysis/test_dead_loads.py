@@ -1,0 +1,226 @@
+"""Limit loads and strict bounds beside loads that stay as they are."""
+
+import math
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import (
+    Adaptation,
+    BodyForce,
+    Pressure,
+    Problem,
+    ResultFolder,
+    Support,
+    Traction,
+    VonMises,
+    adaptive_bounds,
+    limit_load,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.question import Question
+from perfplast_fenicsx.proof import Checked, check
+from perfplast_fenicsx.proof.checker import check_lower, check_upper
+from perfplast_fenicsx.proof.plain_arrays import stored_arrays
+from tests.limit_analysis.test_static_bound import rectangle
+from tests.models import touching_blocks
+
+K = 1.0
+"""Yield stress in shear."""
+
+SOIL = VonMises(1e3, 0.3, math.sqrt(3) * K)
+STEEL = VonMises(2e5, 0.3, 300.0)
+RTOL = 1e-4
+
+
+def block(sign: float, lateral: float, weight: float = 0.0, n: int = 2) -> Problem:
+    """A unit square on rollers: ζ presses on top (or pulls), the rest is constant."""
+    mesh = rectangle(
+        (n, n),
+        (1.0, 1.0),
+        {"block": lambda x: x[1] < 2},
+        {
+            "x0": lambda x: x[0] < 1e-9,
+            "y0": lambda x: x[1] < 1e-9,
+            "x1": lambda x: x[0] > 1 - 1e-9,
+            "top": lambda x: x[1] > 1 - 1e-9,
+        },
+    )
+    loads: list[Pressure | BodyForce] = [Pressure("top", sign)]
+    if lateral:
+        loads.append(Pressure("x1", lateral, constant=True))
+    if weight:
+        loads.append(BodyForce("block", (0.0, -weight), constant=True))
+    supports = [Support("x0", "x"), Support("y0", "y")]
+    return Problem(mesh, {"block": SOIL}, supports, loads, degree=2)
+
+
+def footing(live: tuple[float, float], dead: tuple[float, float], n: int = 2) -> Problem:
+    """A strip of unit width on ground 8 wide and 2 deep, with tractions on it."""
+    mesh = rectangle(
+        (8 * n, 2 * n),
+        (8.0, 2.0),
+        {"ground": lambda x: x[1] < 3},
+        {
+            "bottom": lambda x: x[1] < 1e-9,
+            "strip": lambda x: (x[1] > 2 - 1e-9) & (np.abs(x[0] - 4) < 0.5 + 1e-9),
+        },
+    )
+    loads = [Traction("strip", live)] if any(live) else []
+    loads += [Traction("strip", dead, constant=True)] if any(dead) else []
+    return Problem(mesh, {"ground": SOIL}, [Support("bottom")], loads, degree=2)
+
+
+def checked(low: BodyBounds, high: BodyBounds, folder: Path) -> dict[str, Checked]:
+    """What the checker says of both halves, which it finds without faults."""
+    there = ResultFolder(MPI.COMM_WORLD, folder)
+    write_proof(there, there.file("bounds.h5"), *proofs(low, high))
+    found = check(there.file("bounds.h5"))
+    assert set(found) == {"lower", "upper"}
+    for of in found.values():
+        assert not of.faults
+    return found
+
+
+@pytest.mark.parametrize("lateral", [0.5, 5.0, -3.0, 1e4])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_both_ends_of_what_a_block_carries(
+    shared_tmp_path: Path, sign: float, lateral: float
+) -> None:
+    """|σx − σy| ≤ 2k: the pressure on top is between that on the side less 2k and plus 2k."""
+    problem, exact = block(sign, lateral), sign * lateral + 2 * K
+    found = limit_load(problem, RTOL)
+    assert found.method == "interior-point"
+    assert found.upper is not None
+    assert exact - RTOL * 2 * K <= found.lower <= exact + 1e-9 * abs(exact)
+    assert found.upper == pytest.approx(exact, rel=1e-9)
+    bounds = limit_bounds(problem, RTOL)
+    assert bounds.strict
+    assert exact - 2 * RTOL * 2 * K <= (bounds.lower.value or 0.0)
+    proven = checked(bounds, bounds, shared_tmp_path)
+    assert (proven["lower"].proven or np.inf) <= exact <= (proven["upper"].proven or -np.inf) + 1e-7
+    outside = "Without load the constant loads are not carried" in bounds.in_words()
+    assert outside == (exact < 0)
+
+
+def test_weight_lowers_what_a_column_carries() -> None:
+    """A column fails at its foot: 2k less its weight, on a mesh that is fine enough to see it."""
+    plain, heavy = limit_bounds(block(1.0, 0.0)), limit_bounds(block(1.0, 0.0, weight=0.5))
+    assert heavy.strict
+    assert heavy.upper.value is not None
+    assert plain.lower.value is not None
+    assert plain.lower.value - 0.5 <= heavy.upper.value < plain.lower.value
+
+
+def test_dead_loads_that_are_a_share_of_the_live_ones() -> None:
+    """Of loads in proportion λ alone changes, by the share."""
+    plain = limit_load(footing((0.3, -1.0), (0.0, 0.0)), RTOL)
+    assert plain.estimate is not None
+    for share in (0.5, 0.99, -2.0):
+        beside = limit_load(
+            footing((0.3, -1.0), (0.3 * share * plain.estimate, -share * plain.estimate)), RTOL
+        )
+        assert beside.estimate is not None
+        expected = (1 - share) * plain.estimate
+        assert beside.estimate == pytest.approx(expected, abs=2 * RTOL * plain.estimate)
+
+
+def test_bodies_part_at_the_load_that_lifts_what_presses() -> None:
+    """Two blocks in contact, pressed by 100 for ever: a pull of 100 lifts the upper one."""
+    problem = touching_blocks(
+        materials={"lower": STEEL, "upper": STEEL},
+        loads=[Pressure("top", -1.0), Pressure("top", 100.0, constant=True)],
+        degree=2,
+    )
+    found = limit_load(problem, RTOL)
+    assert found.upper == pytest.approx(100.0, rel=1e-9)
+    assert found.lower == pytest.approx(100.0, abs=RTOL * 300)
+    bounds = limit_bounds(problem, 1e-3)
+    assert bounds.strict
+    assert (bounds.lower.value or 0) <= 100.0 <= (bounds.upper.value or 0) * (1 + 1e-9)
+
+
+def test_green(shared_tmp_path: Path) -> None:
+    """A dead shear of half of what a strip bears: 4.484019 (A. P. Green, J. Appl. Mech. 1954)."""
+    exact = 4.484019 * K
+    found = adaptive_bounds(footing((0.0, -1.0), (0.5 * K, 0.0)), Adaptation(0.01, 1200))
+    assert found.lower.strict
+    assert found.upper.strict
+    assert 0.95 * exact < (found.lower.value or 0) < exact < (found.upper.value or 0) < 1.03 * exact
+    checked(found.low, found.high, shared_tmp_path)
+
+
+@pytest.mark.parametrize("live", [(0.0, -1.0), (0.0, 0.0)])
+def test_constant_loads_that_are_too_much(shared_tmp_path: Path, live: tuple[float, float]) -> None:
+    """A shear of 2k on a strip that bears k: no pressure helps, and strengths lack a factor of 2."""
+    problem = footing(live, (2 * K, 0.0))
+    found = adaptive_bounds(problem, Adaptation(0.05, 700))
+    assert found.body.question is Question.STANDS
+    lower, upper = found.lower, found.upper
+    assert lower.strict
+    assert upper.strict
+    assert 0.4999 < (lower.value or 0) <= 0.5 * (1 + 1e-9)
+    assert 0.5 <= (upper.value or 0) < 0.56
+    assert all(bound.value is None for bound in found.body.limits)
+    assert "does not stand" in found.body.in_words()
+    assert "fall short by a factor of at least 1.9" in found.body.in_words()
+    proven = checked(found.low, found.high, shared_tmp_path)
+    words = " ".join(proven["upper"].words + proven["lower"].words)
+    assert ("of any factor" in words) == any(live)
+    mesh = limit_load(problem, 1e-3, method="interior-point")
+    assert mesh.question is Question.STANDS
+    assert mesh.standing is not None
+    assert mesh.standing.falls
+    assert mesh.collapses
+    assert np.isinf(mesh.lower)
+
+
+@pytest.mark.serial
+def test_forged_dead_loads(shared_tmp_path: Path) -> None:
+    """What the checker finds where constant loads are not what they were."""
+    import h5py
+
+    bounds = limit_bounds(block(1.0, -3.0))
+    checked(bounds, bounds, shared_tmp_path)
+    with h5py.File(shared_tmp_path / "bounds.h5") as file:
+        lower, upper = stored_arrays(file["lower"]), stored_arrays(file["upper"])
+    for arrays, judge in ((lower, check_lower), (upper, check_upper)):
+        assert not judge(arrays).faults
+        pushes = arrays["constant_traction"]
+        assert judge({**arrays, "constant_traction": 0.99 * pushes}).faults
+        without = {name: values for name, values in arrays.items() if "constant" not in name}
+        with pytest.raises(ValueError, match="negative"):
+            judge(without)
+        with pytest.raises(ValueError, match="shape"):
+            judge({**arrays, "constant_traction": pushes[1:]})
+        with pytest.raises(ValueError, match="not finite"):
+            judge({**arrays, "constant_body_force": np.nan * arrays["constant_body_force"]})
+    higher = {**lower, "stress": (1 + 1e-6) * lower["stress"]}
+    assert check_lower(higher).faults
+    assert any("only" in fault for fault in check_upper({**upper, "bound": -1.01}).faults)
+    # a stress that yields a little cannot be made smaller beside loads that stay
+    weaker = {**lower, "yield_radius": (1 - 1e-4) * lower["yield_radius"]}
+    assert any("times as large" in fault for fault in check_lower(weaker).faults)
+
+
+@pytest.mark.serial
+def test_forged_loads_of_any_factor(shared_tmp_path: Path) -> None:
+    """A mechanism on which loads of any factor do work proves nothing of the others."""
+    import h5py
+
+    bounds = limit_bounds(footing((0.0, -1.0), (2 * K, 0.0)))
+    assert bounds.question is Question.STANDS
+    checked(bounds, bounds, shared_tmp_path)
+    with h5py.File(shared_tmp_path / "bounds.h5") as file:
+        lower, upper = stored_arrays(file["lower"]), stored_arrays(file["upper"])
+    turned = upper["any_traction"] + 1e-3 * upper["traction"]
+    assert any(
+        "work of others" in of for of in check_upper({**upper, "any_traction": turned}).faults
+    )
+    assert check_lower({**lower, "any_factor": lower["any_factor"] + 1e-6}).faults
+    with pytest.raises(ValueError, match="any_factor is not finite"):
+        check_lower({**lower, "any_factor": np.nan})
