@@ -10,15 +10,17 @@ from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.gap_function import MATCHING_TOLERANCE
 from perfplast_fenicsx.contact.node_matching import match_nodes
 from perfplast_fenicsx.contact.surface_nodes import extent, surface_nodes
+from perfplast_fenicsx.contact.tie import Tie
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
-def opposite_vertices(tagged_mesh: TaggedMesh, contacts: Sequence[Contact]) -> Longs:
+def opposite_vertices(tagged_mesh: TaggedMesh, contacts: Sequence[Contact | Tie]) -> Longs:
     """Pairs of vertices that lie on each other, or opposite each other across a gap. Collective.
 
     Args:
         tagged_mesh: The bodies.
-        contacts: Their contacts; of those whose surfaces do not match, the vertices that do.
+        contacts: Their contacts, or ties; of those whose surfaces do not match, the vertices that
+            do.
 
     Returns:
         Global numbers of vertices, shape (num_pairs, 2); each pair is on one rank, whichever.

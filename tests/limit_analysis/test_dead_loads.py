@@ -156,7 +156,7 @@ def test_green(shared_tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("live", [(0.0, -1.0), (0.0, 0.0)])
 def test_constant_loads_that_are_too_much(shared_tmp_path: Path, live: tuple[float, float]) -> None:
-    """A shear of 2k on a strip that bears k: no pressure helps, and strengths lack a factor of 2."""
+    """A shear of 2k on a strip that bears k: no pressure helps, strengths lack a factor of 2."""
     problem = footing(live, (2 * K, 0.0))
     found = adaptive_bounds(problem, Adaptation(0.05, 700))
     assert found.body.question is Question.STANDS
