@@ -17,7 +17,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.bound import Bound
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict
-from perfplast_fenicsx.limit_analysis.glued_ties import with_glued_ties
+from perfplast_fenicsx.limit_analysis.glued_ties import with_matching_facets
 from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.singular_points import singular_points
@@ -172,7 +172,7 @@ def adaptive_bounds(
     """
     adaptation = adaptation or Adaptation()
     adaptation.check(problem.tagged_mesh)
-    problem = with_divided_corners(with_glued_ties(problem))
+    problem = with_divided_corners(with_matching_facets(problem))
     began, rounds = time.perf_counter(), list[Round]()
     found = limit_bounds(problem, rtol, steps)
     low = high = found

@@ -13,7 +13,7 @@ from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope, measure
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
 from perfplast_fenicsx.limit_analysis.gap_shares import gap_shares
-from perfplast_fenicsx.limit_analysis.glued_ties import with_glued_ties
+from perfplast_fenicsx.limit_analysis.glued_ties import with_matching_facets
 from perfplast_fenicsx.limit_analysis.limit_checks import (
     check_bodies_have_limits,
     check_loads,
@@ -178,7 +178,7 @@ def limit_bounds(
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
     check_loads(problem)
-    problem = with_divided_corners(with_glued_ties(problem))
+    problem = with_divided_corners(with_matching_facets(problem))
     check_stress_fits(problem)
     given, split = problem, None
     tagged_mesh = problem.tagged_mesh

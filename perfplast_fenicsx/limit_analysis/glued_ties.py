@@ -3,11 +3,20 @@
 import logging
 
 from perfplast_fenicsx.contact.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.limit_analysis.divided_interfaces import with_divided_interfaces
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.glued_bodies import glue
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)
+
+
+def with_matching_facets(problem: Problem) -> Problem:
+    """The problem on a mesh whose facets match where bodies meet, and are one where they are tied.
+
+    As far as that can be had. Collective.
+    """
+    return with_glued_ties(with_divided_interfaces(problem))
 
 
 def with_glued_ties(problem: Problem) -> Problem:

@@ -1,0 +1,105 @@
+"""Bounds of plane bodies that are meshed apart: cells are divided until facets match."""
+
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx import (
+    Adaptation,
+    Contact,
+    Pressure,
+    Problem,
+    ResultFolder,
+    Support,
+    Tie,
+    Traction,
+    VonMises,
+    adaptive_bounds,
+    limit_bounds,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis.divided_interfaces import with_divided_interfaces
+from perfplast_fenicsx.proof import check
+from tests.contact.blocks_apart import blocks_apart
+
+COMM = MPI.COMM_WORLD
+STEEL = VonMises(2e5, 0.3, 200.0)
+PAIR = ("lower_top", "upper_bottom")
+MEETING: dict[str, Any] = {"ties": [Tie(*PAIR)], "contacts": [Contact(*PAIR)]}
+EXACT = 2 / 3**0.5 * STEEL.yield_stress
+"""Of a block in plane strain that is free to widen."""
+
+
+def blocks(lower: int, upper: int, kind: str, loads: Any = None, **shape: Any) -> Problem:
+    mesh = blocks_apart(COMM, [lower] * 2, [upper] * 2, **shape)
+    supports = [Support("bottom", "y"), Support("x0", "x"), Support("upper_x0", "x")]
+    loads = loads or [Pressure("top", 1.0)]
+    met = {kind: MEETING[kind]}
+    materials = {"lower": STEEL, "upper": STEEL}
+    return Problem(mesh, materials, supports, loads, degree=2, **met)
+
+
+@pytest.mark.parametrize("kind", MEETING)
+@pytest.mark.parametrize(("lower", "upper"), [(2, 3), (3, 5), (7, 3)])
+def test_blocks_that_are_meshed_apart(
+    shared_tmp_path: Path, lower: int, upper: int, kind: str
+) -> None:
+    bounds = limit_bounds(blocks(lower, upper, kind), 1e-4)
+    assert bounds.strict
+    assert bounds.lower.value == pytest.approx(EXACT, rel=2e-4)
+    assert bounds.lower.value <= EXACT <= bounds.upper.value * (1 + 1e-9)
+    assert bounds.upper.value == pytest.approx(EXACT, rel=1e-5)
+    there = ResultFolder(COMM, shared_tmp_path)
+    write_proof(there, there.file("bounds.h5"), *proofs(bounds, bounds))
+    for of in check(there.file("bounds.h5")).values():
+        assert not of.faults
+
+
+def test_as_the_body_whose_nodes_match() -> None:
+    """Pushed aside and pressed on a seam that is inclined: both brackets hold one number."""
+    loads = [Pressure("top", 1.0), Traction("top", (0.4, 0.0))]
+    apart, matching = (
+        adaptive_bounds(
+            blocks(3, upper, "ties", loads, slope=0.3, moved_by=0.0), Adaptation(0.05, 300)
+        )
+        for upper in (5, 3)
+    )
+    for it in (apart, matching):
+        assert it.lower.strict
+        assert it.upper.strict
+    lows, highs = (
+        [it.lower.value for it in (apart, matching)],
+        [it.upper.value for it in (apart, matching)],
+    )
+    assert max(lows) <= min(highs)
+    assert highs[0] - lows[0] <= 1.5 * (highs[1] - lows[1]) + 0.02 * highs[1]
+
+
+def test_cells_are_divided_at_the_nodes_of_the_other_side_alone() -> None:
+    problem = blocks(2, 3, "contacts")
+    finer = with_divided_interfaces(problem)
+    cells = [it.tagged_mesh.mesh.topology.index_map(2).size_global for it in (problem, finer)]
+    assert cells[1] == cells[0] + 1 + 2  # the node of one side, the two of the other
+    assert with_divided_interfaces(finer) is finer
+    for name in problem.tagged_mesh.surfaces:
+        counts = [
+            COMM.allreduce(int((it.tagged_mesh.facets(name) < _owned(it)).sum()))
+            for it in (problem, finer)
+        ]
+        assert counts[1] == (4 if name in PAIR else counts[0])
+    for name, more in (("lower", 2), ("upper", 1)):
+        counts = [COMM.allreduce(len(it.tagged_mesh.cells(name))) for it in (problem, finer)]
+        assert counts[1] == counts[0] + more
+
+
+def test_surfaces_that_do_not_lie_on_each_other_are_left() -> None:
+    problem = blocks(2, 3, "contacts", height=1.01)
+    assert with_divided_interfaces(problem) is problem
+
+
+def _owned(problem: Problem) -> int:
+    owned: int = problem.tagged_mesh.mesh.topology.index_map(1).size_local
+    return owned
