@@ -17,12 +17,14 @@ from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
 from perfplast_fenicsx.models.foreign_model import ForeignModel
 from perfplast_fenicsx.models.inp_file import read_inp
+from perfplast_fenicsx.models.med_file import read_med
 from perfplast_fenicsx.models.model_case import case_of, skin_of_model, survey_of
 from perfplast_fenicsx.models.msh_file import write_msh
+from perfplast_fenicsx.models.unv_file import read_unv
 from perfplast_fenicsx.models.outer_facets import OuterFacets
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
 
-MODELS = {".inp": read_inp}
+MODELS = {".inp": read_inp, ".med": read_med, ".unv": read_unv}
 """What reads a model, by the ending of its file."""
 
 log = logging.getLogger(__name__)

@@ -7,7 +7,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.models.inp_keywords import Keyword
 from perfplast_fenicsx.models.inp_mesh import Assembly
-from perfplast_fenicsx.models.inp_surfaces import InpSurfaces
+from perfplast_fenicsx.models.element_facets import ElementFacets
 from perfplast_fenicsx.models.named_surfaces import NamedSurfaces
 
 MOST_SHOWN = 5
@@ -21,7 +21,7 @@ class UsedSurfaces:
         remarks: What is no surface.
     """
 
-    def __init__(self, assembly: Assembly, find: InpSurfaces, dim: int) -> None:
+    def __init__(self, assembly: Assembly, find: ElementFacets, dim: int) -> None:
         """Take the mesh.
 
         Args:
