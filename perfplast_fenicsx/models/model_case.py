@@ -31,7 +31,7 @@ FLAT = 1e-6
 """Normals of a flat surface differ by less."""
 
 
-def case_of(model: ForeignModel, title: str, source: str, mesh: str) -> str:
+def case_of(model: ForeignModel, title: str, source: str, mesh: str, stress: str = "") -> str:
     """A case file with all that is known.
 
     Args:
@@ -39,6 +39,7 @@ def case_of(model: ForeignModel, title: str, source: str, mesh: str) -> str:
         title: Of the case.
         source: Name of its file.
         mesh: Name of the mesh beside the case.
+        stress: The unit of stresses, where it is known.
     """
     text = ""
     if model.turned:
@@ -62,6 +63,9 @@ def case_of(model: ForeignModel, title: str, source: str, mesh: str) -> str:
         text += '\n[[load]]\non = "NAME"                     # <- what pushes and pulls\n'
         text += "pressure = 1.0                  # <-\n"
     text += END
+    text += f"\n[units]\nstress = {_quoted(stress)}\n" if stress else ""
+    if not (model.held and model.pushed):
+        text += "\n# Surfaces: " + (", ".join(model.surfaces) or "none has a name") + "\n"
     text += "".join(f"\n# Not as in {source}: {remark}." for remark in model.remarks)
     text += "\n" if model.remarks else ""
     fill = " What is marked with <- is to be filled in." if "<-" in text else ""

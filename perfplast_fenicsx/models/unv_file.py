@@ -150,6 +150,9 @@ def _groups(
     """Take the groups of a dataset; members are pairs of kind and number, with two zeros or not."""
     at = 0
     while at + 1 < len(lines):
+        if not lines[at].strip():  # behind groups without members
+            at += 1
+            continue
         head, name = whole_numbers([lines[at]], "groups"), lines[at + 1].strip()
         count = int(head[-1]) if len(head) else -1
         if count < 0:
