@@ -15,6 +15,7 @@ from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
+from perfplast_fenicsx.models.bdf_file import read_bdf
 from perfplast_fenicsx.models.flat_ends import with_flat_ends
 from perfplast_fenicsx.models.foreign_model import ForeignModel
 from perfplast_fenicsx.models.given_material import with_material
@@ -22,11 +23,16 @@ from perfplast_fenicsx.models.inp_file import read_inp
 from perfplast_fenicsx.models.med_file import read_med
 from perfplast_fenicsx.models.model_case import case_of, skin_of_model, survey_of
 from perfplast_fenicsx.models.msh_file import write_msh
-from perfplast_fenicsx.models.unv_file import read_unv
 from perfplast_fenicsx.models.outer_facets import OuterFacets
+from perfplast_fenicsx.models.unv_file import read_unv
+from perfplast_fenicsx.models.vtu_file import read_vtu
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
 
-MODELS = {".inp": read_inp, ".med": read_med, ".unv": read_unv}
+MODELS = {
+    **{".inp": read_inp, ".med": read_med, ".unv": read_unv},
+    **dict.fromkeys((".bdf", ".nas", ".fem"), read_bdf),
+    **dict.fromkeys((".vtu", ".vtk"), read_vtu),
+}
 """What reads a model, by the ending of its file."""
 
 log = logging.getLogger(__name__)
@@ -73,9 +79,7 @@ def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> None:
         )
 
 
-def _made(
-    source: Path, output: Path, material: str | None, force: bool
-) -> tuple[Survey, bool]:
+def _made(source: Path, output: Path, material: str | None, force: bool) -> tuple[Survey, bool]:
     """Write the folder; whether nothing is left to be filled in."""
     check_free(output, force)
     model = MODELS[source.suffix.lower()](source)

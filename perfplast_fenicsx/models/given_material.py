@@ -28,18 +28,20 @@ def with_material(model: ForeignModel, name: str) -> tuple[ForeignModel, str]:
             " the case where you want another one."
         )
     known = [given.young for given in model.materials.values() if given.young is not None]
-    for system, units in SYSTEMS.items() if known else [(TABLE, SYSTEMS[TABLE])]:
-        one = common.in_system(system)
-        if all(1 / ALIKE < young / one.young < ALIKE for young in known):
-            break
-    else:
+    fitting = [
+        system
+        for system in (SYSTEMS if known else [TABLE])
+        if all(1 / ALIKE < young / common.in_system(system).young < ALIKE for young in known)
+    ]
+    if not fitting:
         raise InputError(
             f"Young's moduli in the file ({', '.join(f'{young:g}' for young in known)}) are those"
             f" of {name} in no unit; leave out --material, and fill in the yield stress."
         )
+    one = common.in_system(fitting[0])
     given = ForeignMaterial(one.young, one.poisson, one.yield_stress)
     materials = {}
     for body in model.bodies:
         before = model.materials.get(body, ForeignMaterial())
         materials[body] = replace(given, density=before.density, expansion=before.expansion)
-    return replace(model, materials=materials), units.stress
+    return replace(model, materials=materials), SYSTEMS[fitting[0]].stress

@@ -20,6 +20,7 @@ class GroupedMesh:
         node_groups: Numbers of points by the name of their group.
         materials: By the name of the group of elements that has it.
         left_out: How many elements of types that the program does not know, by type.
+        turned: Whether a plane mesh is half a section about an axis; None where nothing says that.
         remarks: What has no counterpart, a sentence each.
     """
 
@@ -29,6 +30,7 @@ class GroupedMesh:
     node_groups: dict[str, Longs] = field(default_factory=dict)
     materials: dict[str, ForeignMaterial] = field(default_factory=dict)
     left_out: dict[str, int] = field(default_factory=dict)
+    turned: bool | None = None
     remarks: list[str] = field(default_factory=list)
 
     @property

@@ -26,9 +26,9 @@ def model_of(mesh: GroupedMesh) -> ForeignModel:
     """
     solid = solid_cells(mesh.points, mesh.blocks, mesh.left_out)
     remarks = mesh.remarks + solid.remarks
-    if solid.dim == 2:
+    if solid.dim == 2 and mesh.turned is None:
         remarks.append(
-            "the plane mesh is taken as plane strain; with kind = \"axisymmetric\" under [model] it"
+            'the plane mesh is taken as plane strain; with kind = "axisymmetric" under [model] it'
             " is half a section about the y axis"
         )
     bodies, body, groups = _bodies(mesh, solid, remarks)
@@ -36,7 +36,7 @@ def model_of(mesh: GroupedMesh) -> ForeignModel:
     names, facets, surface = _surfaces(mesh, solid, outer, bodies, body, remarks)
     return ForeignModel(
         dim=solid.dim,
-        turned=False,
+        turned=bool(mesh.turned),
         points=mesh.points,
         cells=solid.cells,
         body=body,
@@ -110,7 +110,7 @@ def _surfaces(
             named.add(name, facets)
         else:
             no_surface.append(name)
-    _without_skins(named, body[outer.cells], remarks)
+    _without_skins(named, body[outer.cells], set(mesh.node_groups) - set(mesh.groups), remarks)
     for what, names in (
         ("groups of faces that lie inside of the bodies, or on none, are left out there", inner),
         ("groups of edges or points have no counterpart and are left out", lower),
@@ -130,12 +130,17 @@ def _surfaces(
     return plain, facets, surface
 
 
-def _without_skins(named: NamedSurfaces, skins: Longs, remarks: list[str]) -> None:
+def _without_skins(
+    named: NamedSurfaces, skins: Longs, of_nodes: set[str], remarks: list[str]
+) -> None:
     """Take away groups of whole skins that hold other groups: they would only divide these.
+
+    Those of nodes are taken away in any case: they are sets of all nodes.
 
     Args:
         named: Surfaces by the names of their groups.
         skins: The body of each outer facet.
+        of_nodes: Names of groups of nodes.
         remarks: Gets what is taken away.
     """
     sizes = np.bincount(skins)
@@ -143,12 +148,14 @@ def _without_skins(named: NamedSurfaces, skins: Longs, remarks: list[str]) -> No
         mine = named.facets(name)
         whole = np.bincount(skins[mine], minlength=len(sizes))
         others = [other for other in named.names() if other != name]
-        if (whole == sizes)[whole > 0].all() and any(
-            len(named.facets(other)) < len(mine) and np.isin(named.facets(other), mine).all()
-            for other in others
+        if (whole == sizes)[whole > 0].all() and (
+            name in of_nodes
+            or any(
+                len(named.facets(other)) < len(mine) and np.isin(named.facets(other), mine).all()
+                for other in others
+            )
         ):
             named.remove(name)
             remarks.append(
-                f"the group '{name}' is the whole skin of bodies that have others on them, and is"
-                " no surface of its own"
+                f"the group '{name}' is the whole skin of bodies, and is no surface of its own"
             )

@@ -7,13 +7,15 @@ import numpy as np
 from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.parts import unique_names
+from perfplast_fenicsx.models.element_facets import ElementFacets
 from perfplast_fenicsx.models.element_types import AXIS, STRESS
 from perfplast_fenicsx.models.foreign_model import ForeignMaterial, ForeignModel
+from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
+from perfplast_fenicsx.models.grouped_model import model_of
 from perfplast_fenicsx.models.inp_keywords import read_keywords
 from perfplast_fenicsx.models.inp_mesh import MESH_KEYWORDS, SCOPES, Assembly, MeshReader
 from perfplast_fenicsx.models.inp_on_surfaces import InpBody, OnSurfaces
 from perfplast_fenicsx.models.inp_statements import Statements
-from perfplast_fenicsx.models.element_facets import ElementFacets
 from perfplast_fenicsx.models.outer_facets import OuterFacets
 from perfplast_fenicsx.models.solid_cells import solid_cells
 
@@ -48,11 +50,14 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
             f"elements in the plane are of {' and '.join(m or 'shells' for m in sorted(meanings))};"
             " give one of plane strain (CPE) or axisymmetry (CAX)."
         )
+    on_sets = statements.chosen()
+    if not (statements.sections or statements.surfaces or on_sets):
+        return model_of(_groups(assembly, statements, meanings == {AXIS}))
     outer = OuterFacets(solid.cells, len(assembly.points))
     bodies, body = _bodies(assembly, statements, solid.parents)
     surfaces = ElementFacets(assembly.points, assembly.blocks, outer, dim)
     on = OnSurfaces(assembly, surfaces, bodies, dim)
-    made = on.made(statements.surfaces, statements.chosen(), statements.frictions)
+    made = on.made(statements.surfaces, on_sets, statements.frictions)
     names, facets, surface, _ = made.surfaces
     return ForeignModel(
         dim=dim,
@@ -74,6 +79,18 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
         joined=made.joined,
         remarks=solid.remarks + made.remarks + statements.remarks,
     )
+
+
+def _groups(assembly: Assembly, statements: Statements, turned: bool) -> GroupedMesh:
+    """A file that is a mesh with sets alone, as gmsh and Salome write it."""
+    groups, node_groups = (
+        {name: members for (kind, name), members in assembly.sets.items() if kind == wanted}
+        for wanted in ("ELSET", "NSET")
+    )
+    mesh = GroupedMesh(assembly.points, assembly.blocks, groups, node_groups, turned=turned)
+    mesh.left_out |= assembly.left_out
+    mesh.remarks += statements.remarks
+    return mesh
 
 
 def _bodies(

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.models.element_facets import ElementFacets
 from perfplast_fenicsx.models.foreign_model import Held, Joined, Pushed
 from perfplast_fenicsx.models.inp_keywords import Keyword, number_of
 from perfplast_fenicsx.models.inp_mesh import Assembly
 from perfplast_fenicsx.models.inp_statements import LOADS
-from perfplast_fenicsx.models.element_facets import ElementFacets
 from perfplast_fenicsx.models.inp_used_surfaces import UsedSurfaces
 
 NAMED_SUPPORTS = {"ENCASTRE": "123", "PINNED": "123", "XSYMM": "1", "YSYMM": "2", "ZSYMM": "3"}

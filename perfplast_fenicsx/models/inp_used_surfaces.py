@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.models.element_facets import ElementFacets
 from perfplast_fenicsx.models.inp_keywords import Keyword
 from perfplast_fenicsx.models.inp_mesh import Assembly
-from perfplast_fenicsx.models.element_facets import ElementFacets
 from perfplast_fenicsx.models.named_surfaces import NamedSurfaces
 
 MOST_SHOWN = 5

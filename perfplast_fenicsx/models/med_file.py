@@ -1,7 +1,8 @@
 """A ``.med`` file of Salome or Code_Aster as a mesh with groups.
 
-The format is HDF5 (MED 2.3 to 4, https://docs.salome-platform.org): nodes and elements of a mesh lie
-under ``ENS_MAA``, each with the number of a family, and families under ``FAS`` name their groups.
+The format is HDF5 (MED 2.3 to 4, https://docs.salome-platform.org): nodes and elements of a mesh
+lie under ``ENS_MAA``, each with the number of a family, and families under ``FAS`` name their
+groups.
 """
 
 from pathlib import Path
@@ -119,7 +120,7 @@ def _elements(kinds: Any, found: GroupedMesh) -> Longs:
         nodes = flat.reshape(kind.nodes, -1).T - 1
         if nodes.size and not 0 <= nodes.min() <= nodes.max() < len(found.points):
             raise InputError(f"elements {name} have nodes that there are not; the file is damaged.")
-        own = np.zeros(len(nodes), dtype=np.int64)
+        own: Longs = np.zeros(len(nodes), dtype=np.int64)
         if "FAM" in kinds[name]:
             own = np.asarray(kinds[name]["FAM"][()], dtype=np.int64)
         if len(own) != len(nodes):

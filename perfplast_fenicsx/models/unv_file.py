@@ -135,9 +135,7 @@ def _elements(numbers: Longs, points: NumberIndex, found: GroupedMesh) -> list[L
             name = f"{kind} with {nodes} nodes"
             found.left_out[name] = found.left_out.get(name, 0) + len(table)
             continue
-        found.blocks.append(
-            Block(known[0], found.count, points.of(table[:, first:])[:, known[1]])
-        )
+        found.blocks.append(Block(known[0], found.count, points.of(table[:, first:])[:, known[1]]))
         ids.append(table[:, 0])
     if at < len(numbers):
         raise InputError("the last element is cut off; export the mesh again.")
