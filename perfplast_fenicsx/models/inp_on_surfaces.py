@@ -138,7 +138,7 @@ class OnSurfaces:
             elif here:
                 found.setdefault((row[0].upper(), value), set()).update(here)
         for (axis, value), nodes in single.items():
-            name = f"HELD_{axis.upper()}{'' if value == 0 else f'_{value:g}'}"
+            name = f"HELD_{axis}{'' if value == 0 else f'_{value:g}'}".upper()
             self._assembly.sets["NSET", name] = np.unique(np.concatenate(nodes))
             found[name, value] = {axis}
         held = []

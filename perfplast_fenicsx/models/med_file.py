@@ -97,7 +97,9 @@ def _mesh(file: Any) -> GroupedMesh:
     points = np.zeros((count, 3))
     points[:, :space] = places.reshape(space, count).T
     found = GroupedMesh(points, [], remarks=remarks)
-    of_elements = _elements(mesh["MAI"], found) if "MAI" in mesh else np.zeros(0, dtype=np.int64)
+    of_elements: Longs = (
+        _elements(mesh["MAI"], found) if "MAI" in mesh else np.zeros(0, dtype=np.int64)
+    )
     every = file["FAS"][name] if "FAS" in file else file["ENS_MAA"][name].get("FAS", {})
     _group(every.get("ELEME", every), of_elements, found.groups)
     if "FAM" in mesh["NOE"]:
@@ -108,7 +110,7 @@ def _mesh(file: Any) -> GroupedMesh:
 
 def _elements(kinds: Any, found: GroupedMesh) -> Longs:
     """Take the elements; the family of each."""
-    families = [np.zeros(0, dtype=np.int64)]
+    families: list[Longs] = [np.zeros(0, dtype=np.int64)]
     for name in sorted(kinds):
         kind = TYPES.get(name)
         flat = np.asarray(kinds[name]["NOD"][()], dtype=np.int64)
