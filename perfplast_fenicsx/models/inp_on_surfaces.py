@@ -196,23 +196,26 @@ class OnSurfaces:
             if keyword.name == "DSLOAD" and kind == UNIAXIAL:
                 on = self._use.named(name, "*DSLOAD")
             elif keyword.name == "DLOAD" and kind[:1] == UNIAXIAL and kind[1:].isdigit():
-                on = self._pressed(name, kind)
+                on = self._pressed(name, kind, number_of(row[2], keyword))
             else:
                 on = None
                 self._remarks.append(
                     f"*{keyword.name} '{', '.join(row)}' is not understood: left out"
                 )
             if on is not None:
-                pushed.append(Pushed(on, "pressure", number_of(row[2], keyword)))
+                load = Pushed(on, "pressure", number_of(row[2], keyword))
+                pushed += [] if name.isdigit() and load in pushed else [load]
         return pushed
 
-    def _pressed(self, elset: str, face: str) -> str | None:
+    def _pressed(self, elset: str, face: str, pressure: float) -> str | None:
+        """The surface that is pressed; one for all single elements of a pressure."""
         members = self._assembly.members("ELSET", elset)
         facets = None if members is None else self._find.of_faces(members, face)
         if facets is None or not len(facets):
             self._remarks.append(f"*DLOAD {face} on '{elset}' presses no outer face: left out")
             return None
-        return self._use.use(f"{elset}_{face}", facets)
+        name = f"PRESSED_BY_{pressure:g}" if elset.isdigit() else f"{elset}_{face}"
+        return self._use.use(name, facets)
 
     def _weight(self, elset: str, given: list[float]) -> list[Pushed]:
         """Gravity of a set that has whole bodies."""
