@@ -31,8 +31,8 @@ NODES, ELEMENTS = ("2411", "781"), ("2412",)
 GROUPS = ("2429", "2430", "2432", "2435", "2452", "2467", "2477")
 """Numbers of datasets."""
 
-NODE, ELEMENT = 7, 8
-"""Members of groups."""
+NODE, ELEMENT, IN_A_LINE = 7, 8, 8
+"""Kinds of members of groups, and numbers in a line of them."""
 
 HEAD = 6
 """Numbers before the nodes of an element: the last one says how many nodes follow."""
@@ -145,7 +145,7 @@ def _elements(numbers: Longs, points: NumberIndex, found: GroupedMesh) -> list[L
 def _groups(
     lines: list[str], points: NumberIndex, elements: NumberIndex, found: GroupedMesh
 ) -> None:
-    """Take the groups of a dataset; members are pairs of kind and number, with two zeros or not."""
+    """Take the groups of a dataset."""
     at = 0
     while at + 1 < len(lines):
         if not lines[at].strip():  # behind groups without members
@@ -155,12 +155,13 @@ def _groups(
         count = int(head[-1]) if len(head) else -1
         if count < 0:
             raise InputError(f"the group '{name[:40]}' is damaged; export the mesh again.")
-        wide = -(-count // 2)  # lines with two members each
-        rows = whole_numbers(lines[at + 2 : at + 2 + wide], f"members of '{name[:40]}'")
-        if len(rows) != 4 * count:  # older datasets have four members in a line
-            wide = -(-count // 4)
-            rows = whole_numbers(lines[at + 2 : at + 2 + wide], f"members of '{name[:40]}'")
-        if len(rows) not in (2 * count, 4 * count):
+        what = f"members of '{name[:40]}'"
+        first = whole_numbers(lines[at + 2 : at + 3], what) if count else NOBODY
+        # kind, number and two zeros of each, two in a line; in older datasets without the zeros
+        fields = 4 if len(first) > 2 and first[2] == 0 else 2
+        tall = -(-count * fields // IN_A_LINE)
+        rows = whole_numbers(lines[at + 2 : at + 2 + tall], what)
+        if len(rows) != fields * count:
             raise InputError(f"the group '{name[:40]}' is cut off or damaged; export it again.")
         members = rows.reshape(count, -1) if count else np.zeros((0, 2), dtype=np.int64)
         for kind, index, groups in (
@@ -170,4 +171,4 @@ def _groups(
             own = index.of(members[members[:, 0] == kind, 1], missing_is_fine=True)
             if len(own):
                 groups[name] = np.union1d(groups.get(name, own), own)
-        at += 2 + wide
+        at += 2 + tall
