@@ -24,6 +24,7 @@ from perfplast_fenicsx.models.med_file import read_med
 from perfplast_fenicsx.models.model_case import case_of, skin_of_model, survey_of
 from perfplast_fenicsx.models.msh_file import write_msh
 from perfplast_fenicsx.models.outer_facets import OuterFacets
+from perfplast_fenicsx.models.shared_nodes import told_of_shared_nodes
 from perfplast_fenicsx.models.unv_file import read_unv
 from perfplast_fenicsx.models.vtu_file import read_vtu
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
@@ -83,6 +84,7 @@ def _made(source: Path, output: Path, material: str | None, force: bool) -> tupl
     """Write the folder; whether nothing is left to be filled in."""
     check_free(output, force)
     model = MODELS[source.suffix.lower()](source)
+    model.remarks.extend(told_of_shared_nodes(model))
     stress = ""
     if material is not None:
         model, stress = with_material(model, material)

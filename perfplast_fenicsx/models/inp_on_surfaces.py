@@ -11,7 +11,7 @@ from perfplast_fenicsx.models.foreign_model import Held, Joined, Pushed
 from perfplast_fenicsx.models.inp_keywords import Keyword, number_of
 from perfplast_fenicsx.models.inp_mesh import Assembly
 from perfplast_fenicsx.models.inp_statements import LOADS
-from perfplast_fenicsx.models.inp_used_surfaces import UsedSurfaces
+from perfplast_fenicsx.models.inp_used_surfaces import UsedSurfaces, missing
 
 NAMED_SUPPORTS = {"ENCASTRE": "123", "PINNED": "123", "XSYMM": "1", "YSYMM": "2", "ZSYMM": "3"}
 """Components that names of supports hold."""
@@ -133,8 +133,10 @@ class OnSurfaces:
             value = number_of(row[3], keyword) if len(row) > 3 and row[3] else 0.0
             if here and row[0].rpartition(".")[2].isdigit():
                 node = self._assembly.members("NSET", row[0])
-                for axis in here if node is not None else ():
-                    single.setdefault((axis, value), []).append(node)  # type: ignore[arg-type]
+                if node is None:
+                    raise missing("*BOUNDARY", row[0])
+                for axis in here:
+                    single.setdefault((axis, value), []).append(node)
             elif here:
                 found.setdefault((row[0].upper(), value), set()).update(here)
         for (axis, value), nodes in single.items():
@@ -159,8 +161,10 @@ class OnSurfaces:
                 )
                 continue
             nodes, axis = self._assembly.members("NSET", row[0]), int(row[1]) - 1
-            if nodes is None or not len(nodes):
-                self._remarks.append(f"*CLOAD on '{row[0]}', which is not there, is left out")
+            if nodes is None:
+                raise missing("*CLOAD", row[0])
+            if not len(nodes):
+                self._remarks.append(f"*CLOAD on '{row[0]}', which is empty, is left out")
                 continue
             resultant, name = len(nodes) * number_of(row[2], keyword), row[0].upper()
             whole = len(nodes) > 1 and self._find.covered(nodes, self._find.of_nodes(nodes))
@@ -210,8 +214,10 @@ class OnSurfaces:
     def _pressed(self, elset: str, face: str, pressure: float) -> str | None:
         """The surface that is pressed; one for all single elements of a pressure."""
         members = self._assembly.members("ELSET", elset)
-        facets = None if members is None else self._find.of_faces(members, face)
-        if facets is None or not len(facets):
+        if members is None:
+            raise missing(f"*DLOAD {face}", elset)
+        facets = self._find.of_faces(members, face)
+        if not len(facets):
             self._remarks.append(f"*DLOAD {face} on '{elset}' presses no outer face: left out")
             return None
         name = f"PRESSED_BY_{pressure:g}" if elset.isdigit() else f"{elset}_{face}"
