@@ -6,7 +6,6 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.geometry.survey import Body, Face, Joint, Survey
@@ -36,9 +35,6 @@ FLAT = 1e-6
 FURTHER: dict[str, Any] = {"subsequent_indent": "#   ", "break_long_words": False}
 """How a comment goes on."""
 
-TOGETHER = 1e-6
-"""Share of a surface's size by which nodes that match are apart."""
-
 
 def case_of(model: ForeignModel, title: str, source: str, mesh: str, stress: str = "") -> str:
     """A case file with all that is known.
@@ -63,7 +59,7 @@ def case_of(model: ForeignModel, title: str, source: str, mesh: str, stress: str
     if not model.held:
         text += '\n[[support]]\non = "NAME"                     # <- what holds the bodies\n'
     for pair in model.joined:
-        text += _pair(pair, _match(model, pair))
+        text += _pair(pair)
     for load in model.pushed:
         value = load.value if isinstance(load.value, float) else list(load.value)
         note = f"  # {load.note}" if load.note else ""
@@ -163,26 +159,12 @@ def _material(body: str, given: ForeignMaterial | None, yields: bool) -> str:
     return text + (f"expansion = {given.expansion!r}\n" if given.expansion else "")
 
 
-def _pair(pair: Joined, match: bool) -> str:
+def _pair(pair: Joined) -> str:
     kind = "tie" if pair.tied else "contact"
     text = (
         f"\n[[{kind}]]\nprimary = {_quoted(pair.primary)}\nsecondary = {_quoted(pair.secondary)}\n"
     )
-    if not (match or pair.tied):
-        text += 'formulation = "mortar"          # for nodes that do not match\n'
     return text + (f"# coulomb = {pair.coulomb!r}\n" if pair.coulomb else "")
-
-
-def _match(model: ForeignModel, pair: Joined) -> bool:
-    """Whether nodes of two surfaces lie on each other."""
-    sides = []
-    for name in (pair.primary, pair.secondary):
-        mine = model.facets[model.surface == model.surfaces.index(name)]
-        sides.append(model.points[np.unique(mine)])
-    one, other = sides
-    size = float(np.linalg.norm(np.ptp(one, axis=0)))
-    apart, _ = cKDTree(one).query(other)
-    return len(one) == len(other) and bool(apart.max() <= TOGETHER * size)
 
 
 def _volumes(points: Floats, cells: Longs, dim: int) -> Floats:

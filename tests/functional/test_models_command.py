@@ -144,3 +144,118 @@ def test_what_is_no_model_is_one_sentence_on_all_ranks(
         assert told.startswith("perfplast: ")
         assert "\n" not in told
     assert not (shared_tmp_path / "out").exists()
+
+
+TWO = """*PART, NAME=CUBE
+{nodes}*ELEMENT, TYPE=C3D8, ELSET=ALL
+{elements}*SOLID SECTION, ELSET=ALL, MATERIAL={lower}
+*END PART
+*PART, NAME=SMALL
+{nodes}*ELEMENT, TYPE=C3D8, ELSET=ALL
+{elements}*SOLID SECTION, ELSET=ALL, MATERIAL=SOFT
+*END PART
+*ASSEMBLY, NAME=A
+*INSTANCE, NAME=LOW, PART=CUBE
+*END INSTANCE
+*INSTANCE, NAME=HIGH, PART=SMALL
+0.,0.,1.
+*END INSTANCE
+*NSET, NSET=FOOT, INSTANCE=LOW
+{foot}
+*ELSET, ELSET=BELOW, INSTANCE=LOW
+{top}
+*ELSET, ELSET=ABOVE, INSTANCE=HIGH
+{bottom}
+*ELSET, ELSET=PRESSED, INSTANCE=HIGH
+{pressed}
+*SURFACE, NAME=ONE, TYPE=ELEMENT
+BELOW, S2
+*SURFACE, NAME=OTHER, TYPE=ELEMENT
+ABOVE, S1
+*END ASSEMBLY
+*MATERIAL, NAME=HARD
+*ELASTIC
+2.1E5, 0.3
+*PLASTIC
+355., 0.
+*MATERIAL, NAME=SOFT
+*ELASTIC
+7E4, 0.33
+*PLASTIC
+160., 0.
+*SURFACE INTERACTION, NAME=I
+*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD
+*CONTACT PAIR, INTERACTION=I
+OTHER, ONE
+*BOUNDARY
+FOOT, ENCASTRE
+*STEP
+*STATIC
+*DLOAD
+PRESSED, P2, 100.
+*END STEP
+"""
+"""Two cubes of 2 x 2 x 2 elements on each other; a half of the upper one is pressed."""
+
+BY_HAND = """
+[mesh]
+file = "case.msh"
+[material.low]
+law = "von-mises"
+young = 210e3
+poisson = 0.3
+yield_stress = 355.0
+[material.high]
+law = "von-mises"
+young = 70e3
+poisson = 0.33
+yield_stress = 160.0
+[[support]]
+on = "foot"
+[[contact]]
+primary = "other"
+secondary = "one"
+[[load]]
+on = "pressed_p2"
+pressure = 100.0
+[element]
+degree = 2
+[loading]
+control = "work"
+until = "limit"
+"""
+
+
+def _two_cubes() -> str:
+    grid = [(x, y, z) for z in range(3) for y in range(3) for x in range(3)]
+    nodes = "*NODE\n" + "".join(
+        f"{k},{x / 2},{y / 2},{z / 2}\n" for k, (x, y, z) in enumerate(grid, start=1)
+    )
+    elements, first = "", [x + 3 * y + 9 * z + 1 for x, y, z in grid if max(x, y, z) < 2]
+    for k, n in enumerate(first, start=1):
+        around = [n, n + 1, n + 4, n + 3]
+        elements += ",".join(map(str, [k, *around, *(a + 9 for a in around)])) + "\n"
+    foot = ",".join(map(str, range(1, 10)))
+    own = {"top": "5,6,7,8", "bottom": "1,2,3,4", "pressed": "5,6"}
+    return TWO.format(nodes=nodes, elements=elements, foot=foot, lower="HARD", **own)
+
+
+def test_contact_and_materials_of_a_file_are_those_of_a_case_by_hand(
+    comm: MPI.Intracomm, shared_tmp_path: Path
+) -> None:
+    out = shared_tmp_path / "out"
+    if comm.rank == 0:
+        (shared_tmp_path / "two.inp").write_text(_two_cubes())
+    comm.barrier()
+    assert main(["mesh", str(shared_tmp_path / "two.inp"), "-o", str(out)]) == SOLVED
+    if comm.rank == 0:
+        (out / "hand.toml").write_text(BY_HAND)
+    comm.barrier()
+    found = []
+    for name in ("case", "hand"):
+        assert main(["run", str(out / f"{name}.toml"), "-o", str(out / name)]) == SOLVED
+        found.append(json.loads((out / name / "summary.json").read_text()))
+    case, hand = (one["limit"] for one in found)
+    assert case["estimate"] == pytest.approx(hand["estimate"], rel=1e-9)
+    assert 0.5 < case["estimate"] / 1.6 < 1.5  # the soft cube yields under its half
+    assert found[0]["mesh"] == found[1]["mesh"]
