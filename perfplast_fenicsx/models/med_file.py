@@ -65,7 +65,7 @@ def read_med(path: Path) -> ForeignModel:
     except OSError as error:
         reason = error.strerror or "it is cut off or damaged"
         raise InputError(f"'{path}' cannot be read: {reason}; export the mesh again.") from error
-    except (KeyError, ValueError, TypeError, RuntimeError, AttributeError) as error:
+    except (KeyError, ValueError, TypeError, RuntimeError, AttributeError, MemoryError) as error:
         raise InputError(
             f"'{path}' is no MED file as this program knows it ({_line(error)}); export the mesh"
             " again."

@@ -256,6 +256,36 @@ def test_files_of_noise(tmp_path: Path, read: Callable[[Path], ForeignModel]) ->
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("kind", ["med", "unv", "bdf"])
+def test_files_with_random_faults_are_read_or_refused(tmp_path: Path, kind: str) -> None:
+    """Bytes that are others, gone, or there twice: a model or one sentence."""
+    path, random = tmp_path / f"a.{kind}", np.random.default_rng(7)
+    if kind == "med":
+        write_med(path)
+    else:
+        written(path, {"unv": unv_text(), "bdf": bdf_text()}[kind])
+    whole, refused = path.read_bytes(), 0
+    for _ in range(60):
+        raw = bytearray(whole)
+        for _ in range(int(random.integers(1, 4))):
+            at, many = int(random.integers(len(raw))), int(random.integers(1, 40))
+            how = random.integers(3) if kind != "med" else 0
+            if how == 0:
+                raw[at] = int(random.integers(256))
+            elif how == 1:
+                del raw[at : at + many]
+            else:
+                raw[at:at] = raw[at : at + many]
+        path.write_bytes(bytes(raw))
+        try:
+            model = {"med": read_med, "unv": read_unv, "bdf": read_bdf}[kind](path)
+            assert len(model.cells) == len(model.body) > 0
+        except InputError as error:
+            assert "\n" not in str(error)
+            refused += 1
+    assert 0 < refused < 60
+
+
 def test_names_in_latin_1(tmp_path: Path) -> None:
     """Files of old systems are in no UTF-8; names keep what is plain of them."""
     text = unv_text().replace("lower", "unterer Körper")
