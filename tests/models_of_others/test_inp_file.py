@@ -195,6 +195,74 @@ def test_forces_at_nodes_and_gravity(tmp_path: Path) -> None:
     assert weight.value == pytest.approx((0, 0, -9810 * 7.8e-9))
 
 
+FREECAD = """** written by FreeCAD inp file writer for CalculiX,Abaqus meshes
+*Node, NSET=Nall
+1, -2.22e-13, 0, 0
+2, 1, 0, 0
+3, 1, 1, 1.8e-12
+4, 0, 1, 0
+5, 0, 0, 1
+6, 1, 0, 1
+7, 1, 1, 1
+8, 0, 1, 1
+
+*Element, TYPE=C3D8R, ELSET=Evolumes
+1, 1, 2, 3, 4, 5, 6, 7,
+8
+
+** Define element set Eall
+*ELSET, ELSET=Eall
+Evolumes
+
+*ELSET,ELSET=FemMaterialSolid
+Evolumes
+
+*NSET,NSET=Fixed
+1,
+2,
+3,
+4,
+
+*PHYSICAL CONSTANTS, ABSOLUTE ZERO=0, STEFAN BOLTZMANN=5.670374419e-11
+*MATERIAL, NAME=FemMaterial
+*ELASTIC
+210000,0.3
+*EXPANSION, ZERO=0
+0
+*SOLID SECTION, ELSET=FemMaterialSolid, MATERIAL=FemMaterial
+*STEP, INC=2000
+*STATIC
+*BOUNDARY
+Fixed,1
+Fixed,2
+Fixed,3
+*CLOAD
+** node loads on shape: Box:Face2
+5,3,-1.5
+6,3,-0.5
+7,3,-1.5
+8,3,-0.5
+*NODE FILE
+U
+*EL FILE
+S, E
+*NODE PRINT, NSET=Fixed, TOTALS=ONLY
+RF
+*OUTPUT, FREQUENCY=1
+*END STEP
+"""
+
+
+def test_the_form_that_freecad_writes(tmp_path: Path) -> None:
+    """Sets of sets, a member a line, a force at each node: nothing of it is left out."""
+    found = model(tmp_path, FREECAD)
+    assert (found.bodies, len(found.cells)) == (["femmaterialsolid"], 6)
+    assert found.held == [Held("fixed", "xyz")]
+    (load,) = found.pushed
+    assert load.value == pytest.approx((0, 0, -4))
+    assert not any("left out" in remark for remark in found.remarks)
+
+
 def test_plane_models(tmp_path: Path) -> None:
     text = HEAD.replace("5,0,0,1", "5,0,2,0").replace("6,1,0,1", "6,1,2,0")
     quads = "*ELEMENT, TYPE=CAX4, ELSET=EALL\n1,1,2,3,4\n2,4,3,6,5\n"
