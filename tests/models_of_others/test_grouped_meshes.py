@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 import pyvista
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
 from perfplast_fenicsx import InputError
 from perfplast_fenicsx.models.bdf_file import read_bdf
@@ -92,6 +93,17 @@ def test_vtk(tmp_path: Path) -> None:
     assert volumes(found) == pytest.approx({"region_1": 1.0, "region_2": 1.5})
     assert areas(found) == pytest.approx({"region_7": 1.0, "region_8": 1.0})
     assert any("'rank' would make others" in remark for remark in found.remarks)
+
+
+def test_vtk_with_bytes_the_other_way_round(tmp_path: Path) -> None:
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: SOLIDS}, POINTS)
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(grid)
+    writer.SetFileName(str(tmp_path / "a.vtu"))
+    writer.SetByteOrderToBigEndian()
+    assert writer.Write()
+    assert b"BigEndian" in (tmp_path / "a.vtu").read_bytes()
+    assert volumes(read_vtu(tmp_path / "a.vtu")) == pytest.approx({"rest": 2.5})
 
 
 def test_a_mesh_with_sets_alone(tmp_path: Path) -> None:

@@ -74,6 +74,8 @@ def test_a_folder_for_each_format(
     assert text.splitlines()[0] == "#:schema ./case.schema.json"
     assert json.loads((out / "case.schema.json").read_text()) == case_schema()
     case = tomllib.loads(text)
+    jsonschema = pytest.importorskip("jsonschema")
+    assert jsonschema.Draft7Validator(case_schema()).is_valid(case)
     assert {one["yield_stress"] for one in case["material"].values()} == {235.0}
     assert case["units"] == {"stress": "MPa"}
     listed = text[text.index("# Surfaces") :]
