@@ -65,19 +65,16 @@ def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, 
         cells.append(corners)
         parents.append(block.first + of)
     every, parent = np.concatenate(cells), np.concatenate(parents)
+    once = (np.diff(np.sort(every, axis=1), axis=1) > 0).all(axis=1)
+    every, parent = every[once], parent[once]  # of a hexahedron that is collapsed to a wedge, say
     full = _with_volume(points, every, dim)
-    remarks = _told(points, solids, left_out, len(every))
-    if not full.all():
-        lost = np.setdiff1d(parent[~full], parent[full]).size
-        if lost:
-            raise InputError(
-                f"{lost} elements have no volume (element {parent[~full][0] + 1} of the file, for"
-                " one); mend the mesh where it was made."
-            )
-        remarks.append(
-            f"{(~full).sum()} parts of elements that have an edge or face of no size are left out"
+    if not (full.all() and len(every)):
+        place = points[every[~full][0]].mean(axis=0) if len(every) else points[0]
+        raise InputError(
+            f"{len(np.unique(parent[~full]))} elements have no volume, one of them at"
+            f" ({', '.join(f'{x:.6g}' for x in place)}); mend the mesh where it was made."
         )
-        every, parent = every[full], parent[full]
+    remarks = _told(points, solids, left_out, len(every))
     return SolidCells(dim, solids, _oriented(points, every, dim), parent, remarks)
 
 

@@ -195,6 +195,21 @@ def test_forces_at_nodes_and_gravity(tmp_path: Path) -> None:
     assert weight.value == pytest.approx((0, 0, -9810 * 7.8e-9))
 
 
+def test_collapsed_elements(tmp_path: Path) -> None:
+    """A hexahedron that has a node twice is a wedge; one without a volume is refused."""
+    wedge = ONE_BODY.replace("1,1,2,3,4,5,6,7,8", "1,1,2,3,3,5,6,7,7")
+    found = model(tmp_path, HEAD + wedge)
+    edges = found.points[found.cells[:, 1:]] - found.points[found.cells[:, :1]]
+    assert np.linalg.det(edges).sum() / 6 == pytest.approx(1.5)
+    assert len(found.cells) == 3 + 6
+    with pytest.raises(InputError, match=r"1 elements have no volume, one of them at \("):
+        model(
+            tmp_path,
+            HEAD.replace("7,1,1,1", "7,1,1,0").replace("8,0,1,1", "8,0,1,0")
+            + "*ELEMENT, TYPE=C3D4\n1,1,2,3,7\n",
+        )
+
+
 FREECAD = """** written by FreeCAD inp file writer for CalculiX,Abaqus meshes
 *Node, NSET=Nall
 1, -2.22e-13, 0, 0
