@@ -40,7 +40,7 @@ BELOW: dict[str, set[str]] = {
     "pictures": {"contact", "problem", "io.case", "io.results"},
     "report": {"pictures", "problem", "solvers", "io.case", "io.results"},
     "geometry": {"mesh", "materials"},
-    "models": {"geometry"},
+    "models": {"geometry", "materials"},
     "cli": {
         *(
             "geometry",

@@ -14,14 +14,18 @@ def add_mesh(commands: Any, scripts: argparse.ArgumentParser) -> None:
     mesh = commands.add_parser(
         "mesh",
         parents=[scripts],
-        help="turn a STEP, BREP, .geo or .inp file into a mesh and a first case file",
+        help="turn a geometry, or a model of another program, into a mesh and a first case file",
         description="Read the bodies of a geometry file, find out where they touch, and write"
         " DIR/case.msh and DIR/case.toml, in which materials, supports and loads are to be filled"
-        " in. Lengths are in mm for STEP files. A model of Abaqus or CalculiX (.inp) has its mesh:"
-        " it is taken with its materials, supports, loads, contacts and ties.",
+        " in. Lengths are in mm for STEP files. A model of another program (Abaqus, CalculiX: .inp;"
+        " Salome: .med; I-DEAS: .unv; Nastran: .bdf; VTK: .vtu) has its mesh: it is taken with its"
+        " groups, and with what an .inp says of materials, supports, loads, contacts and ties.",
     )
     mesh.add_argument(
-        "geometry", metavar="DRAWING", help=".step, .stp, .brep, .iges, .igs, .geo or .inp"
+        "geometry",
+        metavar="DRAWING",
+        help=".step, .stp, .brep, .iges, .igs, .geo; .inp, .med, .unv, .bdf, .nas, .fem, .vtu or"
+        " .vtk",
     )
     mesh.add_argument("-o", "--output", metavar="DIR", required=True, help="folder to write to")
     mesh.add_argument("--size", metavar="H", type=float, help="largest edge length")

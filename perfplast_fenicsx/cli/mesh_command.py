@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.cli.mesh_folder import CASE, MESH, PICTURE, check_free, fill, written
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.first_case import first_case
@@ -20,9 +20,6 @@ from perfplast_fenicsx.geometry.survey import Survey
 from perfplast_fenicsx.materials.common import MATERIALS, find
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
 from perfplast_fenicsx.units import SYSTEMS, Name
-
-CASE, MESH, PICTURE = "case.toml", "case.msh", "bodies.png"
-"""Files of the folder."""
 
 log = logging.getLogger(__name__)
 
@@ -65,9 +62,8 @@ def mesh(
     if survey is not None:
         terminal.say(describe(survey))
         case = Path(output) / CASE
-        written = [name for name in (MESH, PICTURE, CASE) if (Path(output) / name).exists()]
         terminal.say(
-            f"\nWritten to {output}: {', '.join(written)}. Fill in what is marked with <- in"
+            f"\nWritten to {output}: {written(Path(output))}. Fill in what is marked with <- in"
             f" {CASE}; then: perfplast run {case} -o {Path(output) / 'results'}"
         )
 
@@ -154,24 +150,13 @@ def _mesh(
     trust: bool,
 ) -> Survey:
     filled = find(material) if material else None
-    existing = [name for name in (CASE, MESH) if (output / name).exists()]
-    if existing and not force:
-        raise InputError(
-            f"'{output}' has a {existing[0]} already; give --force to replace it, or another -o."
-        )
+    check_free(output, force)
     file = os.path.relpath(source.resolve(), output.resolve())
     with tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch)
         survey = _survey(source, made, options, trust)
         case = first_case(survey, source.stem, file, options, filled, glued)
-        (made / CASE).write_text(case, encoding="utf-8")
-        try:
-            output.mkdir(parents=True, exist_ok=True)
-            for name in (MESH, PICTURE, CASE):
-                if (made / name).exists():
-                    replace(output / name, (made / name).read_bytes())
-        except OSError as error:
-            raise InputError(f"'{output}' cannot be written: {error.strerror or error}.") from error
+        fill(output, made, case)
     return survey
 
 

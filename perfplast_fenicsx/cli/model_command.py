@@ -9,20 +9,31 @@ from mpi4py import MPI
 
 import numpy as np
 
-from perfplast_fenicsx.atomic_files import replace
-from perfplast_fenicsx.cli.mesh_command import CASE, MESH, PICTURE, describe, meshing_options
+from perfplast_fenicsx.cli.mesh_command import describe, meshing_options
+from perfplast_fenicsx.cli.mesh_folder import CASE, MESH, PICTURE, check_free, fill, written
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
+from perfplast_fenicsx.models.bdf_file import read_bdf
+from perfplast_fenicsx.models.flat_ends import with_flat_ends
 from perfplast_fenicsx.models.foreign_model import ForeignModel
+from perfplast_fenicsx.models.given_material import with_material
 from perfplast_fenicsx.models.inp_file import read_inp
+from perfplast_fenicsx.models.med_file import read_med
 from perfplast_fenicsx.models.model_case import case_of, skin_of_model, survey_of
 from perfplast_fenicsx.models.msh_file import write_msh
 from perfplast_fenicsx.models.outer_facets import OuterFacets
+from perfplast_fenicsx.models.shared_nodes import told_of_shared_nodes
+from perfplast_fenicsx.models.unv_file import read_unv
+from perfplast_fenicsx.models.vtu_file import read_vtu
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
 
-MODELS = {".inp": read_inp}
+MODELS = {
+    **{".inp": read_inp, ".med": read_med, ".unv": read_unv},
+    **dict.fromkeys((".bdf", ".nas", ".fem"), read_bdf),
+    **dict.fromkeys((".vtu", ".vtk"), read_vtu),
+}
 """What reads a model, by the ending of its file."""
 
 log = logging.getLogger(__name__)
@@ -49,17 +60,12 @@ def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> None:
             f"'{chosen.geometry}' has a mesh: options that say how to mesh and what to glue go with"
             " geometry files; leave them out."
         )
-    if chosen.material:
-        raise InputError(
-            f"'{chosen.geometry}' has its materials; leave out --material, and change them in"
-            f" {CASE} where you want others."
-        )
     terminal, output = Terminal(comm), Path(chosen.output)
 
     def made() -> tuple[Survey, bool]:
         terminal.status(f"reading {chosen.geometry}")
         try:
-            return _made(Path(chosen.geometry), output, chosen.force)
+            return _made(Path(chosen.geometry), output, chosen.material, chosen.force)
         finally:
             terminal.clear()
 
@@ -67,36 +73,33 @@ def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> None:
     if found is not None:
         survey, complete = found
         terminal.say(describe(survey))
-        written = [name for name in (MESH, PICTURE, CASE) if (output / name).exists()]
         fill = "" if complete else f" fill in what is marked with <- in {CASE};"
         terminal.say(
-            f"\nWritten to {output}: {', '.join(written)}. Next:{fill} perfplast run"
+            f"\nWritten to {output}: {written(output)}. Next:{fill} perfplast run"
             f" {output / CASE} -o {output / 'results'}"
         )
 
 
-def _made(source: Path, output: Path, force: bool) -> tuple[Survey, bool]:
+def _made(source: Path, output: Path, material: str | None, force: bool) -> tuple[Survey, bool]:
     """Write the folder; whether nothing is left to be filled in."""
-    existing = [name for name in (CASE, MESH) if (output / name).exists()]
-    if existing and not force:
-        raise InputError(
-            f"'{output}' has a {existing[0]} already; give --force to replace it, or another -o."
-        )
+    check_free(output, force)
     model = MODELS[source.suffix.lower()](source)
+    model.remarks.extend(told_of_shared_nodes(model))
+    stress = ""
+    if material is not None:
+        model, stress = with_material(model, material)
+    if not (model.held and model.pushed):
+        model = with_flat_ends(model)
     survey = survey_of(model)
-    case = case_of(model, source.stem, source.name, MESH)
+    case = case_of(model, source.stem, source.name, MESH, stress)
     with tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch)
         try:
             write_msh(model, made / MESH)
-            (made / CASE).write_text(case, encoding="utf-8")
             _draw(model, survey, made)
-            output.mkdir(parents=True, exist_ok=True)
-            for name in (MESH, PICTURE, CASE):
-                if (made / name).exists():
-                    replace(output / name, (made / name).read_bytes())
         except OSError as error:
-            raise InputError(f"'{output}' cannot be written: {error.strerror or error}.") from error
+            raise InputError(f"the mesh cannot be written: {error.strerror or error}.") from error
+        fill(output, made, case)
     return survey, "<-" not in case
 
 

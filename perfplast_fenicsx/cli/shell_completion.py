@@ -6,7 +6,10 @@ from typing import Any
 
 ENDINGS = {
     "CASE.toml": ("toml",),
-    "DRAWING": ("step", "stp", "brep", "iges", "igs", "geo", "inp"),
+    "DRAWING": (
+        *("step", "stp", "brep", "iges", "igs", "geo"),
+        *("inp", "med", "unv", "bdf", "nas", "fem", "vtu", "vtk"),
+    ),
     "FILE": ("gif", "webp"),
     "PAGE": ("html",),
     "SCHEMA": ("json",),

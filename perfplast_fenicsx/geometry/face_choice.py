@@ -10,7 +10,7 @@ AXES = "xyz"
 
 @dataclass(frozen=True)
 class NamedFace:
-    """A name for free faces (in the plane, curves): give one of plane, point, radius and number.
+    """A name for free faces or curves: give one of plane, point, radius, number and colour.
 
     Args:
         name: What the faces are called, for supports, loads and contacts.
@@ -21,6 +21,8 @@ class NamedFace:
         about: With a radius: a point on the axis of the cylinder (length; 2 or 3 numbers), where
             several have the same radius.
         number: As ``perfplast mesh`` lists the faces, and as in its picture.
+        colour: Of faces of a STEP file that have another colour than most of their body: a word
+            such as "red", or as perfplast mesh lists it, such as "#dd5228".
         body: Of which the faces are; of any without.
     """
 
@@ -30,17 +32,18 @@ class NamedFace:
     radius: float | None = None
     about: list[float] | None = None
     number: int | None = None
+    colour: str | None = None
     body: str = ""
 
     def __post_init__(self) -> None:
-        kinds = ("plane", "point", "radius", "number")
+        kinds = ("plane", "point", "radius", "number", "colour")
         given = [kind for kind in kinds if getattr(self, kind) is not None]
         if not self.name.strip():
             raise InputError("name is empty; give the faces one.")
         if len(given) != 1:
             raise InputError(
                 f"the face '{self.name}' has {' and '.join(given) or 'no place'}; give exactly one"
-                " of plane, point, radius and number."
+                " of plane, point, radius, number and colour."
             )
         if self.plane is not None:
             check_planes(f"plane of '{self.name}'", self.plane)

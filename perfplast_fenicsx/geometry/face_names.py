@@ -8,6 +8,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.geometry.face_choice import AXES, NamedFace
+from perfplast_fenicsx.geometry.face_colours import hex_of, word_of
 from perfplast_fenicsx.geometry.free_faces import FaceGroup, cylinder_of, shape_of, usual_names
 from perfplast_fenicsx.geometry.joints import box
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions, symmetry_name
@@ -71,11 +72,27 @@ def _chosen(
                 f" {len(groups)} free faces; perfplast mesh lists them."
             )
         return found
+    if wanted.colour is not None:
+        return _of_colour(wanted, groups, own)
     misses = np.array([_miss(dim, groups[k], wanted) for k in own])
     near = np.flatnonzero(misses < CLOSE * size)
     if not near.size or (wanted.point is not None and near.size > 1):
         raise InputError(_no_face(names, own, misses, wanted, CLOSE * size))
     return [own[k] for k in near]
+
+
+def _of_colour(wanted: NamedFace, groups: Sequence[FaceGroup], own: Sequence[int]) -> list[int]:
+    """The groups of a colour, by its word or its numbers."""
+    colours = {k: groups[k].colour for k in own}
+    names = {k: (word_of(c), hex_of(c)) for k, c in colours.items() if c is not None}
+    found = [k for k, both in names.items() if str(wanted.colour).lower() in both]
+    if not found:
+        there = ", ".join(sorted({f"{word} {number}" for word, number in names.values()}))
+        raise InputError(
+            f"the face '{wanted.name}': no free face has the colour '{wanted.colour}' of its own;"
+            f" there are {there or 'no coloured ones'}."
+        )
+    return found
 
 
 def _no_face(

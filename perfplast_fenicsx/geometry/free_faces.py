@@ -1,4 +1,4 @@
-"""Free faces of bodies, put together where they lie in one plane or on one cylinder."""
+"""Free faces of bodies, put together by colour, or where they lie in one plane or on a cylinder."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.geometry.face_choice import AXES
+from perfplast_fenicsx.geometry.face_colours import Colour, hex_of, word_of
 from perfplast_fenicsx.geometry.joints import box
 from perfplast_fenicsx.geometry.parts import Part
 
@@ -22,17 +23,19 @@ Key = tuple[object, ...]
 
 @dataclass(frozen=True)
 class FaceGroup:
-    """What one body has free in one plane or on one cylinder, or one face.
+    """What one body has free of one colour, in one plane or on one cylinder, or one face.
 
     Attributes:
         number: As in the picture.
         body: Its number.
         tags: The faces.
+        colour: Of their own in the file; None for that of most of the body.
     """
 
     number: int
     body: int
     tags: tuple[int, ...]
+    colour: Colour | None = None
 
 
 @dataclass(frozen=True)
@@ -58,25 +61,32 @@ def shape_of(dim: int, tag: int) -> str:
     return WORDS.get(kind, kind.removesuffix(" surface").lower())
 
 
-def put_together(dim: int, faces: Mapping[int, int], size: float) -> list[FaceGroup]:
-    """Free faces by body, plane and cylinder, numbered from 1.
+def put_together(
+    dim: int, faces: Mapping[int, int], size: float, colours: Mapping[int, Colour]
+) -> list[FaceGroup]:
+    """Free faces by body, colour, plane and cylinder, numbered from 1.
 
     Args:
         dim: Of the faces.
         faces: The body of each.
         size: Of the bodies.
+        colours: Of the faces that have one of their own.
     """
     groups: dict[Key, list[int]] = {}
     for face, body in faces.items():
-        groups.setdefault((body, *_lie_on(dim, face, size)), []).append(face)
+        alike = ("colour", colours[face]) if face in colours else _lie_on(dim, face, size)
+        groups.setdefault((body, *alike), []).append(face)
     together = sorted(groups.values(), key=lambda tags: faces[tags[0]])
-    return [FaceGroup(k, faces[tags[0]], tuple(tags)) for k, tags in enumerate(together, start=1)]
+    return [
+        FaceGroup(k, faces[tags[0]], tuple(tags), colours.get(tags[0]))
+        for k, tags in enumerate(together, start=1)
+    ]
 
 
 def usual_names(
     dim: int, parts: Sequence[Part], groups: Sequence[FaceGroup], taken: set[str]
 ) -> list[str]:
-    """A name for each group: by the end of the body at which it lies, or by its number.
+    """A name for each group: by its colour, the end of the body at which it lies, or its number.
 
     Args:
         dim: Of the faces.
@@ -88,7 +98,11 @@ def usual_names(
     names = []
     for group in groups:
         body = parts[group.body].name
-        name = _by_end(body, dim, group.tags, around[group.body])
+        if group.colour is not None:
+            name: str | None = f"{body}_{word_of(group.colour)}"
+            name = f"{name}_{hex_of(group.colour)[1:]}" if name in used else name
+        else:
+            name = _by_end(body, dim, group.tags, around[group.body])
         if name is None or name in used:
             name = f"{body}_face_{group.number}"
         while name in used:

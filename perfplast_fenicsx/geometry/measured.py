@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.geometry.cad_measures import cad_measure, mesh_measure
+from perfplast_fenicsx.geometry.face_colours import hex_of, word_of
 from perfplast_fenicsx.geometry.free_faces import FaceGroup, round_of, shape_of
 from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.seams import Seam
@@ -60,13 +61,22 @@ def measured_faces(
         middle = nodes.mean(axis=0)
         middle[abs(middle) < ROUNDING * size] = 0.0
         area = sum(mesh_measure(dim - 1, tag) for tag in group.tags)
-        shape, body = shape_of(dim - 1, group.tags[0]), parts[group.body].name
+        shape, body = _shape(dim - 1, group), parts[group.body].name
         centre = tuple(float(x) for x in middle)
-        known = (cad_measure(dim - 1, group.tags), round_of(dim - 1, group.tags[0]))
+        around = "" if group.colour else round_of(dim - 1, group.tags[0])
+        known = (cad_measure(dim - 1, group.tags), around)
         faces.append(Face(group.number, name, body, shape, area, centre, *known))
     for name, tags in together.items():
         gmsh.model.addPhysicalGroup(dim - 1, tags, name=name)
     return faces
+
+
+def _shape(dim: int, group: FaceGroup) -> str:
+    """Such as "flat", and the colour of faces that have one of their own."""
+    shapes = " and ".join(sorted({shape_of(dim, tag) for tag in group.tags}))
+    if group.colour is None:
+        return shapes
+    return f"{shapes}, {word_of(group.colour)} {hex_of(group.colour)}"
 
 
 def elements(dim: int, part: Part) -> npt.NDArray[np.uint64]:

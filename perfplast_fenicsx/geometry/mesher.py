@@ -10,6 +10,7 @@ import numpy as np
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.geometry import thickness
 from perfplast_fenicsx.geometry.cad_measures import worst_area
+from perfplast_fenicsx.geometry.face_colours import set_aside, take_back
 from perfplast_fenicsx.geometry.face_names import face_names
 from perfplast_fenicsx.geometry.free_faces import put_together
 from perfplast_fenicsx.geometry.joints import box, cut_along_each_other, near_misses
@@ -23,7 +24,7 @@ from perfplast_fenicsx.geometry.measured import (
     qualities,
 )
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
-from perfplast_fenicsx.geometry.parts import Part, read_parts
+from perfplast_fenicsx.geometry.parts import Part, is_script, read_parts
 from perfplast_fenicsx.geometry.progress import Stage, begin
 from perfplast_fenicsx.geometry.seams import find_seams, free_faces, take_apart
 from perfplast_fenicsx.geometry.skin import skin_of
@@ -70,6 +71,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     begin(Stage("reading it"))
     dim, parts = read_parts(source)
     begin(Stage("cutting its bodies along each other"))
+    marks = set_aside(parts) if dim == 3 and not is_script(source) else []
     parts = without(dim, parts, options.without)
     parts = cut_in_half(dim, parts, options.symmetry)
     parts = cut_along_each_other(dim, parts, options.overlap)
@@ -80,7 +82,9 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     if options.meshed == "apart":
         parts, seams = take_apart(dim, parts, seams)
     extent = max(float(np.linalg.norm(np.ptp(box(dim, part.tags), axis=0))) for part in parts)
-    groups = put_together(dim - 1, free_faces(dim, parts, seams), extent)
+    free = free_faces(dim, parts, seams)
+    colours = take_back(marks, free, parts)
+    groups = put_together(dim - 1, free, extent, colours)
     names = face_names(dim - 1, parts, groups, options)
     begin(Stage("meshing", _names_of_faces(dim, parts)))
     longest = _mesh_with_areas(dim, parts, options)

@@ -19,15 +19,16 @@ NO_GMSH = "gmsh's Python module cannot be loaded; install it (Debian package pyt
 
 
 CONVERT = "convert it by meshio, as docs/howto/mesh.md shows under 'Other formats'"
+MODEL = "turn it into a mesh and a case by perfplast mesh"
 
 REMEDIES = {
-    **dict.fromkeys((".bdf", ".nas", ".unv", ".med", ".vtk", ".vtu", ".e", ".exo"), CONVERT),
+    **dict.fromkeys((".e", ".exo"), CONVERT),
+    **dict.fromkeys((".inp", ".med", ".unv", ".bdf", ".nas", ".fem", ".vtu", ".vtk"), MODEL),
     **dict.fromkeys((".xdmf", ".h5"), "convert it by meshes/from_xdmf.py (docs/howto/mesh.md)"),
     **dict.fromkeys(
         (".step", ".stp", ".brep", ".iges", ".igs", ".geo"),
         "give it as file of a [geometry] in place of [mesh], or mesh it by perfplast mesh",
     ),
-    ".inp": "turn it into a mesh and a case by perfplast mesh",
     ".py": "it is a program, which is never run here; run it, and give the mesh that it writes",
 }
 """What to do with files of other kinds, by the ends of their names."""

@@ -4,21 +4,20 @@ from pathlib import Path
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.parts import unique_names
+from perfplast_fenicsx.models.element_facets import ElementFacets
 from perfplast_fenicsx.models.element_types import AXIS, STRESS
 from perfplast_fenicsx.models.foreign_model import ForeignMaterial, ForeignModel
+from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
+from perfplast_fenicsx.models.grouped_model import model_of
 from perfplast_fenicsx.models.inp_keywords import read_keywords
-from perfplast_fenicsx.models.inp_mesh import MESH_KEYWORDS, SCOPES, Assembly, Block, MeshReader
+from perfplast_fenicsx.models.inp_mesh import MESH_KEYWORDS, SCOPES, Assembly, MeshReader
 from perfplast_fenicsx.models.inp_on_surfaces import InpBody, OnSurfaces
 from perfplast_fenicsx.models.inp_statements import Statements
-from perfplast_fenicsx.models.inp_surfaces import InpSurfaces
 from perfplast_fenicsx.models.outer_facets import OuterFacets
-from perfplast_fenicsx.models.simplices import divided
-
-BENT = 1e-3
-"""Share of an edge by which a midside may be off its middle and the edge still be straight."""
+from perfplast_fenicsx.models.solid_cells import solid_cells
 
 REST = "rest"
 """The body of elements without a section."""
@@ -43,40 +42,28 @@ def read_inp(path: Path) -> ForeignModel:
 
 
 def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
-    solids = [block for block in assembly.blocks if block.kind.shape.dim > 1]
-    if not solids:
-        left = ", ".join(assembly.left_out) or "none"
-        raise InputError(
-            f"there are no solid elements (types that are not known: {left}); give C3D4, C3D10,"
-            " C3D8, C3D20, C3D6, C3D15, or CPE and CAX ones in the plane."
-        )
-    dim = max(block.kind.shape.dim for block in solids)
-    solids = [block for block in solids if block.kind.shape.dim == dim]
-    meanings = {block.kind.model for block in solids}
+    solid = solid_cells(assembly.points, assembly.blocks, assembly.left_out)
+    dim = solid.dim
+    meanings = {block.kind.model for block in solid.blocks}
     if dim == 2 and (len(meanings) > 1 or meanings & {STRESS, ""}):
         raise InputError(
             f"elements in the plane are of {' and '.join(m or 'shells' for m in sorted(meanings))};"
             " give one of plane strain (CPE) or axisymmetry (CAX)."
         )
-    cells, parents = [], []
-    for block in solids:
-        corners, of = divided(block.nodes[:, : block.kind.shape.corners], block.kind.shape)
-        cells.append(corners)
-        parents.append(block.first + of)
-    every, parent = np.concatenate(cells), np.concatenate(parents)
-    every = _oriented(assembly.points, every, dim)
-    remarks = _told_of_mesh(assembly, solids, len(every))
-    outer = OuterFacets(every, len(assembly.points))
-    bodies, body = _bodies(assembly, statements, parent)
-    surfaces = InpSurfaces(assembly, outer, dim)
+    on_sets = statements.chosen()
+    if not (statements.sections or statements.surfaces or on_sets):
+        return model_of(_groups(assembly, statements, meanings == {AXIS}))
+    outer = OuterFacets(solid.cells, len(assembly.points))
+    bodies, body = _bodies(assembly, statements, solid.parents)
+    surfaces = ElementFacets(assembly.points, assembly.blocks, outer, dim)
     on = OnSurfaces(assembly, surfaces, bodies, dim)
-    made = on.made(statements.surfaces, statements.chosen(), statements.frictions)
+    made = on.made(statements.surfaces, on_sets, statements.frictions)
     names, facets, surface, _ = made.surfaces
     return ForeignModel(
         dim=dim,
         turned=meanings == {AXIS},
         points=assembly.points,
-        cells=every,
+        cells=solid.cells,
         body=body,
         bodies=[one.name for one in bodies],
         facets=outer.corners[facets],
@@ -90,45 +77,20 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
         held=made.held,
         pushed=made.pushed,
         joined=made.joined,
-        remarks=remarks + made.remarks + statements.remarks,
+        remarks=solid.remarks + made.remarks + statements.remarks,
     )
 
 
-def _oriented(points: Floats, cells: Longs, dim: int) -> Longs:
-    """Cells with positive volume."""
-    edges = points[cells[:, 1:], :dim] - points[cells[:, :1], :dim]
-    turned = np.linalg.det(edges) < 0
-    cells = cells.copy()
-    cells[turned] = cells[turned][:, [1, 0, *range(2, dim + 1)]]
-    return cells
-
-
-def _told_of_mesh(assembly: Assembly, solids: list[Block], count: int) -> list[str]:
-    """What became of elements."""
-    remarks = [
-        f"{number} lines of elements of type {name}, which the program does not know, are left out"
-        for name, number in assembly.left_out.items()
-    ]
-    whole = sum(len(block.nodes) for block in solids)
-    if count > whole:
-        remarks.append(
-            f"{whole} elements are divided into {count} triangles or tetrahedra whose faces match"
-        )
-    bent = 0
-    for block in solids:
-        shape = block.kind.shape
-        if block.kind.nodes < shape.corners + len(shape.midsides):
-            continue
-        ends = assembly.points[block.nodes[:, np.array(shape.midsides)]]
-        middles = assembly.points[block.nodes[:, shape.corners :]]
-        off = np.linalg.norm(middles - ends.mean(axis=2), axis=2)
-        bent += int((off > BENT * np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)).sum())
-    if bent:
-        remarks.append(
-            f"{bent} midsides lie off the middle of their edge: curved elements are taken as"
-            " straight between their corners"
-        )
-    return remarks
+def _groups(assembly: Assembly, statements: Statements, turned: bool) -> GroupedMesh:
+    """A file that is a mesh with sets alone, as gmsh and Salome write it."""
+    groups, node_groups = (
+        {name: members for (kind, name), members in assembly.sets.items() if kind == wanted}
+        for wanted in ("ELSET", "NSET")
+    )
+    mesh = GroupedMesh(assembly.points, assembly.blocks, groups, node_groups, turned=turned)
+    mesh.left_out |= assembly.left_out
+    mesh.remarks += statements.remarks
+    return mesh
 
 
 def _bodies(

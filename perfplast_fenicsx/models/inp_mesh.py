@@ -8,6 +8,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.models.element_blocks import Block
 from perfplast_fenicsx.models.element_types import ElementType, element_type
 from perfplast_fenicsx.models.inp_keywords import Keyword
 from perfplast_fenicsx.models.inp_numbers import (
@@ -47,21 +48,6 @@ class Part:
     nodes: list[tuple[Longs, Floats]] = field(default_factory=list)
     elements: list[tuple[ElementType, Longs, Longs]] = field(default_factory=list)
     sets: Sets = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class Block:
-    """Elements of one type.
-
-    Attributes:
-        kind: Their type.
-        first: Number of the first one in the assembly; the others follow.
-        nodes: Shape (n, kind.nodes), indices of points.
-    """
-
-    kind: ElementType
-    first: int
-    nodes: Longs
 
 
 @dataclass

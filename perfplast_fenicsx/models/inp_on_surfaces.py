@@ -6,12 +6,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.models.element_facets import ElementFacets
 from perfplast_fenicsx.models.foreign_model import Held, Joined, Pushed
 from perfplast_fenicsx.models.inp_keywords import Keyword, number_of
 from perfplast_fenicsx.models.inp_mesh import Assembly
 from perfplast_fenicsx.models.inp_statements import LOADS
-from perfplast_fenicsx.models.inp_surfaces import InpSurfaces
-from perfplast_fenicsx.models.inp_used_surfaces import UsedSurfaces
+from perfplast_fenicsx.models.inp_used_surfaces import UsedSurfaces, missing
 
 NAMED_SUPPORTS = {"ENCASTRE": "123", "PINNED": "123", "XSYMM": "1", "YSYMM": "2", "ZSYMM": "3"}
 """Components that names of supports hold."""
@@ -62,7 +62,7 @@ class OnSurfaces:
     def __init__(
         self,
         assembly: Assembly,
-        surfaces: InpSurfaces,
+        surfaces: ElementFacets,
         bodies: Sequence[InpBody],
         dim: int,
     ) -> None:
@@ -133,12 +133,14 @@ class OnSurfaces:
             value = number_of(row[3], keyword) if len(row) > 3 and row[3] else 0.0
             if here and row[0].rpartition(".")[2].isdigit():
                 node = self._assembly.members("NSET", row[0])
-                for axis in here if node is not None else ():
-                    single.setdefault((axis, value), []).append(node)  # type: ignore[arg-type]
+                if node is None:
+                    raise missing("*BOUNDARY", row[0])
+                for axis in here:
+                    single.setdefault((axis, value), []).append(node)
             elif here:
                 found.setdefault((row[0].upper(), value), set()).update(here)
         for (axis, value), nodes in single.items():
-            name = f"HELD_{axis.upper()}{'' if value == 0 else f'_{value:g}'}"
+            name = f"HELD_{axis}{'' if value == 0 else f'_{value:g}'}".upper()
             self._assembly.sets["NSET", name] = np.unique(np.concatenate(nodes))
             found[name, value] = {axis}
         held = []
@@ -159,8 +161,10 @@ class OnSurfaces:
                 )
                 continue
             nodes, axis = self._assembly.members("NSET", row[0]), int(row[1]) - 1
-            if nodes is None or not len(nodes):
-                self._remarks.append(f"*CLOAD on '{row[0]}', which is not there, is left out")
+            if nodes is None:
+                raise missing("*CLOAD", row[0])
+            if not len(nodes):
+                self._remarks.append(f"*CLOAD on '{row[0]}', which is empty, is left out")
                 continue
             resultant, name = len(nodes) * number_of(row[2], keyword), row[0].upper()
             whole = len(nodes) > 1 and self._find.covered(nodes, self._find.of_nodes(nodes))
@@ -196,23 +200,28 @@ class OnSurfaces:
             if keyword.name == "DSLOAD" and kind == UNIAXIAL:
                 on = self._use.named(name, "*DSLOAD")
             elif keyword.name == "DLOAD" and kind[:1] == UNIAXIAL and kind[1:].isdigit():
-                on = self._pressed(name, kind)
+                on = self._pressed(name, kind, number_of(row[2], keyword))
             else:
                 on = None
                 self._remarks.append(
                     f"*{keyword.name} '{', '.join(row)}' is not understood: left out"
                 )
             if on is not None:
-                pushed.append(Pushed(on, "pressure", number_of(row[2], keyword)))
+                load = Pushed(on, "pressure", number_of(row[2], keyword))
+                pushed += [] if name.isdigit() and load in pushed else [load]
         return pushed
 
-    def _pressed(self, elset: str, face: str) -> str | None:
+    def _pressed(self, elset: str, face: str, pressure: float) -> str | None:
+        """The surface that is pressed; one for all single elements of a pressure."""
         members = self._assembly.members("ELSET", elset)
-        facets = None if members is None else self._find.of_faces(members, face)
-        if facets is None or not len(facets):
+        if members is None:
+            raise missing(f"*DLOAD {face}", elset)
+        facets = self._find.of_faces(members, face)
+        if not len(facets):
             self._remarks.append(f"*DLOAD {face} on '{elset}' presses no outer face: left out")
             return None
-        return self._use.use(f"{elset}_{face}", facets)
+        name = f"PRESSED_BY_{pressure:g}" if elset.isdigit() else f"{elset}_{face}"
+        return self._use.use(name, facets)
 
     def _weight(self, elset: str, given: list[float]) -> list[Pushed]:
         """Gravity of a set that has whole bodies."""

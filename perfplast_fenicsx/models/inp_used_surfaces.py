@@ -5,13 +5,22 @@ from collections.abc import Sequence
 import numpy as np
 
 from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.models.element_facets import ElementFacets
 from perfplast_fenicsx.models.inp_keywords import Keyword
 from perfplast_fenicsx.models.inp_mesh import Assembly
-from perfplast_fenicsx.models.inp_surfaces import InpSurfaces
 from perfplast_fenicsx.models.named_surfaces import NamedSurfaces
 
 MOST_SHOWN = 5
 """Names in a remark."""
+
+
+def missing(what: str, name: str) -> InputError:
+    """The refusal of a statement on what the file does not have."""
+    return InputError(
+        f"{what} stands on '{name}', which the file does not have; export the model with all its"
+        " sets and surfaces, or mend the name."
+    )
 
 
 class UsedSurfaces:
@@ -21,7 +30,7 @@ class UsedSurfaces:
         remarks: What is no surface.
     """
 
-    def __init__(self, assembly: Assembly, find: InpSurfaces, dim: int) -> None:
+    def __init__(self, assembly: Assembly, find: ElementFacets, dim: int) -> None:
         """Take the mesh.
 
         Args:
@@ -43,10 +52,7 @@ class UsedSurfaces:
             kind = "NSET" if keyword.option("TYPE") == "NODE" else "ELSET"
             members = self._assembly.members(kind, row[0]) if row else None
             if members is None:
-                self.remarks.append(
-                    f"*SURFACE '{name}' names the set '{', '.join(row[:1])}', which is not there"
-                )
-                continue
+                raise missing(f"*SURFACE '{name}'", ", ".join(row[:1]))
             if kind == "NSET":
                 every.append(self._find.of_nodes(members))
             elif self._is_flat(members):
@@ -65,8 +71,7 @@ class UsedSurfaces:
         """A set of nodes as a surface, if it is one; else ``what`` stands on it is left out."""
         nodes = self._assembly.members("NSET", name)
         if nodes is None:
-            self.remarks.append(f"{what} on '{name}', which is no set of nodes, is left out")
-            return None
+            raise missing(what, name)
         facets = self._find.of_nodes(nodes)
         if not self._find.covered(nodes, facets):
             self._no_surface.setdefault(what, []).append(name)
@@ -76,9 +81,12 @@ class UsedSurfaces:
     def named(self, name: str, what: str) -> str | None:
         """A surface of a ``*SURFACE``; without outer faces ``what`` stands on it is left out."""
         facets = self._facets.get(name.upper())
-        if facets is None or not len(facets):
-            why = "which is not there" if facets is None else "which has no outer face"
-            self.remarks.append(f"{what} on the surface '{name}', {why}, is left out")
+        if facets is None:
+            raise missing(what, name)
+        if not len(facets):
+            self.remarks.append(
+                f"{what} on the surface '{name}', which has no outer face, is left out"
+            )
             return None
         return self.use(name.upper(), facets)
 

@@ -2,6 +2,8 @@
 
 import json
 from collections.abc import Sequence
+from textwrap import fill
+from typing import Any
 
 import numpy as np
 
@@ -30,8 +32,11 @@ until = "limit"                 # at what load the bodies collapse
 FLAT = 1e-6
 """Normals of a flat surface differ by less."""
 
+FURTHER: dict[str, Any] = {"subsequent_indent": "#   ", "break_long_words": False}
+"""How a comment goes on."""
 
-def case_of(model: ForeignModel, title: str, source: str, mesh: str) -> str:
+
+def case_of(model: ForeignModel, title: str, source: str, mesh: str, stress: str = "") -> str:
     """A case file with all that is known.
 
     Args:
@@ -39,6 +44,7 @@ def case_of(model: ForeignModel, title: str, source: str, mesh: str) -> str:
         title: Of the case.
         source: Name of its file.
         mesh: Name of the mesh beside the case.
+        stress: The unit of stresses, where it is known.
     """
     text = ""
     if model.turned:
@@ -62,11 +68,15 @@ def case_of(model: ForeignModel, title: str, source: str, mesh: str) -> str:
         text += '\n[[load]]\non = "NAME"                     # <- what pushes and pulls\n'
         text += "pressure = 1.0                  # <-\n"
     text += END
+    text += f"\n[units]\nstress = {_quoted(stress)}\n" if stress else ""
+    if not (model.held and model.pushed):
+        listed = ", ".join(model.surfaces) or "none has a name"
+        text += "\n" + fill(f"Surfaces: {listed}", 100, initial_indent="# ", **FURTHER) + "\n"
     text += "".join(f"\n# Not as in {source}: {remark}." for remark in model.remarks)
     text += "\n" if model.remarks else ""
-    fill = " What is marked with <- is to be filled in." if "<-" in text else ""
+    told = " What is marked with <- is to be filled in." if "<-" in text else ""
     names = {"title": _quoted(title), "mesh": _quoted(mesh)}
-    return HEAD.format(source=source, fill=fill, **names) + text
+    return HEAD.format(source=source, fill=told, **names) + text
 
 
 def survey_of(model: ForeignModel) -> Survey:
@@ -138,12 +148,12 @@ def _material(body: str, given: ForeignMaterial | None, yields: bool) -> str:
             "poisson = 0.0                   # <-\nyield_stress = 0.0              # <-\n"
         )
     law = "elastic" if given.yield_stress is None else "von-mises"
-    fill = (
+    either = (
         ""
         if yields
         else '               # <- or "von-mises", with a yield_stress: something has to yield'
     )
-    text += f"law = {_quoted(law)}{fill}\nyoung = {given.young!r}\npoisson = {given.poisson!r}\n"
+    text += f"law = {_quoted(law)}{either}\nyoung = {given.young!r}\npoisson = {given.poisson!r}\n"
     if given.yield_stress is not None:
         text += f"yield_stress = {given.yield_stress!r}\n"
     return text + (f"expansion = {given.expansion!r}\n" if given.expansion else "")

@@ -23,6 +23,14 @@ class NamedSurfaces:
         before = self._members.get(name, np.zeros(0, dtype=np.int64))
         self._members[name] = np.union1d(before, facets)
 
+    def names(self) -> list[str]:
+        """Of the surfaces, as they were added."""
+        return list(self._members)
+
+    def remove(self, name: str) -> None:
+        """Forget a surface."""
+        del self._members[name]
+
     def facets(self, name: str) -> Longs:
         """The facets of a surface."""
         return self._members[name]

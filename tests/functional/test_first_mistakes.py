@@ -137,7 +137,8 @@ def test_a_mark_in_front(tmp_path: Path) -> None:
     ("name", "says"),
     [
         ("a.inp", "turn it into a mesh and a case by perfplast mesh"),
-        ("a.vtu", "convert it by meshio, as docs/howto/mesh.md shows under 'Other formats'"),
+        ("a.vtu", "turn it into a mesh and a case by perfplast mesh"),
+        ("a.exo", "convert it by meshio, as docs/howto/mesh.md shows under 'Other formats'"),
         ("a.step", "give it as file of a [geometry] in place of [mesh]"),
     ],
 )

@@ -62,7 +62,7 @@ def test_from_a_model_to_its_limit_load(
     [
         (["--size", "2"], "has a mesh"),
         (["--tied"], "has a mesh"),
-        (["--material", "s235"], "has its materials"),
+        (["--material", "s235"], "has a yield stress in the file"),
     ],
 )
 def test_options_of_geometry_files_are_refused(

@@ -195,11 +195,94 @@ def test_forces_at_nodes_and_gravity(tmp_path: Path) -> None:
     assert weight.value == pytest.approx((0, 0, -9810 * 7.8e-9))
 
 
+def test_collapsed_elements(tmp_path: Path) -> None:
+    """A hexahedron that has a node twice is a wedge; one without a volume is refused."""
+    wedge = ONE_BODY.replace("1,1,2,3,4,5,6,7,8", "1,1,2,3,3,5,6,7,7")
+    found = model(tmp_path, HEAD + wedge)
+    edges = found.points[found.cells[:, 1:]] - found.points[found.cells[:, :1]]
+    assert np.linalg.det(edges).sum() / 6 == pytest.approx(1.5)
+    assert len(found.cells) == 3 + 6
+    with pytest.raises(InputError, match=r"1 elements have no volume, one of them at \("):
+        model(
+            tmp_path,
+            HEAD.replace("7,1,1,1", "7,1,1,0").replace("8,0,1,1", "8,0,1,0")
+            + "*ELEMENT, TYPE=C3D4\n1,1,2,3,7\n",
+        )
+
+
+FREECAD = """** written by FreeCAD inp file writer for CalculiX,Abaqus meshes
+*Node, NSET=Nall
+1, -2.22e-13, 0, 0
+2, 1, 0, 0
+3, 1, 1, 1.8e-12
+4, 0, 1, 0
+5, 0, 0, 1
+6, 1, 0, 1
+7, 1, 1, 1
+8, 0, 1, 1
+
+*Element, TYPE=C3D8R, ELSET=Evolumes
+1, 1, 2, 3, 4, 5, 6, 7,
+8
+
+** Define element set Eall
+*ELSET, ELSET=Eall
+Evolumes
+
+*ELSET,ELSET=FemMaterialSolid
+Evolumes
+
+*NSET,NSET=Fixed
+1,
+2,
+3,
+4,
+
+*PHYSICAL CONSTANTS, ABSOLUTE ZERO=0, STEFAN BOLTZMANN=5.670374419e-11
+*MATERIAL, NAME=FemMaterial
+*ELASTIC
+210000,0.3
+*EXPANSION, ZERO=0
+0
+*SOLID SECTION, ELSET=FemMaterialSolid, MATERIAL=FemMaterial
+*STEP, INC=2000
+*STATIC
+*BOUNDARY
+Fixed,1
+Fixed,2
+Fixed,3
+*CLOAD
+** node loads on shape: Box:Face2
+5,3,-1.5
+6,3,-0.5
+7,3,-1.5
+8,3,-0.5
+*NODE FILE
+U
+*EL FILE
+S, E
+*NODE PRINT, NSET=Fixed, TOTALS=ONLY
+RF
+*OUTPUT, FREQUENCY=1
+*END STEP
+"""
+
+
+def test_the_form_that_freecad_writes(tmp_path: Path) -> None:
+    """Sets of sets, a member a line, a force at each node: nothing of it is left out."""
+    found = model(tmp_path, FREECAD)
+    assert (found.bodies, len(found.cells)) == (["femmaterialsolid"], 6)
+    assert found.held == [Held("fixed", "xyz")]
+    (load,) = found.pushed
+    assert load.value == pytest.approx((0, 0, -4))
+    assert not any("left out" in remark for remark in found.remarks)
+
+
 def test_plane_models(tmp_path: Path) -> None:
     text = HEAD.replace("5,0,0,1", "5,0,2,0").replace("6,1,0,1", "6,1,2,0")
     quads = "*ELEMENT, TYPE=CAX4, ELSET=EALL\n1,1,2,3,4\n2,4,3,6,5\n"
     found = model(tmp_path, text + quads)
-    assert (found.dim, found.turned, found.bodies, len(found.cells)) == (2, True, ["rest"], 4)
+    assert (found.dim, found.turned, found.bodies, len(found.cells)) == (2, True, ["eall"], 4)
     with pytest.raises(InputError, match="plane stress"):
         model(tmp_path, text + quads.replace("CAX4", "CPS4"))
 
@@ -207,9 +290,7 @@ def test_plane_models(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        (("BASE,3,3", "ONE,3,3"), "*BOUNDARY on 'ONE', which is no set of nodes"),
         (("BASE,3,3", "7,3,3"), "whose nodes are no surface"),
-        (("TOP,P,1.", "SIDE,P,1."), "*DSLOAD on the surface 'SIDE', which is not there"),
         (("*STATIC", "*STATIC\n*CREEP"), "*CREEP has no counterpart"),
         (("235,0", "235,0\n300,0.1"), "first yield stress 235 is taken without hardening"),
         (("*STATIC", "*STATIC\n*DLOAD\nEALL,GRAV,1,0,0,-1\n*DENSITY\n1"), None),
@@ -239,6 +320,16 @@ def test_what_has_no_counterpart_is_said(
         (HEAD + ONE_BODY + "*INCLUDE, INPUT=missing.inp\n", "cannot be read"),
         (HEAD + ONE_BODY + REST.replace("TOP,P,1.", "TOP,P,much"), "'much'"),
         (HEAD + ONE_BODY + "*ELASTIC\n1,0.3\n", "belongs to no *MATERIAL"),
+        (HEAD + ONE_BODY + REST.replace("BASE,3,3", "ONE,3,3"), "*BOUNDARY stands on 'ONE'"),
+        (HEAD + ONE_BODY + REST.replace("BASE,3,3", "77,3,3"), "*BOUNDARY stands on '77'"),
+        (HEAD + ONE_BODY + REST.replace("TOP,P,1.", "SIDE,P,1."), "*DSLOAD stands on 'SIDE'"),
+        (HEAD + ONE_BODY + REST.replace("2,S2", "LID,S2"), "*SURFACE 'TOP' stands on 'LID'"),
+        (HEAD + ONE_BODY + REST + "*TIE\nTOP,LID\n", "*TIE stands on 'LID'"),
+        (HEAD + ONE_BODY + REST.replace("*DSLOAD\nTOP,P", "*DLOAD\nLID,P1"), "P1 stands on 'LID'"),
+        (
+            HEAD + ONE_BODY + REST.replace("*DSLOAD\nTOP,P", "*CLOAD\nLID,1"),
+            "*CLOAD stands on 'LID'",
+        ),
     ],
 )
 def test_broken_files_are_one_sentence(tmp_path: Path, text: str, named: str) -> None:

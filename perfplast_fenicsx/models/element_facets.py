@@ -1,21 +1,33 @@
-"""Surfaces of an ``.inp`` file: faces of elements, sets of nodes, flat elements on faces."""
+"""Outer facets of a model: by faces of elements, sets of nodes, flat elements on faces."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Longs
-from perfplast_fenicsx.models.inp_mesh import Assembly, Block
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.models.element_blocks import Block
 from perfplast_fenicsx.models.outer_facets import OuterFacets
 from perfplast_fenicsx.models.simplices import pieces
 
 NONE: Longs = np.zeros(0, dtype=np.int64)
 
 
-class InpSurfaces:
+class ElementFacets:
     """Finds outer facets."""
 
-    def __init__(self, assembly: Assembly, outer: OuterFacets, dim: int) -> None:
-        self._assembly, self._outer, self._dim = assembly, outer, dim
-        corners = np.zeros(len(assembly.points), dtype=bool)
+    def __init__(
+        self, points: Floats, blocks: Sequence[Block], outer: OuterFacets, dim: int
+    ) -> None:
+        """Take the mesh.
+
+        Args:
+            points: Shape (n, 3).
+            blocks: All elements, flat ones too.
+            outer: The outer facets.
+            dim: 3, or 2 in the plane.
+        """
+        self._points, self._every, self._outer, self._dim = points, blocks, outer, dim
+        corners = np.zeros(len(points), dtype=bool)
         corners[outer.corners] = True
         self._corner = corners
 
@@ -44,9 +56,16 @@ class InpSurfaces:
         every = np.concatenate(found)
         return np.unique(every[every >= 0])
 
+    def count_of_flat(self, elements: Longs) -> int:
+        """How many facets flat elements would have: quadrilaterals have two in space."""
+        return sum(
+            len(self._rows(block, elements)) * (block.kind.shape.corners - self._dim + 1)
+            for block in self._blocks(self._dim - 1)
+        )
+
     def of_nodes(self, nodes: Longs) -> Longs:
         """Facets that have all their corners among nodes."""
-        return self._outer.among(nodes, len(self._assembly.points))
+        return self._outer.among(nodes, len(self._points))
 
     def covered(self, nodes: Longs, facets: Longs) -> bool:
         """Whether there are facets, with all those nodes that are corners of outer ones."""
@@ -57,7 +76,7 @@ class InpSurfaces:
 
     def areas(self, facets: Longs) -> np.ndarray:
         """Area of each facet (in the plane, its length)."""
-        p = self._assembly.points[self._outer.corners[facets]]
+        p = self._points[self._outer.corners[facets]]
         if self._dim == 2:
             return np.asarray(np.linalg.norm(p[:, 1] - p[:, 0], axis=1))
         return np.asarray(
@@ -65,7 +84,7 @@ class InpSurfaces:
         )
 
     def _blocks(self, dim: int) -> list[Block]:
-        return [block for block in self._assembly.blocks if block.kind.shape.dim == dim]
+        return [block for block in self._every if block.kind.shape.dim == dim]
 
     def _rows(self, block: Block, elements: Longs) -> Longs:
         inside = (elements >= block.first) & (elements < block.first + len(block.nodes))

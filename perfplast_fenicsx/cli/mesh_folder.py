@@ -1,0 +1,58 @@
+"""The folder that ``perfplast mesh`` writes: mesh, picture, first case, and the case's schema."""
+
+import json
+from pathlib import Path
+
+from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.case_schema import case_schema
+
+CASE, MESH, PICTURE = "case.toml", "case.msh", "bodies.png"
+"""Files of the folder."""
+
+SCHEMA = "case.schema.json"
+"""By this file beside the case editors complete its keys and mark faults."""
+
+SCHEMA_LINE = f"#:schema ./{SCHEMA}\n"
+"""First line of the case, which tells editors so."""
+
+
+def check_free(output: Path, force: bool) -> None:
+    """Refuse a folder that has a mesh or a case already.
+
+    Raises:
+        InputError: If it has, and is not to be replaced.
+    """
+    existing = [name for name in (CASE, MESH) if (output / name).exists()]
+    if existing and not force:
+        raise InputError(
+            f"'{output}' has a {existing[0]} already; give --force to replace it, or another -o."
+        )
+
+
+def fill(output: Path, made: Path, case: str) -> None:
+    """Write the folder.
+
+    Args:
+        output: The folder.
+        made: Where mesh and picture are, if there is one.
+        case: The text of the case.
+
+    Raises:
+        InputError: If the system refuses.
+    """
+    schema = json.dumps(case_schema(), indent=1, ensure_ascii=False)
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        for name in (MESH, PICTURE):
+            if (made / name).exists():
+                replace(output / name, (made / name).read_bytes())
+        replace(output / CASE, (SCHEMA_LINE + case).encode())
+        replace(output / SCHEMA, f"{schema}\n".encode())
+    except OSError as error:
+        raise InputError(f"'{output}' cannot be written: {error.strerror or error}.") from error
+
+
+def written(output: Path) -> str:
+    """What is in the folder, in words."""
+    return ", ".join(name for name in (MESH, PICTURE, CASE) if (output / name).exists())

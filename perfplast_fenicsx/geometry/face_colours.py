@@ -1,0 +1,134 @@
+"""Colours that single faces of a STEP file have: marks, which become names.
+
+Gmsh reads them (``Geometry.OCCImportLabels``), and forgets them where bodies are cut along each
+other. So copies of marked faces stand aside meanwhile, and a face is marked that lies on one.
+"""
+
+from collections.abc import Mapping, Sequence
+from colorsys import rgb_to_hsv
+from dataclasses import dataclass
+
+import gmsh
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.geometry.joints import box
+from perfplast_fenicsx.geometry.parts import Part
+
+Colour = tuple[int, int, int]
+
+HUES = {
+    "red": 0,
+    "orange": 30,
+    "yellow": 60,
+    "green": 120,
+    "cyan": 180,
+    "blue": 230,
+    "magenta": 300,
+}
+"""Words for colours by their hue (degrees)."""
+
+GREYS = {"black": 0.0, "grey": 0.5, "white": 1.0}
+"""Words for those without a hue, by their value."""
+
+PALE, DARK = 0.15, 0.1
+"""Colours of less saturation or value have no hue that is seen."""
+
+CLOSE = 1e-6
+"""A face that is closer to another one than this share of its size lies on it."""
+
+PLACES = (0.5, 0.31, 0.67, 0.13, 0.86)
+"""Shares of a face's parameters at which a point inside of it is sought."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A coloured face that stands aside.
+
+    Attributes:
+        body: Name of its body.
+        colour: Its own, which is not the body's.
+        tag: Of the copy.
+    """
+
+    body: str
+    colour: Colour
+    tag: int
+
+
+def word_of(colour: Colour) -> str:
+    """The word for a colour."""
+    hue, saturation, value = rgb_to_hsv(*(part / 255 for part in colour))
+    if saturation < PALE or value < DARK:
+        return min(GREYS, key=lambda word: abs(GREYS[word] - value))
+    return min(HUES, key=lambda word: abs((360 * hue - HUES[word] + 180) % 360 - 180))
+
+
+def hex_of(colour: Colour) -> str:
+    """A colour as in HTML, such as "#dd5228"."""
+    return "#" + "".join(f"{part:02x}" for part in colour)
+
+
+def set_aside(parts: Sequence[Part]) -> list[Mark]:
+    """Copies of all faces whose colour is not their body's.
+
+    A body has the colour of most of its area, or none where some face has none.
+    """
+    marks = []
+    for part in parts:
+        colours: dict[int, Colour | None] = {}
+        for tag in part.tags:
+            for face in gmsh.model.getAdjacencies(3, tag)[1]:
+                red, green, blue, solid = gmsh.model.getColor(2, int(face))
+                colours[int(face)] = (red, green, blue) if solid else None
+        areas: dict[Colour | None, float] = {}
+        if len(set(colours.values())) > 1:  # areas take time
+            for face, colour in colours.items():
+                areas[colour] = areas.get(colour, 0.0) + gmsh.model.occ.getMass(2, face)
+        usual = None if None in areas else max(areas, key=areas.__getitem__, default=None)
+        for face, colour in colours.items():
+            if colour is not None and areas and colour != usual:
+                ((_, copy),) = gmsh.model.occ.copy([(2, face)])
+                marks.append(Mark(part.name, colour, copy))
+    gmsh.model.occ.synchronize()
+    return marks
+
+
+def take_back(
+    marks: Sequence[Mark], faces: Mapping[int, int], parts: Sequence[Part]
+) -> dict[int, Colour]:
+    """The colours of faces that lie on marked ones, whose copies are taken away.
+
+    Args:
+        marks: What :func:`set_aside` found.
+        faces: The number of the body of each free face.
+        parts: The bodies.
+    """
+    found = {}
+    boxes = {mark.tag: box(2, [mark.tag]) for mark in marks}
+    for face, body in faces.items() if marks else ():
+        low, high = box(2, [face])
+        near = CLOSE * float(np.linalg.norm(high - low))
+        point: Floats | None = None
+        for mark in marks:
+            least, most = boxes[mark.tag]
+            if mark.body != parts[body].name or (low < least - near).any():
+                continue
+            if (high > most + near).any():
+                continue
+            point = _inside(face) if point is None else point
+            foot, _ = gmsh.model.getClosestPoint(2, mark.tag, point)
+            if np.linalg.norm(point - foot) <= near and gmsh.model.isInside(2, mark.tag, foot):
+                found[face] = mark.colour
+                break
+    gmsh.model.occ.remove([(2, mark.tag) for mark in marks], recursive=True)
+    gmsh.model.occ.synchronize()
+    return found
+
+
+def _inside(face: int) -> Floats:
+    """A point of a face; the middle of its parameters where none of some others is inside."""
+    low, high = map(np.asarray, gmsh.model.getParametrizationBounds(2, face))
+    places = [low + np.array([u, v]) * (high - low) for u in PLACES for v in PLACES]
+    chosen = next((at for at in places if gmsh.model.isInside(2, face, at, True)), places[0])
+    return np.asarray(gmsh.model.getValue(2, face, chosen))

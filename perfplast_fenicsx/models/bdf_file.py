@@ -1,0 +1,230 @@
+"""A bulk data file of Nastran (``.bdf``, ``.nas``, ``.fem``) as a mesh with groups.
+
+Cards are read in fields of 8 or 16 characters or between commas (MSC Nastran's quick reference
+guide). Properties are bodies; supports are told of as groups of nodes.
+"""
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.models.element_blocks import Block
+from perfplast_fenicsx.models.element_types import (
+    HEXAHEDRON,
+    PYRAMID,
+    QUADRILATERAL,
+    TETRAHEDRON,
+    TRIANGLE,
+    WEDGE,
+    Shape,
+)
+from perfplast_fenicsx.models.element_types import ElementType as Type
+from perfplast_fenicsx.models.foreign_model import ForeignMaterial, ForeignModel
+from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
+from perfplast_fenicsx.models.grouped_model import model_of
+from perfplast_fenicsx.models.inp_numbers import NumberIndex
+from perfplast_fenicsx.models.number_text import text_of
+
+ELEMENTS: dict[str, tuple[Shape, int]] = {
+    "CTETRA": (TETRAHEDRON, 10),
+    "CPYRAM": (PYRAMID, 13),
+    "CPENTA": (WEDGE, 15),
+    "CHEXA": (HEXAHEDRON, 20),
+    "CTRIA3": (TRIANGLE, 3),
+    "CTRIA6": (TRIANGLE, 6),
+    "CQUAD4": (QUADRILATERAL, 4),
+    "CQUAD8": (QUADRILATERAL, 8),
+}
+"""Shapes by card, and nodes of a quadratic one."""
+
+TAKEN = {*ELEMENTS, "GRID", "PSOLID", "PSHELL", "MAT1", "SPC", "SPC1"}
+SILENT = {"BEGIN", "BEGIN BULK", "ENDDATA", "PARAM", "CORD2R", "SPCADD", "EIGRL"}
+"""Cards that are read, and that say nothing of a limit load."""
+
+NAMES = re.compile(
+    r"^\$(?:HMNAME +(?:PROP|COMP) +(\d+) *\"([^\"]+)\"|ANSA_NAME\w*;(\d+);P\w+;([^;]+);"
+    r"| *Femap Property (\d+) : (.+))",
+    re.MULTILINE | re.IGNORECASE,
+)
+"""Names of properties, which HyperMesh, ANSA and Femap write into comments."""
+
+SMALL, LARGE, LAST = 8, 16, 72
+"""Characters of a field, and of the fields of a line."""
+
+EXPONENT = re.compile(r"(?<=[\d.])([+-]\d)")
+"""Of a number such as 2.1+5, which has no letter before it."""
+
+Cards = dict[str, list[list[str]]]
+
+
+def read_bdf(path: Path) -> ForeignModel:
+    """Read a file.
+
+    Raises:
+        InputError: If it cannot be read, is damaged, or has no solids.
+    """
+    text = text_of(path)
+    try:
+        return model_of(_mesh(text))
+    except InputError as error:
+        raise InputError(f"'{path}': {error}") from error
+
+
+def _mesh(text: str) -> GroupedMesh:
+    cards = _cards(text)
+    if "GRID" not in cards:
+        raise InputError("there are no nodes (GRID), so it is no bulk data file of Nastran.")
+    ids = _whole(cards["GRID"], 1, 2)[:, 0]
+    systems = {row[2] for row in cards["GRID"] if len(row) > 2} - {"", "0"}
+    if systems:
+        raise InputError(
+            f"nodes are in the coordinate system {sorted(systems)[0]}; export the mesh in the basic"
+            " one."
+        )
+    index = NumberIndex(ids, 0, "node")
+    found = GroupedMesh(_real(cards["GRID"], 3, 6), [])
+    names = {
+        one or two or three: (a or b or c).strip()
+        for one, a, two, b, three, c in NAMES.findall(text)
+    }
+    for card, (shape, most) in ELEMENTS.items():
+        _elements(cards.get(card, []), shape, most, index, names, found)
+    _materials(cards, names, found)
+    for card in ("SPC", "SPC1"):
+        _supports(card, cards.get(card, []), index, found)
+    unknown = Counter({card: len(rows) for card, rows in cards.items() if card not in TAKEN})
+    for card, number in unknown.items():
+        if card not in SILENT:
+            found.remarks.append(f"{card} ({number} cards) has no counterpart and is left out")
+    return found
+
+
+def _cards(text: str) -> Cards:
+    """Fields of the cards by name; field 0 is the name."""
+    begin = re.search(r"(?im)^\s*BEGIN\b.*$", text)
+    lines = text[begin.end() if begin else 0 :].splitlines()
+    cards: Cards = {}
+    row: list[str] | None = None
+    for line in lines:
+        body = line.split("$", 1)[0].rstrip().expandtabs(SMALL)
+        if not body:
+            continue
+        if "," in body:
+            first, *fields = (cell.strip() for cell in body.split(","))
+            fields = fields[:8]
+        else:
+            first, rest = body[:SMALL].strip(), body[SMALL:LAST]
+            width = LARGE if "*" in first else SMALL
+            fields = [rest[at : at + width].strip() for at in range(0, len(rest), width)]
+            fields += [""] * ((LAST - SMALL) // width - len(fields))
+        name = first.rstrip("*_").upper()  # meshio writes CTETRA_
+        if name == "ENDDATA":
+            break
+        if first[:1] in ("", "+", "*"):
+            if row is None:
+                raise InputError(f"the line '{line[:30]}' continues no card; the file is damaged.")
+            row += fields
+        else:
+            row = [name, *fields]
+            cards.setdefault(name, []).append(row)
+    return cards
+
+
+def _elements(
+    rows: list[list[str]],
+    shape: Shape,
+    most: int,
+    index: NumberIndex,
+    names: dict[str, str],
+    found: GroupedMesh,
+) -> None:
+    """Take the elements of a card; those with all midsides, and those without."""
+    quadratic = [len(row) > most + 2 and all(row[3 : most + 3]) for row in rows]
+    for whole in (True, False):
+        mine = [row for row, full in zip(rows, quadratic, strict=True) if full == whole]
+        if not mine:
+            continue
+        count = most if whole else shape.corners
+        table = _whole(mine, 2, count + 3)
+        nodes = index.of(table[:, 1:])
+        if count in (15, 20):  # Nastran has the midsides along the height before those on top
+            base, edges = shape.corners, shape.corners // 2
+            tops = [*range(base + 2 * edges, base + 3 * edges)]
+            nodes = nodes[:, [*range(base + edges), *tops, *range(base + edges, base + 2 * edges)]]
+        first = found.count
+        found.blocks.append(Block(Type(shape, count), first, nodes))
+        for number in np.unique(table[:, 0]):
+            name = names.get(str(number), f"pid_{number}")
+            members = first + np.flatnonzero(table[:, 0] == number)
+            found.groups[name] = np.union1d(found.groups.get(name, members), members)
+
+
+def _materials(cards: Cards, names: dict[str, str], found: GroupedMesh) -> None:
+    """MAT1 by the properties that have it."""
+    known = {}
+    for row in cards.get("MAT1", []):
+        young, shear, poisson, density, expansion = _real([row], 2, 7)[0]
+        if shear and not poisson and young:
+            poisson = young / (2 * shear) - 1
+        known[row[1]] = ForeignMaterial(
+            young or None, poisson, density=density or None, expansion=expansion
+        )
+    for row in cards.get("PSOLID", []):
+        name = names.get(row[1], f"pid_{row[1]}")
+        if row[2] in known:
+            found.materials[name] = known[row[2]]
+
+
+def _supports(card: str, rows: list[list[str]], index: NumberIndex, found: GroupedMesh) -> None:
+    """Nodes that are held, as groups: what holds them is for the case to say."""
+    for row in rows:
+        cells = [cell for cell in row[2:] if cell]
+        if card == "SPC":
+            some = [(cells[at + 1], [cells[at]]) for at in range(0, len(cells) - 1, 3)]
+        elif len(cells) == 4 and cells[2].upper() == "THRU":
+            numbers = range(int(cells[1]), int(cells[3]) + 1) if _are_whole(cells[1::2]) else []
+            some = [(cells[0], [str(number) for number in numbers])]
+        else:
+            some = [(cells[0], cells[1:])] if cells else []
+        for components, nodes in some:
+            if not _are_whole(nodes) or not components.isdigit():
+                raise InputError(f"{card} has '{' '.join(cells)[:40]}' where numbers are wanted.")
+            name = f"held_{components}_of_set_{row[1]}"
+            own = index.of(np.array(nodes, dtype=np.int64), missing_is_fine=True)
+            found.node_groups[name] = np.union1d(found.node_groups.get(name, own), own)
+
+
+def _are_whole(cells: list[str]) -> bool:
+    return all(cell.isdigit() for cell in cells)
+
+
+def _whole(rows: list[list[str]], first: int, last: int) -> Longs:
+    """Fields as whole numbers, empty ones as 0, shape (rows, last - first)."""
+    try:
+        table = [[int(cell or 0) for cell in row[first:last]] for row in rows]
+        return np.array(table, dtype=np.int64).reshape(len(rows), last - first)
+    except ValueError as error:
+        raise InputError(f"{rows[0][0]} has fields that are no numbers ({error}).") from error
+
+
+def _real(rows: list[list[str]], first: int, last: int) -> Floats:
+    """Fields as numbers, empty ones as 0, shape (rows, last - first)."""
+    try:
+        table = [[_number(cell) for cell in (row + [""] * last)[first:last]] for row in rows]
+    except ValueError as error:
+        raise InputError(f"{rows[0][0]} has fields that are no numbers ({error}).") from error
+    found = np.array(table)
+    if not np.isfinite(found).all():
+        raise InputError(f"{rows[0][0]} has numbers that are not finite.")
+    return found
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell or 0)
+    except ValueError:
+        return float(EXPONENT.sub(r"e\1", cell.upper().replace("D", "E")))

@@ -1,0 +1,44 @@
+"""Names for the flat ends of bodies, where a file has none for them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from perfplast_fenicsx.geometry.parts import unique_names
+from perfplast_fenicsx.models.foreign_model import ForeignModel
+from perfplast_fenicsx.models.outer_facets import NOWHERE, OuterFacets
+
+CLOSE = 1e-6
+"""Share of a body's size by which nodes of a flat end may be off it."""
+
+
+def with_flat_ends(model: ForeignModel) -> ForeignModel:
+    """The model with names such as ``plate_z_low`` for outer facets that have none yet."""
+    outer = OuterFacets(model.cells, len(model.points))
+    free = np.ones(len(outer.corners), dtype=bool)
+    named = outer.find(model.facets)
+    free[named[named != NOWHERE]] = False
+    wanted, found = [], []
+    for number, body in enumerate(model.bodies):
+        mine = free & (model.body[outer.cells] == number)
+        places = model.points[np.unique(model.cells[model.body == number])][:, : model.dim]
+        low, high = places.min(axis=0), places.max(axis=0)
+        close = CLOSE * float(np.linalg.norm(high - low))
+        for axis, letter in enumerate("xyz"[: model.dim]):
+            for side, end in (("low", low[axis]), ("high", high[axis])):
+                off = np.abs(model.points[outer.corners, axis] - end).max(axis=1)
+                at = np.flatnonzero(mine & (off <= close))
+                if len(at):
+                    wanted.append(f"{body}_{letter}_{side}")
+                    found.append(at)
+    if not found:
+        return model
+    names = unique_names([*model.surfaces, *wanted])
+    first = len(model.surfaces)
+    ends = [np.full(len(at), first + k) for k, at in enumerate(found)]
+    return replace(
+        model,
+        facets=np.concatenate([model.facets, outer.corners[np.concatenate(found)]]),
+        surface=np.concatenate([model.surface, *ends]),
+        surfaces=names,
+    )

@@ -1,0 +1,47 @@
+"""A common material for a model whose file has none that yields."""
+
+from dataclasses import replace
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.materials.common import TABLE, find
+from perfplast_fenicsx.models.foreign_model import ForeignMaterial, ForeignModel
+from perfplast_fenicsx.units import SYSTEMS
+
+ALIKE = 2.0
+"""Ratio of two Young's moduli of one material in one unit: steels differ by less, units by more."""
+
+
+def with_material(model: ForeignModel, name: str) -> tuple[ForeignModel, str]:
+    """The model of one material, and the unit of its stresses.
+
+    Young's moduli in the file tell the unit; a file without them gets numbers in MPa.
+
+    Raises:
+        InputError: If there is no such material, bodies yield already, or have Young's moduli that
+            are those of the material in no unit.
+    """
+    common = find(name)
+    yields = [body for body, given in model.materials.items() if given.yield_stress is not None]
+    if yields:
+        raise InputError(
+            f"'{yields[0]}' has a yield stress in the file; leave out --material, and change it in"
+            " the case where you want another one."
+        )
+    known = [given.young for given in model.materials.values() if given.young is not None]
+    fitting = [
+        system
+        for system in (SYSTEMS if known else [TABLE])
+        if all(1 / ALIKE < young / common.in_system(system).young < ALIKE for young in known)
+    ]
+    if not fitting:
+        raise InputError(
+            f"Young's moduli in the file ({', '.join(f'{young:g}' for young in known)}) are those"
+            f" of {name} in no unit; leave out --material, and fill in the yield stress."
+        )
+    one = common.in_system(fitting[0])
+    given = ForeignMaterial(one.young, one.poisson, one.yield_stress)
+    materials = {}
+    for body in model.bodies:
+        before = model.materials.get(body, ForeignMaterial())
+        materials[body] = replace(given, density=before.density, expansion=before.expansion)
+    return replace(model, materials=materials), SYSTEMS[fitting[0]].stress

@@ -1,0 +1,161 @@
+"""A mesh with groups as a model: groups of solids are bodies, those of their faces surfaces."""
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.geometry.parts import unique_names
+from perfplast_fenicsx.models.element_facets import ElementFacets
+from perfplast_fenicsx.models.foreign_model import ForeignModel
+from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
+from perfplast_fenicsx.models.named_surfaces import NamedSurfaces
+from perfplast_fenicsx.models.outer_facets import OuterFacets
+from perfplast_fenicsx.models.solid_cells import SolidCells, solid_cells
+
+REST = "rest"
+"""The body of elements without a group."""
+
+MOST_SHOWN = 5
+"""Names in a remark."""
+
+
+def model_of(mesh: GroupedMesh) -> ForeignModel:
+    """Bodies and surfaces of a mesh.
+
+    Raises:
+        InputError: If there are no solids.
+    """
+    solid = solid_cells(mesh.points, mesh.blocks, mesh.left_out)
+    remarks = mesh.remarks + solid.remarks
+    if solid.dim == 2 and mesh.turned is None:
+        remarks.append(
+            'the plane mesh is taken as plane strain; with kind = "axisymmetric" under [model] it'
+            " is half a section about the y axis"
+        )
+    bodies, body, groups = _bodies(mesh, solid, remarks)
+    outer = OuterFacets(solid.cells, len(mesh.points))
+    names, facets, surface = _surfaces(mesh, solid, outer, bodies, body, remarks)
+    return ForeignModel(
+        dim=solid.dim,
+        turned=bool(mesh.turned),
+        points=mesh.points,
+        cells=solid.cells,
+        body=body,
+        bodies=bodies,
+        facets=outer.corners[facets],
+        surface=surface,
+        surfaces=names,
+        materials={
+            name: mesh.materials[group]
+            for name, group in zip(bodies, groups, strict=True)
+            if group in mesh.materials
+        },
+        remarks=remarks,
+    )
+
+
+def _bodies(
+    mesh: GroupedMesh, solid: SolidCells, remarks: list[str]
+) -> tuple[list[str], Longs, list[str]]:
+    """Names of bodies, the body of each simplex, and the group that each body is of.
+
+    Where groups overlap the smaller one has what both have: a group of everything beside groups of
+    parts is then no body.
+    """
+    solids = np.flatnonzero(mesh.dimensions() == solid.dim)
+    inside = {name: np.intersect1d(members, solids) for name, members in mesh.groups.items()}
+    ordered = sorted((name for name in inside if len(inside[name])), key=lambda n: -len(inside[n]))
+    owner = np.full(mesh.count, -1)
+    for number, name in enumerate(ordered):
+        owner[inside[name]] = number
+    for number, name in enumerate(ordered):
+        left = int((owner[inside[name]] == number).sum())
+        if not left:
+            remarks.append(f"the group '{name}' is made of smaller ones, and is no body of its own")
+        elif left < len(inside[name]):
+            remarks.append(
+                f"{len(inside[name]) - left} elements of the group '{name}' are in smaller groups"
+                " too, whose bodies have them"
+            )
+    there, body = np.unique(owner[solid.parents], return_inverse=True)
+    groups = [ordered[number] if number >= 0 else REST for number in there]
+    return unique_names(groups), body.ravel(), groups
+
+
+def _surfaces(
+    mesh: GroupedMesh,
+    solid: SolidCells,
+    outer: OuterFacets,
+    bodies: list[str],
+    body: Longs,
+    remarks: list[str],
+) -> tuple[list[str], Longs, Longs]:
+    """Names of surfaces, their facets, and the surface of each facet."""
+    find = ElementFacets(mesh.points, mesh.blocks, outer, solid.dim)
+    dims = mesh.dimensions()
+    named, inner, lower, no_surface = NamedSurfaces(), [], [], []
+    for name, members in mesh.groups.items():
+        flat = members[dims[members] == solid.dim - 1]
+        facets = find.of_flat_elements(flat)
+        if len(facets):
+            named.add(name, facets)
+        if find.count_of_flat(flat) > len(facets):
+            inner.append(name)
+        if len(members) and (dims[members] < solid.dim - 1).all():
+            lower.append(name)
+    for name, nodes in mesh.node_groups.items():
+        facets = find.of_nodes(nodes)
+        if name in mesh.groups and len(facets):
+            continue  # the nodes of a group of elements
+        if find.covered(nodes, facets):
+            named.add(name, facets)
+        else:
+            no_surface.append(name)
+    _without_skins(named, body[outer.cells], set(mesh.node_groups) - set(mesh.groups), remarks)
+    for what, names in (
+        ("groups of faces that lie inside of the bodies, or on none, are left out there", inner),
+        ("groups of edges or points have no counterpart and are left out", lower),
+        ("groups of nodes that are no surface are left out", no_surface),
+    ):
+        if names:
+            shown = ", ".join(repr(name) for name in names[:MOST_SHOWN])
+            more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
+            remarks.append(f"{what}: {shown}{more}")
+    plain, facets, surface, stands = named.divided(bodies)
+    for name, some in stands.items():
+        if len(some) > 1:
+            remarks.append(
+                f"the surface '{name}' has faces in common with others, and stands for"
+                f" {', '.join(map(repr, some))}"
+            )
+    return plain, facets, surface
+
+
+def _without_skins(
+    named: NamedSurfaces, skins: Longs, of_nodes: set[str], remarks: list[str]
+) -> None:
+    """Take away groups of whole skins that hold other groups: they would only divide these.
+
+    Those of nodes are taken away in any case: they are sets of all nodes.
+
+    Args:
+        named: Surfaces by the names of their groups.
+        skins: The body of each outer facet.
+        of_nodes: Names of groups of nodes.
+        remarks: Gets what is taken away.
+    """
+    sizes = np.bincount(skins)
+    for name in named.names():
+        mine = named.facets(name)
+        whole = np.bincount(skins[mine], minlength=len(sizes))
+        others = [other for other in named.names() if other != name]
+        if (whole == sizes)[whole > 0].all() and (
+            name in of_nodes
+            or any(
+                len(named.facets(other)) < len(mine) and np.isin(named.facets(other), mine).all()
+                for other in others
+            )
+        ):
+            named.remove(name)
+            remarks.append(
+                f"the group '{name}' is the whole skin of bodies, and is no surface of its own"
+            )

@@ -1,0 +1,71 @@
+"""Text files of numbers, read as arrays."""
+
+import re
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.models.inp_keywords import MOST_BYTES
+
+
+def text_of(path: Path) -> str:
+    """The text of a file, in UTF-8 or else in Latin-1, which any text is.
+
+    Raises:
+        InputError: If it cannot be read, or is no text.
+    """
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise InputError(f"'{path}' has more than {MOST_BYTES:.0e} bytes; that is too much.")
+        raw = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"'{path}' cannot be read: {error.strerror}; check the path.") from error
+    if b"\0" in raw:
+        raise InputError(f"'{path}' is no text; export the mesh again.")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
+
+
+def whole_numbers(lines: Iterable[str], what: str) -> Longs:
+    """All whole numbers of lines.
+
+    Args:
+        lines: With blanks between the numbers.
+        what: They are of, for refusals.
+
+    Raises:
+        InputError: If there is something else.
+    """
+    return np.asarray(_numbers(" ".join(lines), np.int64, what), dtype=np.int64)
+
+
+def real_numbers(lines: Iterable[str], what: str) -> Floats:
+    """All numbers of lines, with exponents of Fortran too (1.0D+00).
+
+    Raises:
+        InputError: If there is something else, or one is not finite.
+    """
+    text = re.sub("[dD]", "e", " ".join(lines))
+    found = np.asarray(_numbers(text, np.float64, what), dtype=np.float64)
+    if not np.isfinite(found).all():
+        raise InputError(f"{what} have coordinates that are not finite; the file is damaged.")
+    return found
+
+
+def _numbers(text: str, kind: type[np.generic], what: str) -> np.ndarray:
+    if not text.strip():
+        return np.zeros(0, dtype=kind)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # what NumPy says of other text
+        try:
+            return np.fromstring(text, dtype=kind, sep=" ")
+        except (DeprecationWarning, ValueError) as error:
+            raise InputError(
+                f"{what} have something else where numbers should be; the file is damaged."
+            ) from error

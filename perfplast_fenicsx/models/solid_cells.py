@@ -1,0 +1,134 @@
+"""The solid elements of a model as simplices."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.models.element_blocks import Block
+from perfplast_fenicsx.models.simplices import divided
+
+BENT = 1e-3
+"""Share of an edge by which a midside may be off its middle and the edge still be straight."""
+
+FLAT = 1e-10
+"""Volume of a simplex in terms of its longest edge, below which it has none."""
+
+
+@dataclass(frozen=True, eq=False)
+class SolidCells:
+    """Simplices of a model.
+
+    Attributes:
+        dim: 3, or 2 where there are flat elements alone.
+        blocks: The elements of this dimension.
+        cells: Corners of the simplices, shape (m, dim + 1), with positive volumes.
+        parents: The element of each, shape (m,).
+        remarks: What became of elements, a sentence each.
+    """
+
+    dim: int
+    blocks: list[Block]
+    cells: Longs
+    parents: Longs
+    remarks: list[str]
+
+
+def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, int]) -> SolidCells:
+    """Divide the elements of the highest dimension.
+
+    Args:
+        points: Shape (n, 3).
+        blocks: All elements.
+        left_out: How many elements of types that the program does not know, by type.
+
+    Raises:
+        InputError: If there are no solid elements, or one has no volume.
+    """
+    solids = [block for block in blocks if block.kind.shape.dim > 1 and len(block.nodes)]
+    if not solids:
+        left = ", ".join(left_out) or "none"
+        raise InputError(
+            f"there are no solid elements (types that are not known: {left}); give tetrahedra,"
+            " hexahedra, wedges or pyramids (C3D4, C3D10, C3D8, C3D20, C3D6, C3D15), or triangles"
+            " and quadrilaterals in the plane (CPE, CAX)."
+        )
+    dim = max(block.kind.shape.dim for block in solids)
+    solids = [block for block in solids if block.kind.shape.dim == dim]
+    if dim == 2:
+        _check_plane(points, solids)
+    cells, parents = [], []
+    for block in solids:
+        corners, of = divided(block.nodes[:, : block.kind.shape.corners], block.kind.shape)
+        cells.append(corners)
+        parents.append(block.first + of)
+    every, parent = np.concatenate(cells), np.concatenate(parents)
+    once = (np.diff(np.sort(every, axis=1), axis=1) > 0).all(axis=1)
+    every, parent = every[once], parent[once]  # of a hexahedron that is collapsed to a wedge, say
+    full = _with_volume(points, every, dim)
+    if not (full.all() and len(every)):
+        place = points[every[~full][0]].mean(axis=0) if len(every) else points[0]
+        raise InputError(
+            f"{len(np.unique(parent[~full]))} elements have no volume, one of them at"
+            f" ({', '.join(f'{x:.6g}' for x in place)}); mend the mesh where it was made."
+        )
+    remarks = _told(points, solids, left_out, len(every))
+    return SolidCells(dim, solids, _oriented(points, every, dim), parent, remarks)
+
+
+def _check_plane(points: Floats, solids: Sequence[Block]) -> None:
+    """Refuse surfaces in space."""
+    used = points[np.unique(np.concatenate([block.nodes.ravel() for block in solids]))]
+    height, size = np.ptp(used[:, 2]), np.linalg.norm(np.ptp(used, axis=0))
+    if height > BENT * size:
+        raise InputError(
+            "there are no solid elements, only surfaces in space (shells), which have no"
+            " counterpart; give solids, or a plane model in x and y."
+        )
+
+
+def _with_volume(points: Floats, cells: Longs, dim: int) -> np.ndarray:
+    edges = points[cells[:, 1:], :dim] - points[cells[:, :1], :dim]
+    longest = np.linalg.norm(edges, axis=2).max(axis=1)
+    return np.asarray(np.abs(np.linalg.det(edges)) > FLAT * longest**dim)
+
+
+def _oriented(points: Floats, cells: Longs, dim: int) -> Longs:
+    """Cells with positive volume."""
+    edges = points[cells[:, 1:], :dim] - points[cells[:, :1], :dim]
+    turned = np.linalg.det(edges) < 0
+    cells = cells.copy()
+    cells[turned] = cells[turned][:, [1, 0, *range(2, dim + 1)]]
+    return cells
+
+
+def _told(
+    points: Floats, solids: Sequence[Block], left_out: Mapping[str, int], count: int
+) -> list[str]:
+    """What became of elements."""
+    remarks = [
+        f"{number} lines of elements of type {name}, which the program does not know, are left out"
+        for name, number in left_out.items()
+    ]
+    whole = sum(len(block.nodes) for block in solids)
+    if count > whole:
+        remarks.append(
+            f"{whole} elements are divided into {count} triangles or tetrahedra whose faces match"
+        )
+    bent = 0
+    for block in solids:
+        shape = block.kind.shape
+        if block.kind.nodes < shape.corners + len(shape.midsides):
+            continue
+        ends = points[block.nodes[:, np.array(shape.midsides)]]
+        middles = points[block.nodes[:, shape.corners : shape.corners + len(shape.midsides)]]
+        off = np.linalg.norm(middles - ends.mean(axis=2), axis=2)
+        bent += int((off > BENT * np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)).sum())
+    if bent:
+        remarks.append(
+            f"{bent} midsides lie off the middle of their edge: curved elements are taken as"
+            " straight between their corners"
+        )
+    return remarks

@@ -1,0 +1,174 @@
+"""A ``.unv`` file (I-DEAS universal file: Salome, NX, Femap) as a mesh with groups.
+
+Datasets stand between lines of -1: 2411 or 781 has nodes, 2412 elements, 2467 and its likes groups
+(SDRC's universal file format). All others say nothing of a mesh.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.models.element_blocks import Block
+from perfplast_fenicsx.models.element_types import (
+    HEXAHEDRON,
+    LINE,
+    QUADRILATERAL,
+    TETRAHEDRON,
+    TRIANGLE,
+    WEDGE,
+    ElementType,
+)
+from perfplast_fenicsx.models.foreign_model import ForeignModel
+from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
+from perfplast_fenicsx.models.grouped_model import model_of
+from perfplast_fenicsx.models.inp_numbers import NOBODY, NumberIndex
+from perfplast_fenicsx.models.number_text import real_numbers, text_of, whole_numbers
+
+NODES, ELEMENTS = ("2411", "781"), ("2412",)
+GROUPS = ("2429", "2430", "2432", "2435", "2452", "2467", "2477")
+"""Numbers of datasets."""
+
+NODE, ELEMENT, IN_A_LINE = 7, 8, 8
+"""Kinds of members of groups, and numbers in a line of them."""
+
+HEAD = 6
+"""Numbers before the nodes of an element: the last one says how many nodes follow."""
+
+BEAMS, OF_BEAMS = (11, 21, 22, 23, 24), 3
+"""Elements of lines that have numbers of their own, and so many."""
+
+AROUND_3, AROUND_4 = [0, 2, 4, 1, 3, 5], [0, 2, 4, 6, 1, 3, 5, 7]
+"""Quadratic elements go around with their midsides: where corners are, and then midsides."""
+
+FACES = {
+    1: (ElementType(TRIANGLE, 3), [0, 1, 2]),
+    2: (ElementType(TRIANGLE, 6), AROUND_3),
+    4: (ElementType(QUADRILATERAL, 4), [0, 1, 2, 3]),
+    5: (ElementType(QUADRILATERAL, 8), AROUND_4),
+}
+KINDS: dict[int, tuple[ElementType, list[int]]] = {
+    **{of + one: kind for of in (40, 50, 60, 70, 80, 90) for one, kind in FACES.items()},
+    111: (ElementType(TETRAHEDRON, 4), [0, 1, 2, 3]),
+    112: (ElementType(WEDGE, 6), [0, 1, 2, 3, 4, 5]),
+    113: (ElementType(WEDGE, 15), [0, 2, 4, 9, 11, 13, 1, 3, 5, 10, 12, 14, 6, 7, 8]),
+    115: (ElementType(HEXAHEDRON, 8), [0, 1, 2, 3, 4, 5, 6, 7]),
+    116: (
+        ElementType(HEXAHEDRON, 20),
+        [0, 2, 4, 6, 12, 14, 16, 18, 1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11],
+    ),
+    118: (ElementType(TETRAHEDRON, 10), [0, 2, 4, 9, 1, 3, 5, 6, 7, 8]),
+    11: (ElementType(LINE, 2), [0, 1]),
+    21: (ElementType(LINE, 2), [0, 1]),
+    22: (ElementType(LINE, 3), [0, 2, 1]),
+    24: (ElementType(LINE, 3), [0, 2, 1]),
+}
+"""Elements by their descriptor: plane, thin and solid ones."""
+
+
+def read_unv(path: Path) -> ForeignModel:
+    """Read a file.
+
+    Raises:
+        InputError: If it cannot be read, is damaged, or has no solids.
+    """
+    text = text_of(path)
+    try:
+        return model_of(_mesh(text))
+    except InputError as error:
+        raise InputError(f"'{path}': {error}") from error
+
+
+def _mesh(text: str) -> GroupedMesh:
+    datasets = _datasets(text)
+    nodes = [lines for number, lines in datasets if number in NODES]
+    if not nodes:
+        raise InputError(
+            "there are no nodes (dataset 2411 or 781), so it is no mesh in the UNV format, or one"
+            " of the eighties; export the mesh again."
+        )
+    heads = np.concatenate([whole_numbers(lines[::2], "nodes") for lines in nodes])
+    places = np.concatenate([real_numbers(lines[1::2], "nodes") for lines in nodes])
+    if len(heads) % 4 or len(places) % 3 or len(heads) // 4 != len(places) // 3:
+        raise InputError("nodes have no 3 coordinates each; the file is cut off or damaged.")
+    points = NumberIndex(heads[::4], 0, "node")
+    found = GroupedMesh(places.reshape(-1, 3), [])
+    ids = [NOBODY]
+    for number, lines in datasets:
+        if number in ELEMENTS:
+            ids += _elements(whole_numbers(lines, "elements"), points, found)
+    of_elements = NumberIndex(np.concatenate(ids), 0, "element")
+    for number, lines in datasets:
+        if number in GROUPS:
+            _groups(lines, points, of_elements, found)
+    return found
+
+
+def _datasets(text: str) -> list[tuple[str, list[str]]]:
+    """Numbers of datasets, and the lines of each."""
+    found = []
+    for body in re.split(r"(?m)^ *-1 *\r?$", text)[1::2]:
+        lines = body.strip("\r\n").splitlines()
+        if lines:
+            found.append((lines[0].strip(), lines[1:]))
+    return found
+
+
+def _elements(numbers: Longs, points: NumberIndex, found: GroupedMesh) -> list[Longs]:
+    """Take the elements, which follow each other in runs of one kind; their own numbers."""
+    ids, at = [], 0
+    while at + HEAD <= len(numbers):
+        kind, nodes = int(numbers[at + 1]), int(numbers[at + HEAD - 1])
+        first = HEAD + (OF_BEAMS if kind in BEAMS else 0)
+        length = first + nodes
+        table = numbers[at : at + (len(numbers) - at) // max(length, 1) * length]
+        table = table.reshape(-1, max(length, 1))
+        if nodes < 1 or not len(table):
+            raise InputError("elements are cut off or damaged; export the mesh again.")
+        other = (table[:, 1] != kind) | (table[:, HEAD - 1] != nodes)
+        table = table[: int(np.argmax(other)) if other.any() else len(table)]
+        at += table.size
+        known = KINDS.get(kind)
+        if known is None or known[0].nodes != nodes:
+            name = f"{kind} with {nodes} nodes"
+            found.left_out[name] = found.left_out.get(name, 0) + len(table)
+            continue
+        found.blocks.append(Block(known[0], found.count, points.of(table[:, first:])[:, known[1]]))
+        ids.append(table[:, 0])
+    if at < len(numbers):
+        raise InputError("the last element is cut off; export the mesh again.")
+    return ids
+
+
+def _groups(
+    lines: list[str], points: NumberIndex, elements: NumberIndex, found: GroupedMesh
+) -> None:
+    """Take the groups of a dataset."""
+    at = 0
+    while at + 1 < len(lines):
+        if not lines[at].strip():  # behind groups without members
+            at += 1
+            continue
+        head, name = whole_numbers([lines[at]], "groups"), lines[at + 1].strip()
+        count = int(head[-1]) if len(head) else -1
+        if count < 0:
+            raise InputError(f"the group '{name[:40]}' is damaged; export the mesh again.")
+        what = f"members of '{name[:40]}'"
+        first = whole_numbers(lines[at + 2 : at + 3], what) if count else NOBODY
+        # kind, number and two zeros of each, two in a line; in older datasets without the zeros
+        fields = 4 if len(first) > 2 and first[2] == 0 else 2
+        tall = -(-count * fields // IN_A_LINE)
+        rows = whole_numbers(lines[at + 2 : at + 2 + tall], what)
+        if len(rows) != fields * count:
+            raise InputError(f"the group '{name[:40]}' is cut off or damaged; export it again.")
+        members = rows.reshape(count, -1) if count else np.zeros((0, 2), dtype=np.int64)
+        for kind, index, groups in (
+            (ELEMENT, elements, found.groups),
+            (NODE, points, found.node_groups),
+        ):
+            own = index.of(members[members[:, 0] == kind, 1], missing_is_fine=True)
+            if len(own):
+                groups[name] = np.union1d(groups.get(name, own), own)
+        at += 2 + tall

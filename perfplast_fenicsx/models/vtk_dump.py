@@ -1,0 +1,52 @@
+"""A program of its own: VTK reads a file of cells, and what is in it goes into an .npz file.
+
+Broken files make VTK crash, or allocate without end. That ends this process, not the ranks. It
+imports nothing of this package, as that might start MPI.
+
+    python3 -P vtk_dump.py FILE.vtu TARGET.npz
+"""
+
+import resource
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista
+
+MEMORY, MEMORY_PER_BYTE = 8 << 30, 100
+"""Address space that it may take."""
+
+
+def limit(size: int) -> None:
+    """Bound what this process may take, for a file of ``size`` bytes."""
+    memory, most = MEMORY + MEMORY_PER_BYTE * size, resource.getrlimit(resource.RLIMIT_AS)[1]
+    if most == resource.RLIM_INFINITY or memory < most:
+        resource.setrlimit(resource.RLIMIT_AS, (memory, most))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def dump(source: str, target: str) -> None:
+    """Read one file, write the other."""
+    grid: Any = pyvista.read(source)
+    if not isinstance(grid, pyvista.UnstructuredGrid):
+        grid = (
+            grid.combine()
+            if isinstance(grid, pyvista.MultiBlock)
+            else grid.cast_to_unstructured_grid()
+        )
+    arrays: dict[str, Any] = {"points": np.asarray(grid.points, dtype=np.float64)}
+    arrays |= {"kinds": np.asarray(grid.celltypes), "offsets": np.asarray(grid.offset)}
+    arrays["nodes"] = np.asarray(grid.cell_connectivity)
+    for where, data in (("cell", grid.cell_data), ("point", grid.point_data)):
+        for number, name in enumerate(data.keys()):
+            values = np.asarray(data[name])
+            if values.ndim == 1 and values.dtype.kind in "iub":
+                arrays[f"{where}_{number}"] = values.astype(np.int64)
+                arrays[f"{where}_{number}_name"] = np.array(name)
+    np.savez(target, **arrays)
+
+
+if __name__ == "__main__":
+    limit(Path(sys.argv[1]).stat().st_size)
+    dump(*sys.argv[1:3])

@@ -1,0 +1,148 @@
+"""A ``.vtu`` or ``.vtk`` file of cells as a mesh with groups.
+
+Such files have no names of bodies and surfaces, but whole numbers at cells or points: each number
+of an array such as "region" is a group ``region_3``.
+"""
+
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.child_process import environment_for_gmsh
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.models.element_blocks import Block
+from perfplast_fenicsx.models.element_types import (
+    HEXAHEDRON,
+    LINE,
+    PYRAMID,
+    QUADRILATERAL,
+    TETRAHEDRON,
+    TRIANGLE,
+    WEDGE,
+    ElementType,
+)
+from perfplast_fenicsx.models.foreign_model import ForeignModel
+from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
+from perfplast_fenicsx.models.grouped_model import model_of
+
+KINDS = {
+    **{3: ElementType(LINE, 2), 21: ElementType(LINE, 3)},
+    **{5: ElementType(TRIANGLE, 3), 22: ElementType(TRIANGLE, 6)},
+    **{9: ElementType(QUADRILATERAL, 4), 23: ElementType(QUADRILATERAL, 8)},
+    **{28: ElementType(QUADRILATERAL, 9), 10: ElementType(TETRAHEDRON, 4)},
+    **{24: ElementType(TETRAHEDRON, 10), 12: ElementType(HEXAHEDRON, 8)},
+    **{25: ElementType(HEXAHEDRON, 20), 29: ElementType(HEXAHEDRON, 27)},
+    **{13: ElementType(WEDGE, 6), 26: ElementType(WEDGE, 15)},
+    **{14: ElementType(PYRAMID, 5), 27: ElementType(PYRAMID, 13)},
+}
+"""Elements by VTK's numbers, whose corners and midsides follow each other as Abaqus' do."""
+
+POINTS = (1, 2)
+"""Elements of points, which say nothing."""
+
+MOST_GROUPS = 200
+"""An array of more numbers counts cells, and is none of groups."""
+
+USUAL = ("gmsh:physical", "CellEntityIds", "medit:ref", "region", "material", "part")
+"""Arrays that have groups in files of gmsh, meshio and others; another one without these."""
+
+MOST_SECONDS = 600
+"""Longest time that VTK gets."""
+
+
+def read_vtu(path: Path) -> ForeignModel:
+    """Read a file.
+
+    Raises:
+        InputError: If it cannot be read, is damaged, or has no solids.
+    """
+    try:
+        with path.open("rb") as opened:
+            opened.read(1)
+    except OSError as error:
+        raise InputError(f"'{path}' cannot be read: {error.strerror}; check the path.") from error
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "mesh.npz"
+        program = Path(__file__).with_name("vtk_dump.py")
+        command = [sys.executable, "-P", str(program), str(path.absolute()), str(target)]
+        try:
+            done = subprocess.run(
+                command,
+                env=environment_for_gmsh(Path(folder)),
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                check=False,
+                timeout=MOST_SECONDS,
+            )
+        except subprocess.TimeoutExpired as error:
+            raise InputError(f"'{path}' was not read in {MOST_SECONDS} s by VTK.") from error
+        if done.returncode or not target.exists():
+            how = f"exit status {done.returncode}"
+            if done.returncode < 0:
+                how = signal.strsignal(-done.returncode) or how
+            raise InputError(f"VTK cannot read '{path}' ({how.lower()}): the file is damaged.")
+        with np.load(target) as arrays:
+            try:
+                return model_of(_mesh(arrays))
+            except InputError as error:
+                raise InputError(f"'{path}': {error}") from error
+
+
+def _mesh(arrays: Any) -> GroupedMesh:
+    kinds, offsets, nodes = arrays["kinds"], arrays["offsets"], arrays["nodes"]
+    found = GroupedMesh(arrays["points"], [])
+    if not np.isfinite(found.points).all():
+        raise InputError("nodes have coordinates that are not finite; the file is damaged.")
+    places = np.full(len(kinds), -1)
+    for number in np.unique(kinds):
+        mine = np.flatnonzero(kinds == number)
+        kind = KINDS.get(int(number))
+        if kind is None:
+            if number not in POINTS:
+                found.left_out[f"VTK {number}"] = len(mine)
+            continue
+        if not (np.diff(offsets)[mine] == kind.nodes).all():
+            raise InputError(f"cells of VTK's type {number} have no {kind.nodes} nodes each.")
+        table = nodes[offsets[mine][:, None] + np.arange(kind.nodes)]
+        if table.size and not 0 <= table.min() <= table.max() < len(found.points):
+            raise InputError("cells have points that there are not; the file is damaged.")
+        places[mine] = found.count + np.arange(len(mine))
+        found.blocks.append(Block(kind, found.count, table))
+    for where, groups in (("cell", found.groups), ("point", found.node_groups)):
+        _group(arrays, where, places, groups, found.remarks)
+    return found
+
+
+def _group(
+    arrays: Any, where: str, places: Longs, groups: dict[str, Longs], remarks: list[str]
+) -> None:
+    """Put cells or points into groups by the numbers of one array."""
+    found = {
+        str(arrays[f"{key}_name"]): arrays[key]
+        for key in arrays.files
+        if key.startswith(where) and key[-1].isdigit()
+    }
+    usable = {
+        name: values for name, values in found.items() if 1 < len(np.unique(values)) <= MOST_GROUPS
+    }
+    if not usable:
+        return
+    name = next((one for one in USUAL if one in usable), next(iter(usable)))
+    if len(usable) > 1:
+        others = ", ".join(repr(one) for one in usable if one != name)
+        remarks.append(
+            f"groups of {where}s are made of the array '{name}'; {others} would make others, and"
+            " are left out"
+        )
+    for number in np.unique(usable[name]):
+        members = np.flatnonzero(usable[name] == number)
+        members = places[members] if where == "cell" else members
+        members = members[members >= 0]
+        if len(members) and (where == "cell" or number):  # 0 is what points have by default
+            groups[f"{name}_{number}"] = members
