@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
-from perfplast_fenicsx.geometry.survey import Survey
+from perfplast_fenicsx.geometry.survey import Joint, Survey
 
 AFFORDABLE = {2: 60_000, 3: 12_000}
 """Cells by dimension up to which a first case asks for bounds: some minutes on one core."""
@@ -50,36 +50,39 @@ def loading_for(survey: Survey, glued: Glued, options: MeshingOptions) -> str:
         glued: What is glued.
         options: By which it was meshed.
     """
-    why = next(_against(survey, glued, options), None)
+    why = next(_against(survey, options), None)
     if why is not None:
         return ESTIMATE.format(why=why)
-    why = next(_against_adapting(survey), None)
+    why = next(_against_adapting(survey, glued), None)
     if why is not None:
         return BOUNDS + ONE_MESH.format(why=why)
     cells = round(GROWTH * _cells(survey) + 500, -3)
     return BOUNDS + ADAPT.format(percent=100 * UNTIL, until=UNTIL, cells=int(cells))
 
 
-def _against(survey: Survey, glued: Glued, options: MeshingOptions) -> Iterator[str]:
+def _against(survey: Survey, options: MeshingOptions) -> Iterator[str]:
     """Why no bounds are asked for."""
-    if any(glued.glues(joint) for joint in survey.joints):
-        yield "none are known of bodies that a [[tie]] glues"
-    if survey.joints and options.meshed == "apart":
-        yield "none are known of contact whose nodes do not match (meshed apart)"
+    straight = survey.dim == 2 and not any(_curved(joint) for joint in survey.joints)
+    if survey.joints and options.meshed == "apart" and not straight:
+        yield "none are known where the nodes of bodies do not match (meshed apart)"
     if survey.degree > 1:
         yield "none are known of curved elements (order = 2)"
     if (cells := _cells(survey)) > _most(survey, AFFORDABLE):
         yield f"they take long on {cells} elements (a larger size has fewer)"
 
 
-def _against_adapting(survey: Survey) -> Iterator[str]:
+def _against_adapting(survey: Survey, glued: Glued) -> Iterator[str]:
     """Why bounds are asked for on one mesh."""
     for joint in survey.joints:
-        if any(shape not in ("flat", "straight") for shape in joint.shapes):
+        if _curved(joint) and not glued.glues(joint):
             one, other = joint.bodies
             yield f"'{one}' and '{other}' touch on curved faces: the lower bound alone is strict"
     if _cells(survey) > _most(survey, ADAPTED):
         yield f"finer ones than {_cells(survey)} elements take long; see adapt under [mesh]"
+
+
+def _curved(joint: Joint) -> bool:
+    return any(shape not in ("flat", "straight") for shape in joint.shapes)
 
 
 def _most(survey: Survey, cells: Mapping[int, int]) -> float:

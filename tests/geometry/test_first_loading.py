@@ -43,8 +43,8 @@ def test_bounds_on_one_mesh(found: Survey, why: str) -> None:
 @pytest.mark.parametrize(
     ("found", "glued", "apart", "why"),
     [
-        (survey(), Glued.ALL, False, "[[tie]] glues"),
         (survey(), Glued.NOTHING, True, "do not match"),
+        (survey(), Glued.ALL, True, "do not match"),
         (survey(degree=2), Glued.NOTHING, False, "curved elements"),
         (survey(40_000), Glued.NOTHING, False, "40000 elements"),
     ],
@@ -53,6 +53,20 @@ def test_estimates_say_why(found: Survey, glued: Glued, apart: bool, why: str) -
     case, text = asked(found, glued, apart)
     assert case["loading"] == {"control": "work", "until": "limit"}
     assert why in text
+
+
+def test_glued_bodies_that_are_meshed_together_are_one() -> None:
+    for found in (survey(4213), survey(4213, shape="cylindrical")):
+        case, _ = asked(found, Glued.ALL)
+        assert case["loading"] == {"control": "bounds"}
+        assert case["mesh"]["adapt"] == {"until": 0.1, "cells": 9000}
+
+
+def test_plane_bodies_that_are_meshed_apart() -> None:
+    flat = survey(4213, dim=2, shape="straight")
+    assert asked(flat, Glued.NOTHING, True)[0]["loading"] == {"control": "bounds"}
+    round_ = survey(4213, dim=2, shape="circular")
+    assert "do not match" in asked(round_, Glued.NOTHING, True)[1]
 
 
 def test_the_plane_is_cheaper() -> None:
