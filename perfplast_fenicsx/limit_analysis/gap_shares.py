@@ -11,12 +11,12 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
-from perfplast_fenicsx.limit_analysis.strict_work import (
+from perfplast_fenicsx.limit_analysis.cell_dissipation import (
     at_vertices,
     dissipation_of_cells,
     points_of_cells,
 )
+from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.problem.problem import Problem
 
 
