@@ -60,8 +60,8 @@ AT_REST = 1e-5
 """Strain rates, relative to velocities over the size of the bodies, that are next to none."""
 
 ADMISSIBLE = 1e-9
-"""Volume change in plastic bodies, or what it lacks in those that dilate, and strain in elastic ones
-that are rounding, beside ‖ε(v)‖."""
+"""Volume change in plastic bodies, or what it lacks in those that dilate, and strain in elastic
+ones that are rounding, beside ‖ε(v)‖."""
 
 MEAN_STRESSES = 10.0
 """Stresses that nothing bounds, times the largest load: what volume changes and strains of elastic
