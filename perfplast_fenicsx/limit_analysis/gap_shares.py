@@ -4,7 +4,8 @@ With an admissible mechanism of L(v) = 1 and a stress in equilibrium with λ⁻,
 
     λ⁺ − λ⁻ = Σ_T η_T + W,   η_T = ∫_T D(ε(v)) − σ:ε(v) ≥ 0,
 
-where D is the dissipation, γ‖dev ε‖ or, of bodies that dilate, (γ/α) tr ε, and W ≥ 0 is the work of contact pressures on gaps that open.
+where D is the dissipation, γ‖dev ε‖ or, of bodies that dilate, (γ/α) tr ε, and W ≥ 0
+is the work of contact pressures on gaps that open.
 """
 
 import numpy as np
