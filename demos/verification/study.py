@@ -165,8 +165,6 @@ def collapse(problem: Problem, rtol: float = 1e-4, method: str = "interior-point
     if problem.degree == 2 and limit.factorisations is not None:
         if problem.tagged_mesh.axisymmetric:
             bracket = "none: axisymmetric"
-        elif any(on.law.dilates for on in problem.laws):
-            bracket = "none: dilates"
         else:
             bracket = in_brackets(limit_bounds(problem, rtol))
     return Collapse(problem, limit, bracket, seconds)

@@ -33,6 +33,7 @@ from perfplast_fenicsx.limit_analysis.static_bound import (
 from perfplast_fenicsx.limit_analysis.static_certificate import beside_mechanism
 from perfplast_fenicsx.limit_analysis.strength_contrast import NOTICED, strong_bodies
 from perfplast_fenicsx.limit_analysis.strict_work import strict_upper_bound
+from perfplast_fenicsx.limit_analysis.vertex_points import with_points_at_vertices
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.certificate import contact_forces
@@ -46,6 +47,11 @@ NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("not computed; control = 'bounds'
 STANDING = "no load factor was sought, but how many times constant loads are carried"
 
 NO_MECHANISM = "no admissible mechanism was found"
+
+CONFINED = (
+    f"{NO_MECHANISM}: bodies that dilate may be confined, so that they carry any load, or cells"
+    " are too large to let them grow; leave them room, or refine the mesh"
+)
 
 
 @dataclass(frozen=True)
@@ -150,7 +156,8 @@ def limit_bounds(
 
     Cells in corners of plane bodies that could carry nothing are divided (:mod:`lone_corners`). The
     mechanism is the best of the mesh that keeps the volume everywhere, for which tetrahedra are
-    split from their centres, and enters no other body between the nodes either.
+    split from their centres, or grows by enough where bodies dilate, for which laws are asked at
+    vertices; and it enters no other body between the nodes either.
 
     Args:
         problem: The bodies and their loads; quadratic elements are wanted, as linear ones lock.
@@ -159,7 +166,7 @@ def limit_bounds(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, a body
-            has another law than those of von Mises and Hooke, strict bounds do not know a load,
+            has a yield set that bounds do not know, strict bounds do not know a load,
             no stress can carry them, the mesh is axisymmetric, or a bound does not fit into memory
             (the lower one is asked first, before anything is computed).
     """
@@ -182,9 +189,12 @@ def limit_bounds(
     check_stress_fits(problem)
     given, split = problem, None
     tagged_mesh = problem.tagged_mesh
-    if problem.bodies.gdim == 3 and problem.degree == 2 and not has_curved_cells(tagged_mesh.mesh):
+    straight = problem.degree == 2 and not has_curved_cells(tagged_mesh.mesh)
+    if problem.bodies.gdim == 3 and straight:
         split = alfeld_split(tagged_mesh)
         problem = problem.on(split)
+    if straight and any(on.law.dilates for on in problem.laws):
+        problem = with_points_at_vertices(problem)
     log.info("upper bound: a mechanism on %s", problem)
     found = interior_point(without_entering(problem) or problem, rtol, monitor)
     limit = from_interior_point(found)
@@ -234,7 +244,9 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
     question = limit.question
     stands = question is Question.STANDS
     if limit.upper is None and not (stands and limit.collapses):
-        why = UNLIMITED if limit.reason == UNLIMITED else NO_MECHANISM
+        dilates = any(on.law.dilates for on in problem.laws)
+        why = CONFINED if dilates else NO_MECHANISM
+        why = UNLIMITED if limit.reason == UNLIMITED else why
         upper = Bound(None, "upper", Scope.MESH, (why,))
     else:
         upper = strict_upper_bound(problem, limit.mechanism, question=question)

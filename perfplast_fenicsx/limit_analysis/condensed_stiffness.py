@@ -102,16 +102,14 @@ class CondensedStiffness(SprungMatrix):
 
     @phase("assembly")
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
-        """Bring K to moduli at the points of this rank, of bodies that keep volumes. Collective.
+        """Bring K to moduli at the points of this rank. Collective.
 
         Raises:
             SingularStiffness: If inner unknowns of a cell cannot be eliminated.
         """
         strains, outer = self._strains, self._strains.layout.outer
         values = np.empty((strains.num_cells, outer, outer))
-        roots = (
-            _roots(moduli.bulk, moduli.a, moduli.normal) * np.sqrt(strains.weights)[:, None, None]
-        )
+        roots = _roots(moduli) * np.sqrt(strains.weights)[:, None, None]
         roots = roots.reshape(strains.num_cells, -1, *roots.shape[1:])
         singular = False
         for first in range(0, strains.num_cells, self._chunk):
@@ -165,14 +163,17 @@ class CondensedStiffness(SprungMatrix):
         array[count:] = (half[:, None, :] @ self._inverse).ravel()
 
 
-def _roots(bulk: Floats, a: Floats, normal: Floats) -> Floats:
-    """R with R Rᵀ = κ on the trace and a I − N Nᵀ on the deviator, shape (n, 1 + m, 1 + m)."""
+def _roots(moduli: Moduli) -> Floats:
+    """R with R Rᵀ = κ(1, −b)(1, −b)ᵀ, and a I − N Nᵀ on the deviator, shape (n, 1 + m, 1 + m)."""
+    a, normal = moduli.a, moduli.normal
     length2 = np.einsum("ni,ni->n", normal, normal)
     left = np.sqrt(np.maximum(1 - length2 / a, 0.0))
     share = (1 - left) / np.maximum(length2, TINY)
     size = normal.shape[1]
     roots = np.zeros((len(a), size + 1, size + 1))
-    roots[:, 0, 0] = np.sqrt(bulk)
+    roots[:, 0, 0] = np.sqrt(moduli.bulk)
+    if moduli.along is not None:
+        roots[:, 1:, 0] = -roots[:, :1, 0] * moduli.along
     along = np.einsum("n,ni,nj->nij", share, normal, normal)
     roots[:, 1:, 1:] = np.sqrt(a)[:, None, None] * (np.eye(size) - along)
     return roots

@@ -1,23 +1,23 @@
 """What each cell has of the gap between a lower and an upper bound: where to refine.
 
-With a mechanism of L(v) = 1 that keeps the volume, and a stress in equilibrium with λ⁻,
+With an admissible mechanism of L(v) = 1 and a stress in equilibrium with λ⁻,
 
-    λ⁺ − λ⁻ = Σ_T η_T + W,   η_T = ∫_T γ‖ε(v)‖ − σ:ε(v) ≥ 0,
+    λ⁺ − λ⁻ = Σ_T η_T + W,   η_T = ∫_T D(ε(v)) − σ:ε(v) ≥ 0,
 
-where W ≥ 0 is the work of contact pressures on gaps that open.
+where D is the dissipation, γ‖dev ε‖ or, of bodies that dilate, (γ/α) tr ε, and W ≥ 0
+is the work of contact pressures on gaps that open.
 """
 
 import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
-from perfplast_fenicsx.limit_analysis.strict_work import (
-    SUBDIVISIONS,
+from perfplast_fenicsx.limit_analysis.cell_dissipation import (
     at_vertices,
+    dissipation_of_cells,
     points_of_cells,
-    work_of_cells,
 )
+from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -35,14 +35,14 @@ def gap_shares(problem: Problem, mechanism: fem.Function, stress: Floats) -> Flo
     """
     strains = PointStrains(problem)
     try:
-        _, deviator = strains.of_function(mechanism)
+        trace, deviator = strains.of_function(mechanism)
+        most = dissipation_of_cells(problem, strains, trace, deviator)
+        growth = np.where(strains.slopes > 0, trace, 0.0) / strains.gdim  # others only round
+        deviator[:, : strains.gdim] += growth[:, None]
         rates = at_vertices(problem, deviator)
-        radii = np.where(np.isfinite(strains.radii), strains.radii, 0.0)
-        scaled = at_vertices(problem, deviator * radii[:, None])
         volumes = strains.weights[points_of_cells(problem)].sum(axis=1)
     finally:
         strains.destroy()
-    most = work_of_cells(volumes, scaled, SUBDIVISIONS)
     count = rates.shape[1]
     sums = np.einsum("ci,ci->c", stress.sum(axis=1), rates.sum(axis=1))
     power = volumes * (np.einsum("cvi,cvi->c", stress, rates) + sums) / (count * (count + 1))

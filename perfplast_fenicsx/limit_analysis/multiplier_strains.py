@@ -23,7 +23,11 @@ class MultiplierStrains:
     """
 
     def __init__(
-        self, facets: FacetVelocities, vertices: Floats, axes: Floats, radii: Floats
+        self,
+        facets: FacetVelocities,
+        vertices: Floats,
+        axes: Floats,
+        cones: tuple[Floats, Floats],
     ) -> None:
         """Compute the matrices.
 
@@ -31,7 +35,7 @@ class MultiplierStrains:
             facets: The facets' unknowns.
             vertices: Of the owned cells, shape (num_cells, d + 1, d).
             axes: Of the facets' components, zero where held, shape (num_cells, d + 1, d, d).
-            radii: γ of each cell, shape (num_cells,).
+            cones: γ and α of each cell, shapes (num_cells,).
         """
         self.num_cells, corners, self.gdim = vertices.shape
         self.facets, self.layout = facets, cell_layout(corners - 1)
@@ -40,8 +44,7 @@ class MultiplierStrains:
         self.count = volumes.size
         self.size = self.matrices.shape[-1] - 1
         self.weights: Floats = volumes.ravel()
-        self.radii: Floats = np.repeat(radii, points)
-        self.slopes: Floats = np.zeros_like(self.radii)
+        self.radii, self.slopes = (np.repeat(of_cells, points) for of_cells in cones)
         self.rows = self.layout.rows.reshape(points, -1)
         places = (np.ones(self.rows.size), (self.rows.ravel(), np.arange(self.rows.size)))
         self._sum = sparse.csr_array(places)

@@ -156,28 +156,13 @@ def yield_cones(problem: Problem) -> tuple[Floats, Floats]:
     return radii, slopes
 
 
-def radii_of_cells(problem: Problem) -> Floats:
-    """γ of each cell that this rank owns, the least of its points. Collective.
+def cones_of_cells(problem: Problem) -> tuple[Floats, Floats]:
+    """γ and α of each cell that this rank owns, as of :func:`yield_cones`. Collective.
 
-    Raises:
-        InputError: If bodies dilate, whose strength is not their yield radius alone.
+    They are of one point of each, as bodies are of one material.
     """
-    check_keeps_volume(problem)
     topology = problem.tagged_mesh.mesh.topology
     owned = topology.index_map(topology.dim).size_local
-    radii: Floats = yield_cones(problem)[0][problem.Q.dofmap.list[:owned]].min(axis=1)
-    return radii
-
-
-def check_keeps_volume(problem: Problem) -> None:
-    """Refuse bodies that dilate, of which no strict bounds are known.
-
-    Raises:
-        InputError: Naming the law.
-    """
-    for on in problem.laws:
-        if on.law.dilates:
-            raise InputError(
-                f"strict bounds do not know bodies that dilate ({type(on.law).__name__}); seek the"
-                " limit load of the mesh (control = 'work', until = 'limit')."
-            )
+    first = problem.Q.dofmap.list[:owned, 0]
+    radii, slopes = yield_cones(problem)
+    return radii[first], slopes[first]

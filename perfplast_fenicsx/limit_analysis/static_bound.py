@@ -89,7 +89,7 @@ def strict_lower_bound(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or a
-            body has another law than those of von Mises and Hooke.
+            body's yield set is none that bounds know (:func:`point_strains.axial_cone_of`).
     """
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
@@ -225,11 +225,15 @@ def _result(
         reason = "; ".join([reason, *told, *weak_bodies(problem)])
     tdim, count = strains.gdim, strains.num_cells
     stress = np.column_stack([pressure, deviator]) @ mandel_vectors(tdim)
+    if tdim == 2:  # what leaves the most room out of the plane
+        stress[:, 2] -= strains.slopes / 2 * np.linalg.norm(deviator, axis=1)
     shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
     _, rates = strains.of(iteration.velocity)
     powers = np.zeros(strains.count)
-    plastic, gammas = program.plastic, program.radii
-    powers[plastic] = program.weights[plastic] * gammas * np.linalg.norm(rates[plastic], axis=1)
+    plastic, heads = program.plastic, program.radii
+    if program.dilates:
+        heads = program.radii - program.slopes * pressure[plastic] / program.stress_unit
+    powers[plastic] = program.weights[plastic] * heads * np.linalg.norm(rates[plastic], axis=1)
     return StaticBound(
         bound=bound,
         verdict=verdict,

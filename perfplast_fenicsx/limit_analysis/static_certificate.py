@@ -49,7 +49,7 @@ class StaticCertificate:
         left_of_load: The same sum, relative to those of the loads of each kind at λ.
         left_of_strength: The same sum, relative to the least γV^((d − 1)/d) of all cells that can
             yield, V being the volume.
-        overstress: ‖dev σ‖/γ − 1 where that is largest; negative in bodies far from yield.
+        overstress: (‖dev σ‖ + αp)/γ − 1 where that is largest; negative in bodies far from yield.
     """
 
     equilibrium: float
@@ -105,7 +105,8 @@ def certify_stress(
     inside = strains.inner(residual) / sections[:, None] * of_cells[:, None]
     between = np.abs(on_facets) * of_facets
     others = ~(static.jumps | static.slips)
-    sizes, radii = np.linalg.norm(deviator, axis=1), strains.radii
+    radii = strains.radii
+    sizes = np.linalg.norm(deviator, axis=1) + strains.slopes * pressure
     cell_radii = radii.reshape(strains.num_cells, -1)[:, 0]
     largest: Floats = np.array(
         [

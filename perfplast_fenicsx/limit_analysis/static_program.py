@@ -15,7 +15,7 @@ from perfplast_fenicsx.limit_analysis.discretisation import Discretisation
 from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions, FacetLoads
 from perfplast_fenicsx.limit_analysis.facet_velocities import FacetVelocities
 from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrains
-from perfplast_fenicsx.limit_analysis.point_strains import radii_of_cells
+from perfplast_fenicsx.limit_analysis.point_strains import cones_of_cells
 from perfplast_fenicsx.limit_analysis.question import Question
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
 from perfplast_fenicsx.problem.problem import Problem
@@ -154,7 +154,7 @@ def static_program(
         reserve: See :class:`ConicProgram`.
 
     Raises:
-        InputError: If a body has another law than those of von Mises and Hooke.
+        InputError: If a body has a yield set that bounds do not know.
     """
     mesh, at = problem.tagged_mesh.mesh, conditions
     tdim, on = mesh.topology.dim, conditions.numbers.facets
@@ -163,7 +163,7 @@ def static_program(
     twins[:, :, 0] = at.twins
     facets = FacetVelocities(mesh, at.numbers, twins.ravel())
     axes = np.where(at.held[:, :, None], 0.0, at.axes)[on]
-    strains = MultiplierStrains(facets, at.vertices, axes, radii_of_cells(problem))
+    strains = MultiplierStrains(facets, at.vertices, axes, cones_of_cells(problem))
 
     num_owned = facets.count // size
     everywhere = np.zeros((num_owned, tdim, tdim), dtype=bool)

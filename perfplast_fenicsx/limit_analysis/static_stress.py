@@ -26,8 +26,9 @@ class StaticBound:
         aside: Factor of the loads of any factor, where there are any.
         contact_facets: Owned facets on which ``contact_pressure`` is given, one of each pair.
         contact_pressure: Pressure at their vertices, by global number, shape (num_facets, d).
-        dissipation: γ‖ε‖ of the multipliers, of each owned cell, with L = 1; the sum over all cells
-            is the bound, but for the tolerance. Where it is large, smaller cells would help.
+        dissipation: (γ − αp)‖dev ε‖ of the multipliers, of each owned cell, with L = 1; where
+            bodies keep their volume the sum over all cells is the bound, but for the tolerance.
+            Where it is large, smaller cells would help.
         certificate: What the stress leaves; None where there is none.
         steps: What was done.
         factorisations: Of a stiffness.

@@ -26,7 +26,9 @@ class Body:
     Attributes:
         vertices: Shape (num_vertices, d).
         cells: Their vertices, shape (num_cells, d + 1).
-        yield_radius: Largest ‖dev σ‖ of each cell, ∞ in elastic bodies.
+        yield_radius: γ of each cell: ‖dev σ‖ ≤ γ − αp with the mean stress p = tr σ/d, in the plane
+            that of the stresses in it; ∞ in elastic bodies.
+        yield_slope: α ≥ 0 of each cell; 0 of bodies that keep their volume, and of elastic ones.
         body_force: Force per volume of λ = 1, shape (num_cells, d).
         constant_body_force: The same of loads that stay as they are.
         any_body_force: The same of loads that may have any factor, of factor 1.
@@ -44,6 +46,7 @@ class Body:
     vertices: Floats
     cells: Longs
     yield_radius: Floats
+    yield_slope: Floats
     body_force: Floats
     constant_body_force: Floats
     any_body_force: Floats
@@ -66,6 +69,7 @@ class Body:
         shapes = {
             "cells": (c, d + 1),
             "yield_radius": (c,),
+            "yield_slope": (c,),
             **{names[0]: (c, d) for names in (SOUGHT, CONSTANT, ANY)},
             "facets": (f, d),
             "surface": (f,),
@@ -90,6 +94,10 @@ class Body:
             raise ProofError("vertices, loads or normals are not finite.")
         if not (self.yield_radius > 0).all():
             raise ProofError("a yield radius is not positive.")
+        if not ((self.yield_slope >= 0) & np.isfinite(self.yield_slope)).all():
+            raise ProofError("a yield slope is negative or not finite.")
+        if self.yield_slope[~self.plastic].any():
+            raise ProofError("a cell that cannot yield has a yield slope.")
         if not (np.abs(np.linalg.norm(self.obstacle_normals, axis=1) - 1) <= 1e-12).all():
             raise ProofError("a normal of an obstacle is no unit vector.")
         if not self.plastic.any():

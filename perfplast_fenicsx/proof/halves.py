@@ -25,7 +25,7 @@ def differences(lower: Body, upper: Body) -> list[str]:
     if not _alike(_masses(lower), _masses(upper)):
         found.append("the halves have bodies of different volume or place")
     elif not _is_weaker(lower, upper):
-        found.append("the upper half has weaker bodies than the lower one")
+        found.append("the upper half has weaker bodies than the lower one, or of other slopes")
     tags = np.union1d(lower.surface, upper.surface)
     if not _alike(_areas(lower, tags), _areas(upper, tags)):
         found.append("the halves have different surfaces")
@@ -70,23 +70,28 @@ def _masses(body: Body) -> Floats:
 def _is_weaker(lower: Body, upper: Body) -> bool:
     """Whether for any radius the upper half has no more volume that is weaker than that.
 
-    Where both have the same volume of a radius, it must be in the same place.
+    Where both have the same volume of a radius, it must be in the same place. Bodies of each slope
+    are compared by themselves, and must be of the same volume and in the same place: of cones with
+    two slopes neither need be in the other.
     """
-    radii = np.union1d(lower.yield_radius, upper.yield_radius)
+    cones = [np.column_stack([it.yield_slope, it.yield_radius]) for it in (lower, upper)]
+    kinds, numbers = np.unique(np.concatenate(cones), axis=0, return_inverse=True)
+    ends = np.append(np.diff(kinds[:, 0]) > 0, True)
     total = lower.volumes.sum()
     volumes, places = [], []
     extent = np.abs(lower.vertices[lower.cells]).max()
-    for body in (lower, upper):
-        at = np.searchsorted(radii, body.yield_radius)
-        volumes.append(np.bincount(at, weights=body.volumes, minlength=len(radii)))
+    for body, at in zip((lower, upper), np.split(numbers.ravel(), [len(lower.cells)]), strict=True):
+        volumes.append(np.bincount(at, weights=body.volumes, minlength=len(kinds)))
         moments = body.volumes[:, None] * _centres(body) / extent
         places.append(
-            np.stack([np.bincount(at, weights=m, minlength=len(radii)) for m in moments.T], axis=1)
+            np.stack([np.bincount(at, weights=m, minlength=len(kinds)) for m in moments.T], axis=1)
         )
-    less = np.cumsum(volumes[1]) <= np.cumsum(volumes[0]) + SAME * total
+    more = np.cumsum(volumes[1]) - np.cumsum(volumes[0])
+    less = (more <= SAME * total) & (~ends | (np.abs(more) <= SAME * total))
+    moved = np.cumsum(places[1] - places[0], axis=0)[ends]
     same = np.abs(volumes[1] - volumes[0]) <= SAME * total
     near = (np.abs(places[1] - places[0]) <= SAME * total).all(axis=1)
-    return bool(less.all() and near[same].all())
+    return bool(less.all() and near[same].all() and (np.abs(moved) <= SAME * total).all())
 
 
 def _areas(body: Body, tags: np.ndarray) -> Floats:

@@ -2,8 +2,9 @@
 
 λ is a lower bound of the limit load of the bodies where div σ + b = 0 in each cell for the force b
 per volume of all loads at λ, tractions are equal on both sides of inner facets and those of the
-loads on outer ones, contact pushes and has no shear,
-and ‖dev σ‖ ≤ γ at each vertex, and so everywhere, ‖·‖ being convex (static theorem, W. Prager,
+loads on outer ones, contact pushes and has no shear, and ‖dev σ‖ ≤ γ − αp at each vertex, p being
+the mean stress, and so everywhere, as the stresses
+that keep to it are a convex set (static theorem, W. Prager,
 P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). What is left by rounding is a load of its
 own: it is measured by what the weakest could bear of it, each row by itself and all together.
 """
@@ -33,7 +34,7 @@ class Left:
             ``asymmetry``, relative to the least of all; ``left_of_load``, the sum of all forces
             without balance relative to those of the loads at λ, and ``left_of_strength``, relative
             to the least γV^((d − 1)/d) of a cell of volume V; ``yield_ratio``, the largest
-            ‖dev σ‖/γ.
+            (‖dev σ‖ + αp)/γ: the stress divided by it keeps to the cone, as 0 is inside.
         forces: The sum of the magnitudes of all forces without balance.
         loads: That of the loads at λ.
         reason: Why the conditions of contact cannot be told, or None.
@@ -59,8 +60,9 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     section = body.volumes ** ((d - 1) / d)
     divergence = np.einsum("cvij,cvj->ci", stress, body.gradients) + loads.body_force
     in_cells = np.linalg.norm(divergence, axis=1) * body.volumes
-    traces = np.trace(stress, axis1=2, axis2=3)[..., None, None] / d
-    sizes = np.linalg.norm(stress - traces * np.eye(d), axis=(2, 3))
+    means = np.trace(stress, axis1=2, axis2=3) / d
+    sizes = np.linalg.norm(stress - means[..., None, None] * np.eye(d), axis=(2, 3))
+    sizes += body.yield_slope[:, None] * means
     inner = body.sides[0]
     jumps = _inner_tractions(body, stress, inner[:, 0]) + _inner_tractions(
         body, stress, inner[:, 1]
@@ -83,7 +85,8 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     loaded = sum(kind.size(body.volumes, body.areas) for kind in kinds)
     measured["left_of_load"] = _share(forces, loaded)
     measured["left_of_strength"] = _share(forces, float((radii * section).min()))
-    measured["yield_ratio"] = _largest(sizes[body.plastic] / radii[body.plastic, None])
+    ratios_of_yield = sizes[body.plastic] / radii[body.plastic, None]
+    measured["yield_ratio"] = _largest(np.where(ratios_of_yield < 0, 0.0, ratios_of_yield))
     return Left(measured, forces, loaded, reason)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 FLOATS = (
-    *("vertices", "yield_radius", "body_force", "traction", "obstacle_normals"),
+    *("vertices", "yield_radius", "yield_slope", "body_force", "traction", "obstacle_normals"),
     *("constant_body_force", "constant_traction", "any_body_force", "any_traction"),
     *("stress", "velocity"),
 )

@@ -35,12 +35,14 @@ def _listed(words: list[str]) -> str:
 
 
 def _strengths(body: Body) -> str:
-    radii, at = np.unique(body.yield_radius, return_inverse=True)
+    cones = np.column_stack([body.yield_radius, body.yield_slope])
+    kinds, at = np.unique(cones, axis=0, return_inverse=True)
     volumes = np.bincount(at.ravel(), weights=body.volumes)
-    words = [
-        f"{radius:.6g} in a volume of {volume:.6g}" if np.isfinite(radius) else "elastic cells"
-        for radius, volume in zip(radii, volumes, strict=True)
-    ]
+    words = []
+    for radius, slope, volume in zip(*kinds.T, volumes, strict=True):
+        falls = f" less {slope:.6g} times the mean stress" if slope else ""
+        here = f"{radius:.6g}{falls} in a volume of {volume:.6g}"
+        words.append(here if np.isfinite(radius) else "elastic cells")
     return f"yield radii (the largest ‖dev σ‖) {_listed(words)}"
 
 

@@ -1,11 +1,13 @@
 """Does a velocity prove an upper bound? It is quadratic in each cell, and continuous.
 
-(∫γ‖ε(v)‖ − L₀(v))/L(v), with the work L₀(v) of loads that stay, is an upper bound of the limit load
-of the bodies where v = 0 at supports, div v = 0
-in bodies that yield and ε(v) = 0 in elastic ones, and v enters nothing. ε(v) is linear in a cell,
-so that div v vanishes everywhere if it does at the vertices, and the integral is at most that of
-the linear interpolation of ‖ε(v)‖ on any subdivision (kinematic theorem, W. Prager, P. G. Hodge,
-Theory of Perfectly Plastic Solids, 1951).
+(∫D(ε(v)) − L₀(v))/L(v), with the work L₀(v) of loads that stay, is an upper bound of the limit load
+of the bodies where v = 0 at supports, ε(v) = 0 in elastic bodies, and v enters nothing. In cells of
+slope α = 0 it asks for div v = 0, with D = γ‖ε‖; in others for tr ε ≥ α‖dev ε‖, where the sup of
+σ:ε over ‖dev σ‖ ≤ γ − αp is that at the apex p = γ/α of the cone, D = (γ/α) tr ε. ε(v) is linear in
+a cell, so that div v vanishes everywhere if it does at the vertices, and tr ε − α‖dev ε‖, which is
+concave, is nowhere negative if it is not there. The integral of γ‖ε‖ is at most that of the linear
+interpolation on any subdivision, and that of tr ε is the mean of the vertices (kinematic theorem,
+W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951).
 """
 
 from dataclasses import dataclass
@@ -15,7 +17,7 @@ from math import factorial
 
 import numpy as np
 
-from perfplast_fenicsx.proof.body import Body, Floats, Longs
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.loads import Loads
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.touching import touching
@@ -70,7 +72,8 @@ class Flow:
     """What is left of the conditions of a velocity, and what it does.
 
     Attributes:
-        measured: ``volume_change``, ``elastic_strain`` and ``entering_work``: the work of a stress
+        measured: ``volume_change`` (of cells that dilate what it lacks), ``elastic_strain`` and
+            ``entering_work``: the work of a stress
             as large as the loads at the bound cause (:meth:`Loads.stress`) at what is left in each
             cell and facet, all added up, relative to what is dissipated.
             ``work_of_others``: the work of loads of any factor, relative to the largest that they
@@ -116,10 +119,15 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     deviator = rates - trace[..., None, None] / d * np.eye(d)
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
     entering, entered, reason = _entering(body, at_facets)
-    dissipation = _dissipation(body, deviator[plastic], subdivisions)
+    lacks = body.yield_slope[:, None] * np.linalg.norm(deviator, axis=(2, 3)) - trace
+    slopes = np.broadcast_to(body.yield_slope[:, None], trace.shape)
+    wrong = np.where(slopes > 0, np.maximum(lacks, 0.0), np.abs(trace))
+    keeps, grows = plastic & (body.yield_slope == 0), body.yield_slope > 0
+    dissipation = _dissipation(body, keeps, deviator, subdivisions)
+    dissipation += _at_apex(body, grows, (trace + wrong)[grows])
     kinds = (body.sought, body.constant, body.others)
     work, constant_work, other_work = (_work(body, of, v, at_facets) for of in kinds)
-    volumes = np.where(plastic, np.abs(trace).max(axis=1), 0.0) * body.volumes
+    volumes = np.where(plastic, wrong.max(axis=1), 0.0) * body.volumes
     strains = np.linalg.norm(rates[~plastic], axis=(2, 3)).max(axis=1) @ body.volumes[~plastic]
     moved = float(np.abs(at_facets * body.held[:, None]).max(initial=0))
     fastest = float(np.abs(v).max(initial=0))
@@ -150,16 +158,22 @@ def _share(part: float, whole: float) -> float:
     return part / whole if whole > 0 else np.inf
 
 
-def _dissipation(body: Body, deviator: Floats, subdivisions: int) -> float:
-    """From above, of the deviators at the vertices of those cells that can yield."""
-    d = body.dim
+def _at_apex(body: Body, cells: Flags, growth: Floats) -> float:
+    """∫(γ/α) tr ε of those cells, tr ε being given at their vertices."""
+    apex = body.yield_radius[cells] / body.yield_slope[cells]
+    return float((apex * body.volumes[cells]) @ growth.mean(axis=1))
+
+
+def _dissipation(body: Body, cells: Flags, deviators: Floats, subdivisions: int) -> float:
+    """∫γ‖dev ε‖ of some cells from above; the deviators at the vertices are those of all."""
+    d, deviator = body.dim, deviators[cells]
     pairs = list(combinations(range(d), 2))
     components = np.stack(
         [deviator[:, :, i, i] for i in range(d)]
         + [np.sqrt(2) * deviator[:, :, i, j] for i, j in pairs],
         axis=2,
     )
-    weights = (body.yield_radius * body.volumes)[body.plastic]
+    weights = (body.yield_radius * body.volumes)[cells]
     points, shares = halved(d, subdivisions)
     total = 0.0
     for some in np.array_split(np.arange(len(weights)), len(weights) // AT_ONCE + 1):

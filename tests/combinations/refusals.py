@@ -21,7 +21,6 @@ REFUSALS: Mapping[str, str] = {
     "do not match facet by facet": f"{TO_COME}: facets that both sides share",
     "normals are averaged": f"{TO_COME}: obstacles that are made of planes",
     "remembers no plastic flow": f"{TO_COME}: stages of dilating bodies",
-    "bodies that dilate": f"{TO_COME}: cones with a slope in bounds",
     "is for plane strain and space": f"{STAYS}: the hoop strain is no polynomial",
     "cells are curved": f"{STAYS}: bounds are of the body that straight cells fill",
 }

@@ -36,6 +36,7 @@ from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.materials.drucker_prager import Match
 from perfplast_fenicsx.problem.law_on_cells import LawExpression
+from perfplast_fenicsx.proof import check
 from tests.functional.test_command_line import one_line, write
 from tests.models import Read
 
@@ -237,10 +238,23 @@ def test_a_case_file_runs_to_the_limit_load(comm: MPI.Intracomm, shared_tmp_path
         assert "as strong as Mohr–Coulomb in plane-strain" in page
 
 
+def test_a_case_file_asks_for_bounds(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    path = case(comm, shared_tmp_path, 'control = "bounds"')
+    if comm.rank == 0:  # of straight cells
+        write_thick_tube(shared_tmp_path / "tube.msh", outer=2.0, size=0.3)
+    comm.barrier()
+    results = shared_tmp_path / "results"
+    assert main(["run", str(path), "-o", str(results), "--report"]) == SOLVED
+    if comm.rank == 0:
+        body = json.loads((results / "summary.json").read_text())["limit"]["body"]
+        assert body["strict"]
+        assert 0.6 * EXACT < body["lower"] < body["upper"] < 1.1 * EXACT
+        assert not any(half.faults for half in check(results / "bounds.h5").values())
+
+
 @pytest.mark.parametrize(
     ("loading", "changes", "named"),
     [
-        ('control = "bounds"', {}, "strict bounds do not know bodies that dilate"),
         ('control = "load"\nvalues = [1.0]', {"friction_angle": "95.0"}, "friction_angle = 95.0"),
         ('control = "load"\nvalues = [1.0]', {"match": '"inner"'}, "match"),
         ('control = "load"\nvalues = [1.0]', {"cohesion": "-1.0"}, "cohesion = -1.0"),

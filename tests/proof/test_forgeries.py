@@ -147,6 +147,7 @@ def free_cell(
             "vertices": x,
             "cells": cell[None],
             "yield_radius": np.array([radius]),
+            "yield_slope": np.zeros(1),
             "body_force": np.zeros((1, d)),
             "facets": np.array([[v for v in cell if v != out] for out in cell]),
             "surface": np.zeros(d + 1, dtype=int),
@@ -371,7 +372,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
             "lower",
             lambda them: [
                 them.update({name: np.concatenate([them[name], them[name][:1]])})
-                for name in ("cells", "yield_radius", "body_force", "stress")
+                for name in ("cells", "yield_radius", "yield_slope", "body_force", "stress")
             ],
         ),
         "facets|two cells",

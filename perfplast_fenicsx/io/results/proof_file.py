@@ -29,7 +29,7 @@ from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_array
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.limit_checks import collapses_by_loads
-from perfplast_fenicsx.limit_analysis.point_strains import radii_of_cells
+from perfplast_fenicsx.limit_analysis.point_strains import cones_of_cells
 from perfplast_fenicsx.limit_analysis.question import Question
 from perfplast_fenicsx.limit_analysis.stress_cells import matrices
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
@@ -216,10 +216,12 @@ def _body(problem: Problem, question: Question) -> Blocks:
         pushes = _tractions(chosen, outer, points[facets], surface, tags)
         loads[f"{prefix}body_force"] = block(of_cells, _body_forces(problem, chosen, len(cells)))
         loads[f"{prefix}traction"] = block(of_facets, pushes)
+    radii, slopes = cones_of_cells(problem)
     return loads | {
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),
         "cells": block(of_cells, numbers[cells]),
-        "yield_radius": block(of_cells, radii_of_cells(problem)),
+        "yield_radius": block(of_cells, radii),
+        "yield_slope": block(of_cells, slopes),
         "facets": block(of_facets, numbers[facets]),
         "surface": block(of_facets, surface),
         "held": block(of_facets, held),

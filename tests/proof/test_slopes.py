@@ -1,0 +1,166 @@
+"""Forged slopes of yield cones are refused, of honest proofs of ground beside steel."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from perfplast_fenicsx import (
+    BodyForce,
+    Contact,
+    DruckerPrager,
+    Plane,
+    Pressure,
+    Problem,
+    ResultFolder,
+    Support,
+    VonMises,
+    read_gmsh,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.proof import ProofError, check
+from tests.proof.test_forgeries import (
+    Arrays,
+    Forgery,
+    Halves,
+    alone,
+    both,
+    drop,
+    high,
+    in_turn,
+    low,
+    make,
+    put,
+    times,
+    write,
+)
+from tests.random_bodies import Stack, write_stack
+
+pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is serial")
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
+    """The halves of a proof of ground on a plane, under a block of von Mises, with weight."""
+    dim, path = request.param, tmp_path_factory.mktemp("honest")
+    it = Stack(1, dim, (0.7, 1.2), ((1.0, 1.0),) * 2, 0.4 if dim == 2 else 0.7, plain=True)
+    write_stack(path / "stack.msh", it)
+    steel = VonMises(young=1e3, poisson=0.3, yield_stress=9.0)
+    problem = Problem(
+        read_gmsh(MPI.COMM_WORLD, path / "stack.msh"),
+        {"block0": DruckerPrager(1e3, 0.3, 1.0, 20.0, "compression"), "block1": steel},
+        [Support("x0", "x"), *([Support("y0", "y")] if dim == 3 else [])],
+        [Pressure("top", 1.0), BodyForce("block1", [0.0] * (dim - 1) + [-0.1])],
+        [Contact("block0_seam0", "block1_seam0")],
+        [Plane("bottom", [0.0] * dim, [0.0] * (dim - 1) + [1.0])],
+        degree=2,
+    )
+    bounds = limit_bounds(problem)
+    assert bounds.strict
+    folder = ResultFolder(MPI.COMM_WORLD, path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
+    checked = check(path / "bounds.h5")
+    assert not any(of.faults for of in checked.values())
+    assert "times the mean stress" in checked["lower"].words[0]
+    with h5py.File(path / "bounds.h5") as file:
+        return {
+            kind: {name: np.asarray(half[name]) for name in half}
+            | {"bound": np.asarray(half.attrs["bound"])}
+            for kind, half in file.items()
+        }
+
+
+def other_way_round(slopes: npt.NDArray) -> npt.NDArray:
+    """The slope of the other body."""
+    return np.asarray(slopes.max() - slopes)
+
+
+def sucked(them: Arrays) -> None:
+    """All stresses turned, and the loads with them: the pressure becomes a tension."""
+    for name in ("stress", "traction", "body_force"):
+        them[name] = -them[name]
+    them["contacts"] = them["contacts"][:0]
+
+
+def negative_strength(them: Arrays) -> None:
+    """More slope, as if pressure made the ground stronger than it does."""
+    them["yield_slope"] = 3 * them["yield_slope"]
+
+
+SLOPES: dict[str, tuple[Forgery, str]] = {
+    "none at all": (both(drop("yield_slope")), "missing"),
+    "too few": (both(make("yield_slope", lambda a: a[1:])), "fits nothing"),
+    "of another kind": (both(make("yield_slope", lambda a: a + 0j)), "not made of numbers"),
+    "negative": (both(times("yield_slope", -1.0)), "negative or not finite"),
+    "not finite": (both(put("yield_slope", 0, np.inf)), "negative or not finite"),
+    "no number": (both(put("yield_slope", 0, np.nan)), "negative or not finite"),
+    "of elastic cells": (
+        both(make("yield_radius", lambda a: np.where(a == a.max(), a, np.inf))),
+        "cannot yield has a yield slope",
+    ),
+    "a stress of weaker ground": (
+        alone("lower", times("yield_slope", 0.99)),
+        "times as large as they may be",
+    ),
+    "a stress of ground without any": (
+        alone("lower", times("yield_slope", 0.0)),
+        "times as large as they may be",
+    ),
+    "a stress that pulls": (alone("lower", sucked), "times as large as they may be"),
+    "a velocity that grows too little": (
+        alone("upper", times("yield_slope", 1.01)),
+        "volume change",
+    ),
+    "a velocity that ought not to grow": (
+        alone("upper", times("yield_slope", 0.0)),
+        "volume change",
+    ),
+    "a velocity that grows through more strength": (
+        alone("upper", times("yield_slope", 0.99)),
+        "only",
+    ),
+    "of stronger ground below": (low(negative_strength), "of other slopes"),
+    "of stronger ground above": (high(times("yield_slope", 0.5)), "of other slopes"),
+    "of the other body": (
+        both(make("yield_slope", other_way_round)),
+        "times as large|volume change",
+    ),
+    "a claim too high": (low(in_turn(times("bound", 1.001))), "outer tractions|equilibrium"),
+    "a claim too low": (high(times("bound", 0.999)), "only"),
+}
+
+
+@pytest.mark.parametrize("name", list(SLOPES))
+def test_a_forged_slope_is_refused(honest: Halves, tmp_path: Path, name: str) -> None:
+    forge, words = SLOPES[name]
+    halves = {kind: {k: v.copy() for k, v in half.items()} for kind, half in honest.items()}
+    forge(halves)
+    path = write(tmp_path / "forged.h5", halves)
+    try:
+        said = "; ".join(fault for of in check(path).values() for fault in of.faults)
+    except ProofError as error:
+        said = str(error)
+    assert any(word in said for word in words.split("|")), said
+
+
+@pytest.mark.parametrize(
+    ("change", "proven"),
+    [
+        (times("yield_slope", 1.5), "lower"),
+        (in_turn(times("yield_radius", 2.0), times("bound", 2.0)), "upper"),
+    ],
+)
+def test_what_is_stronger_is_another_proof(
+    honest: Halves, tmp_path: Path, change: Callable[[Arrays], object], proven: str
+) -> None:
+    """Pressed ground of more slope carries the stress too; stronger ground has that velocity."""
+    half = {k: v.copy() for k, v in honest[proven].items()}
+    change(half)
+    found = check(write(tmp_path / "other.h5", {proven: half}))
+    assert not found[proven].faults
