@@ -135,6 +135,9 @@ def upper_bound(iteration: InteriorIteration) -> UpperBound:
         if inadmissible > EXACT or entering <= ROUNDING:
             break
         closed |= enters > 0
+    if program.dilates and entering <= ROUNDING:  # no pair was held, and what enters is rounding
+        v.array[jumps] = np.minimum(v.array_r[jumps], 0.0)
+        inadmissible, entering = iteration.inadmissible(), 0.0
     work, dissipation = program.work(v), program.dissipation(v)
     if not (inadmissible <= EXACT and entering <= ROUNDING and work > ROUNDING):
         return UpperBound(None, 0.0, inadmissible, entering)
