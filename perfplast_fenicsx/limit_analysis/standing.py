@@ -10,7 +10,7 @@ class Standing:
     """How many times the dead loads are carried, with whatever factor of the live ones is best.
 
     The largest μ for which μL₀ + λL₁ is carried with any λ (:class:`question.Question`). Where it
-    is below 1 no load factor is carried, and the strengths fall short by 1/μ.
+    is below 1 no load factor is carried, and yield stresses and cohesions fall short by 1/μ.
 
     Attributes:
         lower: So many times they are carried; None where no stress was found.
@@ -50,5 +50,6 @@ class Standing:
         if self.upper is None or self.upper >= 1:
             return words
         most = f" and at most {rounded_up(1 / self.lower)}" if self.lower else ""
-        short = f"strengths fall short by a factor of at least {rounded_down(1 / self.upper)}{most}"
+        least = rounded_down(1 / self.upper)
+        short = f"yield stresses and cohesions fall short by a factor of at least {least}{most}"
         return f"{words}; {short}"
