@@ -60,7 +60,7 @@ def load_arrows(
         normals, facets = surface.normals[chosen], surface.facets[chosen]
         total = np.linalg.norm(normals, axis=1).sum()
         spacing = max((total / ARROWS) ** (1 / (facets.shape[1] - 1)), APART * surface.size)
-        weights, facet = _spread(surface.points[facets], spacing)
+        weights, facet = spread(surface.points[facets], spacing)
         ends = np.einsum("nc,nci->ni", weights, points[facets[facet]])
         d = directions[facet] / np.linalg.norm(directions[facet], axis=1, keepdims=True)
         d *= ARROW * surface.size * share
@@ -87,7 +87,7 @@ def _directions(load: Load, surface: Surface, chosen: Longs) -> Floats:
     return found
 
 
-def _spread(corners: Floats, spacing: float) -> tuple[Floats, Longs]:
+def spread(corners: Floats, spacing: float) -> tuple[Floats, Longs]:
     """Points on facets about so far apart, those nearest the middles of boxes.
 
     Returns:
