@@ -9,6 +9,7 @@ import numpy as np
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import thickness
+from perfplast_fenicsx.geometry.apart import apart_remarks
 from perfplast_fenicsx.geometry.cad_measures import worst_area
 from perfplast_fenicsx.geometry.face_names import face_names
 from perfplast_fenicsx.geometry.free_faces import put_together
@@ -115,6 +116,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         for part in parts
         if share_through(dim, part) > thickness.MOST
     ]
+    remarks += apart_remarks([part.name for part in parts], joints)
     if missed > EXACT:
         remarks.append(
             f"areas of faces are up to {100 * missed:.2g} % wrong, as circles are polygons, and so"
