@@ -46,7 +46,7 @@ places nodes otherwise; MeshAdapt, which copes with the oddest faces."""
 
 FINER = (16.0, 26.0, 36.0)
 """Elements about a circle that areas may ask for in turn, as long as the mesh has no more elements
-than bounds are affordable on."""
+than adapted ones may follow."""
 
 FINER_SIZES = (1.0, 0.7, 0.5)
 """Shares of the usual size that are tried where faces overlap on a coarse mesh."""
@@ -129,7 +129,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
 def _mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
     """Mesh so finely about circles that areas are right, and say the largest edge length.
 
-    Without a size given it is one with which bounds are affordable. Where a mesh that is finer
+    Without a size given it is one of few elements. Where a mesh that is finer
     about circles has flat elements, too many or none at all, the one before is made again.
     """
     most, sizes = most_elements(dim, len(parts)), Sizes.of(dim, parts)
@@ -254,7 +254,9 @@ def _worst_by(dim: int, parts: Sequence[Part], algorithm: tuple[int, int]) -> di
     ]
     if empty:
         failed = bool(gmsh.model.mesh.getLastEntityError())
-        reason = gmsh.logger.getLastError() or "gmsh made no elements"
+        reason = gmsh.logger.getLastError()
+        if not reason or reason.startswith("No elements"):
+            reason = "gmsh cannot fill it, mostly as faces of a coarse mesh cross each other"
         fault = _fault(dim, parts if failed else empty[:1], reason)
         kinds = [gmsh.model.getType(*entity) for entity in gmsh.model.getEntities()]
         if not any(kind.startswith("Discrete") for kind in kinds):
