@@ -36,6 +36,7 @@ from .pictures.drawing_process import draw as draw
 from .problem.initial_strain import InitialStress as InitialStress
 from .problem.initial_strain import Temperature as Temperature
 from .problem.loading_history import LoadingHistory as LoadingHistory
+from .problem.loads import Bearing as Bearing
 from .problem.loads import BodyForce as BodyForce
 from .problem.loads import Force as Force
 from .problem.loads import PorePressure as PorePressure

@@ -9,16 +9,25 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.cli.mesh_folder import CASE, MESH, PICTURE, check_free, fill, written
+from perfplast_fenicsx.cli.mesh_folder import (
+    CASE,
+    MESH,
+    PAGE,
+    PICTURE,
+    check_free,
+    fill,
+    written,
+)
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.first_case import first_case
 from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.kept_mesh import make_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
-from perfplast_fenicsx.geometry.survey import Survey
+from perfplast_fenicsx.geometry.survey import Face, Survey
 from perfplast_fenicsx.materials.common import MATERIALS, find
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
+from perfplast_fenicsx.report.mesh_page import FaceRow, mesh_page
 from perfplast_fenicsx.units import SYSTEMS, Name
 
 log = logging.getLogger(__name__)
@@ -161,14 +170,23 @@ def _mesh(
 
 
 def _survey(source: Path, output: Path, options: MeshingOptions, trust: bool) -> Survey:
-    """Mesh, and draw what there is; without a graphics system there is a mesh all the same."""
+    """Mesh, and show what there is; without a graphics system there is a mesh all the same."""
     skin = output / "skin.npz"
     survey = make_mesh(source, output / MESH, options, skin, trust)
+    page = mesh_page(source.stem, skin, [_face_row(face) for face in survey.faces])
+    (output / PAGE).write_text(page, encoding="utf-8")
     try:
         draw_parts(skin, output / PICTURE)
     except InputError as error:
         log.warning("%s", error)
     return survey
+
+
+def _face_row(face: Face) -> FaceRow:
+    """A face as the page tells it."""
+    shape = f"{face.shape}, {face.round_of}" if face.round_of else face.shape
+    centre = ", ".join(f"{x:.4g}" for x in face.centre)
+    return FaceRow(face.number, face.name, shape, f"{face.area:.5g}", centre)
 
 
 def _known(measure: float | None) -> str:

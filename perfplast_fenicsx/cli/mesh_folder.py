@@ -1,4 +1,4 @@
-"""The folder that ``perfplast mesh`` writes: mesh, picture, first case, and the case's schema."""
+"""The folder that ``perfplast mesh`` writes: mesh, picture, page, first case and its schema."""
 
 import json
 from pathlib import Path
@@ -7,7 +7,7 @@ from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case_schema import case_schema
 
-CASE, MESH, PICTURE = "case.toml", "case.msh", "bodies.png"
+CASE, MESH, PICTURE, PAGE = "case.toml", "case.msh", "bodies.png", "bodies.html"
 """Files of the folder."""
 
 SCHEMA = "case.schema.json"
@@ -35,7 +35,7 @@ def fill(output: Path, made: Path, case: str) -> None:
 
     Args:
         output: The folder.
-        made: Where mesh and picture are, if there is one.
+        made: Where mesh, picture and page are, those that there are.
         case: The text of the case.
 
     Raises:
@@ -44,7 +44,7 @@ def fill(output: Path, made: Path, case: str) -> None:
     schema = json.dumps(case_schema(), indent=1, ensure_ascii=False)
     try:
         output.mkdir(parents=True, exist_ok=True)
-        for name in (MESH, PICTURE):
+        for name in (MESH, PICTURE, PAGE):
             if (made / name).exists():
                 replace(output / name, (made / name).read_bytes())
         replace(output / CASE, (SCHEMA_LINE + case).encode())
@@ -55,4 +55,4 @@ def fill(output: Path, made: Path, case: str) -> None:
 
 def written(output: Path) -> str:
     """What is in the folder, in words."""
-    return ", ".join(name for name in (MESH, PICTURE, CASE) if (output / name).exists())
+    return ", ".join(name for name in (MESH, PICTURE, PAGE, CASE) if (output / name).exists())

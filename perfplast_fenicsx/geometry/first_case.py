@@ -42,6 +42,11 @@ primary = {primary}
 secondary = {secondary}
 {formulation}"""
 
+NEAR = """
+# {one} and {other} are {gap:.3g} apart, and free of each other. If they are to touch:
+# [[contact]] with primary and secondary, a face of each, and formulation = "mortar"
+"""
+
 LOADS = """
 [[support]]                     # what holds the bodies, once or more
 on = "NAME"                     # <- one of the faces below
@@ -98,6 +103,9 @@ def first_case(
     text += HINT
     text += "".join(_material(body, material) for body in survey.bodies)
     text += "".join(_joint(joint, glued, options) for joint in survey.joints)
+    for near in survey.near:
+        one, other = near.bodies
+        text += NEAR.format(one=one, other=other, gap=near.gap)
     for axis in options.symmetry:
         text += SUPPORTS.format(name=_quoted(symmetry_name(axis)), axis=_quoted(axis))
     text += LOADS.format(

@@ -11,6 +11,7 @@ from perfplast_fenicsx.geometry.face_choice import AXES
 from perfplast_fenicsx.geometry.face_colours import Colour, hex_of, word_of
 from perfplast_fenicsx.geometry.joints import box
 from perfplast_fenicsx.geometry.parts import Part
+from perfplast_fenicsx.geometry.surface_kind import kind_of
 
 WORDS = {"Plane": "flat", "Line": "straight", "Circle": "round", "Ellipse": "round"}
 """What gmsh's kinds of faces are called, where not as by gmsh."""
@@ -55,7 +56,7 @@ class Cylinder:
 
 def shape_of(dim: int, tag: int) -> str:
     """The shape of a face, such as "flat"; of a curve, such as "straight"."""
-    kind = gmsh.model.getType(dim, tag)
+    kind = kind_of(dim, tag)
     if kind == "Cylinder":
         return "cylindrical"
     return WORDS.get(kind, kind.removesuffix(" surface").lower())
@@ -124,7 +125,7 @@ def cylinder_of(dim: int, tag: int) -> Cylinder | None:
         if np.abs(chords @ along - squares).max() > ALIKE * squares.max():
             return None  # an ellipse
         return Cylinder(float(np.linalg.norm(along)), np.array([0.0, 0.0, 1.0]), first + along)
-    if dim != 2 or gmsh.model.getType(dim, tag) != "Cylinder":
+    if dim != 2 or kind_of(dim, tag) != "Cylinder":
         return None
     middle = (low + high) / 2
     large, small, along_large, along_small = gmsh.model.getPrincipalCurvatures(tag, middle)
@@ -163,7 +164,7 @@ def _by_end(body: str, dim: int, tags: Sequence[int], around: Floats) -> str | N
 
 def _lie_on(dim: int, tag: int, size: float) -> Key:
     """What is the same for faces in one plane, and for those on one cylinder."""
-    kind = gmsh.model.getType(dim, tag)
+    kind = kind_of(dim, tag)
     if dim == 2 and kind == "Plane":
         middle = np.mean(gmsh.model.getParametrizationBounds(dim, tag), axis=0)
         normal = np.array(gmsh.model.getNormal(tag, middle))

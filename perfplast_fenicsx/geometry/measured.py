@@ -22,12 +22,15 @@ def measured_body(dim: int, part: Part) -> Body:
     """A body, which is a physical group from now on."""
     gmsh.model.addPhysicalGroup(dim, part.tags, name=part.name)
     points = np.concatenate([_coordinates(dim, tag) for tag in part.tags])
+    around = np.array([points.min(axis=0), points.max(axis=0)])
+    around[abs(around) < ROUNDING * np.linalg.norm(around[1] - around[0])] = 0.0
+    low, high = (tuple(float(x) for x in end) for end in around)
     return Body(
         name=part.name,
         label=part.label,
         volume=sum(mesh_measure(dim, tag) for tag in part.tags),
-        low=tuple(points.min(axis=0).tolist()),
-        high=tuple(points.max(axis=0).tolist()),
+        low=low,
+        high=high,
         cells=elements(dim, part).size,
         worst=float(qualities(dim, part).min()),
         cad=cad_measure(dim, part.tags),

@@ -7,8 +7,9 @@ from pathlib import Path
 import gmsh
 import numpy as np
 
-from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import thickness
+from perfplast_fenicsx.geometry.apart import apart_remarks
 from perfplast_fenicsx.geometry.cad_measures import worst_area
 from perfplast_fenicsx.geometry.face_colours import set_aside, take_back
 from perfplast_fenicsx.geometry.face_names import face_names
@@ -27,14 +28,12 @@ from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.parts import Part, is_script, read_parts
 from perfplast_fenicsx.geometry.progress import Stage, begin
 from perfplast_fenicsx.geometry.seams import find_seams, free_faces, take_apart
+from perfplast_fenicsx.geometry.sizes import USUAL, Sizes, most_elements
 from perfplast_fenicsx.geometry.skin import skin_of
 from perfplast_fenicsx.geometry.survey import Survey
 from perfplast_fenicsx.geometry.symmetry import cut_in_half
 from perfplast_fenicsx.geometry.thickness import share_through
 from perfplast_fenicsx.mesh.split_bodies import write_split
-
-ELEMENTS = 15_000
-"""About so many a mesh has without a size given."""
 
 NO_VOLUME = 1e-10
 """Elements of less quality have no volume, or a negative one: no run takes them."""
@@ -46,9 +45,16 @@ ALGORITHMS = ((6, 1), (6, 10), (1, 1))
 """Gmsh's, of faces and of bodies: frontal Delaunay and Delaunay, which are its defaults; HXT, which
 places nodes otherwise; MeshAdapt, which copes with the oddest faces."""
 
-USUAL, FINER = 10.0, (16.0, 26.0, 36.0)
-"""Elements about a circle where nothing is said, and those that areas may ask for in turn, as long
-as the mesh has no more than twice :data:`ELEMENTS`."""
+FINER = (16.0, 26.0, 36.0)
+"""Elements about a circle that areas may ask for in turn, as long as the mesh has no more elements
+than adapted ones may follow."""
+
+FINER_SIZES = (1.0, 0.7, 0.5)
+"""Shares of the usual size that are tried where faces overlap on a coarse mesh."""
+
+COARSER, TIMES = 1.3, 5
+"""By so much larger sizes are tried, so many times, where small fillets and holes make more
+elements than that."""
 
 EXACT = 0.01
 """Share by which areas may be wrong without a word."""
@@ -114,6 +120,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         for part in parts
         if share_through(dim, part) > thickness.MOST
     ]
+    remarks += apart_remarks([part.name for part in parts], joints)
     if missed > EXACT:
         remarks.append(
             f"areas of faces are up to {100 * missed:.2g} % wrong, as circles are polygons, and so"
@@ -126,9 +133,15 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
 def _mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
     """Mesh so finely about circles that areas are right, and say the largest edge length.
 
-    Where a finer mesh has flat elements, too many or none at all, the one before is made again.
+    Without a size given it is one of few elements. Where a mesh that is finer
+    about circles has flat elements, too many or none at all, the one before is made again.
     """
-    longest = _mesh(dim, parts, options)
+    most, sizes = most_elements(dim, len(parts)), Sizes.of(dim, parts)
+    if options.size is None:
+        longest = _usual_size(sizes, options, most)
+        options = replace(options, size=longest)
+    else:
+        longest = _mesh(sizes, options)
     if options.curvature is not None:
         return longest
     before = USUAL
@@ -136,35 +149,55 @@ def _mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) -
         if worst_area(dim, parts) <= EXACT:
             break
         try:
-            _mesh(dim, parts, replace(options, curvature=finer))
-            few = sum(elements(dim, part).size for part in parts) <= 2 * ELEMENTS
+            _mesh(sizes, replace(options, curvature=finer))
+            few = _count(dim, parts) <= most
             fine = few and min(qualities(dim, part).min() for part in parts) >= FLAT
         except InputError:
             fine = False
         if not fine:
-            _mesh(dim, parts, replace(options, curvature=before))
+            _mesh(sizes, replace(options, curvature=before))
             break
         before = finer
     return longest
 
 
-def _mesh(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
+def _usual_size(sizes: Sizes, options: MeshingOptions, most: int) -> float:
+    """Mesh with a size of the program's own, one that gmsh can mesh with few elements; say which.
+
+    Raises:
+        InputError: If no such size can be meshed.
+    """
+    first = sizes.usual
+    for share in FINER_SIZES:
+        size = share * first
+        try:
+            _mesh(sizes, replace(options, size=size))
+        except InputError:
+            if share == FINER_SIZES[-1]:
+                raise
+            continue
+        break
+    for _ in range(TIMES if share == 1 else 0):
+        if _count(sizes.dim, sizes.parts) <= most:
+            break
+        try:
+            _mesh(sizes, replace(options, size=COARSER * size))
+        except InputError:
+            _mesh(sizes, replace(options, size=size))
+            break
+        size *= COARSER
+    return size
+
+
+def _count(dim: int, parts: Sequence[Part]) -> int:
+    """Elements of the mesh."""
+    return sum(elements(dim, part).size for part in parts)
+
+
+def _mesh(sizes: Sizes, options: MeshingOptions) -> float:
     """Mesh, and say the largest edge length."""
-    boxes = {part.name: box(dim, part.tags) for part in parts}
-    for body in options.sizes:
-        if body not in boxes:
-            raise InputError(
-                f"sizes names '{body}', but there is no such body; {nearest(body, boxes)}"
-            )
-    lengths = [np.sort(around[1] - around[0])[-dim:] for around in boxes.values()]
-    room = sum(float(np.prod(np.maximum(length, 1e-12))) for length in lengths)
-    size = options.size or float(room / (ELEMENTS / (6 if dim == 3 else 2))) ** (1 / dim)
-    curvature = USUAL if options.curvature is None else options.curvature
-    for name, value in (("FromCurvature", curvature), ("ExtendFromBoundary", 1)):
-        gmsh.option.setNumber(f"Mesh.MeshSize{name}", value)
-    gmsh.option.setNumber("Mesh.MeshSizeMax", max([size, *options.sizes.values()]))
-    _without_size(max([size, *options.sizes.values()]))
-    _sizes_by_body(dim, parts, options.sizes, size)
+    dim, parts = sizes.dim, sizes.parts
+    size = sizes.set(options)
     _generate(dim, parts)
     if options.order == 2:
         gmsh.model.mesh.setOrder(2)
@@ -180,13 +213,24 @@ def _mesh(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
 
 
 def _generate(dim: int, parts: Sequence[Part]) -> None:
-    """Mesh by the first algorithm whose elements are fine, or else by the best of all."""
+    """Mesh by the first algorithm whose elements are fine, or else by the best of all.
+
+    Raises:
+        InputError: Of the first algorithm, if none makes any elements; or if all make flat ones.
+    """
     worst: dict[tuple[int, int], dict[str, float]] = {}
+    failures = list[InputError]()
     for algorithm in ALGORITHMS:
-        worst[algorithm] = _worst_by(dim, parts, algorithm)
+        try:
+            worst[algorithm] = _worst_by(dim, parts, algorithm)
+        except InputError as error:
+            failures.append(error)
+            continue
         if min(worst[algorithm].values()) >= FLAT:
             return
-    best = max(ALGORITHMS, key=lambda one: min(worst[one].values()))
+    if not worst:
+        raise failures[0]
+    best = max(worst, key=lambda one: min(worst[one].values()))
     flat = [name for name, quality in worst[best].items() if quality < NO_VOLUME]
     if flat:
         raise InputError(
@@ -204,14 +248,24 @@ def _worst_by(dim: int, parts: Sequence[Part], algorithm: tuple[int, int]) -> di
         gmsh.model.mesh.clear()
     for name, number in zip(("Algorithm", "Algorithm3D"), algorithm, strict=True):
         gmsh.option.setNumber(f"Mesh.{name}", number)
-    try:
-        gmsh.model.mesh.generate(dim)
-    except Exception as error:  # gmsh raises nothing more specific
-        raise InputError(_fault(dim, parts, str(error))) from error
-    for part in parts:
-        if not elements(dim, part).size:
-            reason = gmsh.logger.getLastError() or "gmsh made no elements"
-            raise InputError(_fault(dim, [part], reason))
+    gmsh.option.setNumber("General.AbortOnError", 1)  # an exception would leave gmsh locked
+    gmsh.model.mesh.generate(dim)
+    gmsh.option.setNumber("General.AbortOnError", 2)
+    empty = [
+        part
+        for part in parts
+        if any(not gmsh.model.mesh.getElementTypes(dim, tag).size for tag in part.tags)
+    ]
+    if empty:
+        failed = bool(gmsh.model.mesh.getLastEntityError())
+        reason = gmsh.logger.getLastError()
+        if not reason or reason.startswith("No elements"):
+            reason = "gmsh cannot fill it, mostly as faces of a coarse mesh cross each other"
+        fault = _fault(dim, parts if failed else empty[:1], reason)
+        kinds = [gmsh.model.getType(*entity) for entity in gmsh.model.getEntities()]
+        if not any(kind.startswith("Discrete") for kind in kinds):
+            gmsh.model.mesh.clear()  # or the next algorithm would keep the faces' meshes
+        raise InputError(fault)
     return {part.name: float(qualities(dim, part).min()) for part in parts}
 
 
@@ -223,32 +277,6 @@ def _names_of_faces(dim: int, parts: Sequence[Part]) -> dict[int, str]:
             faces = [tag] if dim == 2 else gmsh.model.getAdjacencies(dim, tag)[1]
             names.update({int(face): part.name for face in faces})
     return names
-
-
-def _without_size(size: float) -> None:
-    """Give points a size that have none; gmsh would take a tenth of the model's diagonal."""
-    points = gmsh.model.getEntities(0)
-    given = gmsh.model.mesh.getSizes(points)
-    gmsh.model.mesh.setSize([p for p, h in zip(points, given, strict=True) if h == 0], size)
-
-
-def _sizes_by_body(
-    dim: int, parts: Sequence[Part], sizes: dict[str, float], elsewhere: float
-) -> None:
-    """Bodies of sizes of their own, the smaller one where two meet."""
-    if not sizes:
-        return
-    fields = []
-    for part in parts:
-        one = gmsh.model.mesh.field.add("Constant")
-        gmsh.model.mesh.field.setNumber(one, "VIn", sizes.get(part.name, elsewhere))
-        gmsh.model.mesh.field.setNumber(one, "VOut", 1e22)
-        where = {3: "VolumesList", 2: "SurfacesList"}[dim]
-        gmsh.model.mesh.field.setNumbers(one, where, part.tags)
-        fields.append(one)
-    least = gmsh.model.mesh.field.add("Min")
-    gmsh.model.mesh.field.setNumbers(least, "FieldsList", fields)
-    gmsh.model.mesh.field.setAsBackgroundMesh(least)
 
 
 def _fault(dim: int, parts: Sequence[Part], error: str) -> str:

@@ -24,20 +24,22 @@ def skin_of(
         faces: The same, measured.
 
     Returns:
-        ``points``, shape (n, 3); ``triangles``, shape (m, 3), and the number ``body`` of each;
+        ``points``, shape (n, 3); ``triangles``, shape (m, 3), the number ``body`` of each, and that
+        of the free face, from 1, ``face`` (0 of plane bodies, whose faces are curves);
         ``names`` of the bodies; ``places`` on free faces, shape (k, 3), and their ``numbers``.
     """
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     order = np.argsort(tags)
     tags, points = tags[order], coordinates.reshape(-1, 3)[order]
-    shown = [(group.body, group.tags) for group in groups]
+    shown = [(group.body, group.number, group.tags) for group in groups]
     if dim == 2:
-        shown = [(number, part.tags) for number, part in enumerate(parts)]
-    triangles, owners, places = [], [], []
-    for number, entities in shown:
+        shown = [(number, 0, part.tags) for number, part in enumerate(parts)]
+    triangles, owners, faces_of, places = [], [], [], []
+    for number, face_number, entities in shown:
         corners = np.searchsorted(tags, _corners(entities, 2))
         triangles.append(corners)
         owners.append(np.full(len(corners), number))
+        faces_of.append(np.full(len(corners), face_number))
     for group, face in zip(groups, faces, strict=True):
         middles = points[np.searchsorted(tags, _corners(group.tags, dim - 1))].mean(axis=1)
         distance = np.linalg.norm(middles - face.centre, axis=1)
@@ -46,6 +48,7 @@ def skin_of(
         "points": points,
         "triangles": np.concatenate(triangles),
         "body": np.concatenate(owners),
+        "face": np.concatenate(faces_of),
         "names": np.array([part.name for part in parts]),
         "places": np.array(places).reshape(-1, 3),
         "numbers": np.array([face.number for face in faces]),

@@ -18,7 +18,7 @@ from perfplast_fenicsx.limit_analysis.facet_pairs import FacetRows, facet_type, 
 from perfplast_fenicsx.limit_analysis.facet_velocities import FacetNumbers, facet_numbers
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
 from perfplast_fenicsx.problem.linear_tractions import ROUNDING, linear_tractions
-from perfplast_fenicsx.problem.loads import LOADS, BodyForce, Load, is_bounded
+from perfplast_fenicsx.problem.loads import BodyForce, Load, is_bounded, is_known
 from perfplast_fenicsx.problem.problem import Problem
 
 ALONG = 1e-10
@@ -139,7 +139,7 @@ def facet_conditions(problem: Problem) -> FacetConditions:
         for constant in (False, True)
     )
     bent = live[1] or dead[1]
-    unknown = any(type(load) not in LOADS.values() for load in given.loads)
+    unknown = not all(is_known(load) for load in given.loads)
     varies = not unknown and len(known) < len(given.loads)
 
     axes = np.tile(np.eye(tdim), (facets.num, 1, 1))

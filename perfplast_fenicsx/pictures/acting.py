@@ -7,7 +7,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.obstacles import Obstacle
-from perfplast_fenicsx.problem.loads import Pressure, Traction
+from perfplast_fenicsx.problem.loads import Load
 from perfplast_fenicsx.problem.report import LevelReport
 
 
@@ -23,7 +23,7 @@ class Acting:
     zeta: float = 0.0
     factors: Mapping[str, float] = field(default_factory=dict)
 
-    def of_load(self, load: Traction | Pressure) -> float:
+    def of_load(self, load: Load) -> float:
         """That of a load; without stages 1, or −1 where ζ is negative."""
         if load.constant:
             return 1.0
@@ -45,7 +45,7 @@ def acting(reports: Sequence[LevelReport | None]) -> list[Acting]:
     return [Acting(report.zeta, report.factors) if report else at_rest for report in reports]
 
 
-def shares(states: Sequence[Acting], loads: Sequence[Traction | Pressure]) -> Floats:
+def shares(states: Sequence[Acting], loads: Sequence[Load]) -> Floats:
     """Factors of loads relative to the largest one of each, shape (num_states, num_loads)."""
     found: Floats = np.array([[state.of_load(load) for load in loads] for state in states])
     largest: Floats = np.abs(found).max(axis=0)

@@ -9,7 +9,7 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.contact.obstacles import Obstacle, move_of
 from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.pictures.boundary_surface import Surface
-from perfplast_fenicsx.problem.loads import Pressure, Traction
+from perfplast_fenicsx.problem.loads import Bearing, Force, Load, Pressure
 
 VIEWS = np.array([(1.1, -1.9, 1.0), (-1.1, -1.9, 1.0), (1.1, 1.9, 1.0), (-1.1, 1.9, 1.0)])
 
@@ -37,7 +37,7 @@ class Arrows:
 def load_arrows(
     surface: Surface,
     points: Floats,
-    loads: Sequence[Traction | Pressure],
+    loads: Sequence[Load],
     shares: Sequence[float] | Floats = (),
 ) -> Arrows:
     """Arrows of all loads, spread over their surfaces: they end there, or pull at it.
@@ -60,7 +60,7 @@ def load_arrows(
         normals, facets = surface.normals[chosen], surface.facets[chosen]
         total = np.linalg.norm(normals, axis=1).sum()
         spacing = max((total / ARROWS) ** (1 / (facets.shape[1] - 1)), APART * surface.size)
-        weights, facet = _spread(surface.points[facets], spacing)
+        weights, facet = spread(surface.points[facets], spacing)
         ends = np.einsum("nc,nci->ni", weights, points[facets[facet]])
         d = directions[facet] / np.linalg.norm(directions[facet], axis=1, keepdims=True)
         d *= ARROW * surface.size * share
@@ -70,16 +70,24 @@ def load_arrows(
     return Arrows(np.concatenate(starts), np.concatenate(vectors))
 
 
-def _directions(load: Traction | Pressure, surface: Surface, chosen: Longs) -> Floats:
+def _directions(load: Load, surface: Surface, chosen: Longs) -> Floats:
     """Of a load at the middles of facets, shape (num_facets, 3); zero where it does not act."""
     middles = surface.points[surface.facets[chosen]].mean(axis=1)
+    normals = surface.normals[chosen]
     if isinstance(load, Pressure):
-        signs = np.sign(evaluate(load.value, middles, load.on))
-        return -signs[:, None] * surface.normals[chosen]
-    return np.column_stack([evaluate(value, middles, load.on) for value in [*load.value, 0.0][:3]])
+        return -np.sign(evaluate(load.value, middles, load.on))[:, None] * normals
+    values = list(np.atleast_1d(np.asarray(load.value, dtype=object)))  # none of a moment alone
+    if isinstance(load, Force) and not np.any(np.asarray(load.value, dtype=np.float64)):
+        areas = np.linalg.norm(normals, axis=1)
+        turn = np.array([0.0, 0.0, *np.atleast_1d(load.moment)])[-3:]
+        return np.cross(turn, middles - np.average(middles, axis=0, weights=areas))
+    found = np.column_stack([evaluate(value, middles, load.on) for value in [*values, 0.0][:3]])
+    if isinstance(load, Bearing):
+        found[np.einsum("ni,ni->n", found, normals) >= 0] = 0.0
+    return found
 
 
-def _spread(corners: Floats, spacing: float) -> tuple[Floats, Longs]:
+def spread(corners: Floats, spacing: float) -> tuple[Floats, Longs]:
     """Points on facets about so far apart, those nearest the middles of boxes.
 
     Returns:

@@ -76,11 +76,13 @@ class Skin:
         surface: The surface.
         nodes: Of its points, shape (num_points,).
         cells: Below its triangles, shape (num_triangles,).
+        tags: Of the surfaces that its facets are on, −1 for none, shape (num_facets,).
     """
 
     surface: Surface
     nodes: Longs
     cells: Longs
+    tags: Longs
 
 
 def make_skin(
@@ -127,7 +129,7 @@ def make_skin(
             for mark, on in named.scene.marks.items()
         },
     )
-    return Skin(surface, nodes, below)
+    return Skin(surface, nodes, below, tag)
 
 
 def exterior(cells: Longs) -> tuple[Longs, Longs]:

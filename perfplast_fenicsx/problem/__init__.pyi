@@ -8,6 +8,7 @@ from .law_on_cells import LawOnCells as LawOnCells
 from .load_case import LoadCase as LoadCase
 from .loading_history import LoadingHistory as LoadingHistory
 from .loads import LOADS as LOADS
+from .loads import Bearing as Bearing
 from .loads import BodyForce as BodyForce
 from .loads import Force as Force
 from .loads import Load as Load

@@ -52,8 +52,8 @@ def declared_loads(
     for load in loads:
         if isinstance(load, Force) and load.on not in free:
             raise InputError(
-                f"the force on '{load.on}' acts on no rigid surface that is free to move; declare"
-                " it rigid, without a motion, or give a traction."
+                f"the force on '{load.on}' acts on a rigid surface whose motion is given; leave out"
+                " the motion or the force."
             )
         if not isinstance(load, Force) or load.on not in straight:
             continue

@@ -11,7 +11,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.formulas import evaluate
-from perfplast_fenicsx.problem.loads import Load, Pressure, Traction
+from perfplast_fenicsx.problem.loads import CosinePressure, Load, Pressure, Traction
 
 ROUNDING = 1e-12
 """Difference of a linear traction at midsides from the mean of the ends', relative to the largest:
@@ -22,7 +22,7 @@ def linear_tractions(load: Load, corners: Floats, normals: Floats) -> tuple[Floa
     """Tractions of ζ = 1 on straight facets. Not collective.
 
     Args:
-        load: A traction or a pressure.
+        load: A traction or a pressure, also one that follows the cosine.
         corners: Vertices of the facets, shape (n, d, d).
         normals: Outward unit normals, shape (n, d).
 
@@ -52,6 +52,9 @@ def _values(load: Load, x: Floats, normals: Floats) -> Floats:
     if isinstance(load, Pressure):
         pressures = evaluate(load.value, points, place).reshape(count, of_each, 1)
         return -pressures * normals[:, None]
+    if isinstance(load, CosinePressure):
+        pressure = np.maximum(-(normals @ np.asarray(load.value, dtype=np.float64)), 0.0)
+        return np.repeat((-pressure[:, None] * normals)[:, None], of_each, axis=1)
     if isinstance(load, Traction):
         each = [evaluate(value, points, place) for value in load.value]
         return np.stack(each, axis=1).reshape(count, of_each, d)

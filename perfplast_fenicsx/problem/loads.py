@@ -9,7 +9,7 @@ What a load is given by may be a formula in the coordinates, such as ``"10*maxim
 degree 2 is exact.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -17,59 +17,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.problem.load import Formula as Formula
+from perfplast_fenicsx.problem.load import Load as Load
+from perfplast_fenicsx.problem.load import Quantities
+from perfplast_fenicsx.problem.load import SpreadLoad as SpreadLoad
 
 if TYPE_CHECKING:  # what reads results for pictures and reports starts no DOLFINx
     from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-
-Formula = float | str
-"""A number, or a formula in x, y, z."""
-
-Quantities = Mapping[str, str]
-
-
-class Load:
-    """What each load says.
-
-    Attributes:
-        words: What reports call it.
-        quantities: Units of what it is given by, by the keys of :meth:`units.Units.table`: those of
-            ``value``, which case files call as the load's kind, and of other fields that are a load
-            by themselves.
-        in_volume: Whether ``on`` is a volume, and no surface.
-        on: Physical surface or volume.
-        value: A number or formula, or one a direction.
-        name: What messages and stages call it.
-        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
-    """
-
-    words: ClassVar[str]
-    quantities: ClassVar[Quantities]
-    in_volume: ClassVar[bool] = False
-
-    on: str
-    value: Formula | Sequence[Formula]
-    name: str
-    constant: bool
-
-
-class SpreadLoad(Load):
-    """A load with a density in its volume or on its surface.
-
-    Attributes:
-        scalar: Whether ``value`` is one number or formula, and not one a direction.
-    """
-
-    scalar: ClassVar[bool] = False
-
-    def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """Its work for each volume or area, what L(v) is the integral of.
-
-        Args:
-            value: Of the load in UFL, a scalar or a vector.
-            v: Displacement, a vector in UFL.
-            tagged_mesh: What it acts on.
-        """
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -187,14 +141,18 @@ class PorePressure(SpreadLoad):
 
 @dataclass(frozen=True)
 class Force(Load):
-    """Force and moment on a rigid surface that is free to move.
+    """Force and moment on a surface: spread over it, or on a rigid one that is free to move.
+
+    On a surface that is not rigid it is the traction that is linear in the coordinates and has this
+    force and moment on the mesh (:mod:`perfplast_fenicsx.problem.spread_forces`).
 
     Args:
-        on: The rigid surface.
-        value: On a rigid surface that is free to move, one number a direction; in the plane for
-            each unit of depth.
+        on: The surface.
+        value: The whole force on a surface, one number a direction; in the plane for each unit of
+            depth. It is spread linearly, or acts on a rigid surface that is free to move.
         moment: With or in place of a force, a number in the plane, one for each axis in space.
-        point: Where the force acts, and what the moment is about (length); the origin without.
+        point: Where the force acts, and what the moment is about (length); without, the origin of
+            rigid surfaces, and the centroid of others.
         name: What messages call it.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
@@ -210,6 +168,56 @@ class Force(Load):
     constant: bool = False
 
 
+@dataclass(frozen=True)
+class Bearing(Load):
+    """The force of a pin in a bore, a pressure that follows the cosine and pushes only.
+
+    Args:
+        on: Physical surface, such as a whole bore or half of one.
+        value: The whole force of a pin or shaft on its bore, one number a direction; in the plane
+            for each unit of depth. The pressure is that of the cosine, only where the surface faces
+            the force, and as large as makes the force on the mesh exact.
+        name: What messages call it.
+        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+    """
+
+    words: ClassVar[str] = "bearing force"
+    quantities: ClassVar[Quantities] = MappingProxyType({"value": "force"})
+
+    on: str
+    value: Sequence[float]
+    name: str = ""
+    constant: bool = False
+
+
+@dataclass(frozen=True)
+class CosinePressure(SpreadLoad):
+    """What a :class:`Bearing` is on a mesh: the pressure p = max(0, −a·n).
+
+    Args:
+        on: Physical surface.
+        value: The largest pressure, in its direction: a (stress).
+        name: What messages call it.
+        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+    """
+
+    words: ClassVar[str] = "bearing pressure"
+    quantities: ClassVar[Quantities] = MappingProxyType({"value": "stress"})
+
+    on: str
+    value: Sequence[float]
+    name: str = ""
+    constant: bool = False
+
+    def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
+        """−max(0, −a·n) n·v."""
+        import ufl
+
+        normal = ufl.FacetNormal(tagged_mesh.mesh)
+        pressure = ufl.max_value(-ufl.inner(value, normal), 0.0)
+        return ufl.inner(-pressure * normal, v)
+
+
 BOUNDED = (
     "strict bounds are for tractions and pressures that are linear on each facet, and forces per"
     " volume that are numbers; give one of these, or seek the limit load of the mesh alone"
@@ -223,10 +231,11 @@ LOADS: dict[str, type[Any]] = {
     "body_force": BodyForce,
     "pore_pressure": PorePressure,
     "force": Force,
+    "bearing_force": Bearing,
 }
 """Kinds of loads by their name in case files."""
 
-ON_SURFACES = (Traction, Pressure)
+ON_SURFACES = (Traction, Pressure, CosinePressure)
 """Loads whose tractions strict bounds and proofs know, where they are linear on facets."""
 
 
@@ -234,6 +243,11 @@ def kind_of(load: Load) -> str:
     """How case files call a load's kind; the name of its class where it is in no case file."""
     known = (kind for kind, cls in LOADS.items() if cls is type(load))
     return next(known, type(load).__name__)
+
+
+def is_known(load: Load) -> bool:
+    """Whether a load is of the program's own kinds, and none of a user's."""
+    return type(load) in (*LOADS.values(), *ON_SURFACES)
 
 
 def is_uniform(load: Load) -> bool:

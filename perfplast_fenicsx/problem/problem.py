@@ -49,8 +49,8 @@ from perfplast_fenicsx.problem.prescribed_displacement import (
 )
 from perfplast_fenicsx.problem.rigid_surface import RigidSurface, name_of
 from perfplast_fenicsx.problem.spaces import make_spaces, space_at_points
+from perfplast_fenicsx.problem.spread_forces import on_this_mesh
 from perfplast_fenicsx.problem.supports import Support
-from perfplast_fenicsx.problem.total_loads import per_area
 from perfplast_fenicsx.profiling import phase
 
 
@@ -126,7 +126,7 @@ class Problem:
             InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
         self.tagged_mesh = tagged_mesh
-        loads = per_area(tagged_mesh, loads)
+        loads = on_this_mesh(tagged_mesh, loads, rigid)
         self.given = Given(
             materials, supports, loads, contacts, obstacles, degree, initial, ties, rigid
         )

@@ -47,10 +47,10 @@ def page_of(reader: ResultReader, view: View) -> str:
     summary, scene = reader.summary, reader.scene
     staged = any(step.get("stage") for step in summary.steps)
     words = CaseWords(summary.given, summary.units, summary.model["axes"], staged)
-    template = Template(_asset("page.html"))
+    template = Template(asset("page.html"))
     return template.substitute(
         title=escape(scene.title or "A run"),
-        style=_asset("page.css"),
+        style=asset("page.css"),
         verdict=_verdict(verdict_on(reader), words.meaning(scene.driven)),
         warnings=_warnings(summary),
         view=_view(view),
@@ -61,11 +61,12 @@ def page_of(reader: ResultReader, view: View) -> str:
         again=_again(summary),
         version=escape(summary.version),
         data=json.dumps(view.data, allow_nan=False).replace("<", "\\u003c"),
-        script="\n".join(_asset(f"{name}.js") for name in SCRIPTS),
+        script="\n".join(asset(f"{name}.js") for name in SCRIPTS),
     )
 
 
-def _asset(name: str) -> str:
+def asset(name: str) -> str:
+    """A file that pages are made of."""
     return resources.files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
 
 
@@ -86,7 +87,7 @@ def _words(text: str) -> str:
 
 def _view(view: View) -> str:
     remarks = "".join(f"<p>{escape(text)}</p>" for text in view.remarks)
-    return remarks + (_asset("view.html") if view.data is not None else "")
+    return remarks + (asset("view.html") if view.data is not None else "")
 
 
 def _curve(reader: ResultReader) -> str:

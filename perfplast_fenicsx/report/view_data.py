@@ -17,6 +17,7 @@ from perfplast_fenicsx.report.field_words import rank_of, words_of
 from perfplast_fenicsx.report.packing import pack_integers, pack_numbers, size_of
 from perfplast_fenicsx.report.skin_fields import SkinState, read_state
 from perfplast_fenicsx.report.skin_lines import skin_lines
+from perfplast_fenicsx.report.view_marks import view_marks
 
 ROUNDING = 1e-9
 """Negative numbers of a field that are no larger, relative to its largest, begin its scale at 0."""
@@ -57,8 +58,9 @@ def view_data(reader: ResultReader, room: int = ROOM) -> View:
     units, remarks = reader.summary.units, []
     surface = reader.skin.surface
     order = np.argsort(surface.body, kind="stable")
-    data = _mesh(surface, order) | {
+    data = view_mesh(surface, order) | {
         "axisymmetric": reader.scene.axisymmetric,
+        "marks": view_marks(reader),
         "states": [],
     }
     left = room - size_of(data)
@@ -98,7 +100,7 @@ def chosen_levels(count: int, most: int) -> list[int]:
     return sorted({int(a) for a in np.linspace(count - 1, 0, min(count, max(most, 1))).round()})
 
 
-def _mesh(surface: Surface, order: Longs) -> dict[str, Any]:
+def view_mesh(surface: Surface, order: Longs) -> dict[str, Any]:
     """Points, triangles and lines; those of a body follow each other."""
     lines, line_body = skin_lines(surface)
     numbers = np.arange(len(surface.names) + 1)

@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -15,19 +15,8 @@ import pytest
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED
+from tests.functional.browser_page import Page, alone
 from tests.functional.test_command_line import CASE, one_line, write
-
-PATIENCE = 120
-"""Longest time for anything in the browser (s)."""
-
-FLAGS = (
-    *("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle"),
-    *("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars"),
-)
-
-alone = pytest.mark.skipif(
-    MPI.COMM_WORLD.size > 1, reason="a process that uses MPI cannot start a browser under mpirun"
-)
 
 
 @pytest.fixture(scope="module")
@@ -129,83 +118,6 @@ def test_a_fault_of_the_program_is_told_as_one(
     assert main(["report", str(results), "-o", str(results / "other.html")]) == FAULT
     assert "KeyError: 'cells'" in capsys.readouterr().err
     assert not (results / "other.html").exists()
-
-
-@pytest.fixture
-def browser() -> Iterator[Any]:
-    """Chromium without a screen."""
-    webdriver = pytest.importorskip("selenium.webdriver")
-    service = pytest.importorskip("selenium.webdriver.chrome.service")
-    program, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if program is None or driver is None:
-        pytest.skip("no chromium and chromedriver to open the report with")
-    options = webdriver.ChromeOptions()
-    options.binary_location = program
-    for flag in FLAGS:
-        options.add_argument(flag)
-    logs = {"browser": "ALL", "performance": "ALL"}
-    options.set_capability("goog:loggingPrefs", logs)
-    with webdriver.Chrome(options=options, service=service.Service(driver)) as window:
-        window.set_script_timeout(PATIENCE)
-        window.set_window_size(1000, 1000)
-        yield window
-
-
-class Page:
-    """The report in a browser."""
-
-    def __init__(self, browser: Any, path: Path) -> None:
-        self._browser = browser
-        browser.get(path.as_uri())
-        self.wait("document.getElementById('canvas').hasAttribute('data-ready')")
-
-    def __call__(self, script: str) -> Any:
-        return self._browser.execute_script(f"return {script}")
-
-    def wait(self, condition: str) -> None:
-        from selenium.webdriver.support.ui import WebDriverWait
-
-        WebDriverWait(self._browser, PATIENCE, 0.05).until(lambda _: self(condition))
-
-    def part(self, name: str) -> Any:
-        return self._browser.find_element("id", name)
-
-    def pixels(self) -> np.ndarray[Any, Any]:
-        """What is on the canvas, shape (32, 32, 3)."""
-        return np.array(
-            self._browser.execute_async_script(
-                """const done = arguments[0];
-                requestAnimationFrame(() => requestAnimationFrame(() => {
-                  const small = document.createElement("canvas");
-                  small.width = small.height = 32;
-                  const pen = small.getContext("2d");
-                  pen.drawImage(document.getElementById("canvas"), 0, 0, 32, 32);
-                  done(Array.from(pen.getImageData(0, 0, 32, 32).data));
-                }));"""
-            )
-        ).reshape(32, 32, 4)[..., :3]
-
-    def changed(self, before: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        """The pixels once they differ from those before."""
-        for _ in range(1000):
-            now = self.pixels()
-            if np.abs(now - before).max() > 20:
-                return now
-        raise AssertionError("the picture has not changed")
-
-    def keys(self, name: str, *keys: str) -> None:
-        self.part(name).send_keys(*keys)
-
-    def choose(self, name: str, value: str) -> None:
-        """Set a control as a hand does."""
-        self._browser.execute_script(
-            """const part = document.getElementById(arguments[0]);
-            part.value = arguments[1];
-            part.dispatchEvent(new Event("input"));
-            part.dispatchEvent(new Event("change"));""",
-            name,
-            value,
-        )
 
 
 @alone

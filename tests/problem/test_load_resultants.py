@@ -10,6 +10,7 @@ import pytest
 from perfplast_fenicsx import (
     BodyForce,
     Contact,
+    Force,
     Pressure,
     Problem,
     Support,
@@ -67,6 +68,11 @@ def of(on: tuple[float, Sequence[float]], density: Sequence[float]) -> tuple[lis
     return at(centre, [size * each for each in density])
 
 
+def turned(moment: Sequence[float], both: tuple[list, list]) -> tuple[list, list]:
+    """The same with a moment besides."""
+    return both[0], np.add(both[1], moment).tolist()
+
+
 SLOPE = [0.0, 0.0, -(3.0**2 - 1.5**2) / 2]
 """Of the traction −x in z: its force; that acts at x = ∫x² / ∫x."""
 
@@ -90,6 +96,14 @@ CASES: dict[str, tuple[Callable[[], Problem], list[tuple[list, list]]]] = {
     "a formula": (
         lambda: cantilevers([Traction("top", (0, 0, "-x"))]),
         [at(((27 - 1.5**3) / 3 / -SLOPE[2], 0.5, 2.0), SLOPE)],
+    ),
+    "a force and a moment": (
+        lambda: cantilevers([Force("top", (1.0, -2.0, -3.0), (0.5, 4.0, -1.0))]),
+        [turned((0.5, 4.0, -1.0), at(TOP[1], (1.0, -2.0, -3.0)))],
+    ),
+    "a remote force": (
+        lambda: cantilevers([Force("top", (0.0, -2.0, -3.0), point=(5.0, 1.0, 4.0))]),
+        [at((5.0, 1.0, 4.0), (0.0, -2.0, -3.0))],
     ),
     "rollers": (lambda: touching_blocks(degree=2), [at((0.5, 0.5, 2.0), (0, 0, -1.0))]),
     "plane strain": (plane, [at((0.5, 2.0), (0, -3.0))]),

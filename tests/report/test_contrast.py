@@ -19,7 +19,7 @@ LIGHT, DARK = (
 )
 SCHEMES = pytest.mark.parametrize("names", [LIGHT, DARK], ids=["light", "dark"])
 WHITE = "#ffffff"
-"""Of curves and the legend, in either scheme."""
+"""Of curves, the view and the legend, in either scheme."""
 
 
 def luminance(colour: str) -> float:
@@ -48,7 +48,7 @@ def used(kind: str, names: dict[str, str]) -> list[tuple[str, str]]:
 def ground(rule: str, body: str) -> str:
     """The background of a rule, or that of the page."""
     own = re.search(r"background: (#\w{6})", body)
-    white = rule.strip().startswith((".curve", "#legend"))
+    white = rule.strip().startswith((".curve", "#legend", "#largest"))
     return own[1] if own else WHITE if white else "paper"
 
 
@@ -64,9 +64,10 @@ def test_the_measure() -> None:
 
 
 def test_words_and_areas_of_the_curve() -> None:
-    """Its words are filled, and so is the band between two bounds."""
+    """Its words are filled, as those of the largest value are, and the band between two bounds."""
     found = dict(used("fill", DARK))
-    assert set(found) == {f".curve on {WHITE}", f".curve .band on {WHITE}"}
+    told = {".curve", ".curve .band", "#largest text"}
+    assert set(found) == {f"{rule} on {WHITE}" for rule in told}
     for colour in found.values():
         assert contrast(colour, WHITE) >= TEXT
 

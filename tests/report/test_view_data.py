@@ -73,6 +73,30 @@ def test_the_view_is_that_of_the_results(reader: ResultReader) -> None:
     assert offered["stress"]["low"] == pytest.approx(0.0)
 
 
+def test_loads_and_supports_are_around_the_bodies(reader: ResultReader) -> None:
+    """Arrows push on the top, along −z; ticks stand on the left end, along all three axes."""
+    data = view_data(reader).data
+    assert data is not None
+    points = reader.skin.surface.points
+    lines = {}
+    for mark in data["marks"]:
+        anchors = points[unpacked(mark["anchors"])]
+        offsets = np.column_stack([unpacked(axis) for axis in mark["offsets"]])
+        lines[mark["kind"]] = (anchors, (anchors + offsets).reshape(-1, 2, 3))
+    anchors, arrows = lines["loads"]
+    top = points[:, 2].max()
+    assert np.allclose(anchors[:, 2], top)
+    shafts = arrows[::3]
+    assert np.allclose(shafts[:, 1, 2], top, atol=1e-3)
+    along = shafts[:, 1] - shafts[:, 0]
+    assert np.allclose(along[:, :2], 0.0, atol=1e-3)
+    assert np.all(along[:, 2] < -0.05)
+    anchors, ticks = lines["supports"]
+    assert np.allclose(anchors[:, 0], points[:, 0].min())
+    axes = np.abs(ticks[:, 1] - ticks[:, 0]).argmax(axis=1)
+    assert set(axes.tolist()) == {0, 1, 2}
+
+
 @pytest.mark.parametrize(("low", "shown"), [(-1.77e-14, 0.0), (-2.0, -2.0), (3.0, 0.0)])
 def test_scales_begin_at_zero_but_for_what_is_below(low: float, shown: float) -> None:
     states = [{"fields": {"stress": {"low": low, "high": 5.0, "whole": True}}}]

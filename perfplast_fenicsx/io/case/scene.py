@@ -13,7 +13,7 @@ from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.contact.contact import Contact
 from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
-from perfplast_fenicsx.problem.loads import LOADS, Load, Pressure, Traction
+from perfplast_fenicsx.problem.loads import LOADS, Load
 from perfplast_fenicsx.units import Units
 
 if TYPE_CHECKING:  # what reads results for pictures starts no MPI
@@ -52,9 +52,9 @@ class Scene:
         return ",   axisymmetric about z" if self.axisymmetric else ""
 
     @property
-    def on_surfaces(self) -> list[Traction | Pressure]:
+    def on_surfaces(self) -> list[Load]:
         """The loads that act on surfaces, and are shown as arrows."""
-        return [load for load in self.loads if isinstance(load, Traction | Pressure)]
+        return [load for load in self.loads if not load.in_volume]
 
     @property
     def marks(self) -> dict[str, list[str]]:

@@ -16,10 +16,25 @@ function drawAxes(camera) {
   }).join("");
 }
 
+/** A ring at the largest value, with its number. */
+function drawLargest(viewer) {
+  const found = viewer.largest;
+  const { canvas } = viewer;
+  part("largest").toggleAttribute("hidden", !found || !viewer.look.marked);
+  if (!found) return;
+  part("largest").setAttribute("viewBox", `0 0 ${canvas.clientWidth} ${canvas.clientHeight}`);
+  const left = found.x > 0.7 * canvas.clientWidth;
+  part("largest").innerHTML = ["#fff", "#1b1f24"].map((colour, k) =>
+    `<circle cx="${found.x}" cy="${found.y}" r="7" stroke="${colour}" stroke-width="${5 - 3 * k}"/>`).join("") +
+    `<text x="${found.x + (left ? -11 : 11)}" y="${found.y + 4}"` +
+    ` stroke="#fff" stroke-width="3" paint-order="stroke" text-anchor="${left ? "end" : "start"}">largest: ${short(found.value)}</text>`;
+}
+
 /** Legend and numbers beside the controls. */
 function tell(viewer) {
   const { field, look, state } = viewer;
   drawAxes(viewer.camera);
+  drawLargest(viewer);
   part("legend").hidden = !look.field;
   if (look.field) {
     const [low, high] = look.range;
@@ -47,6 +62,7 @@ function connect(viewer) {
   const say = (text) => { part("told").textContent = text; };
   const named = (found) => {
     if (!found) return say("No body is there.");
+    if (found.face > 0) return say(data.faces.words[found.face]);
     const { field } = viewer;
     const unit = field?.unit ? ` ${field.unit}` : "";
     const value = found.value === null ? "" : `: ${field.label} ${short(found.value)}${unit}`;
@@ -128,6 +144,19 @@ function connect(viewer) {
     look.meshed = event.target.checked;
     viewer.redraw();
   });
+  part("marks").addEventListener("change", (event) => {
+    look.marked = event.target.checked;
+    viewer.redraw();
+  });
+  part("outline").addEventListener("change", (event) => {
+    look.outlined = event.target.checked;
+    viewer.redraw();
+  });
+  document.querySelectorAll("[data-face]").forEach((row) => row.addEventListener("click", () => {
+    look.face = Number(row.dataset.face);
+    say(data.faces.words[look.face]);
+    viewer.redraw();
+  }));
   part("legend-bar").style.background = scaleGradient();
   followPointers(viewer, named);
   followKeys(viewer, {
@@ -136,7 +165,7 @@ function connect(viewer) {
   const first = states.findIndex((state) => state.mechanism);
   viewer.field = fields.find((field) => field.name in data.states.at(-1).fields) ?? null;
   part("field").value = viewer.field?.name ?? "";
-  say("Click a body to see its name.");
+  say(`Click a ${data.faces ? "face" : "body"} to see its name.`);
   return go(first < 0 ? states.length - 1 : first).then(() => canvas.setAttribute("data-ready", ""));
 }
 

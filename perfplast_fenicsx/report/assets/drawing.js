@@ -8,6 +8,11 @@ class Drawing {
     Object.assign(this, { gl, canvas, mesh, program: makeProgram(gl), places: {} });
     this.faces = this.bundle(mesh.triangles);
     this.edges = this.bundle(mesh.lines);
+    this.marks = mesh.marks.map(({ anchors, offsets, colour }) => {
+      const bundle = this.bundle(anchors);
+      this.fill(bundle, 0, gathered(mesh.points, anchors, 3).map((a, k) => a + offsets[k]));
+      return { ...bundle, colour };
+    });
     gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
     const pixels = scalePixels();
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 256, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
@@ -41,7 +46,7 @@ class Drawing {
 
   /** Take the motion of points. */
   setMotion(motion) {
-    for (const bundle of [this.faces, this.edges]) {
+    for (const bundle of [this.faces, this.edges, ...this.marks]) {
       this.fill(bundle, 1, gathered(motion, bundle.corners, 3));
     }
   }
@@ -81,6 +86,7 @@ class Drawing {
     this.uniform("4fv", "cut", look.cut);
     this.uniform("1i", "plane", mesh.plane);
     this.uniform("1i", "meshed", look.meshed);
+    this.uniform("1f", "face", look.face);
     gl.bindVertexArray(this.faces.array);
     this.uniform("1f", "nearer", 0);
     this.uniform("1i", "mode", picking ? 3 : look.field ? 1 : 0);
@@ -94,6 +100,18 @@ class Drawing {
     this.uniform("1i", "mode", 2);
     this.uniform("3f", "colour", 0.12, 0.13, 0.15);
     this.bodies(gl.LINES, 2, mesh.lineStarts, look, () => {});
+    if (look.outlined) {
+      this.uniform("1f", "amount", 0);
+      this.uniform("3f", "colour", 0.5, 0.52, 0.56);
+      this.bodies(gl.LINES, 2, mesh.lineStarts, look, () => {});
+      this.uniform("1f", "amount", look.amount);
+    }
+    if (!look.marked) return;
+    for (const { array, corners, colour } of this.marks) {
+      gl.bindVertexArray(array);
+      this.uniform("3fv", "colour", colour);
+      gl.drawArrays(gl.LINES, 0, corners.length);
+    }
   }
 
   bodies(kind, corners, starts, look, prepare) {

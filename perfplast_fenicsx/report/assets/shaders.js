@@ -40,6 +40,7 @@ uniform vec4 cut;        // normal, place
 uniform bool plane;
 uniform bool meshed;
 uniform float glow;
+uniform float face;      // the number of the one that is picked, in pages of a mesh; −1 for none
 out vec4 pixel;
 
 void main() {
@@ -68,7 +69,8 @@ void main() {
     float edge = min(min(distance.x, distance.y), distance.z);
     base = mix(vec3(0.25), base, 0.6 + 0.4 * smoothstep(0.2, 1.2, edge));
   }
-  pixel = vec4(mix(base * light, vec3(1.0, 0.85, 0.4), glow), 1.0);
+  float lit = mode == 0 && face >= 0.0 && abs(shade - face) < 0.25 ? 0.6 : glow;
+  pixel = vec4(mix(base * light, vec3(1.0, 0.85, 0.4), lit), 1.0);
 }
 `;
 

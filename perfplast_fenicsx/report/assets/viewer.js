@@ -10,7 +10,7 @@ class Viewer {
     this.drawing = new Drawing(canvas, mesh);
     this.look = {
       camera: this.camera, amount: 0, reach: 0, cut: [0, 0, 0, 1], field: false, range: [0, 1],
-      hidden: new Set(), picked: -1, meshed: false,
+      hidden: new Set(), picked: -1, face: -1, meshed: false, marked: true, outlined: false,
     };
     this.asked = 0;
     this.share = 1; // of the enlarged motion
@@ -28,10 +28,14 @@ class Viewer {
   }
 
   static async of(canvas, data, changed) {
-    const [points, triangles, lines] = await Promise.all([
+    const [points, triangles, lines, faces] = await Promise.all([
       vectors(data.points), integers(data.triangles), integers(data.lines),
+      data.faces ? integers(data.faces.of) : null,
     ]);
-    return new Viewer(canvas, data, { ...data, points, triangles, lines }, changed);
+    const marks = await Promise.all(data.marks.map(async (mark) => ({
+      colour: mark.colour, anchors: await integers(mark.anchors), offsets: await vectors(mark.offsets),
+    })));
+    return new Viewer(canvas, data, { ...data, points, triangles, lines, faces, marks }, changed);
   }
 
   /** How often larger than it is the motion is shown, at share 1. */
@@ -49,7 +53,7 @@ class Viewer {
     const motion = await vectors(state.motion);
     const values = await this.valuesOf(state, this.field);
     if (asked !== this.asked) return;
-    Object.assign(this, { state, number });
+    Object.assign(this, { state, number, motion });
     this.drawing.setMotion(motion);
     this.take(values);
   }
@@ -74,7 +78,9 @@ class Viewer {
 
   take(values) {
     this.values = values;
-    this.drawing.setValues(values);
+    const { faces, triangles } = this.mesh;
+    const face = faces && Float32Array.from(triangles, (_, corner) => faces[Math.floor(corner / 3)]);
+    this.drawing.setValues(values ?? face);
     this.look.field = values !== null;
     if (values) {
       const { low, high } = this.field;
@@ -100,6 +106,29 @@ class Viewer {
   get amount() {
     if (!this.state) return 0;
     return this.share * this.enlargement * (this.state.mechanism ? this.phase : 1);
+  }
+
+  /** Where the largest value of the bodies that are shown is: place (CSS pixels) and value, or null. */
+  get largest() {
+    const { values, motion, mesh, look, camera, canvas } = this;
+    if (!values) return null;
+    let best = -1;
+    for (let body = 0; body + 1 < mesh.triangleStarts.length; body++) {
+      if (look.hidden.has(body)) continue;
+      const [from, to] = [3 * mesh.triangleStarts[body], 3 * mesh.triangleStarts[body + 1]];
+      for (let k = from; k < to; k++) if (best < 0 || values[k] > values[best]) best = k;
+    }
+    if (best < 0) return null;
+    const point = mesh.triangles[best];
+    const seen = [0, 1, 2].map((k) =>
+      mesh.points[3 * point + k] + look.amount * motion[3 * point + k] - camera.centre[k]);
+    const [u, v] = camera.axes.map((axis) => axis.reduce((sum, a, k) => sum + a * seen[k], 0));
+    const half = camera.half(canvas.width, canvas.height);
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    return {
+      x: width / 2 + (u / half) * (height / 2), y: height / 2 - (v / half) * (height / 2),
+      value: values[best],
+    };
   }
 
   /** Have as many pixels as the screen. */
@@ -139,10 +168,11 @@ class Viewer {
     const row = canvas.height - 1 - Math.round(y * ratio);
     const triangle = this.drawing.pick(look, Math.round(x * ratio), row);
     const starts = mesh.triangleStarts;
-    look.picked = triangle < 0 ? -1 : starts.findIndex((a, k) => a <= triangle && triangle < starts[k + 1]);
+    look.face = triangle < 0 || !mesh.faces ? -1 : mesh.faces[triangle];
+    look.picked = triangle < 0 || mesh.faces ? -1 : starts.findIndex((a, k) => a <= triangle && triangle < starts[k + 1]);
     this.redraw();
     if (triangle < 0) return null;
     const at = this.values?.subarray(3 * triangle, 3 * triangle + 3);
-    return { body: look.picked, value: at ? (at[0] + at[1] + at[2]) / 3 : null };
+    return { body: look.picked, face: look.face, value: at ? (at[0] + at[1] + at[2]) / 3 : null };
   }
 }

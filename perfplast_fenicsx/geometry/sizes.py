@@ -1,0 +1,111 @@
+"""Sizes of elements: the largest, the smallest, those of bodies, and what a mesh begins with."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import gmsh
+import numpy as np
+
+from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.geometry.first_loading import ADAPTED, IN_CONTACT
+from perfplast_fenicsx.geometry.joints import box
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.parts import Part
+
+ELEMENTS = {2: 15_000, 3: 4_000}
+"""About so many the boxes around bodies would have by dimension without a size given: the first of
+some meshes in space, where bounds on 10 000 elements take two minutes, and adapted ones of half as
+many bring the bounds nearer."""
+
+USUAL = 10.0
+"""Elements about a circle where nothing is said."""
+
+LEAST = 0.2
+"""Smallest size that so many may ask for, relative to the largest; more of them may ask for less in
+proportion. Without it fillets, threads and letters take all elements and all time."""
+
+
+def most_elements(dim: int, bodies: int) -> int:
+    """So many elements a mesh may have by itself, for adapted ones to follow it."""
+    return int(ADAPTED[dim] * (IN_CONTACT if bodies > 1 else 1.0))
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """What sizes are set for.
+
+    Attributes:
+        dim: Of the bodies.
+        parts: The bodies.
+        points: Those that have no size of their own, as scripts may give.
+        least: Smallest size that curvature may ask for, relative to the largest.
+    """
+
+    dim: int
+    parts: Sequence[Part]
+    points: tuple[tuple[int, int], ...]
+    least: float
+
+    @staticmethod
+    def of(dim: int, parts: Sequence[Part]) -> "Sizes":
+        """Of gmsh's current model, before it is meshed."""
+        points = gmsh.model.getEntities(0)
+        given = gmsh.model.mesh.getSizes(points)
+        free = tuple(p for p, h in zip(points, given, strict=True) if h == 0)
+        return Sizes(dim, parts, free, LEAST if len(free) == len(points) else 0.0)
+
+    @property
+    def usual(self) -> float:
+        """The largest edge length where none is given."""
+        boxes = [box(self.dim, part.tags) for part in self.parts]
+        lengths = [np.sort(around[1] - around[0])[-self.dim :] for around in boxes]
+        room = sum(float(np.prod(np.maximum(length, 1e-12))) for length in lengths)
+        share = ELEMENTS[self.dim] / {2: 2, 3: 6}[self.dim]
+        return float(room / share) ** (1 / self.dim)
+
+    def set(self, options: MeshingOptions) -> float:
+        """Tell gmsh how large elements are to be; the largest edge length.
+
+        Args:
+            options: What is given.
+
+        Raises:
+            InputError: If a body with a size of its own is unknown.
+        """
+        names = [part.name for part in self.parts]
+        for body in options.sizes:
+            if body not in names:
+                raise InputError(
+                    f"sizes names '{body}', but there is no such body; {nearest(body, names)}"
+                )
+        size = options.size or self.usual
+        curvature = USUAL if options.curvature is None else options.curvature
+        for name, value in (("FromCurvature", curvature), ("ExtendFromBoundary", 1)):
+            gmsh.option.setNumber(f"Mesh.MeshSize{name}", value)
+        chosen = [size, *options.sizes.values()]
+        gmsh.option.setNumber("Mesh.MeshSizeMax", max(chosen))
+        least = self.least * size * min(1.0, USUAL / max(curvature, 1.0))
+        gmsh.option.setNumber("Mesh.MeshSizeMin", min([least, *options.sizes.values()]))
+        if self.points:  # gmsh would take a tenth of the model's diagonal
+            gmsh.model.mesh.setSize(self.points, max(chosen))
+        _sizes_by_body(self.dim, self.parts, options.sizes, size)
+        return size
+
+
+def _sizes_by_body(
+    dim: int, parts: Sequence[Part], sizes: dict[str, float], elsewhere: float
+) -> None:
+    """Bodies of sizes of their own, the smaller one where two meet."""
+    if not sizes:
+        return
+    fields = []
+    for part in parts:
+        one = gmsh.model.mesh.field.add("Constant")
+        gmsh.model.mesh.field.setNumber(one, "VIn", sizes.get(part.name, elsewhere))
+        gmsh.model.mesh.field.setNumber(one, "VOut", 1e22)
+        where = {3: "VolumesList", 2: "SurfacesList"}[dim]
+        gmsh.model.mesh.field.setNumbers(one, where, part.tags)
+        fields.append(one)
+    least = gmsh.model.mesh.field.add("Min")
+    gmsh.model.mesh.field.setNumbers(least, "FieldsList", fields)
+    gmsh.model.mesh.field.setAsBackgroundMesh(least)

@@ -1,0 +1,57 @@
+"""What each load says of itself, whatever its kind."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:  # what reads results for pictures and reports starts no DOLFINx
+    from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
+Formula = float | str
+"""A number, or a formula in x, y, z."""
+
+Quantities = Mapping[str, str]
+
+
+class Load:
+    """What each load says.
+
+    Attributes:
+        words: What reports call it.
+        quantities: Units of what it is given by, by the keys of :meth:`units.Units.table`: those of
+            ``value``, which case files call as the load's kind, and of other fields that are a load
+            by themselves.
+        in_volume: Whether ``on`` is a volume, and no surface.
+        on: Physical surface or volume.
+        value: A number or formula, or one a direction.
+        name: What messages and stages call it.
+        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+    """
+
+    words: ClassVar[str]
+    quantities: ClassVar[Quantities]
+    in_volume: ClassVar[bool] = False
+
+    on: str
+    value: Formula | Sequence[Formula]
+    name: str
+    constant: bool
+
+
+class SpreadLoad(Load):
+    """A load with a density in its volume or on its surface.
+
+    Attributes:
+        scalar: Whether ``value`` is one number or formula, and not one a direction.
+    """
+
+    scalar: ClassVar[bool] = False
+
+    def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
+        """Its work for each volume or area, what L(v) is the integral of.
+
+        Args:
+            value: Of the load in UFL, a scalar or a vector.
+            v: Displacement, a vector in UFL.
+            tagged_mesh: What it acts on.
+        """
+        raise NotImplementedError

@@ -1,0 +1,103 @@
+"""The page of a mesh: its bodies in the viewer, where a click tells the name of a face."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from string import Template
+
+import numpy as np
+
+from perfplast_fenicsx._version import __version__
+from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.report.packing import pack_integers, pack_numbers
+from perfplast_fenicsx.report.page import SCRIPTS, asset
+from perfplast_fenicsx.report.view_data import view_mesh
+
+
+@dataclass(frozen=True)
+class FaceRow:
+    """A free face in words.
+
+    Attributes:
+        number: From 1, as in the skin.
+        name: In the mesh.
+        shape: In words.
+        area: As text.
+        centre: Coordinates, as text.
+    """
+
+    number: int
+    name: str
+    shape: str
+    area: str
+    centre: str
+
+    @property
+    def in_words(self) -> str:
+        """What a click on it tells."""
+        return f"{self.name}: {self.shape}, area {self.area}, centre ({self.centre})"
+
+
+HEADS = ("No.", "Name", "Shape", "Area", "Centre")
+
+
+def mesh_page(title: str, skin: Path, faces: Sequence[FaceRow]) -> str:
+    """The HTML of a mesh.
+
+    Args:
+        title: Of the page.
+        skin: What :func:`perfplast_fenicsx.geometry.skin.skin_of` has found, as an .npz file.
+        faces: Its free faces.
+    """
+    with np.load(skin) as file:
+        arrays = {name: file[name] for name in file.files}
+    order = np.lexsort((arrays["face"], arrays["body"]))
+    used, corners = np.unique(arrays["triangles"], return_inverse=True)
+    triangles = corners.reshape(arrays["triangles"].shape).astype(np.int64)
+    points = np.asarray(arrays["points"][used], dtype=np.float64)
+    plane = bool(np.ptp(points[:, 2]) == 0)
+    surface = Surface(
+        points=points,
+        triangles=triangles,
+        edges=np.zeros((int(plane), 2), dtype=np.int64),
+        body=arrays["body"].astype(np.int64),
+        names=[str(name) for name in arrays["names"]],
+        at_points={},
+        at_cells={},
+        marks={},
+    )
+    still = [pack_numbers(np.zeros(len(points))) for _ in range(3)]
+    words = {face.number: face.in_words for face in faces}
+    data = view_mesh(surface, order) | {
+        "axisymmetric": False,
+        "marks": [],
+        "faces": {"of": pack_integers(arrays["face"][order].astype(np.int64)), "words": words},
+        "states": [{"title": "", "mechanism": False, "motion": still, "largest": 0, "fields": {}}],
+        "fields": [],
+    }
+    return Template(asset("mesh_page.html")).substitute(
+        title=escape(title),
+        style=asset("page.css"),
+        view=asset("view.html"),
+        faces=_table(faces),
+        version=escape(__version__),
+        data=json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
+        script="\n".join(asset(f"{name}.js") for name in SCRIPTS),
+    )
+
+
+def _table(faces: Sequence[FaceRow]) -> str:
+    heads = "".join(f'<th scope="col">{head}</th>' for head in HEADS)
+    rows = "".join(
+        f'<tr data-face="{face.number}"><td>{face.number}</td>'
+        f'<th scope="row">{escape(face.name)}</th>'
+        f"<td>{escape(face.shape)}</td><td>{escape(face.area)}</td>"
+        f"<td>{escape(face.centre)}</td></tr>"
+        for face in faces
+    )
+    return (
+        '<div class="scroll" tabindex="0" role="region" aria-label="table, which scrolls sideways">'
+        f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>"
+    )

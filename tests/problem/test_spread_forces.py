@@ -1,0 +1,158 @@
+"""Forces, moments and bearing forces on faces: their resultants, and bounds under them."""
+
+from functools import cache
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import (
+    Bearing,
+    Elastic,
+    Force,
+    InputError,
+    Problem,
+    ResultFolder,
+    RigidSurface,
+    Support,
+    TaggedMesh,
+    VonMises,
+    stacked_blocks,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
+from perfplast_fenicsx.problem.linear_tractions import linear_tractions
+from perfplast_fenicsx.problem.load_resultants import load_resultants
+from perfplast_fenicsx.problem.loads import CosinePressure, Load
+from perfplast_fenicsx.proof import check
+from tests.limit_analysis.test_static_bound import rectangle
+
+SOFT = Elastic(1e3, 0.2)
+STEEL = VonMises(1e3, 0.2, 1.0)
+
+
+@cache
+def blocks() -> TaggedMesh:
+    """Cubes (0,1)²×(0,1) and (0,1)²×(1,2)."""
+    return stacked_blocks(MPI.COMM_WORLD, 2)
+
+
+WIDE = {
+    "left": lambda x: x[0] < 1e-9,
+    "bore": lambda x: x[1] < 1e-9,
+    "right": lambda x: x[0] > 3 - 1e-9,
+    "outside": lambda x: x[1] > 1 - 1e-9,
+}
+
+
+def bar(material: Elastic | VonMises, *loads: Load) -> Problem:
+    """(0,3)×(0,1) in plane strain, held at its left end."""
+    mesh = rectangle((6, 2), (3.0, 1.0), {"bar": lambda x: x[0] < 4}, WIDE, 0.1)
+    return Problem(mesh, {"bar": material}, [Support("left")], loads, degree=2)
+
+
+def half_ring(*loads: Load, degree: int = 1) -> Problem:
+    """Radii 1 to 2, y ≤ 0, of polygons: the lower half of a bore, which the outside holds."""
+    mesh = rectangle((8, 3), (3.0, 1.0), {"lug": lambda x: x[0] < 4}, WIDE, 0.1)
+    angle, radius = np.pi * (1 + mesh.mesh.geometry.x[:, 0] / 3), 1 + mesh.mesh.geometry.x[:, 1]
+    mesh.mesh.geometry.x[:, :2] = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+    return Problem(mesh, {"lug": STEEL}, [Support("outside")], loads, degree=degree)
+
+
+def in_space(load: Load, degree: int = 1) -> Problem:
+    materials = {"lower": SOFT, "upper": SOFT}
+    return Problem(
+        blocks(), materials, [Support("bottom"), Support("upper_bottom")], [load], degree=degree
+    )
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("point", [(), (3.0, -1.0, 4.0)])
+def test_a_force_and_a_moment_on_a_face(degree: int, point: tuple[float, ...]) -> None:
+    """Without a point the force acts at the middle of the face, (½, ½, 2)."""
+    force, moment = np.array([1.0, -2.0, 3.0]), np.array([0.5, 4.0, -1.5])
+    (found,) = load_resultants(in_space(Force("top", force, moment, point), degree))
+    assert found.force == pytest.approx(force, rel=1e-12)
+    at = np.array(point or (0.5, 0.5, 2.0))
+    assert found.moment == pytest.approx(moment + np.cross(at, force), rel=1e-12)
+
+
+def test_a_force_and_a_moment_in_the_plane() -> None:
+    (found,) = load_resultants(bar(SOFT, Force("right", (3.0, -1.0), 2.0, (4.0, 7.0))))
+    assert found.force == pytest.approx([3.0, -1.0], rel=1e-12)
+    assert found.moment == pytest.approx([2.0 + 4.0 * -1.0 - 7.0 * 3.0], rel=1e-12)
+
+
+def test_a_pulled_bar_is_bounded() -> None:
+    """2/√3 σ_y in plane strain, the force being spread evenly."""
+    bounds = limit_bounds(bar(STEEL, Force("right", (1.0, 0.0))))
+    assert bounds.lower is not None and bounds.upper is not None
+    assert bounds.lower.value == pytest.approx(2 / 3**0.5, rel=1e-3)
+    assert bounds.lower.value <= 2 / 3**0.5 * (1 + 1e-9) <= bounds.upper.value * (1 + 1e-9)
+
+
+def test_bounds_under_a_moment_are_proven(shared_tmp_path: Path) -> None:
+    """The edge of its end can bear 2/√3 σ_y, and so the end 2/√3 σ_y h²/6 for certain."""
+    bounds = limit_bounds(bar(STEEL, Force("right", (), 1.0)))
+    assert bounds.lower is not None and bounds.upper is not None
+    assert bounds.lower.value == pytest.approx(2 / 3**0.5 / 6, rel=1e-3)
+    assert bounds.lower.value <= bounds.upper.value
+    proven(bounds, shared_tmp_path)
+
+
+@pytest.mark.parametrize("force", [(0.0, -2.0), (1.0, -2.0), (0.3, -0.1)])
+def test_a_pin_in_its_bore(force: tuple[float, float]) -> None:
+    """Its force is exact on the polygon too; it presses where the bore faces it, pulls nowhere."""
+    problem = half_ring(Bearing("bore", force))
+    (found,) = load_resultants(problem)
+    assert found.force == pytest.approx(force, rel=1e-9, abs=1e-12)
+    (pressure,) = problem.given.loads
+    assert isinstance(pressure, CosinePressure)
+    normals = np.array([[0.0, 1.0], [1.0, 0.0], [-1.0, 0.0]])
+    corners = np.zeros((3, 2, 2))
+    tractions, off = linear_tractions(pressure, corners, normals)
+    assert np.all(off == 0.0)
+    assert np.all(np.einsum("nki,ni->nk", tractions, normals) <= 0.0)
+
+
+def test_bounds_under_a_pin_are_proven(shared_tmp_path: Path) -> None:
+    bounds = limit_bounds(half_ring(Bearing("bore", (0.0, -1.0)), degree=2))
+    assert bounds.lower is not None and bounds.upper is not None
+    assert 0.5 < bounds.lower.value <= bounds.upper.value
+    proven(bounds, shared_tmp_path)
+
+
+def proven(bounds: BodyBounds, path: Path) -> None:
+    """A checker that shares no code finds the same numbers."""
+    assert bounds.strict, bounds.why_not
+    folder = ResultFolder(MPI.COMM_WORLD, path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
+    halves = check(folder.file("bounds.h5"))
+    for name, bound in (("lower", bounds.lower), ("upper", bounds.upper)):
+        assert bound is not None
+        assert not halves[name].faults
+        assert halves[name].proven == pytest.approx(bound.value, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("load", "message"),
+    [
+        (Bearing("bore", (0.0, 1.0)), "no pressure on 'bore' has the force"),
+        (Bearing("bore", (0.0, 0.0)), "the bearing force on 'bore' is zero"),
+        (Bearing("bores", (0.0, 1.0)), "'bores'"),
+        (Force("bores", (0.0, 1.0)), "'bores'"),
+        (Force("bore", (0.0, 1.0, 2.0)), "value of the force on 'bore' is"),
+    ],
+)
+def test_refusals(load: Load, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        half_ring(load)
+
+
+def test_a_force_on_a_rigid_surface_that_is_moved_is_refused() -> None:
+    rigid = [RigidSurface("top", displacement=(0.0, 0.0, 1.0))]
+    materials = {"lower": SOFT, "upper": SOFT}
+    with pytest.raises(InputError, match="acts on a rigid surface whose motion is given"):
+        Problem(blocks(), materials, [Support("bottom")], [Force("top", (1, 0, 0))], rigid=rigid)
