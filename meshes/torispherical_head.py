@@ -1,8 +1,8 @@
 """Half the section of a vessel with a torispherical head, about the axis x = 0.
 
-The inside is a cylinder of the radius RADIUS for −height ≤ y ≤ 0, a knuckle of a given
-radius about a point of y = 0 and a crown of another one about a point of the axis, which go over into
-each other smoothly; all have the thickness THICKNESS. Volume ``vessel``; curves ``inside``,
+The inside is a cylinder of the radius RADIUS for −height ≤ y ≤ 0, a knuckle of a given radius about
+a point of y = 0 and a crown of another one about a point of the axis, which go over into each other
+smoothly; all have the thickness THICKNESS. Volume ``vessel``; curves ``inside``,
 ``outside``, ``x0`` (on the axis) and ``end`` (y = −height). Lengths are those of the vessel of the
 benchmark LISA, in mm.
 """

@@ -10,11 +10,11 @@
 #   Geomech. 2010, doi:10.1002/nag.887). Tresca's and von Mises' conditions are the same in plane
 #   strain. The ground ends at two heights on either side and one below the foot, where it is held.
 # - **Vessel with a torispherical head**, SSNV146 of Code_Aster, from the benchmark of the project
-#   LISA: σ_y = 100, internal pressure. The published table (U2.05.04, section 4) has 3.8673 (estimate
-#   below) and 3.9396 (above) of EDF, 3.931 (above) of Liège, 3.997 (below) of Jülich: that below is
-#   above both from above. The text gives the inner radius 49 of the cylinder, the thickness 2 and the
-#   radii 98 and 20 of crown and knuckle, but not whether these are of the inside, the middle or
-#   the outside. All are computed here.
+#   LISA: σ_y = 100, internal pressure. The published table (U2.05.04, section 4) has 3.8673
+#   (estimate below) and 3.9396 (above) of EDF, 3.931 (above) of Liège, 3.997 (below) of Jülich:
+#   that below is above both from above. The text gives the inner radius 49 of the cylinder, the
+#   thickness 2 and the radii 98 and 20 of crown and knuckle, but not whether these are of the
+#   inside, the middle or the outside. All are computed here.
 # - **Thick sphere** of the radii 0.1 and 0.2 and σ_y = 240 under pressure, OnScale Solve's
 #   validation case: 2σ_y ln 2.
 #
@@ -114,9 +114,9 @@ def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
 # %% [markdown]
 # ## The vessel and the sphere
 #
-# Both are bodies of revolution, of which the program knows no strict bounds: the numbers are those of
-# the mesh. What the published numbers of the vessel can decide depends on what its radii mean. For
-# one reading, found by trying, the limit load lies between EDF's two values, and is checked to stay
+# Both are bodies of revolution, of which the program knows no strict bounds: the numbers are those
+# of the mesh. What the published numbers of the vessel can decide depends on what its radii mean.
+# For one reading, found by trying, the limit load lies between EDF's two values, and is checked to stay
 # there, on two meshes; the others are shown on one.
 
 
