@@ -114,10 +114,10 @@ def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
 # %% [markdown]
 # ## The vessel and the sphere
 #
-# Both are bodies of revolution, of which the program knows no strict bounds: the numbers are those
-# of the mesh. What the published numbers of the vessel can decide depends on what its radii mean.
-# For one reading, found by trying, the limit load lies between EDF's two values, and is checked to stay
-# there, on two meshes; the others are shown on one.
+# Both are bodies of revolution, of which the program knows no strict bounds: the numbers are
+# those of the mesh. What the published numbers of the vessel can decide depends on what its radii
+# mean. For one reading, found by trying, the limit load lies between EDF's two values, and is
+# checked to stay there, on two meshes; the others are shown on one.
 
 
 # %%
