@@ -40,6 +40,7 @@ CASES = (
     "body_bounds",
     "bounds_in_space",
     "bound_costs",
+    "published",
 )
 
 
