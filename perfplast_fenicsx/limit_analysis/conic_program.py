@@ -2,8 +2,7 @@
 
 On points with weights w,
 
-    max λ            with  Σ w σ:ε(v) + r·[v] = λ L(v) + L₀(v) for all v,
-                           ‖dev σ‖ ≤ γ − αp,   r ≥ 0,
+    max λ               with  Σ w σ:ε(v) + r·[v] = λ L(v) + L₀(v),   ‖dev σ‖ ≤ γ − αp,   r ≥ 0,
     min Σ γ z₀ − L₀(v)  with  L(v) = 1,   αz₀ = w tr ε(v),   z₀ ≥ w‖dev ε(v)‖,   [v] ≤ 0,
 
 where L₀ is of the loads that stay as they are, [v] are the jumps of contact pairs and obstacles, r

@@ -18,9 +18,9 @@ from math import factorial
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.entering import entering_of
 from perfplast_fenicsx.proof.loads import Loads
 from perfplast_fenicsx.proof.plain_arrays import ProofError
-from perfplast_fenicsx.proof.touching import touching
 
 CHILDREN = {
     2: ("00 01 02", "01 11 12", "02 12 22", "01 02 12"),
@@ -78,7 +78,8 @@ class Flow:
             cell and facet, all added up, relative to what is dissipated.
             ``work_of_others``: the work of loads of any factor, relative to the largest that they
             could do at that speed.
-            ``entering``: relative to the largest velocity on the same facets.
+            ``entering``: relative to the largest velocity on the same facets, or to a share of the
+            largest of all (:data:`entering.SLOWEST`) if that is more.
             ``moved_supports``: relative to the largest velocity.
         dissipation: From above.
         work: L(v).
@@ -118,7 +119,7 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     trace = np.trace(rates, axis1=2, axis2=3)
     deviator = rates - trace[..., None, None] / d * np.eye(d)
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
-    entering, entered, reason = _entering(body, at_facets)
+    entering, entered, reason = entering_of(body, at_facets, float(np.abs(v).max(initial=0)))
     lacks = body.yield_slope[:, None] * np.linalg.norm(deviator, axis=(2, 3)) - trace
     slopes = np.broadcast_to(body.yield_slope[:, None], trace.shape)
     wrong = np.where(slopes > 0, np.maximum(lacks, 0.0), np.abs(trace))
@@ -254,46 +255,3 @@ def _nodal(moments: Floats, count: int) -> Floats:
         found[:, b] -= moments[:, node]
         found[:, node] *= 4
     return found
-
-
-def _entering(body: Body, at_facets: Floats) -> tuple[float, float, str | None]:
-    """What enters on facets of contact: relative to their velocities, as a volume, and a reason."""
-    d, reason = body.dim, None
-    relative, volume = 0.0, 0.0
-    speeds = np.abs(at_facets).max(axis=(1, 2), initial=0)
-    for one, other in body.contacts:
-        pair = touching(body, one, other)
-        if pair.apart:
-            reason = f"{pair.apart} facets of contact or more match none of those opposite"
-        edges = list(combinations(range(d), 2))
-        ends = np.sort(pair.order[:, edges], axis=2)
-        place = np.zeros((d, d), dtype=np.int64)
-        for node, (a, b) in enumerate(edges, start=d):
-            place[a, b] = node
-        order = np.concatenate([pair.order, place[ends[..., 0], ends[..., 1]]], axis=1)
-        opposite = np.take_along_axis(at_facets[pair.second], order[..., None], axis=1)
-        enters = _bernstein(at_facets[pair.first] - opposite, body.normals[pair.first])
-        fastest = np.maximum(speeds[pair.first], speeds[pair.second])
-        relative = max(relative, _largest_share(enters, fastest))
-        volume += float(enters @ body.areas[pair.first])
-    for tag, normal in zip(body.obstacles, body.obstacle_normals, strict=True):
-        facets = body.on(tag)
-        enters = _bernstein(at_facets[facets], np.tile(normal, (len(facets), 1)))
-        relative = max(relative, _largest_share(enters, speeds[facets]))
-        volume += float(enters @ body.areas[facets])
-    return relative, volume, reason
-
-
-def _largest_share(parts: Floats, wholes: Floats) -> float:
-    """The largest part of its whole; parts of nothing are nothing."""
-    return float((parts / np.where(wholes > 0, wholes, 1.0)).max(initial=0))
-
-
-def _bernstein(jump: Floats, normals: Floats) -> Floats:
-    """Largest Bernstein coefficient of each quadratic jump along n; 0 if none is positive."""
-    d = normals.shape[1]
-    w = np.einsum("fni,fi->fn", jump, normals)
-    for node, (a, b) in enumerate(combinations(range(d), 2), start=d):
-        w[:, node] = 2 * w[:, node] - (w[:, a] + w[:, b]) / 2
-    largest: Floats = np.maximum(w.max(axis=1, initial=0), 0)
-    return largest

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-from mpi4py import MPI
-
 import h5py
 import numpy as np
 import numpy.typing as npt
@@ -39,10 +37,6 @@ from perfplast_fenicsx.problem.loads import BodyForce, Load, check_bounded
 from perfplast_fenicsx.problem.problem import Problem
 
 Blocks = dict[str, Block]
-
-STILL = 1e-16
-"""Velocities that are written as none, relative to the largest: of a body at rest they are rounding
-alone, and next to each other even jumps as large as they are."""
 
 
 @dataclass(frozen=True)
@@ -176,9 +170,7 @@ def _velocity(proof: VelocityProof) -> Blocks:
     columns += [edges[pair] for pair in combinations(range(d + 1), 2)]
     numbers = with_ghosts(index_map, nodes.numbers())
     owned = mesh.topology.index_map(d).size_local
-    values = proof.velocity.x.array.reshape(-1, d)[: index_map.size_local].copy()
-    largest = mesh.comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
-    values[np.abs(values) <= STILL * largest] = 0.0
+    values = proof.velocity.x.array.reshape(-1, d)[: index_map.size_local]
     return {
         "velocity": block(nodes, values),
         "nodes": block(cell_ordering(mesh), numbers[V.dofmap.list[:owned][:, columns]]),
