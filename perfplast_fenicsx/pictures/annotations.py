@@ -9,6 +9,7 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.contact.obstacles import Obstacle, move_of
 from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.problem.load import SpreadLoad
 from perfplast_fenicsx.problem.loads import Bearing, Force, Load, Pressure
 
 VIEWS = np.array([(1.1, -1.9, 1.0), (-1.1, -1.9, 1.0), (1.1, 1.9, 1.0), (-1.1, 1.9, 1.0)])
@@ -71,11 +72,16 @@ def load_arrows(
 
 
 def _directions(load: Load, surface: Surface, chosen: Longs) -> Floats:
-    """Of a load at the middles of facets, shape (num_facets, 3); zero where it does not act."""
+    """Of a load at the middles of facets, shape (num_facets, 3); zero where it does not act.
+
+    So it is of a load of one's own that is given by one number, whose direction nobody knows.
+    """
     middles = surface.points[surface.facets[chosen]].mean(axis=1)
     normals = surface.normals[chosen]
     if isinstance(load, Pressure):
         return -np.sign(evaluate(load.value, middles, load.on))[:, None] * normals
+    if isinstance(load, SpreadLoad) and load.scalar:
+        return np.zeros_like(normals)
     values = list(np.atleast_1d(np.asarray(load.value, dtype=object)))  # none of a moment alone
     if isinstance(load, Force) and not np.any(np.asarray(load.value, dtype=np.float64)):
         areas = np.linalg.norm(normals, axis=1)

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.proof.loads import ANY, CONSTANT, SOUGHT, Loads, with_all
+from perfplast_fenicsx.proof.load_kinds import ANY, CONSTANT, SOUGHT, Loads, with_all
 from perfplast_fenicsx.proof.plain_arrays import ProofError, checked
 
 Floats = npt.NDArray[np.float64]

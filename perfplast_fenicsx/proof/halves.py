@@ -3,7 +3,7 @@
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats, Longs
-from perfplast_fenicsx.proof.loads import Loads
+from perfplast_fenicsx.proof.load_kinds import Loads
 
 SAME = 1e-9
 """Volumes, areas, places and forces that differ by less, relative to the largest, are the same."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats
-from perfplast_fenicsx.proof.loads import Loads
+from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.touching import Touching, touching
 
 UNDETERMINED = 1e-12

@@ -3,7 +3,7 @@
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body
-from perfplast_fenicsx.proof.loads import Loads
+from perfplast_fenicsx.proof.load_kinds import Loads
 
 MOST = 6
 """Materials, surfaces and so on that are named one by one."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.entering import entering_of
-from perfplast_fenicsx.proof.loads import Loads
+from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 
 CHILDREN = {

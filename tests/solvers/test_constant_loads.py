@@ -24,8 +24,8 @@ from perfplast_fenicsx import (
     limit_load,
     load_path,
 )
-from perfplast_fenicsx.limit_analysis import strict_upper_bound
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
+from perfplast_fenicsx.limit_analysis.question import Question
 from perfplast_fenicsx.problem import Load, LoadCase
 from perfplast_fenicsx.solvers.load_stepping import work_path
 from tests.models import PUNCH_LIMIT, STEEL, punch_problem
@@ -89,8 +89,11 @@ def test_constant_loads_that_nothing_carries(method: type) -> None:
 def test_both_limits_beside_a_constant_load() -> None:
     """Pulled by 0.4 of the limit, the plate carries 0.6 of it more, and −1.4."""
     known = limit()
-    found = limit_load(plate(pulled(0.4)), 1e-3)
+    at_once = limit_load(plate(pulled(0.4)), 1e-3)
+    assert at_once.method is LimitMethod.INTERIOR_POINT
+    found = limit_load(plate(pulled(0.4)), 1e-3, method="path")
     assert found.method is LimitMethod.PATH
+    assert at_once.estimate == pytest.approx(found.estimate, rel=4e-3)
     assert found.levelled_off, found.reason
     assert found.lower == pytest.approx(0.6 * known.upper, rel=4e-3)
     assert found.upper >= 0.6 * known.lower - 1e-9
@@ -152,17 +155,8 @@ def test_contact_under_a_constant_load(gap: float | str) -> None:
 def test_what_grows_alone_has_a_limit() -> None:
     dead = Problem(mesh(), {"plate": STEEL}, PLANES, [pulled(0.5)])
     assert Newton(dead).solve(0.0).report.converged
+    assert limit_load(dead).question is Question.STANDS
     with pytest.raises(InputError, match="all loads are constant"):
-        limit_load(dead)
+        limit_load(dead, method="path")
     with pytest.raises(InputError, match="all loads are constant"):
         WorkNewton(dead)
-
-
-def test_methods_for_proportional_loads_refuse() -> None:
-    weighed = plate(pulled(0.1))
-    with pytest.raises(
-        InputError, match=r"loads are constant, and strict bounds .* or leave these out"
-    ):
-        limit_load(weighed, method="interior-point")
-    with pytest.raises(InputError, match="strict bound"):
-        strict_upper_bound(weighed, limit().mechanism)
