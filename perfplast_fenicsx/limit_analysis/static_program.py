@@ -131,15 +131,22 @@ class StaticProgram:
         """Force in each row of equilibrium that is as large as the strength of what it is of.
 
         Yield radii of all cells at a facet count, the least one most, and none as more than the
-        program's unit; that of bodies in contact too. Collective.
+        program's unit; that of bodies in contact too. Where all of these are elastic it is the
+        least radius of all cells, as what judges the stress has it. Collective.
         """
         strains, tdim = self.strains, self.strains.gdim
-        weakness = (1 / strains.radii).reshape(strains.num_cells, -1).max(axis=1)
-        weakness = np.maximum(weakness, 1 / self.program.stress_unit)
-        outer = np.repeat(weakness[:, None], strains.layout.outer, axis=1)
-        on_facets = np.repeat(self.areas, tdim**2) / strains.facets.add_up(outer)
-        inside = self.volumes ** ((tdim - 1) / tdim) / weakness
-        return np.concatenate([on_facets, np.repeat(inside, strains.layout.inner)])
+        inverse = (1 / strains.radii).reshape(strains.num_cells, -1).max(axis=1)
+        everywhere = self.program.comm.allreduce(float(inverse.max(initial=0.0)), MPI.MAX)
+        least = 1 / self.program.stress_unit
+        met = strains.facets.add_up(np.repeat(inverse[:, None], strains.layout.outer, axis=1))
+        around = strains.facets.gather(met).max(axis=1)
+        weakness, inside = (
+            np.where(sums > 0, np.maximum(sums, least), max(everywhere, least))
+            for sums in (met, np.where(inverse > 0, inverse, around))
+        )
+        on_facets = np.repeat(self.areas, tdim**2) / weakness
+        in_cells = self.volumes ** ((tdim - 1) / tdim) / inside
+        return np.concatenate([on_facets, np.repeat(in_cells, strains.layout.inner)])
 
 
 def static_program(

@@ -17,8 +17,6 @@ REFUSALS: Mapping[str, str] = {
         f"{STAYS} of limit theorems; where a path loses equilibrium is found, with Drucker's pair"
         " beside it"
     ),
-    "glued together in the mean alone": f"{TO_COME}: facets that both sides share",
-    "do not match facet by facet": f"{TO_COME}: facets that both sides share",
     "normals are averaged": f"{TO_COME}: obstacles that are made of planes",
     "remembers no plastic flow": f"{TO_COME}: stages of dilating bodies",
     "is for plane strain and space": f"{STAYS}: the hoop strain is no polynomial",
