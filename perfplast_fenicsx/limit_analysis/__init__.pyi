@@ -19,6 +19,8 @@ from .limit_judge import collapse_mechanism as collapse_mechanism
 from .limit_methods import LimitLoad as LimitLoad
 from .limit_methods import LimitMethod as LimitMethod
 from .limit_search import limit_load as limit_load
+from .safety_factor import FactorOfSafety as FactorOfSafety
+from .safety_factor import factor_of_safety as factor_of_safety
 from .static_bound import StaticBound as StaticBound
 from .static_bound import strict_lower_bound as strict_lower_bound
 from .static_certificate import StaticCertificate as StaticCertificate

@@ -16,7 +16,7 @@ tr ε ≥ √2 η‖dev ε‖, and dissipate (c/η) tr ε, whatever their deviat
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import ufl
@@ -238,6 +238,15 @@ class DruckerPrager:
         sign = -1 if self.match == "compression" else 1
         size = math.sqrt(3) * (3 + sign * math.sin(phi))
         return 6 * math.sin(phi) / size, 6 * self.cohesion * math.cos(phi) / size
+
+    def reduced(self, factor: float) -> "DruckerPrager":
+        """The same ground with c/F and tan φ/F.
+
+        Args:
+            factor: F > 0.
+        """
+        angle = math.degrees(math.atan(math.tan(math.radians(self.friction_angle)) / factor))
+        return replace(self, cohesion=self.cohesion / factor, friction_angle=angle)
 
     def parameters(self) -> dict[str, float]:
         """κ, μ, η and c of :class:`DruckerPragerLaw`."""

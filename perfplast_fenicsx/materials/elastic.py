@@ -101,6 +101,10 @@ class Elastic:
         """μ = E / (2(1 + ν))."""
         return self.young / (2 * (1 + self.poisson))
 
+    def reduced(self, factor: float) -> "Elastic":
+        """Itself, whatever the factor: it has no strength."""
+        return self
+
     def parameters(self) -> dict[str, float]:
         """κ and μ of :class:`ElasticLaw`."""
         return {"bulk": self.bulk, "shear": self.shear}

@@ -12,7 +12,7 @@ condition nor a division by ‖dev e‖,
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import ufl
@@ -178,6 +178,14 @@ class VonMises:
     def yield_radius(self) -> float:
         """γ = √(2/3) σ_y."""
         return math.sqrt(2 / 3) * self.yield_stress
+
+    def reduced(self, factor: float) -> "VonMises":
+        """The same body with σ_y/F.
+
+        Args:
+            factor: F > 0.
+        """
+        return replace(self, yield_stress=self.yield_stress / factor)
 
     def parameters(self) -> dict[str, float]:
         """κ, μ and γ of :class:`VonMisesLaw`."""

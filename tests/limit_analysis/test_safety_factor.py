@@ -1,0 +1,90 @@
+"""Factors of safety of slopes, proven from both sides."""
+
+import math
+from itertools import pairwise
+
+import pytest
+
+from meshes.slope import write_slope
+from perfplast_fenicsx import (
+    Adaptation,
+    BodyForce,
+    DruckerPrager,
+    Elastic,
+    Flow,
+    InputError,
+    Problem,
+    Support,
+    VonMises,
+    factor_of_safety,
+    limit_bounds,
+)
+from perfplast_fenicsx.limit_analysis.question import Question
+from perfplast_fenicsx.limit_analysis.safety_factor import weakened
+from perfplast_fenicsx.materials import Material
+from tests.models import Read
+
+SUPPORTS = [Support("bottom"), Support("left", "x")]
+WEIGHT = BodyForce("soil", (0.0, -1.0), constant=True)
+
+
+def slope(read: Read, soil: Material, weight: BodyForce = WEIGHT) -> Problem:
+    """2:1, on firm ground at its toe: D. V. Griffiths and P. A. Lane's first."""
+    return Problem(read(write_slope), {"soil": soil}, SUPPORTS, [weight], degree=2)
+
+
+def test_the_slope_of_griffiths_and_lane(read: Read) -> None:
+    """Géotechnique 49 (1999), 387: 1.4 by finite elements; log spirals fall at 1.3978."""
+    ground = DruckerPrager(1e3, 0.3, 0.05, 20.0, "plane-strain")
+    seen = []
+    found = factor_of_safety(
+        slope(read, ground),
+        2e-3,
+        Adaptation(0.05, 500),
+        monitor=lambda factor, low, high: seen.append((factor, low.value, high.value)),
+    )
+    assert found.lower is not None
+    assert found.upper is not None
+    assert 1.35 < found.lower < 1.3978
+    assert 1.3743 < found.upper < 1.42
+    assert found.stands is not None
+    assert found.falls is not None
+    for it, bound in ((found.stands, found.stands.lower), (found.falls, found.falls.upper)):
+        assert it.question is Question.STANDS
+        assert bound.strict
+    assert 1 <= (found.stands.lower.value or 0) <= 1.02
+    assert 0.98 <= (found.falls.upper.value or 2) <= 1
+    assert found.searches <= 14
+    values = sorted(seen)
+    assert all(b[1] < a[1] and b[2] < a[2] for a, b in pairwise(values))
+    assert "stands with F = 1.3" in found.in_words()
+
+
+def test_without_friction_it_is_a_limit_load(read: Read) -> None:
+    problem = slope(read, VonMises(1e3, 0.3, 0.3))
+    bounds = limit_bounds(problem, 1e-5)
+    found = factor_of_safety(problem, 1e-4)
+    assert found.lower == pytest.approx(bounds.lower.value, rel=2e-4)
+    assert found.upper == pytest.approx(bounds.upper.value, rel=2e-4)
+
+
+def test_strengths_that_are_reduced() -> None:
+    ground = DruckerPrager(1e3, 0.3, 0.05, 20.0, "compression").reduced(1.25)
+    assert ground.cohesion == pytest.approx(0.04)
+    assert math.tan(math.radians(ground.friction_angle)) == pytest.approx(
+        math.tan(math.radians(20.0)) / 1.25
+    )
+    assert VonMises(1e3, 0.3, 0.3).reduced(2.0).yield_stress == pytest.approx(0.15)
+    elastic = Elastic(1e3, 0.3)
+    assert elastic.reduced(3.0) is elastic
+
+
+def test_what_is_refused(read: Read) -> None:
+    ground = VonMises(1e3, 0.3, 0.3)
+    growing = BodyForce("soil", (0.0, -1.0))
+    with pytest.raises(InputError, match="the load on 'soil' grows"):
+        factor_of_safety(slope(read, ground, growing))
+    with pytest.raises(InputError, match="all bodies are elastic"):
+        factor_of_safety(slope(read, Elastic(1e3, 0.3)))
+    with pytest.raises(InputError, match="Flow\\) has no reduced strength"):
+        weakened(slope(read, Flow(ground)), 1.1)
