@@ -102,7 +102,7 @@ def test_bodies_that_were_too_strong_to_yield_do_in_the_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Where a search begins with a strength that does not matter, it goes on with the next."""
-    # less would leave its balance to rounding: pressures at the platens' ends are 1e5 times as large
+    # with less, balance would hang on rounding: pressures at the ends are 1e5 times as large
     weak = 7.5e-5
     problem = columns([weak, 1.0])
     starts: list[Start] = []
