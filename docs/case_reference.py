@@ -13,9 +13,9 @@ from typing import Any
 
 from docs.marks import replace_mark
 from perfplast_fenicsx import docstrings
-from perfplast_fenicsx.contact.contact import Contact
-from perfplast_fenicsx.contact.obstacles import OBSTACLES
-from perfplast_fenicsx.contact.tie import Tie
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
+from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import support_tables, tables
@@ -24,11 +24,11 @@ from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
 from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.case.schema import described, shown
-from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
+from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
-from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
-from perfplast_fenicsx.problem.stage import Stage
+from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
+from perfplast_fenicsx.problem.declared.stage import Stage
 from perfplast_fenicsx.solvers.methods import METHODS
 from perfplast_fenicsx.units import Units
 

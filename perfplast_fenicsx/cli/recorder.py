@@ -12,20 +12,20 @@ from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
-from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds, Round
-from perfplast_fenicsx.limit_analysis.body_bounds import (
+from perfplast_fenicsx.limit_analysis.body.adaptation import AdaptiveBounds, Round
+from perfplast_fenicsx.limit_analysis.body.body_bounds import (
     NOT_SOUGHT,
     BodyBounds,
     standing_in_words,
 )
-from perfplast_fenicsx.limit_analysis.design_factor import DesignFactor
-from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
-from perfplast_fenicsx.limit_analysis.limit_judge import Search
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
-from perfplast_fenicsx.limit_analysis.next_step import Effort, next_steps
+from perfplast_fenicsx.limit_analysis.body.next_step import Effort, next_steps
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
+from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
+from perfplast_fenicsx.problem.judged.report import Iteration
+from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.report import Iteration
-from perfplast_fenicsx.problem.state import Level
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.cli.run import NO_SOLUTION, SOLVED, run
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import on_rank0
-from perfplast_fenicsx.limit_analysis.next_step import clock
+from perfplast_fenicsx.limit_analysis.body.next_step import clock
 from perfplast_fenicsx.mesh_estimate import percent
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 

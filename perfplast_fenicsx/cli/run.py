@@ -23,16 +23,20 @@ from perfplast_fenicsx.io.results.checkpoint_header import check_case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.run_lock import INTERRUPTED
-from perfplast_fenicsx.limit_analysis.adaptation import adaptive_bounds
-from perfplast_fenicsx.limit_analysis.body_bounds import bounds_of_mesh, limit_bounds
-from perfplast_fenicsx.limit_analysis.drucker import drucker_bounds
-from perfplast_fenicsx.limit_analysis.limit_checks import ignored
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod, method_for
+from perfplast_fenicsx.limit_analysis.body.adaptation import adaptive_bounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import bounds_of_mesh, limit_bounds
+from perfplast_fenicsx.limit_analysis.discrete.drucker import drucker_bounds
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import (
+    LimitLoad,
+    LimitMethod,
+    method_for,
+)
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import ignored
 from perfplast_fenicsx.pictures.drawing_process import draw
 from perfplast_fenicsx.problem.halved import halved
+from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.left_out import left_out
-from perfplast_fenicsx.problem.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.report.report_file import report_on
 from perfplast_fenicsx.solvers.load_stepping import load_path, rests_first

@@ -19,11 +19,11 @@ from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.run_lock import BEGUN, ENDED, hold
-from perfplast_fenicsx.limit_analysis.adaptation import Round
-from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
-from perfplast_fenicsx.problem.report import Iteration, LevelReport
+from perfplast_fenicsx.limit_analysis.body.adaptation import Round
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
+from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
 
 LEVELS = ("debug", "info", "warning", "error")
 """Choices of ``--log-level``."""

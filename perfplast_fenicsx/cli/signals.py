@@ -11,7 +11,7 @@ from types import FrameType, TracebackType
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.limit_analysis.interior_steps import StopSearch
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import StopSearch
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 

@@ -14,14 +14,14 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.cli.remaining import clock, next_level
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.limit_analysis.adaptation import Round
-from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, standing_in_words
-from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.body.adaptation import Round
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, standing_in_words
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.path_bracket import NO_PAIR, SAID, PathBracket
+from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.report import Iteration, LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.linear.linear_solver import chosen_solver
 from perfplast_fenicsx.solvers.newton_options import NewtonOptions

@@ -14,12 +14,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.drucker import drucker_bounds
-from perfplast_fenicsx.limit_analysis.limit_judge import Search, collapse_mechanism
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, LimitMethod, method_for
-from perfplast_fenicsx.limit_analysis.plateau import Points
+from perfplast_fenicsx.limit_analysis.discrete.drucker import drucker_bounds
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import (
+    LimitLoad,
+    LimitMethod,
+    method_for,
+)
+from perfplast_fenicsx.limit_analysis.path.limit_judge import Search, collapse_mechanism
+from perfplast_fenicsx.limit_analysis.path.plateau import Points
+from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.load_stepping import Reached, work_path
 from perfplast_fenicsx.solvers.newton import Newton
 from perfplast_fenicsx.solvers.verdicts import SLIDES

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 from dolfinx import fem
 
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
-from perfplast_fenicsx.problem.certificate import contact_forces, friction_forces
-from perfplast_fenicsx.problem.integrals import assemble_force
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
+from perfplast_fenicsx.problem.assembled.integrals import assemble_force
+from perfplast_fenicsx.problem.judged.certificate import contact_forces, friction_forces
+from perfplast_fenicsx.problem.judged.resultants import resultants
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.resultants import resultants
 
 
 @dataclass(frozen=True)

@@ -11,21 +11,21 @@ from typing import Any
 
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.limit_analysis.coulomb_search import coulomb_limit
-from perfplast_fenicsx.limit_analysis.limit_checks import (
-    check_bodies_have_limits,
-    check_friction_has_limits,
-    check_tolerance,
-)
-from perfplast_fenicsx.limit_analysis.limit_judge import Judge, Search, collapse_mechanism
-from perfplast_fenicsx.limit_analysis.limit_methods import (
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import (
     TOLERANCE,
     LimitLoad,
     LimitMethod,
     by_interior_point,
     method_for,
 )
+from perfplast_fenicsx.limit_analysis.path.limit_judge import Judge, Search, collapse_mechanism
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
+    check_bodies_have_limits,
+    check_friction_has_limits,
+    check_tolerance,
+)
+from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Level
 from perfplast_fenicsx.solvers.load_stepping import work_path
 from perfplast_fenicsx.solvers.newton_options import NewtonOptions
 from perfplast_fenicsx.solvers.next_work import Reached

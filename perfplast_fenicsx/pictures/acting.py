@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.obstacles import Obstacle
-from perfplast_fenicsx.problem.loads import Load
-from perfplast_fenicsx.problem.report import LevelReport
+from perfplast_fenicsx.contact.declared.obstacles import Obstacle
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.judged.report import LevelReport
 
 
 @dataclass(frozen=True)

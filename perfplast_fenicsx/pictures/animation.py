@@ -18,7 +18,7 @@ from perfplast_fenicsx.pictures.heading import heading
 from perfplast_fenicsx.pictures.loading_curve import draw_curve, draw_stroke
 from perfplast_fenicsx.pictures.renderer import Renderer
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
-from perfplast_fenicsx.problem.report import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 
 MOST_FRAMES = 60
 """Of more levels as many are shown, the last among them."""

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.contact.obstacles import Obstacle, move_of
+from perfplast_fenicsx.contact.declared.obstacles import Obstacle, move_of
 from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.pictures.boundary_surface import Surface
-from perfplast_fenicsx.problem.load import SpreadLoad
-from perfplast_fenicsx.problem.loads import Bearing, Force, Load, Pressure
+from perfplast_fenicsx.problem.declared.load import SpreadLoad
+from perfplast_fenicsx.problem.declared.loads import Bearing, Force, Load, Pressure
 
 VIEWS = np.array([(1.1, -1.9, 1.0), (-1.1, -1.9, 1.0), (1.1, 1.9, 1.0), (-1.1, 1.9, 1.0)])
 

@@ -6,7 +6,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 
-from perfplast_fenicsx.problem.report import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 
 
 def draw_history(

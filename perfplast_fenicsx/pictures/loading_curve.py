@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from perfplast_fenicsx.pictures.history_curve import draw_history
 from perfplast_fenicsx.pictures.picture_file import replace_picture
-from perfplast_fenicsx.problem.report import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 
 LINE, ELASTIC, LIMIT = "#3b6ea5", "#707070", "#d62020"
 

@@ -41,7 +41,7 @@ from perfplast_fenicsx.io.results.result_files import (
 from perfplast_fenicsx.io.results.run_lock import BEGUN, INTERRUPTED
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.boundary_surface import Skin, Surface, make_skin
-from perfplast_fenicsx.problem.report import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 
 T = TypeVar("T")
 

@@ -17,40 +17,41 @@ import ufl
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
-from perfplast_fenicsx.contact.constraints import Constraints, named, stacked
-from perfplast_fenicsx.contact.contact import Contact
-from perfplast_fenicsx.contact.formulations import find_constraints
-from perfplast_fenicsx.contact.free_motions import FreeMotions, held_motions
-from perfplast_fenicsx.contact.friction import Friction
-from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
-from perfplast_fenicsx.contact.loose_bodies import warn_of_loose_motions
-from perfplast_fenicsx.contact.obstacles import Obstacle
-from perfplast_fenicsx.contact.rigid_motions import RigidMotions
-from perfplast_fenicsx.contact.tangential_rows import tangential_rows
-from perfplast_fenicsx.contact.tie import Tie
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import Obstacle
+from perfplast_fenicsx.contact.declared.tie import Tie
+from perfplast_fenicsx.contact.formulations.formulation import find_constraints
+from perfplast_fenicsx.contact.formulations.tangential_rows import tangential_rows
+from perfplast_fenicsx.contact.rows.constraints import Constraints, named, stacked
+from perfplast_fenicsx.contact.rows.free_motions import FreeMotions, held_motions
+from perfplast_fenicsx.contact.rows.friction import Friction
+from perfplast_fenicsx.contact.rows.jump_basis import JumpBasis, make_basis
+from perfplast_fenicsx.contact.rows.loose_bodies import warn_of_loose_motions
+from perfplast_fenicsx.contact.rows.rigid_motions import RigidMotions
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.mesh.body_names import body_names
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
 from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.declared_loads import declared_loads
-from perfplast_fenicsx.problem.given import Given
-from perfplast_fenicsx.problem.given_motion import GivenMotion, given_motion
-from perfplast_fenicsx.problem.glued_rows import glued_rows
-from perfplast_fenicsx.problem.initial_strain import Initial, initial_strain
-from perfplast_fenicsx.problem.law_on_cells import lay_out
-from perfplast_fenicsx.problem.load_case import LoadCase
-from perfplast_fenicsx.problem.loads import Load
-from perfplast_fenicsx.problem.prescribed_displacement import (
+from perfplast_fenicsx.problem.assembled.declared_loads import declared_loads
+from perfplast_fenicsx.problem.assembled.given_motion import GivenMotion, given_motion
+from perfplast_fenicsx.problem.assembled.glued_rows import glued_rows
+from perfplast_fenicsx.problem.assembled.initial_strain import initial_strain
+from perfplast_fenicsx.problem.assembled.law_on_cells import lay_out
+from perfplast_fenicsx.problem.assembled.load_case import LoadCase
+from perfplast_fenicsx.problem.assembled.prescribed_displacement import (
     check_moved_surfaces,
     conditions_at_rest,
     known_displacements,
 )
-from perfplast_fenicsx.problem.rigid_surface import RigidSurface, name_of
-from perfplast_fenicsx.problem.spaces import make_spaces, space_at_points
-from perfplast_fenicsx.problem.spread_forces import on_this_mesh
-from perfplast_fenicsx.problem.supports import Support
+from perfplast_fenicsx.problem.assembled.spaces import make_spaces, space_at_points
+from perfplast_fenicsx.problem.assembled.spread_forces import on_this_mesh
+from perfplast_fenicsx.problem.declared.given import Given
+from perfplast_fenicsx.problem.declared.initial import Initial
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, name_of
+from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.profiling import phase
 
 
@@ -248,9 +249,8 @@ class Problem:
         """Conditions of increments, and u_D, constant and times ζ."""
         known = known_displacements(self.V, self.tagged_mesh, supports)
         self.fixed, displacement, holder = known
-        names = [name_of(support) for support in supports]
-        self.support_names = tuple(dict.fromkeys(names))
-        numbers = [self.support_names.index(name) for name in names]
+        self.support_names = tuple(dict.fromkeys(name_of(support) for support in supports))
+        numbers = [self.support_names.index(name_of(support)) for support in supports]
         self.held_by: Ints = np.array([*numbers, -1], dtype=np.int32)[holder]
         return conditions_at_rest(self.V, self.fixed), displacement
 

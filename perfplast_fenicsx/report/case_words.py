@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from perfplast_fenicsx.problem.loads import LOADS
+from perfplast_fenicsx.problem.declared.loads import LOADS
 
 AXES = "xyz"
 """The letters that case files have for components, whatever the axes are called."""

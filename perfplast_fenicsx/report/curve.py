@@ -7,7 +7,7 @@ from html import escape
 
 from perfplast_fenicsx.pictures.loading_curve import FAR
 from perfplast_fenicsx.pictures.result_reader import StoredLimit
-from perfplast_fenicsx.problem.report import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 BOTTOM, EDGE = 46, 14

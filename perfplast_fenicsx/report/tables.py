@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
-from perfplast_fenicsx.problem.report import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 
 TIGHT = 1e-6

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.pictures.annotations import load_arrows, spread
 from perfplast_fenicsx.pictures.result_reader import ResultReader
-from perfplast_fenicsx.problem.supports import AXES
+from perfplast_fenicsx.problem.declared.supports import AXES
 from perfplast_fenicsx.report.packing import pack_integers, pack_numbers
 
 HEAD, TICK = 0.25, 0.015

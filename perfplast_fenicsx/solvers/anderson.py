@@ -7,7 +7,7 @@ import ufl
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.problem.law_on_cells import LawExpression, OfLaw
+from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, OfLaw
 from perfplast_fenicsx.problem.problem import Problem
 
 Strains = Floats

@@ -24,13 +24,13 @@ from dolfinx import default_scalar_type, fem
 from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.errors import InputError, check_choice, check_end
 from perfplast_fenicsx.materials.mandel import Expr
-from perfplast_fenicsx.problem.energy_norms import strain_norm2, stress_norm2
-from perfplast_fenicsx.problem.integrals import assemble_force
-from perfplast_fenicsx.problem.law_on_cells import LawExpression, LawOnCells, OfLaw
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.assembled.integrals import assemble_force
+from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, LawOnCells, OfLaw
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.fields.energy_norms import strain_norm2, stress_norm2
+from perfplast_fenicsx.problem.judged.report import Iteration
+from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.report import Iteration
-from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.solvers.active_set.friction_splitting import FrictionSplitting
 from perfplast_fenicsx.solvers.anderson import Anderson, elastic_weights
 from perfplast_fenicsx.solvers.level_solver import LevelSolver

@@ -9,8 +9,8 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import State
 
 CLOSED = 1e-9
 """Room below this share of the largest displacement is none."""

@@ -14,10 +14,10 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.friction import norms
-from perfplast_fenicsx.problem.certificate import friction_forces
+from perfplast_fenicsx.contact.rows.friction import norms
+from perfplast_fenicsx.problem.judged.certificate import friction_forces
+from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Level, State
 
 MOST_ROUNDS = 100
 

@@ -17,12 +17,12 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
-from perfplast_fenicsx.contact.friction import norms
-from perfplast_fenicsx.problem.direction import Direction
-from perfplast_fenicsx.problem.energy_norms import RIGID
+from perfplast_fenicsx.contact.rows.friction import norms
+from perfplast_fenicsx.problem.fields.direction import Direction
+from perfplast_fenicsx.problem.fields.energy_norms import RIGID
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
-from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.active_set.slip import Slip, slipping, stuck
 from perfplast_fenicsx.solvers.line_search import LONGEST, longest_slide, step_length

@@ -14,11 +14,11 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.errors import check_finite
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.judged.report import Iteration
+from perfplast_fenicsx.problem.judged.slip import remember_slip
+from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.report import Iteration
-from perfplast_fenicsx.problem.slip import remember_slip
-from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
 from perfplast_fenicsx.solvers.active_set.friction_qp import FrictionProgram
 from perfplast_fenicsx.solvers.contact_solver import ContactSolver, make_tfeti

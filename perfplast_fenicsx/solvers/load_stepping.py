@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from dolfinx import fem
 
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor
 from perfplast_fenicsx.solvers.next_work import LARGEST_FACTOR, Leap, Reached, next_work

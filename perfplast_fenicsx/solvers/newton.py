@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from petsc4py import PETSc
 
 from perfplast_fenicsx.arrays import PairFlags
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.judged.report import Iteration
+from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.report import Iteration
-from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactStep
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton_options import (

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from dolfinx import fem
 
+from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import State
 from perfplast_fenicsx.solvers.closing import closing_work, has_closed
 
 LARGEST_FACTOR = 4.0

@@ -10,9 +10,9 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import PairFlags
-from perfplast_fenicsx.problem.certificate import certify
-from perfplast_fenicsx.problem.report import Iteration, LevelReport
-from perfplast_fenicsx.problem.state import Level
+from perfplast_fenicsx.problem.judged.certificate import certify
+from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
+from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor

@@ -5,9 +5,9 @@ from dataclasses import replace
 from itertools import chain
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.problem.loading_history import ROUNDING, LoadingHistory
-from perfplast_fenicsx.problem.prescribed import Prescribed
-from perfplast_fenicsx.problem.state import Level, State
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.history.loading_history import ROUNDING, LoadingHistory
+from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor
 

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Any, Protocol, TypeAlias
 
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
-from perfplast_fenicsx.problem.stiffness import Stiffness
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.fields.stiffness import Stiffness
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from perfplast_fenicsx.problem.report import Iteration
+from perfplast_fenicsx.problem.judged.report import Iteration
 
 BEYOND = 1e3
 """J_ζ counts as unbounded below where it still falls at so many times the first step's work."""

@@ -21,10 +21,10 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.judged.report import Iteration
+from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.report import Iteration
-from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.active_set.equality_qp import NOTHING_HELD, Held
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton import Newton, criterion_met, newton_direction

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.clipping import overlaps
-from perfplast_fenicsx.contact.mortar_integrals import integrate
-from perfplast_fenicsx.contact.mortar_rows import mortar_rows
-from perfplast_fenicsx.contact.surface_facets import facet_type
+from perfplast_fenicsx.contact.mortar.clipping import overlaps
+from perfplast_fenicsx.contact.mortar.mortar_integrals import integrate
+from perfplast_fenicsx.contact.mortar.mortar_rows import mortar_rows
+from perfplast_fenicsx.contact.surfaces.surface_facets import facet_type
 from perfplast_fenicsx.mesh.kinematics import KINDS
 
 pytestmark = pytest.mark.serial

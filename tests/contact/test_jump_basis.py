@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import Contact, Problem, TaggedMesh, stacked_blocks
-from perfplast_fenicsx.contact.constraints import Constraints, make_constraints
-from perfplast_fenicsx.contact.jump_basis import JumpBasis, make_basis
-from perfplast_fenicsx.problem.spaces import make_spaces
+from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
+from perfplast_fenicsx.contact.rows.jump_basis import JumpBasis, make_basis
+from perfplast_fenicsx.problem.assembled.spaces import make_spaces
 from tests.checks import assert_refused, largest
 from tests.models import touching_blocks, wedge_problem
 

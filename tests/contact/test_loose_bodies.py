@@ -9,7 +9,7 @@ import pytest
 from meshes.naming import interface, name, name_planes
 from meshes.sizes import generate
 from perfplast_fenicsx import BodyForce, Contact, Newton, Problem, Support
-from perfplast_fenicsx.contact.loose_bodies import LooseMotion, in_words, loose_motions
+from perfplast_fenicsx.contact.rows.loose_bodies import LooseMotion, in_words, loose_motions
 from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
 from tests.checks import assert_solved
 from tests.models import STEEL, Read, punch_problem, stack_problem, two_blocks_problem

@@ -5,8 +5,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.contact.node_matching import match_nodes
-from perfplast_fenicsx.contact.surface_nodes import surface_node_type
+from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
+from perfplast_fenicsx.contact.surfaces.surface_nodes import surface_node_type
 
 
 @pytest.mark.mpi3

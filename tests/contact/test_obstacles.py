@@ -19,7 +19,7 @@ from perfplast_fenicsx import (
     Support,
     stacked_blocks,
 )
-from perfplast_fenicsx.contact.obstacles import Obstacle
+from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from tests.models import STEEL, Read
 
 ON = "upper_bottom"

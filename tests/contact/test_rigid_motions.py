@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import TaggedMesh
-from perfplast_fenicsx.contact.rigid_motions import RigidMotions, rigid_jumps
+from perfplast_fenicsx.contact.rows.rigid_motions import RigidMotions, rigid_jumps
 from tests.checks import assert_refused
 from tests.models import stack_problem, touching_blocks, wedge_problem
 

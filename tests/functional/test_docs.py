@@ -12,9 +12,9 @@ import pytest
 
 from docs import api_pages, case_reference, command_reference, commands
 from docs.repository import LINK
-from perfplast_fenicsx.contact.contact import Contact
-from perfplast_fenicsx.contact.obstacles import OBSTACLES
-from perfplast_fenicsx.contact.tie import Tie
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
+from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import support_tables
@@ -25,8 +25,8 @@ from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
-from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
-from perfplast_fenicsx.problem.stage import Stage
+from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
+from perfplast_fenicsx.problem.declared.stage import Stage
 from perfplast_fenicsx.solvers.methods import METHODS
 from perfplast_fenicsx.units import Units
 from tests.test_walls import BELOW

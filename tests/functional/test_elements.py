@@ -31,8 +31,8 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import SOLVED
 from perfplast_fenicsx.io.results.output_fields import OutputFields
-from perfplast_fenicsx.problem.spaces import by_cell
-from perfplast_fenicsx.problem.stiffness import Stiffness
+from perfplast_fenicsx.problem.assembled.spaces import by_cell
+from perfplast_fenicsx.problem.fields.stiffness import Stiffness
 from perfplast_fenicsx.solvers.iterate import Iterate
 from tests.models import case_text, stack_problem, write_case
 

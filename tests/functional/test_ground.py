@@ -32,10 +32,10 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
-from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.materials.drucker_prager import Match
-from perfplast_fenicsx.problem.law_on_cells import LawExpression
+from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression
 from perfplast_fenicsx.proof import check
 from tests.functional.test_command_line import one_line, write
 from tests.models import Read

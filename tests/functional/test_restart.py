@@ -22,7 +22,7 @@ from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.io.results import checkpoints
 from perfplast_fenicsx.io.results.checkpoint_header import BEFORE, NEWEST, SCHEMA
 from perfplast_fenicsx.limit_analysis import InteriorStep
-from perfplast_fenicsx.problem.state import Level
+from perfplast_fenicsx.problem.judged.state import Level
 from tests.models import PUNCH_LIMIT, case_text, punch_case, write_case
 
 STRONG = VonMises(2e5, 0.3, PUNCH_LIMIT)

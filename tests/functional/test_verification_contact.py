@@ -41,7 +41,7 @@ from perfplast_fenicsx import (
     two_blocks,
 )
 from perfplast_fenicsx.io.results.output_fields import OutputFields
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.solvers.active_set.condensed_qp import closed_pairs
 from tests.checks import assert_solved, largest
 from tests.models import STEEL, Read

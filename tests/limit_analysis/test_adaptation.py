@@ -36,7 +36,7 @@ from perfplast_fenicsx.limit_analysis import (
     limit_bounds,
     strict_lower_bound,
 )
-from perfplast_fenicsx.limit_analysis.adaptation import refined
+from perfplast_fenicsx.limit_analysis.body.adaptation import refined
 from tests.limit_analysis.test_interior_point import COMM, RIGID, SOIL, K, footing, made
 from tests.models import two_blocks_problem
 

@@ -120,7 +120,7 @@ def test_a_search_that_stalls_gives_the_bound_it_has(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem = footing(shared_tmp_path)
-    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.interior_steps.MOST_STEPS", 6)
+    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.conic.interior_steps.MOST_STEPS", 6)
     bounds = limit_bounds(problem)
     assert "not met in 6 steps" in bounds.mesh.reason
     assert "is not the best of its mesh" in bounds.in_words()
@@ -134,7 +134,7 @@ def test_a_search_that_stalls_gives_the_bound_it_has(
 
 def test_a_search_in_space_that_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = quadratic_blocks()
-    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.interior_steps.MOST_STEPS", 8)
+    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.conic.interior_steps.MOST_STEPS", 8)
     bounds = limit_bounds(problem, 1e-6)
     assert bounds.in_words().count("have not met in 8 steps") == 2
     assert bounds.strict

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.centrality import NEAR, Products
+from perfplast_fenicsx.limit_analysis.conic.centrality import NEAR, Products
 
 pytestmark = pytest.mark.serial
 

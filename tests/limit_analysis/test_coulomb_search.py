@@ -26,9 +26,9 @@ from perfplast_fenicsx import (
     read_gmsh,
 )
 from perfplast_fenicsx.limit_analysis import LimitLoad, coulomb_search
-from perfplast_fenicsx.limit_analysis.limit_judge import Search
-from perfplast_fenicsx.problem.loads import Load
-from perfplast_fenicsx.problem.state import State
+from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.solvers.load_stepping import Reached
 from perfplast_fenicsx.solvers.newton_options import Monitor
 from tests.checks import assert_refused

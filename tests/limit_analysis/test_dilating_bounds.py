@@ -30,7 +30,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds, limit_load
-from perfplast_fenicsx.limit_analysis.strict_work import strict_upper_bound
+from perfplast_fenicsx.limit_analysis.velocity.strict_work import strict_upper_bound
 from perfplast_fenicsx.proof import check
 from tests.models import Read
 from tests.random_bodies import problem_of, stack, write_stack

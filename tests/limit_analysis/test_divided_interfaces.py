@@ -21,7 +21,7 @@ from perfplast_fenicsx import (
     limit_bounds,
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
-from perfplast_fenicsx.limit_analysis.divided_interfaces import with_divided_interfaces
+from perfplast_fenicsx.limit_analysis.facets.divided_interfaces import with_divided_interfaces
 from perfplast_fenicsx.proof import check
 from tests.contact.blocks_apart import blocks_apart
 

@@ -32,7 +32,7 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.limit_analysis import DiscreteLimit, Verdict, interior_point
 from perfplast_fenicsx.materials import Material, deviator, trace
 from perfplast_fenicsx.problem import Integral
-from perfplast_fenicsx.problem.certificate import contact_forces
+from perfplast_fenicsx.problem.judged.certificate import contact_forces
 from tests.models import (
     PUNCH_LIMIT,
     STEEL,
@@ -262,7 +262,7 @@ def test_what_enters_once_it_keeps_the_volume_is_held(
     most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of steps that end early, the projected velocity enters some pairs that did not push."""
-    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.interior_steps.MOST_STEPS", most)
+    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.conic.interior_steps.MOST_STEPS", most)
     given = two_blocks_problem(2).given
     limit = interior_point(Problem(two_blocks(COMM, 2), **vars(given) | {"degree": 2}))
     assert limit.lower is not None

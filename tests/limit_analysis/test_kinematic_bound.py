@@ -19,7 +19,7 @@ from perfplast_fenicsx import (
     VonMises,
     stacked_blocks,
 )
-from perfplast_fenicsx.limit_analysis import kinematic_bound, viscous_flow
+from perfplast_fenicsx.limit_analysis.path import kinematic_bound, viscous_flow
 from perfplast_fenicsx.materials import Material
 from tests.models import punch_problem, stack_problem
 

@@ -24,11 +24,11 @@ from perfplast_fenicsx import (
     stacked_blocks,
 )
 from perfplast_fenicsx.limit_analysis import LimitMethod, limit_methods
-from perfplast_fenicsx.limit_analysis.limit_methods import method_for
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
-from perfplast_fenicsx.limit_analysis.plateau import extrapolated_limit
+from perfplast_fenicsx.limit_analysis.path.plateau import extrapolated_limit
 from perfplast_fenicsx.problem import Level
-from perfplast_fenicsx.problem.integrals import Integral
+from perfplast_fenicsx.problem.assembled.integrals import Integral
 from perfplast_fenicsx.solvers.load_stepping import MOST_HALVINGS
 from perfplast_fenicsx.solvers.work_newton import BorderedNewton
 from tests.models import PUNCH_LIMIT, Read, l_plate_problem, punch_problem, stack_problem

@@ -26,7 +26,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
-from perfplast_fenicsx.problem.loads import Load
+from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.proof import check
 from tests.limit_analysis.test_static_bound import rectangle
 

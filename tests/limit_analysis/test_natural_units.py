@@ -18,7 +18,7 @@ from perfplast_fenicsx.limit_analysis import (
     natural_units,
     strict_lower_bound,
 )
-from perfplast_fenicsx.limit_analysis.natural_units import UNLIMITED, Start
+from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED, Start
 from tests.contrast_bodies import SURFACES, forces_left, layers, material, square, squeezed
 from tests.limit_analysis.stress_checker import check_stress
 from tests.limit_analysis.test_static_bound import rectangle
@@ -116,7 +116,7 @@ def test_bodies_that_were_too_strong_to_yield_do_in_the_end(
 
     right = interior_point(problem).estimate
     bound = strict_lower_bound(problem).bound.value
-    for module in ("discrete_limit", "static_bound"):
+    for module in ("discrete.discrete_limit", "stress.static_bound"):
         path = f"perfplast_fenicsx.limit_analysis.{module}.choose_units"
         monkeypatch.setattr(path, weakest_first)
     found = interior_point(problem)

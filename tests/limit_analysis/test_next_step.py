@@ -8,12 +8,12 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx import Problem, Traction, two_blocks
-from perfplast_fenicsx.limit_analysis.body_bounds import NO_MECHANISM, NOT_SOUGHT
-from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope
-from perfplast_fenicsx.limit_analysis.discrete_limit import interior_point
-from perfplast_fenicsx.limit_analysis.entering import CURVED
-from perfplast_fenicsx.limit_analysis.locking import _largest
-from perfplast_fenicsx.limit_analysis.next_step import Effort, clock, next_steps
+from perfplast_fenicsx.limit_analysis.body.body_bounds import NO_MECHANISM, NOT_SOUGHT
+from perfplast_fenicsx.limit_analysis.body.next_step import Effort, clock, next_steps
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
+from perfplast_fenicsx.limit_analysis.discrete.locking import _largest
+from perfplast_fenicsx.limit_analysis.facets.entering import CURVED
+from perfplast_fenicsx.limit_analysis.statements.bound import TURNED, Bound, Scope
 from tests.models import two_blocks_problem
 
 COMM = MPI.COMM_WORLD
@@ -88,7 +88,7 @@ def test_the_fewest_bodies_that_have_most() -> None:
 
 def test_the_body_that_flows_is_the_one_that_locks(monkeypatch: pytest.MonkeyPatch) -> None:
     """The upper block is pulled off the lower one; its velocity is hardly projected."""
-    module = "perfplast_fenicsx.limit_analysis.discrete_bounds"
+    module = "perfplast_fenicsx.limit_analysis.discrete.discrete_bounds"
     monkeypatch.setattr(f"{module}.MOST_ITERATIONS", 1)
     given = vars(two_blocks_problem(2).given)
     up = [Traction("top", (0.0, 0.0, 1.0))]

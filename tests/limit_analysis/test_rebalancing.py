@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis import rebalancing
-from perfplast_fenicsx.limit_analysis.discretisation import SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic import rebalancing
+from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 
 pytestmark = pytest.mark.serial
 

@@ -19,8 +19,8 @@ from perfplast_fenicsx import (
     factor_of_safety,
     limit_bounds,
 )
-from perfplast_fenicsx.limit_analysis.question import Question
-from perfplast_fenicsx.limit_analysis.safety_factor import weakened
+from perfplast_fenicsx.limit_analysis.body.safety_factor import weakened
+from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.materials import Material
 from tests.models import Read
 

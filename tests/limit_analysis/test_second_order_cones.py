@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from perfplast_fenicsx.limit_analysis.second_order_cones import (
+from perfplast_fenicsx.limit_analysis.conic.second_order_cones import (
     Scaling,
     determinant,
     longest_step,

@@ -11,10 +11,10 @@ from meshes.platens import write_platens
 from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
 from meshes.tube_polygon import write_tube_polygon
 from perfplast_fenicsx import Contact, Pressure, Support, TaggedMesh
-from perfplast_fenicsx.limit_analysis.marking import largest_shares
-from perfplast_fenicsx.limit_analysis.singular_points import singular_points
+from perfplast_fenicsx.limit_analysis.body.marking import largest_shares
+from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
 from perfplast_fenicsx.mesh.straight_geometry import corners
-from perfplast_fenicsx.problem.given import Given
+from perfplast_fenicsx.problem.declared.given import Given
 from tests.models import Read
 
 GROUND = [Support("x0", "x"), Support("bottom"), Support("side")]

@@ -44,7 +44,7 @@ from perfplast_fenicsx.limit_analysis import (
     strict_lower_bound,
     strict_upper_bound,
 )
-from perfplast_fenicsx.limit_analysis.facet_pairs import facet_type, pair_facets
+from perfplast_fenicsx.limit_analysis.facets.facet_pairs import facet_type, pair_facets
 from perfplast_fenicsx.problem import LoadCase
 from tests.checks import assert_refused
 from tests.limit_analysis.stress_checker import Checked, check_stress, opposite
@@ -355,7 +355,7 @@ def quarters(comm: MPI.Intracomm) -> TaggedMesh:
 def test_an_iteration_that_ends_early_has_a_bound(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int
 ) -> None:
-    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.interior_steps.MOST_STEPS", most)
+    monkeypatch.setattr("perfplast_fenicsx.limit_analysis.conic.interior_steps.MOST_STEPS", most)
     problem = footing(shared_tmp_path)
     found = strict_lower_bound(problem)
     assert found.verdict is Verdict.STALLED

@@ -22,8 +22,8 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
-from perfplast_fenicsx.limit_analysis.discrete_limit import DiscreteLimit, interior_point
-from perfplast_fenicsx.limit_analysis.interior_steps import InteriorStep, StopSearch
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, StopSearch
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import DiscreteLimit, interior_point
 from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
 from tests.models import Read
 

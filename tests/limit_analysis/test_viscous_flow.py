@@ -2,7 +2,7 @@
 
 import pytest
 
-from perfplast_fenicsx.limit_analysis.viscous_flow import NoFlow, ViscousFlow
+from perfplast_fenicsx.limit_analysis.path.viscous_flow import NoFlow, ViscousFlow
 from tests.models import stack_problem
 
 

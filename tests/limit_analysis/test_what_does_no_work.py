@@ -15,9 +15,9 @@ from perfplast_fenicsx import (
     Traction,
     VonMises,
 )
-from perfplast_fenicsx.limit_analysis.body_bounds import limit_bounds
-from perfplast_fenicsx.limit_analysis.limit_checks import ignored
+from perfplast_fenicsx.limit_analysis.body.body_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import ignored
 from perfplast_fenicsx.materials import Flow
 from perfplast_fenicsx.materials.hardening import Hardening
 from tests.models import touching_blocks

@@ -5,12 +5,12 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.contact.obstacles import Cylinder, Obstacle, Plane, Sphere
+from perfplast_fenicsx.contact.declared.obstacles import Cylinder, Obstacle, Plane, Sphere
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.pictures.acting import acting, shares
 from perfplast_fenicsx.pictures.annotations import load_arrows, sample_obstacles
-from perfplast_fenicsx.problem.loads import Pressure, Traction
+from perfplast_fenicsx.problem.declared.loads import Pressure, Traction
 from tests.io.results.test_result_folder import report
 from tests.pictures.skins import skin, square
 

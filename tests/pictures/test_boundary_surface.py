@@ -5,11 +5,11 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.pictures.boundary_surface import exterior, facet_tags
-from perfplast_fenicsx.problem.loads import Pressure
+from perfplast_fenicsx.problem.declared.loads import Pressure
 from tests.pictures.skins import skin, square
 
 pytestmark = pytest.mark.serial

@@ -12,8 +12,8 @@ import pytest
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.child_process import environment_apart
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
-from perfplast_fenicsx.contact.contact import Contact
-from perfplast_fenicsx.contact.obstacles import Sphere
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import Sphere
 from perfplast_fenicsx.io.case.scene import Scene, write_scene
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
@@ -21,10 +21,10 @@ from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.pictures import drawing_process
 from perfplast_fenicsx.pictures.drawing_process import draw
-from perfplast_fenicsx.problem.loads import Pressure, Traction
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.loads import Pressure, Traction
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.supports import Support
 from tests.functional.test_command_line import CASE, one_line, write
 from tests.io.results.test_result_folder import report
 from tests.pictures.skins import fields_of, put_before, square

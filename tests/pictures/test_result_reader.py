@@ -16,7 +16,7 @@ from dolfinx import fem
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.compat import entity_nodes, geometry_dofmap
-from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.io.results.output_fields import OutputFields
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
@@ -25,10 +25,10 @@ from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.result_reader import ResultReader
-from perfplast_fenicsx.problem.loads import Traction
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.loads import Traction
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.newton import Newton
 from tests.functional.test_command_line import CASE, one_line, write
 from tests.models import STEEL

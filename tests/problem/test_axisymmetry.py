@@ -32,9 +32,9 @@ from perfplast_fenicsx import (
     limit_load,
 )
 from perfplast_fenicsx.limit_analysis import strict_lower_bound
-from perfplast_fenicsx.limit_analysis.body_bounds import bounds_of_mesh
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
-from perfplast_fenicsx.problem.stiffness import Stiffness
+from perfplast_fenicsx.limit_analysis.body.body_bounds import bounds_of_mesh
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.fields.stiffness import Stiffness
 from tests.checks import assert_refused, assert_solved, largest
 from tests.contact.blocks_apart import blocks_apart
 from tests.models import Read

@@ -32,7 +32,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.limit_analysis import limit_load
 from perfplast_fenicsx.problem import Prescribed
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
 from tests.models import STACK_HEIGHTS
 from tests.solvers.levels import TIGHT
 

@@ -23,7 +23,7 @@ from perfplast_fenicsx import (
     two_blocks,
 )
 from perfplast_fenicsx.problem import LoadCase, certify
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.solvers.iterate import Iterate
 from tests.models import PUNCH_LIMIT, STEEL, punch_problem
 from tests.solvers.levels import TIGHT

@@ -18,11 +18,11 @@ from perfplast_fenicsx import (
     limit_bounds,
     two_blocks,
 )
-from perfplast_fenicsx.limit_analysis.discrete_limit import interior_point
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import from_interior_point
 from perfplast_fenicsx.limit_analysis.limit_forces import LimitForces, limit_forces
-from perfplast_fenicsx.limit_analysis.limit_methods import from_interior_point
-from perfplast_fenicsx.problem.load_resultants import load_resultants
-from perfplast_fenicsx.problem.loads import Load
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
 from tests.contact.blocks_apart import blocks_apart
 from tests.models import STEEL, touching_blocks
 

@@ -26,7 +26,7 @@ from perfplast_fenicsx import (
     stacked_blocks,
 )
 from perfplast_fenicsx.problem import Prescribed, certify
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
 from tests.models import STACK_HEIGHTS
 from tests.solvers.levels import TIGHT
 

@@ -21,7 +21,7 @@ from perfplast_fenicsx import (
     stacked_blocks,
 )
 from perfplast_fenicsx.problem import certify
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
 from tests.models import STEEL, two_blocks_problem
 from tests.solvers.levels import TIGHT
 

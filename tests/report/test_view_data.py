@@ -14,7 +14,7 @@ from perfplast_fenicsx import Contact, Newton, Problem, Support, Traction, VonMi
 from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.pictures.result_reader import ResultReader
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.report.packing import size_of
 from perfplast_fenicsx.report.skin_fields import as_number, rows_of
 from perfplast_fenicsx.report.skin_lines import skin_lines

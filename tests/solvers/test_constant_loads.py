@@ -24,8 +24,8 @@ from perfplast_fenicsx import (
     limit_load,
     load_path,
 )
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
-from perfplast_fenicsx.limit_analysis.question import Question
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitMethod
+from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.problem import Load, LoadCase
 from perfplast_fenicsx.solvers.load_stepping import work_path
 from tests.models import PUNCH_LIMIT, STEEL, punch_problem

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import InputError, Iteration, Level, Newton, Problem, State, load_path
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.solvers.augmented_lagrangian import (
     AugmentedLagrangian,
     AugmentedLagrangianOptions,

@@ -22,8 +22,8 @@ from perfplast_fenicsx import (
     load_path,
 )
 from perfplast_fenicsx.problem import Load
-from perfplast_fenicsx.problem.integrals import Integral
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.assembled.integrals import Integral
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver

@@ -13,9 +13,9 @@ from typing import Any
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.contact.contact import Contact
-from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
-from perfplast_fenicsx.contact.tie import Tie
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES, Obstacle
+from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
@@ -47,18 +47,18 @@ from perfplast_fenicsx.io.case.tables import (
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.io.case.units_table import read_units
-from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod, method_for
+from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitMethod, method_for
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.initial_strain import Initial, InitialStress, Temperature
-from perfplast_fenicsx.problem.loading_history import LoadingHistory
-from perfplast_fenicsx.problem.loads import Load
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.initial import Initial, InitialStress, Temperature
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
+from perfplast_fenicsx.problem.declared.stage import Stage, check_stages
+from perfplast_fenicsx.problem.declared.supports import Support
+from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.rigid_surface import RigidSurface
-from perfplast_fenicsx.problem.stage import Stage, check_stages
-from perfplast_fenicsx.problem.supports import Support
 from perfplast_fenicsx.solvers.methods import METHODS
 from perfplast_fenicsx.units import Units
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from perfplast_fenicsx.errors import InputError, nearest
-from perfplast_fenicsx.problem.loads import BodyForce
+from perfplast_fenicsx.problem.declared.loads import BodyForce
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from perfplast_fenicsx.docstrings import arguments
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.formulas import check
 from perfplast_fenicsx.io.case.schema import Table, convert, shown
-from perfplast_fenicsx.problem.loads import LOADS, Load
+from perfplast_fenicsx.problem.declared.loads import LOADS, Load
 
 SHARED: dict[str, tuple[Any, Any, str]] = {
     "constant": (
@@ -33,7 +33,7 @@ Args:
 
 
 def load_table() -> type[Any]:
-    """The dataclass of the table: what :data:`perfplast_fenicsx.problem.loads.LOADS` has by now."""
+    """The table's dataclass: what :data:`perfplast_fenicsx.problem.declared.loads.LOADS` has."""
     volumes = [f"``{kind}``" for kind, cls in LOADS.items() if cls.in_volume]
     text = HEAD.format(volumes=" or ".join(volumes))
     fields: list[Any] = [("on", str)]

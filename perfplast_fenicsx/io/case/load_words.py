@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from perfplast_fenicsx.problem.loads import Load, Traction, kind_of
+from perfplast_fenicsx.problem.declared.loads import Load, Traction, kind_of
 from perfplast_fenicsx.units import Units
 
 if TYPE_CHECKING:  # what reads results for reports starts no MPI

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from perfplast_fenicsx.contact.contact import Contact
-from perfplast_fenicsx.contact.obstacles import Obstacle
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.loading_options import (
     Control,
@@ -12,10 +12,10 @@ from perfplast_fenicsx.io.case.loading_options import (
     StageControl,
     WorkControl,
 )
-from perfplast_fenicsx.problem.loads import Load
-from perfplast_fenicsx.problem.rigid_surface import RigidSurface
-from perfplast_fenicsx.problem.stage import Mover, follows
-from perfplast_fenicsx.problem.supports import Support
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
+from perfplast_fenicsx.problem.declared.stage import Mover, follows
+from perfplast_fenicsx.problem.declared.supports import Support
 
 
 def check_loading(

@@ -7,11 +7,11 @@ from typing import ClassVar, Literal
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.schema import Table
-from perfplast_fenicsx.limit_analysis.design_factor import check_design
-from perfplast_fenicsx.limit_analysis.limit_checks import check_tolerance
-from perfplast_fenicsx.limit_analysis.limit_methods import TOLERANCE, LimitMethod
-from perfplast_fenicsx.problem.prescribed import Prescribed
-from perfplast_fenicsx.problem.stage import Stage
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import TOLERANCE, LimitMethod
+from perfplast_fenicsx.limit_analysis.statements.design_factor import check_design
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.stage import Stage
 
 
 @dataclass(frozen=True)

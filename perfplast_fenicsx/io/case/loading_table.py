@@ -17,9 +17,9 @@ from perfplast_fenicsx.materials.law import carries_any_load
 from perfplast_fenicsx.materials.laws import Material
 from perfplast_fenicsx.materials.plastic_flow import Flow
 from perfplast_fenicsx.materials.von_mises import VonMises
-from perfplast_fenicsx.problem.initial_strain import Initial, Temperature
-from perfplast_fenicsx.problem.loads import Load
-from perfplast_fenicsx.problem.stage import Stage, called
+from perfplast_fenicsx.problem.declared.initial import Initial, Temperature
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.declared.stage import Stage, called
 
 
 def read_loading(top: Document, name: str) -> Control:

@@ -6,13 +6,13 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile, read_geometry
 from perfplast_fenicsx.io.case.loading_options import BoundsControl, Control
 from perfplast_fenicsx.io.case.schema import Table, convert
 from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile
-from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
+from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.mesh.overlapping_bodies import check_bodies
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh

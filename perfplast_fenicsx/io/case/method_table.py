@@ -5,7 +5,7 @@ from typing import Any
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.loading_options import LOADINGS, Control, StageControl
 from perfplast_fenicsx.io.case.schema import Table, choose, convert
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitMethod
 from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.solvers.methods import METHODS
 

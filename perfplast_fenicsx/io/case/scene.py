@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from perfplast_fenicsx.atomic_files import replace
-from perfplast_fenicsx.contact.contact import Contact
-from perfplast_fenicsx.contact.obstacles import OBSTACLES, Obstacle
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
-from perfplast_fenicsx.problem.loads import LOADS, Load
+from perfplast_fenicsx.problem.declared.loads import LOADS, Load
 from perfplast_fenicsx.units import Units
 
 if TYPE_CHECKING:  # what reads results for pictures starts no MPI

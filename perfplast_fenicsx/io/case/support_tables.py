@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.schema import Table, at, convert
-from perfplast_fenicsx.problem.rigid_surface import RigidSurface, Turn
-from perfplast_fenicsx.problem.supports import AXES, Support
+from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, Turn
+from perfplast_fenicsx.problem.declared.supports import AXES, Support
 
 
 @dataclass(frozen=True)

@@ -40,13 +40,13 @@ from perfplast_fenicsx.io.results.parallel_hdf5 import (
 )
 from perfplast_fenicsx.io.results.result_files import BEFORE, NEWEST
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.limit_analysis.limit_judge import Search
-from perfplast_fenicsx.problem.certificate import contact_forces
-from perfplast_fenicsx.problem.loading_history import LoadingHistory
+from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
+from perfplast_fenicsx.problem.assembled.spaces import space_at_points
+from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
+from perfplast_fenicsx.problem.judged.certificate import contact_forces
+from perfplast_fenicsx.problem.judged.report import LevelReport
+from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.report import LevelReport
-from perfplast_fenicsx.problem.spaces import space_at_points
-from perfplast_fenicsx.problem.state import Level, State
 from perfplast_fenicsx.solvers.next_work import Reached
 
 GENERIC = np.array([0.5377, 0.8319, 0.1379])

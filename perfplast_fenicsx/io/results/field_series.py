@@ -18,9 +18,9 @@ from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.io.results.result_files import FIELDS, MECHANISM, MESH, SERIES, level_file
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.vtkhdf import FieldWriter
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.report import LevelReport
 
 log = logging.getLogger(__name__)
 

@@ -5,11 +5,11 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.sparse_rows import entries_of, matrix_of_entries
-from perfplast_fenicsx.problem.certificate import friction_forces
+from perfplast_fenicsx.contact.rows.sparse_rows import entries_of, matrix_of_entries
+from perfplast_fenicsx.problem.judged.certificate import friction_forces
+from perfplast_fenicsx.problem.judged.slip import slipped
+from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.slip import slipped
-from perfplast_fenicsx.problem.state import Level
 
 
 class FrictionFields:

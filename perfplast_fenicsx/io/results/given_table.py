@@ -4,11 +4,11 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from perfplast_fenicsx.contact.obstacles import OBSTACLES
+from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.materials.laws import MATERIALS
-from perfplast_fenicsx.problem.given import Given
-from perfplast_fenicsx.problem.initial_strain import InitialStress, Temperature
-from perfplast_fenicsx.problem.loads import LOADS
+from perfplast_fenicsx.problem.declared.given import Given
+from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
+from perfplast_fenicsx.problem.declared.loads import LOADS
 
 KINDS: tuple[Mapping[str, type[Any]], ...] = (
     MATERIALS,

@@ -10,10 +10,10 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.io.results.friction_fields import FrictionFields
 from perfplast_fenicsx.materials.mandel import tensor
-from perfplast_fenicsx.problem.law_on_cells import LawExpression
+from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression
+from perfplast_fenicsx.problem.assembled.spaces import by_cell
+from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.spaces import by_cell
-from perfplast_fenicsx.problem.state import Level
 
 
 class OutputFields:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.obstacles import Plane
+from perfplast_fenicsx.contact.declared.obstacles import Plane
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.global_ordering import (
     Ordering,
@@ -25,15 +25,15 @@ from perfplast_fenicsx.io.results.global_ordering import (
 )
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.limit_checks import collapses_by_loads
-from perfplast_fenicsx.limit_analysis.point_strains import cones_of_cells
-from perfplast_fenicsx.limit_analysis.question import Question
-from perfplast_fenicsx.limit_analysis.stress_cells import matrices
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import cones_of_cells
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import matrices
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
+from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
-from perfplast_fenicsx.problem.linear_tractions import linear_tractions
-from perfplast_fenicsx.problem.loads import BodyForce, Load, check_bounded
+from perfplast_fenicsx.problem.assembled.linear_tractions import linear_tractions
+from perfplast_fenicsx.problem.declared.loads import BodyForce, Load, check_bounded
 from perfplast_fenicsx.problem.problem import Problem
 
 Blocks = dict[str, Block]

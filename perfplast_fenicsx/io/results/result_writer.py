@@ -14,18 +14,18 @@ from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.io.results.result_files import PROOF
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
-from perfplast_fenicsx.limit_analysis.adaptation import AdaptiveBounds
-from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds, standing_in_words
-from perfplast_fenicsx.limit_analysis.design_factor import DesignFactor
+from perfplast_fenicsx.limit_analysis.body.adaptation import AdaptiveBounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, standing_in_words
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
 from perfplast_fenicsx.limit_analysis.limit_forces import limit_forces
-from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad
-from perfplast_fenicsx.limit_analysis.question import Question
+from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
+from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.path_bracket import PathBracket
-from perfplast_fenicsx.problem.load_resultants import load_resultants
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
+from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.state import Level
 
 LIMIT_KEYS = (
     *("method", "lower", "estimate", "upper", "alpha", "levelled_off", "reason"),

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
-from perfplast_fenicsx.contact.friction import Friction
+from perfplast_fenicsx.contact.rows.friction import Friction
 from perfplast_fenicsx.solvers.active_set.condensed_qp import TOLERANCE, openings
 from perfplast_fenicsx.solvers.active_set.equality_qp import (
     EqualityProgram,

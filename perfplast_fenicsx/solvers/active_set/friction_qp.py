@@ -16,7 +16,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
-from perfplast_fenicsx.contact.friction import norms
+from perfplast_fenicsx.contact.rows.friction import norms
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.condensed_friction import (
     condensable,

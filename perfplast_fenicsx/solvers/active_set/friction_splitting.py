@@ -15,7 +15,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.friction import norms, shrunk
+from perfplast_fenicsx.contact.rows.friction import norms, shrunk
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.slip import Slip, judge, stuck
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.friction import norms, shrunk
+from perfplast_fenicsx.contact.rows.friction import norms, shrunk
 
 DRAG = 1e-8
 """Springs along the slip, relative to the bodies' stiffness, that resist changes of it in a step:

@@ -11,7 +11,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.rigid_motions import nodes_of
+from perfplast_fenicsx.contact.rows.rigid_motions import nodes_of
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure
 from perfplast_fenicsx.solvers.tfeti.dual_operator import DualOperator
 from perfplast_fenicsx.solvers.tfeti.factors import Factors

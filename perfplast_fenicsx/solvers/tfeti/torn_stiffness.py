@@ -17,8 +17,8 @@ from dolfinx.fem import petsc as fem_petsc
 from scipy.sparse import coo_array, triu
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
-from perfplast_fenicsx.problem.tangent_form import TangentForm
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.fields.tangent_form import TangentForm
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure
 from perfplast_fenicsx.solvers.tfeti.factors import Factors

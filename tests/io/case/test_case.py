@@ -8,19 +8,25 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.contact.contact import Contact
-from perfplast_fenicsx.contact.obstacles import Plane
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import Plane
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case import Case, read_case
 from perfplast_fenicsx.io.case.loading_options import LoadControl, WorkControl
 from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile, OutputOptions
-from perfplast_fenicsx.limit_analysis.adaptation import Adaptation
+from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.von_mises import VonMises
-from perfplast_fenicsx.problem.loads import BodyForce, Force, PorePressure, Pressure, Traction
-from perfplast_fenicsx.problem.prescribed import Prescribed
-from perfplast_fenicsx.problem.rigid_surface import RigidSurface
-from perfplast_fenicsx.problem.supports import Support
+from perfplast_fenicsx.problem.declared.loads import (
+    BodyForce,
+    Force,
+    PorePressure,
+    Pressure,
+    Traction,
+)
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
+from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.solvers.augmented_lagrangian import AugmentedLagrangian
 from perfplast_fenicsx.solvers.newton import Newton
 from perfplast_fenicsx.solvers.newton_options import NewtonOptions

@@ -8,12 +8,12 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.contact.contact import Contact
-from perfplast_fenicsx.contact.obstacles import Cylinder, Plane, Sphere
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import Cylinder, Plane, Sphere
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.scene import Scene, read_scene, write_scene
 from perfplast_fenicsx.mesh.sample_meshes import build
-from perfplast_fenicsx.problem.loads import BodyForce, Pressure, Traction
+from perfplast_fenicsx.problem.declared.loads import BodyForce, Pressure, Traction
 from perfplast_fenicsx.units import Units
 
 pytestmark = pytest.mark.serial

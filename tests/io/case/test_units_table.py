@@ -13,8 +13,8 @@ from perfplast_fenicsx.io.case.case import read_case
 from perfplast_fenicsx.io.case.load_words import load_in_words, meaning
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.von_mises import VonMises
-from perfplast_fenicsx.problem.loads import Force, PorePressure, Pressure
-from perfplast_fenicsx.problem.supports import Support
+from perfplast_fenicsx.problem.declared.loads import Force, PorePressure, Pressure
+from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.units import Units
 from tests.models import case_text, write_case
 

@@ -18,9 +18,9 @@ from perfplast_fenicsx.io.results.global_ordering import Ordering
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, checksum, set_checksum
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.limit_search import Search
-from perfplast_fenicsx.problem.certificate import contact_forces
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
-from perfplast_fenicsx.problem.spaces import space_at_points
+from perfplast_fenicsx.problem.assembled.spaces import space_at_points
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.judged.certificate import contact_forces
 from tests.io.results.test_result_folder import report
 
 SEATS = {"elastic": in_elastic_seat, "rigid": in_rigid_seat}

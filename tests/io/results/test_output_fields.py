@@ -9,9 +9,9 @@ from dolfinx import fem
 from perfplast_fenicsx.io.results.output_fields import dissipation
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.mesh.sample_meshes import build
-from perfplast_fenicsx.problem.loads import Traction
+from perfplast_fenicsx.problem.declared.loads import Traction
+from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.supports import Support
 from tests.models import STEEL
 
 

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 import pytest
 
-from perfplast_fenicsx.contact.contact import Contact
+from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.result_files import NAMED
 from perfplast_fenicsx.io.results.result_folder import (
@@ -23,11 +23,11 @@ from perfplast_fenicsx.io.results.result_folder import (
 from perfplast_fenicsx.io.results.summary import to_json
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.mesh.sample_meshes import build
-from perfplast_fenicsx.problem.loads import Traction
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.loads import Traction
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.supports import Support
+from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.report import LevelReport
-from perfplast_fenicsx.problem.supports import Support
 
 SUMMARY_KEYS = [
     *(

@@ -23,7 +23,7 @@ from perfplast_fenicsx.child_process import environment_apart
 from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.problem.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from tests.io.results.test_result_folder import report
 
 SPANS = {5: 3, 22: 3, 10: 4, 24: 4}

@@ -4,9 +4,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from perfplast_fenicsx import BodyForce, Contact, Problem, Support, Traction, punch, two_blocks
-from perfplast_fenicsx.contact.obstacles import Plane
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
-from perfplast_fenicsx.problem.stiffness import Stiffness
+from perfplast_fenicsx.contact.declared.obstacles import Plane
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.fields.stiffness import Stiffness
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from tests.models import STEEL
 

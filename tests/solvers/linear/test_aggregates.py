@@ -12,8 +12,8 @@ import pytest
 
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import Contact, Pressure, Problem, Support, read_gmsh
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
-from perfplast_fenicsx.problem.stiffness import Stiffness
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.fields.stiffness import Stiffness
 from perfplast_fenicsx.solvers.linear.aggregates import Aggregates, aggregate
 from tests.models import STEEL, two_blocks_problem
 

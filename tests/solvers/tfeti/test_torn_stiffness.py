@@ -5,7 +5,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.problem.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.solvers.tfeti.factors import Factors
 from perfplast_fenicsx.solvers.tfeti.subdomains import bisected, make_subdomains
 from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness

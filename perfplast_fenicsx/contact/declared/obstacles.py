@@ -1,0 +1,175 @@
+"""Rigid obstacles, which rest or move without turning: planes, spheres and cylinders."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.declared.friction_terms import FrictionTerms
+from perfplast_fenicsx.errors import InputError
+
+
+class _NamedFriction(FrictionTerms):
+    on: str
+    name: str
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.rubs and not self.name:
+            raise InputError(
+                f"the obstacle at '{self.on}' has friction but no name, by which results tell its"
+                " force; give name = ..., or leave the friction out."
+            )
+
+
+@dataclass(frozen=True)
+class Plane(_NamedFriction):
+    """A half space.
+
+    Args:
+        on: Physical surface that cannot penetrate it.
+        point: A point of the plane (length; 2 or 3 numbers).
+        normal: Points out of the obstacle, towards the body; of any length but 0.
+        move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
+        tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``.
+        name: What its force is called in results; that of its surface without it.
+    """
+
+    on: str
+    point: Sequence[float]
+    normal: Sequence[float]
+    move: Sequence[float] = ()
+    tresca: float | None = None
+    coulomb: float | None = None
+    name: str = ""
+
+    def towards(self, x: Floats) -> tuple[Floats, Floats]:
+        """Distance of points to the obstacle and the unit direction that leads into it.
+
+        Args:
+            x: Points, shape (n, gdim).
+
+        Returns:
+            Distances, negative inside, shape (n,); directions, shape (n, gdim).
+        """
+        normal = _vector(self, "normal", x.shape[1])
+        length = np.linalg.norm(normal)
+        if length == 0:
+            raise InputError(f"normal of the plane at '{self.on}' is zero; give its direction.")
+        normal = normal / length
+        return (x - _vector(self, "point", x.shape[1])) @ normal, np.tile(-normal, (len(x), 1))
+
+
+@dataclass(frozen=True)
+class Sphere(_NamedFriction):
+    """A ball, or all that is outside of it. In the plane a disc.
+
+    Args:
+        on: Physical surface that cannot penetrate it.
+        centre: Its centre (length).
+        radius: Its radius > 0 (length).
+        hollow: Whether the body is inside.
+        move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
+        tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``.
+        name: What its force is called in results; that of its surface without it.
+    """
+
+    on: str
+    centre: Sequence[float]
+    radius: float
+    hollow: bool = False
+    move: Sequence[float] = ()
+    tresca: float | None = None
+    coulomb: float | None = None
+    name: str = ""
+
+    def towards(self, x: Floats) -> tuple[Floats, Floats]:
+        """See :meth:`Plane.towards`."""
+        return _round(self, x - _vector(self, "centre", x.shape[1]))
+
+
+@dataclass(frozen=True)
+class Cylinder(_NamedFriction):
+    """A circular cylinder without ends, or all that is outside of it. In 3D only.
+
+    Args:
+        on: Physical surface that cannot penetrate it.
+        point: A point of its axis (length).
+        axis: Direction of its axis, of any length but 0.
+        radius: Its radius > 0 (length).
+        hollow: Whether the body is inside.
+        move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
+        tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``.
+        name: What its force is called in results; that of its surface without it.
+    """
+
+    on: str
+    point: Sequence[float]
+    axis: Sequence[float]
+    radius: float
+    hollow: bool = False
+    move: Sequence[float] = ()
+    tresca: float | None = None
+    coulomb: float | None = None
+    name: str = ""
+
+    def towards(self, x: Floats) -> tuple[Floats, Floats]:
+        """See :meth:`Plane.towards`."""
+        if x.shape[1] == 2:
+            raise InputError(f"the cylinder at '{self.on}' is in a plane mesh; give a sphere.")
+        axis = _vector(self, "axis", 3)
+        length = np.linalg.norm(axis)
+        if length == 0:
+            raise InputError(f"axis of the cylinder at '{self.on}' is zero; give its direction.")
+        r = x - _vector(self, "point", 3)
+        return _round(self, r - np.outer(r @ axis, axis) / length**2)
+
+
+Obstacle = Plane | Sphere | Cylinder
+"""All of them."""
+
+OBSTACLES = {"plane": Plane, "sphere": Sphere, "cylinder": Cylinder}
+"""Obstacles by their ``shape`` in case files."""
+
+
+def move_of(obstacle: Obstacle, gdim: int) -> Floats:
+    """How far an obstacle moves for ζ = 1 (length), shape (gdim,).
+
+    Raises:
+        InputError: If that does not fit the mesh.
+    """
+    return _vector(obstacle, "move", gdim) if len(obstacle.move) else np.zeros(gdim)
+
+
+def _round(obstacle: Sphere | Cylinder, r: Floats) -> tuple[Floats, Floats]:
+    """Distance and direction where r leads from the centre, or the axis, to the points."""
+    shape = type(obstacle).__name__.lower()
+    if not (obstacle.radius > 0 and np.isfinite(obstacle.radius)):
+        raise InputError(
+            f"radius = {obstacle.radius} of the {shape} at '{obstacle.on}' is not a positive"
+            " number; give a length."
+        )
+    distance = np.linalg.norm(r, axis=1)
+    if (distance <= 1e-12 * obstacle.radius).any():
+        raise InputError(
+            f"a node of '{obstacle.on}' lies in the middle of the {shape}, where no direction leads"
+            " out of it; name only the surface that may touch it."
+        )
+    sign = 1.0 if obstacle.hollow else -1.0
+    return sign * (obstacle.radius - distance), sign * r / distance[:, None]
+
+
+def _vector(obstacle: Obstacle, field: str, gdim: int) -> Floats:
+    given = getattr(obstacle, field)
+    value = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    if value.shape != (gdim,) or not np.isfinite(value).all():
+        shape = type(obstacle).__name__.lower()
+        raise InputError(
+            f"{field} = {np.atleast_1d(given).tolist()} of the {shape} at '{obstacle.on}' does not"
+            f" fit a mesh in {gdim}D; give {gdim} finite numbers."
+        )
+    return value

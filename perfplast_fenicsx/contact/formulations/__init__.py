@@ -1,0 +1,1 @@
+"""Formulations of contact, one a module."""

@@ -1,0 +1,102 @@
+"""Which formulation makes the rows of which contact."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import Obstacle, move_of
+from perfplast_fenicsx.contact.formulations.node_to_node import NodeToNode
+from perfplast_fenicsx.contact.formulations.node_to_obstacle import NodeToObstacle
+from perfplast_fenicsx.contact.mortar.mortar_contact import Mortar
+from perfplast_fenicsx.contact.rows.constraints import Constraints, Formulation, Source, joined
+from perfplast_fenicsx.contact.surfaces.gap_function import NoPartners
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
+
+@dataclass(frozen=True)
+class NodesOrMortar:
+    """Pairs of nodes where these match, and mortar where they do not.
+
+    Attributes:
+        contact: The two surfaces.
+        place: Where it stands, for messages.
+        number: Of the contact.
+    """
+
+    contact: Contact
+    place: str
+    number: int
+
+    def constraints(
+        self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
+    ) -> Constraints:
+        """See :meth:`constraints.Formulation.constraints`."""
+        named = (self.contact, self.place, self.number)
+        try:
+            return NodeToNode(*named).constraints(V, tagged_mesh, fixed)
+        except NoPartners:
+            return Mortar(*named).constraints(V, tagged_mesh, fixed)
+
+
+FORMULATIONS: dict[str | None, Callable[[Contact, str, int], Formulation]] = {
+    None: NodesOrMortar,
+    "nodes": NodeToNode,
+    "mortar": Mortar,
+}
+"""By what a contact asks for."""
+
+
+def find_constraints(
+    V: fem.FunctionSpace,
+    tagged_mesh: TaggedMesh,
+    contacts: Sequence[Contact],
+    obstacles: Sequence[Obstacle],
+    fixed: npt.NDArray[np.bool_],
+) -> Constraints:
+    """The rows of all contacts and, behind them, of all obstacles. Collective.
+
+    Args:
+        V: Displacement space.
+        tagged_mesh: Mesh with names.
+        contacts: What is in contact.
+        obstacles: What does not move.
+        fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+
+    Raises:
+        InputError: If surfaces do not fit each other or an obstacle.
+    """
+    chosen: list[Formulation] = []
+    sources = [_of_contact(contact) for contact in contacts]
+    sources += [_of_obstacle(obstacle, V.mesh.geometry.dim) for obstacle in obstacles]
+    for count, contact in enumerate(contacts, start=1):
+        place = f"contact {count} ('{contact.primary}', '{contact.secondary}')"
+        chosen.append(FORMULATIONS[contact.formulation](contact, place, len(chosen)))
+    for count, obstacle in enumerate(obstacles, start=1):
+        place = f"obstacle {count} ({type(obstacle).__name__.lower()} at '{obstacle.on}')"
+        chosen.append(NodeToObstacle(obstacle, place, len(chosen)))
+    parts = [formulation.constraints(V, tagged_mesh, fixed) for formulation in chosen]
+    return joined(V, parts, sources)
+
+
+def _of_contact(contact: Contact) -> Source:
+    return Source(
+        f"contact {contact.primary} {contact.secondary}",
+        contact.secondary,
+        contact.name or contact.on,
+        contact.tresca,
+        contact.coulomb,
+        grows=not contact.constant,
+        inner=True,
+    )
+
+
+def _of_obstacle(obstacle: Obstacle, gdim: int) -> Source:
+    called = obstacle.name or obstacle.on
+    move = [float(part) for part in move_of(obstacle, gdim)]
+    return Source(
+        f"obstacle {called}", obstacle.on, called, obstacle.tresca, obstacle.coulomb, move
+    )

@@ -1,0 +1,193 @@
+"""The rows of friction: jumps along the surface, of the same nodes and weights as those of contact.
+
+A row of contact is the jump of two surfaces along its normal n. The jump along a direction t in the
+surface has the same weights, so that both are of one vector, which friction holds or lets slip.
+"""
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import Obstacle
+from perfplast_fenicsx.contact.declared.tie import Tie
+from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
+from perfplast_fenicsx.contact.rows.friction import Friction
+from perfplast_fenicsx.contact.rows.sparse_rows import entries_of, matrix_of_entries
+from perfplast_fenicsx.errors import InputError
+
+NOTHING = 1e-9
+"""Rows with less than this share of the largest area have no friction; so vertices of quadratic
+tetrahedra, on which a constant shear stress exerts no force."""
+
+NORMAL = 0.5
+"""Eigenvalues of directions in the surface are 1, of others 0."""
+
+
+def tangential_rows(
+    V: fem.FunctionSpace,
+    constraints: Constraints,
+    contacts: Sequence[Contact],
+    obstacles: Sequence[Obstacle],
+    ties: Sequence[Tie],
+    taken: npt.NDArray[np.bool_],
+) -> tuple[Constraints, Friction]:
+    """The rows of friction, and what belongs to them but the places of their unknowns. Collective.
+
+    Where faces meet at an edge, nodes have no direction in both of them, and no friction; nor have
+    nodes that supports or ties hold along the surface.
+
+    Args:
+        V: Displacement space.
+        constraints: The rows of contact, whose sources say what rubs.
+        contacts: As declared, of which none may rub where it is tied.
+        obstacles: The same.
+        ties: Which nothing can rub on.
+        taken: Components of local nodes that supports hold or ties host, shape (num_nodes, gdim).
+
+    Returns:
+        The rows, and friction whose ``index`` has numbers of rows.
+
+    Raises:
+        InputError: If a surface has friction and is tied, or supports hold hosts along the surface
+            where their guests are free.
+    """
+    comm, gdim = V.mesh.comm, V.mesh.geometry.dim
+    _check_ties(contacts, obstacles, ties)
+    place = _places(comm, constraints)
+    parts = entries_of(constraints.weights)
+    _check_guests(V, constraints, taken, place, _of(constraints, place, *parts))
+    directions, there = _directions(constraints.normal[place], ~taken[constraints.host[place]])
+    some = there.any(axis=1)
+    place, directions, there = place[some], directions[some], there[some]
+    row, node, weight = _of(constraints, place, *parts)
+
+    which, slot = np.nonzero(there)
+    number = np.full(there.shape, -1, dtype=np.int32)
+    number[which, slot] = np.arange(len(which))
+    terms = []
+    for axis in range(gdim - 1):
+        to = number[row, axis]
+        kept = to >= 0
+        coefficient = weight[kept, None] * directions[row[kept], axis]
+        terms.append((to[kept], node[kept], coefficient))
+    pairs = place[which]
+    rows = make_constraints(
+        V,
+        constraints.host[pairs],
+        np.zeros(len(pairs)),
+        directions[which, slot],
+        constraints.surface[pairs],
+        terms,
+        area=constraints.area[pairs],
+    )
+    surface, area = constraints.surface[place], constraints.area[place]
+    tresca, coulomb = (
+        np.array([getattr(one, key) or 0.0 for one in constraints.sources])[surface]
+        for key in ("tresca", "coulomb")
+    )
+    friction = Friction(
+        pair=place.astype(np.int32),
+        index=number,
+        direction=directions,
+        area=area,
+        coulomb=coulomb,
+        bound=tresca * area,
+        origin=np.zeros(number.shape),
+        count=comm.allreduce(len(place)),
+        follows_pressure=comm.allreduce(bool(coulomb.any()), MPI.LOR),
+    )
+    return rows, friction
+
+
+def _check_ties(
+    contacts: Sequence[Contact], obstacles: Sequence[Obstacle], ties: Sequence[Tie]
+) -> None:
+    """Refuse friction on surfaces that are glued."""
+    rubs = {name for a in contacts if a.rubs for name in (a.primary, a.secondary)}
+    rubs |= {obstacle.on for obstacle in obstacles if obstacle.rubs}
+    both = sorted(rubs & {name for tie in ties for name in (tie.primary, tie.secondary)})
+    if both:
+        raise InputError(
+            f"'{both[0]}' has friction and is tied, so that it can never slip; leave out the"
+            " friction or the tie."
+        )
+
+
+def _places(comm: MPI.Intracomm, constraints: Constraints) -> Longs:
+    """Rows of contact with friction: those of hosts with one row. Collective."""
+    rows = rows_that_rub(comm, constraints)
+    hosts, counts = np.unique(constraints.host, return_counts=True)
+    return rows[counts[np.searchsorted(hosts, constraints.host[rows])] == 1]
+
+
+def rows_that_rub(comm: MPI.Intracomm, constraints: Constraints) -> Longs:
+    """Rows of contact of surfaces with friction that stand for a part of them. Collective."""
+    rubs = np.array([one.rubs for one in constraints.sources], dtype=np.bool_)[constraints.surface]
+    largest = comm.allreduce(float(constraints.area.max(initial=0)), MPI.MAX)
+    return np.flatnonzero(rubs & (constraints.area > NOTHING * largest))
+
+
+def _directions(normal: Floats, free: npt.NDArray[np.bool_]) -> tuple[Floats, npt.NDArray]:
+    """Orthonormal directions along the surface that supports leave free.
+
+    Args:
+        normal: Shape (n, gdim).
+        free: Components that hosts may move in, same shape.
+
+    Returns:
+        Shape (n, gdim − 1, gdim), zero where there is none; and where there is one.
+    """
+    along = normal * free
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    projection = np.einsum("ni,ij->nij", free, np.eye(normal.shape[1]))
+    projection -= along[:, :, None] * along[:, None, :]
+    values, vectors = np.linalg.eigh(projection)
+    there = values[:, 1:] > NORMAL
+    return np.swapaxes(vectors[:, :, 1:], 1, 2) * there[:, :, None], there
+
+
+def _of(
+    constraints: Constraints, place: Longs, row: Longs, node: Longs, weight: Floats
+) -> tuple[Longs, Longs, Floats]:
+    """Terms of chosen rows, with their new numbers."""
+    chosen = np.full(len(constraints.host), -1)
+    chosen[place] = np.arange(len(place))
+    kept = chosen[row] >= 0
+    return chosen[row[kept]], node[kept], weight[kept]
+
+
+def _check_guests(
+    V: fem.FunctionSpace,
+    constraints: Constraints,
+    taken: npt.NDArray[np.bool_],
+    place: Longs,
+    terms: tuple[Longs, Longs, Floats],
+) -> None:
+    """Make sure that what a host cannot do its guests cannot do either. Collective."""
+    comm, index_map, gdim = V.mesh.comm, V.dofmap.index_map, V.mesh.geometry.dim
+    rows = (len(place), comm.allreduce(len(place)))
+    nodes = (index_map.size_local, index_map.size_global)
+    W = matrix_of_entries(comm, rows, nodes, [(terms[0], terms[1], np.abs(terms[2]))])
+    moves, moved = W.createVecs()
+    held: Ints = np.zeros(len(place), dtype=np.int32)
+    for axis in range(gdim):
+        moves.array[:] = ~taken[: index_map.size_local, axis]
+        W.mult(moves, moved)
+        held |= taken[constraints.host[place], axis] & (moved.array_r > NOTHING)
+    for thing in (W, moves, moved):
+        thing.destroy()
+    where = constraints.surface[place[held > 0]]
+    count = len(constraints.sources)
+    first = comm.allreduce(int(where.min(initial=count)), MPI.MIN)
+    if first < count:
+        raise InputError(
+            f"friction of {constraints.sources[first].name}: supports hold nodes of one surface"
+            " along it where the other is free; give hosts = 'primary' or 'secondary', the surface"
+            " that is free, or hold both surfaces alike."
+        )

@@ -1,0 +1,105 @@
+"""Ties as rows B u = 0: those of mortar contact, for every component of the displacement."""
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import PairFlags
+from perfplast_fenicsx.contact.declared.tie import Tie
+from perfplast_fenicsx.contact.mortar.mortar_sides import Surface, choose_side
+from perfplast_fenicsx.contact.rows.constraints import Constraints, joined, make_constraints
+from perfplast_fenicsx.contact.surfaces.surface_facets import nodes_and_facets
+from perfplast_fenicsx.contact.surfaces.surface_nodes import SurfaceNodes, extent
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
+BRIDGED = 0.01
+"""Distance of surfaces that are glued, at most, relative to their size."""
+
+
+def tied_rows(
+    V: fem.FunctionSpace,
+    tagged_mesh: TaggedMesh,
+    ties: Sequence[Tie],
+    fixed: npt.NDArray[np.bool_],
+) -> Constraints:
+    """The rows of all ties. Collective.
+
+    A component of a node that supports hold, or another tie, hosts no row: its function goes to
+    neighbours, as in contact.
+
+    Args:
+        V: Displacement space.
+        tagged_mesh: Mesh with names.
+        ties: What is glued.
+        fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+
+    Raises:
+        InputError: Unknown names, surfaces that are nowhere opposite each other or apart, or hosts
+            that are held.
+    """
+    taken = fixed.copy()
+    parts: list[Constraints] = []
+    for number, tie in enumerate(ties):
+        parts += _rows(V, tagged_mesh, tie, number, taken)
+    return joined(V, parts)
+
+
+def _rows(
+    V: fem.FunctionSpace,
+    tagged_mesh: TaggedMesh,
+    tie: Tie,
+    number: int,
+    taken: npt.NDArray[np.bool_],
+) -> list[Constraints]:
+    """The rows of one tie, by component; marks what hosts them as taken. Collective."""
+    place = f"tie {number + 1} ('{tie.primary}', '{tie.secondary}')"
+    if tie.primary == tie.secondary:
+        raise InputError(f"{place}: a surface cannot be tied to itself; name two surfaces.")
+    surfaces = [
+        Surface(name, *nodes_and_facets(V, tagged_mesh, name, taken))
+        for name in (tie.primary, tie.secondary)
+    ]
+    gdim = V.mesh.geometry.dim
+
+    def able(nodes: SurfaceNodes) -> list[PairFlags]:
+        first = np.zeros(len(nodes), dtype=np.bool_)  # a node at an edge of two faces hosts once
+        first[np.unique(nodes["node"], return_index=True)[1]] = True
+        return [first & nodes["free"][:, axis] for axis in range(gdim)]
+
+    comm = V.mesh.comm
+    kinematics = tagged_mesh.kinematics
+    chosen = choose_side(comm, place, surfaces, tie.hosts, able, kinematics, onward=False)
+    size = extent(comm, np.concatenate([surface.nodes["x"] for surface in surfaces]))
+    apart = np.abs(chosen.distances.along)
+    seen = np.isfinite(apart) & (apart > chosen.distances.slack)
+    farthest = comm.allreduce(float(apart[seen].max(initial=0)), MPI.MAX)
+    if farthest > BRIDGED * size:
+        raise InputError(
+            f"{place}: the surfaces are up to {farthest:.3g} apart, and forces across that would"
+            " lose their moment; glue surfaces that touch, or move one of the bodies."
+        )
+    parts = []
+    for axis, rows in enumerate(chosen.rows):
+        host = chosen.host.nodes["node"][rows.place]
+        taken[host, axis] = True
+        direction = np.eye(gdim)[axis]
+        parts.append(
+            make_constraints(
+                V,
+                host,
+                np.zeros(len(host)),
+                np.tile(direction, (len(host), 1)),
+                np.full(len(host), number, dtype=np.int32),
+                [
+                    (rows.row[side], rows.node[side], rows.weight[side][:, None] * direction)
+                    for side in (rows.own, ~rows.own)
+                ],
+                in_mean=True,
+            )
+        )
+    return parts

@@ -1,0 +1,1 @@
+"""Contact in the mean: integrals over facing facets."""

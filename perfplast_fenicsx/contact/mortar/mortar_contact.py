@@ -1,0 +1,161 @@
+"""Contact of surfaces whose nodes need not match: dual mortar."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.mortar.mortar_gap import in_basis
+from perfplast_fenicsx.contact.mortar.mortar_sides import Side, Surface, choose_side
+from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
+from perfplast_fenicsx.contact.surfaces.gap_function import OVERLAP, given_gap, without_overlap
+from perfplast_fenicsx.contact.surfaces.surface_facets import nodes_and_facets
+from perfplast_fenicsx.contact.surfaces.surface_nodes import SurfaceNodes, can_host, extent
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
+
+@dataclass(frozen=True)
+class Mortar:
+    """(1/d_j) ∫φ_j (u_a − u_b)·n ≤ g_j with a dual function φ_j for each node j of one surface.
+
+    The nodes of that surface are the hosts: the one that is covered by the other, or the one of
+    smaller facets if both or neither are covered. A dual function belongs to a smooth face of the
+    host surface; n is its normal at the node. On triangles of second order, where φ_j belongs to
+    a coefficient of Bernstein's and to no node, n is the normal at each point: the row is the
+    coefficient of the jump along it, and the gap that of the gap at nodes.
+
+    Attributes:
+        contact: The two surfaces.
+        place: Where it stands, for messages.
+        number: Of the contact.
+    """
+
+    contact: Contact
+    place: str
+    number: int
+
+    def constraints(
+        self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
+    ) -> Constraints:
+        """See :meth:`constraints.Formulation.constraints`.
+
+        Raises:
+            InputError: Unknown names, surfaces that are nowhere opposite each other or overlap, a
+                negative gap, or hosts that supports hold.
+        """
+        contact = self.contact
+        if contact.primary == contact.secondary:
+            raise InputError(f"{self.place}: a surface cannot touch itself; name two surfaces.")
+        surfaces = [
+            Surface(name, *nodes_and_facets(V, tagged_mesh, name, fixed))
+            for name in (contact.primary, contact.secondary)
+        ]
+        comm = V.mesh.comm
+        held = _held_everywhere(comm, surfaces)
+
+        def able(nodes: SurfaceNodes) -> list[PairFlags]:
+            along = can_host(nodes, nodes["normal"])
+            return [along & (nodes["free"] | held).all(axis=1) if contact.rubs else along]
+
+        chosen = choose_side(
+            comm,
+            self.place,
+            surfaces,
+            contact.hosts,
+            able,
+            tagged_mesh.kinematics,
+            onward=contact.gap is None,
+        )
+        primary = chosen.host is surfaces[0]
+        gap = self._gap(V, chosen, primary)
+        (rows,) = chosen.rows
+        nodes = chosen.host.nodes[rows.place]
+        coefficient = rows.coefficients(nodes["normal"])
+        normal = np.zeros_like(nodes["normal"])
+        np.add.at(normal, rows.row[rows.own], coefficient[rows.own])
+        sides = (rows.own, ~rows.own)
+        return make_constraints(
+            V,
+            nodes["node"],
+            gap,
+            normal if primary else -normal,
+            np.full(len(nodes), self.number, dtype=np.int32),
+            [(rows.row[side], rows.node[side], coefficient[side]) for side in sides],
+            shares=[rows.weight[rows.own], -rows.weight[~rows.own]],
+            in_mean=True,
+            remarks=(self._remark(V, chosen),),
+            area=rows.d,
+        )
+
+    def _remark(self, V: fem.FunctionSpace, chosen: Side) -> str:
+        """What was chosen, and what straight facets of curved surfaces cost. Collective."""
+        comm, gdim = V.mesh.comm, V.mesh.geometry.dim
+        count = comm.allreduce(len(chosen.rows[0].place))
+        missed = comm.allreduce(float(chosen.distances.slack.max(initial=0)), MPI.MAX)
+        size = extent(comm, chosen.host.nodes["x"])
+        straight = ""
+        if chosen.host.facets["x"].shape[1] == gdim and missed > OVERLAP * size:
+            straight = (
+                f"; straight facets there miss the curved surfaces that they stand for by up to"
+                f" {missed:.2g}: expect errors of some per cent in pressures where they are coarse,"
+                " and a tenth of them on a mesh of second order"
+            )
+        shares = " and ".join(f"{min(share, 1):.0%}" for share in chosen.covered)
+        return (
+            f"{self.place}: mortar, hosted by {count} nodes of '{chosen.host.name}'; of it and of"
+            f" '{chosen.guest.name}' {shares} are covered by the other{straight}."
+        )
+
+    def _gap(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:
+        """Gap of each row (length). Collective."""
+        comm, (rows,) = V.mesh.comm, chosen.rows
+        at_nodes = self._gap_at_nodes(V, chosen, primary)
+        gap = in_basis(comm, chosen.facing.hosts, chosen.facing.found, at_nodes)[rows.place]
+        # coefficients of a gap that opens from a point may be negative beside it
+        return gap if self.contact.interference else np.maximum(gap, 0.0)
+
+    def _gap_at_nodes(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:
+        """Gap of each of the host's nodes (length), inf where nothing is opposite. Collective."""
+        comm, gdim = V.mesh.comm, V.mesh.geometry.dim
+        (rows,) = chosen.rows
+        nodes, along, slack = chosen.host.nodes, chosen.distances.along, chosen.distances.slack
+        size = extent(comm, nodes["x"][rows.place])
+        if self.contact.gap is not None:
+            gap: Floats = np.full(len(nodes), np.inf)
+            seen = np.isfinite(along)
+            x = nodes["x"][seen]
+            if not primary:
+                x[:, :gdim] += along[seen, None] * nodes["normal"][seen]
+            gap[seen] = given_gap(comm, self.place, self.contact, x, size)
+            return gap
+        gap = np.asarray(np.where(np.abs(along) > slack, along, 0.0), dtype=np.float64)
+        if self.contact.interference:
+            self._check_seen(comm, along[rows.place], slack[rows.place], size)
+            return gap
+        without_overlap(comm, self.place, gap[rows.place], size)
+        return np.where(gap > OVERLAP * size, gap, 0.0)
+
+    def _check_seen(self, comm: MPI.Intracomm, along: Floats, slack: Floats, size: float) -> None:
+        """Make sure that straight facets of curved surfaces hide no overlap. Collective."""
+        hidden = (np.abs(along) > OVERLAP * size) & (np.abs(along) <= slack)
+        if comm.allreduce(int(hidden.sum())):
+            least = comm.allreduce(float(slack[hidden].max(initial=0)), MPI.MAX)
+            raise InputError(
+                f"{self.place}: straight facets of curved surfaces hide an overlap below"
+                f" {least:.3g}; give gap = ..., or a mesh of second order."
+            )
+
+
+def _held_everywhere(comm: MPI.Intracomm, surfaces: Sequence[Surface]) -> npt.NDArray[np.bool_]:
+    """Components that supports hold at every node, shape (gdim,). Collective."""
+    free = np.concatenate([surface.nodes["free"] for surface in surfaces]).any(axis=0)
+    comm.Allreduce(MPI.IN_PLACE, free, MPI.LOR)
+    held: npt.NDArray[np.bool_] = ~free
+    return held

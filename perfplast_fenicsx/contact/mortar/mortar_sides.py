@@ -1,0 +1,147 @@
+"""Which of two surfaces carries the multipliers of mortar contact, and what comes of it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import PairFlags
+from perfplast_fenicsx.contact.mortar.facing_facets import Facing, facing_facets
+from perfplast_fenicsx.contact.mortar.mortar_gap import Distances, distances
+from perfplast_fenicsx.contact.mortar.mortar_rows import MortarRows, mortar_rows
+from perfplast_fenicsx.contact.surfaces.surface_facets import Facets, pieces_of
+from perfplast_fenicsx.contact.surfaces.surface_nodes import SurfaceNodes, check_outside, extent
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.kinematics import Kinematics
+
+WHOLE = 0.99
+"""A surface counts as covered from this share on."""
+
+FINER = 0.99
+"""Facets of this share of the other surface's mean size count as smaller."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A named surface: the nodes that this rank owns, and the facets that it has."""
+
+    name: str
+    nodes: SurfaceNodes
+    facets: Facets
+
+    def measure(self, comm: MPI.Intracomm) -> tuple[float, float]:
+        """Length or area, and mean of its facets. Collective."""
+        local = np.array([pieces_of(self.facets).measure.sum(), len(self.facets)])
+        area, count = comm.allreduce(local)
+        return float(area), float(area / max(count, 1))
+
+
+@dataclass(frozen=True)
+class Side:
+    """What comes of a choice of the surface whose nodes are hosts.
+
+    Attributes:
+        host: That surface.
+        guest: The other one.
+        facing: What lies opposite what.
+        rows: The rows, a set for each of the ways in which nodes are able to be hosts.
+        distances: Of the host's nodes to the guest.
+        covered: Covered shares of both surfaces, the host's first.
+    """
+
+    host: Surface
+    guest: Surface
+    facing: Facing
+    rows: Sequence[MortarRows]
+    distances: Distances
+    covered: tuple[float, float]
+
+    @property
+    def lost(self) -> int:
+        """How many nodes can neither be hosts nor have one, in all ways together."""
+        return sum(rows.lost for rows in self.rows)
+
+
+Able = Callable[[SurfaceNodes], Sequence[PairFlags]]
+"""Which nodes supports let be hosts; in several ways, where several sets of rows are wanted."""
+
+
+def choose_side(
+    comm: MPI.Intracomm,
+    place: str,
+    surfaces: Sequence[Surface],
+    hosts: str | None,
+    able: Able,
+    kinematics: Kinematics,
+    onward: bool,
+) -> Side:
+    """Say which surface's nodes are the hosts, and make their rows. Collective.
+
+    Args:
+        comm: The ranks.
+        place: Of the contact, for messages.
+        surfaces: The primary and the secondary one.
+        hosts: "primary" or "secondary" if it is given.
+        able: Says which nodes may be hosts.
+        kinematics: Of the mesh.
+        onward: See :func:`facing_facets.facing_facets`.
+
+    Raises:
+        InputError: Surfaces that are nowhere opposite each other, and hosts that supports hold.
+    """
+    measures = [surface.measure(comm) for surface in surfaces]
+    for surface in surfaces:
+        check_outside(comm, place, surface.name, surface.nodes)
+    finer = measures[1][1] < FINER * measures[0][1]
+    first = int(finer) if hosts is None else ("primary", "secondary").index(hosts)
+
+    def side(host: int) -> Side:
+        areas = (measures[host][0], measures[1 - host][0])
+        return _side(comm, surfaces[host], surfaces[1 - host], areas, able, kinematics, onward)
+
+    chosen = side(first)
+    if not chosen.covered[0]:
+        raise InputError(
+            f"{place}: the surfaces are nowhere opposite each other; name two surfaces that face"
+            " each other and whose projections along their normals overlap."
+        )
+    better_covered = chosen.covered[0] < WHOLE <= chosen.covered[1]
+    if hosts is None and (better_covered or chosen.lost):
+        other = side(1 - first)
+        if other.covered[0] and (better_covered or other.lost < chosen.lost):
+            chosen = other
+    if chosen.lost:
+        raise InputError(
+            f"{place}: {chosen.lost} nodes of '{chosen.host.name}' are held by supports or ties,"
+            " and no neighbour of theirs can carry the forces there; leave nodes that are held"
+            f" out of it, or let '{chosen.guest.name}' be the one whose nodes are hosts."
+        )
+    return chosen
+
+
+def _side(
+    comm: MPI.Intracomm,
+    host: Surface,
+    guest: Surface,
+    areas: tuple[float, float],
+    able: Able,
+    kinematics: Kinematics,
+    onward: bool,
+) -> Side:
+    """The rows if one surface's nodes are the hosts. Collective."""
+    corners = np.concatenate([surface.nodes["x"] for surface in (host, guest)])
+    facing = facing_facets(
+        comm, host.facets, guest.facets, extent(comm, corners), kinematics.around, onward
+    )
+    here, there, found = facing.hosts, facing.guests, facing.found
+    covered = comm.allreduce(np.array([found.covered.sum(), found.on_guest.sum()]))
+    return Side(
+        host,
+        guest,
+        facing,
+        [mortar_rows(comm, here, there, found, flags) for flags in able(host.nodes)],
+        distances(comm, here, there, found, len(host.nodes)),
+        (float(covered[0] / areas[0]), float(covered[1] / areas[1])),
+    )

@@ -1,0 +1,1 @@
+"""Rows of inequalities, the jump basis, and motions that they leave free."""

@@ -1,0 +1,266 @@
+"""Contact as rows B u ≤ g: what every formulation makes of surfaces, and all else is made of."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.contact.declared.friction_terms import FrictionTerms
+from perfplast_fenicsx.contact.rows.sparse_rows import (
+    Entries,
+    Sizes,
+    entries_of,
+    matrix_of_entries,
+    unknowns,
+)
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
+
+@dataclass(frozen=True)
+class Source(FrictionTerms):
+    """A contact, an obstacle or what else has rows: what all but the rows themselves is told of it.
+
+    Attributes:
+        name: What resultants call it.
+        on: Surface of its hosts, for messages and pressures.
+        called: What stages call it.
+        tresca: See :class:`friction_terms.FrictionTerms`; ``coulomb`` too.
+        coulomb: The same.
+        move: How far what is opposite moves by itself for ζ = 1 (length, one number a direction);
+            empty for not at all.
+        grows: Whether ζ multiplies the overlap that its bodies have.
+        inner: Whether its rows are between bodies, so that their forces are none on all together.
+    """
+
+    name: str
+    on: str = ""
+    called: str = ""
+    tresca: float | None = None
+    coulomb: float | None = None
+    move: Sequence[float] = ()
+    grows: bool = False
+    inner: bool = False
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """The inequalities B u ≤ g, a row each; row i is kept by the rank that owns ``host[i]``.
+
+    A row is the jump (u_a − u_b)·n of two surfaces at a node: positive where they come closer. It
+    is a contact pair of one *host* node and any number of *guests*, on any ranks: none at a rigid
+    obstacle, one where nodes match, several with weights where they do not. One component of the
+    host that no support holds will be replaced by the jump (:mod:`jump_basis`). B itself knows
+    nothing of supports: they take part in the jump as long as they move.
+
+    With forces λ ≥ 0 (force) of the rows, −Bᵀλ are the contact forces on the nodes.
+
+    Attributes:
+        B: Shape (m, num_dofs), sparse: rows as hosts are distributed, columns as V's unknowns.
+        host: Local block dof of each host, owned by this rank, shape (m_local,).
+        gap: Initial gap g (length), negative for interference, shape (m_local,).
+        normal: Unit normal out of a's body, shape (m_local, gdim); where a row is one of several
+            nodes whose normals turn, its resultant force for λ = 1, of nearly that length.
+        surface: Which of ``sources`` a row belongs to, shape (m_local,); without sources any
+            numbers (:func:`named`).
+        shares: Which share of a row's force each node gets along the normal: 1 at the host and its
+            guest where nodes match. On either side the shares add up to 1; on elements of second
+            order some may be negative. Shape (m, num_nodes), sparse, distributed as B and V's
+            nodes.
+        weights: What displacements are multiplied with in the jump: the shares, with the sign of
+            their side, shape of ``shares``.
+        area: What each row stands for of its surface (length, area), which friction is
+            proportional to; not positive where that is unknown or nothing, shape (m_local,).
+        in_mean: Whether any row holds a mean of the jump on a surface, so that bodies may enter
+            each other a little between nodes and at them.
+        remarks: What there is to say of how contacts were made, a sentence each.
+        sources: What the rows come from, the same on every rank.
+    """
+
+    B: PETSc.Mat
+    host: Ints
+    gap: Floats
+    normal: Floats
+    surface: Ints
+    shares: PETSc.Mat
+    weights: PETSc.Mat
+    area: Floats
+    in_mean: bool = False
+    remarks: tuple[str, ...] = ()
+    sources: tuple[Source, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"Constraints({len(self.host)} hosted by this rank)"
+
+    def jumps(self, u: PETSc.Vec) -> Floats:
+        """B u (length) of a displacement, shape (m_local,). Collective."""
+        on_rows = self.B.createVecLeft()
+        self.B.mult(u, on_rows)
+        jumps: Floats = on_rows.array.copy()
+        on_rows.destroy()
+        return jumps
+
+
+class Formulation(Protocol):
+    """How contact of named surfaces becomes rows."""
+
+    def constraints(
+        self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
+    ) -> Constraints:
+        """The rows of these surfaces. Collective.
+
+        Each host has a component that no support holds and that has its share in the row
+        (:func:`surface_nodes.can_host`).
+
+        Args:
+            V: Displacement space.
+            tagged_mesh: Mesh with names.
+            fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+
+        Raises:
+            InputError: If the surfaces do not fit each other or the formulation.
+        """
+
+
+def make_constraints(
+    V: fem.FunctionSpace,
+    host: Ints,
+    gap: Floats,
+    normal: Floats,
+    surface: Ints,
+    terms: Sequence[Entries],
+    in_mean: bool = False,
+    remarks: tuple[str, ...] = (),
+    area: Floats | None = None,
+    shares: Sequence[Floats] | None = None,
+    sources: tuple[Source, ...] = (),
+) -> Constraints:
+    """Rows as sums of terms c·u at nodes. Collective.
+
+    Args:
+        V: Displacement space.
+        host: See :class:`Constraints`, as the next three.
+        gap: Initial gaps (length).
+        normal: Unit normals.
+        surface: Numbers of sources.
+        terms: Lists of terms, each of nodes on one side: local rows, shape (n,), global block dofs
+            of the nodes, shape (n,), and coefficients c, shape (n, gdim).
+        in_mean: See :class:`Constraints`.
+        remarks: The same.
+        area: The same; without it there can be no friction.
+        shares: The same, of each term of each list; None where coefficients are along the row's
+            normal, and say it.
+        sources: The same.
+    """
+    comm, gdim = V.mesh.comm, V.dofmap.index_map_bs
+    rows = (len(host), comm.allreduce(len(host)))
+    entries: list[Entries] = []
+    parts: list[Entries] = []
+    signed: list[Entries] = []
+    for i, (row, node, coefficient) in enumerate(terms):
+        columns = np.asarray(node, dtype=np.int64)[:, None] * gdim + np.arange(gdim)
+        entries.append((np.repeat(row, gdim), columns.ravel(), coefficient.ravel()))
+        along = np.einsum("ni,ni->n", coefficient, normal[row])
+        side = np.sign(np.bincount(row, along, len(host)))[row]
+        share = side * along if shares is None else shares[i]
+        parts.append((row, node, share))
+        signed.append((row, node, side * share))
+    B = matrix_of_entries(comm, rows, unknowns(V), entries)
+    at_nodes = matrix_of_entries(comm, rows, _nodes(V), parts)
+    weights = matrix_of_entries(comm, rows, _nodes(V), signed)
+    known = np.zeros(len(host)) if area is None else area
+    return Constraints(
+        B, host, gap, normal, surface, at_nodes, weights, known, in_mean, remarks, sources
+    )
+
+
+def named(comm: MPI.Intracomm, constraints: Constraints) -> Constraints:
+    """The same rows with sources that ``surface`` indexes. Collective.
+
+    Rows without sources get one for each number that they have, ``surface NUMBER``, which nothing
+    rubs on or moves; it is one between bodies if none of its rows is without guests.
+
+    Raises:
+        InputError: If there are sources, and numbers of others.
+    """
+    numbers = np.unique(np.concatenate(comm.allgather(np.unique(constraints.surface))))
+    count = len(constraints.sources)
+    if count:
+        if len(numbers) and not (numbers[0] >= 0 and numbers[-1] < count):
+            raise InputError(
+                f"rows of contact have the surfaces {numbers.tolist()}, but there are"
+                f" {count} sources; number these from 0, or give no sources."
+            )
+        return constraints
+    place = np.searchsorted(numbers, constraints.surface).astype(np.int32)
+    lone = np.zeros(len(numbers), dtype=np.int64)
+    np.add.at(lone, place[_without_guests(constraints)], 1)
+    lone = comm.allreduce(lone)
+    sources = [
+        Source(f"surface {number}", inner=not alone)
+        for number, alone in zip(numbers.tolist(), lone.tolist(), strict=True)
+    ]
+    return replace(constraints, surface=place, sources=tuple(sources))
+
+
+def _without_guests(constraints: Constraints) -> npt.NDArray[np.bool_]:
+    """Rows that only their hosts have a part in."""
+    row, _, share = entries_of(constraints.shares)
+    alone: npt.NDArray[np.bool_] = np.bincount(row[share != 0], minlength=len(constraints.host)) < 2
+    return alone
+
+
+def joined(
+    V: fem.FunctionSpace, parts: Sequence[Constraints], sources: Sequence[Source] = ()
+) -> Constraints:
+    """The rows of all parts, which have numbers of these sources and are destroyed. Collective."""
+    whole = replace(stacked(V, parts), sources=tuple(sources))
+    for part in parts:
+        part.B.destroy()
+        part.shares.destroy()
+        part.weights.destroy()
+    return whole
+
+
+def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
+    """The rows of all parts, on each rank one below the other; without sources. Collective."""
+    count = sum(len(part.host) for part in parts)
+    rows = (count, V.mesh.comm.allreduce(count))
+    none = np.zeros(0, dtype=np.int32)
+    return Constraints(
+        _stacked(V, rows, unknowns(V), [part.B for part in parts]),
+        np.concatenate([none, *(part.host for part in parts)]),
+        np.concatenate([np.zeros(0), *(part.gap for part in parts)]),
+        np.concatenate([np.zeros((0, V.dofmap.index_map_bs)), *(part.normal for part in parts)]),
+        np.concatenate([none, *(part.surface for part in parts)]),
+        _stacked(V, rows, _nodes(V), [part.shares for part in parts]),
+        _stacked(V, rows, _nodes(V), [part.weights for part in parts]),
+        np.concatenate([np.zeros(0), *(part.area for part in parts)]),
+        any(part.in_mean for part in parts),
+        tuple(remark for part in parts for remark in part.remarks),
+    )
+
+
+def _stacked(
+    V: fem.FunctionSpace, rows: Sizes, columns: Sizes, parts: Sequence[PETSc.Mat]
+) -> PETSc.Mat:
+    """Matrices below each other on each rank. Collective."""
+    entries: list[Entries] = []
+    count = 0
+    for part in parts:
+        row, column, value = entries_of(part)
+        entries.append((row + count, column, value))
+        count += part.getLocalSize()[0]
+    return matrix_of_entries(V.mesh.comm, rows, columns, entries)
+
+
+def _nodes(V: fem.FunctionSpace) -> Sizes:
+    index_map = V.dofmap.index_map
+    return index_map.size_local, index_map.size_global

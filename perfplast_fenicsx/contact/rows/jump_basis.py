@@ -1,0 +1,229 @@
+"""The basis in which contact is a bound: u = T y.
+
+For every row of B u ≤ g one displacement component of its host is replaced by the jump s = (B u)_i;
+all other unknowns stay as they are. Then the condition of K_h is s ≤ g, and the operator is TᵀKT.
+
+Only the normal jump is an unknown, not the tangential ones: the block size is kept, and multigrid
+needs as few iterations as without contact. On two blocks that touch, of 85 thousand unknowns, with
+the rigid motions of each body, CG took 15 in this basis and 16 without contact; it took 60 with the
+rigid motions of both bodies together, and 105 where the whole jump had replaced the host's
+displacement.
+"""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.contact.rows.constraints import Constraints
+from perfplast_fenicsx.contact.rows.sparse_rows import (
+    Entries,
+    entries_of,
+    matrix_of_entries,
+    unknowns,
+)
+from perfplast_fenicsx.errors import InputError, raise_together
+
+LONGEST_CHAIN = 60
+"""Replaced unknowns may refer to replaced unknowns of other nodes, at most this many in a row."""
+
+FADED = 1e-16
+"""Where they refer to each other in a ring, as around an edge at which three bodies meet, this much
+of a displacement is nothing."""
+
+
+@dataclass(frozen=True)
+class JumpBasis:
+    """u = T y and y = M u for u that vanishes at supports, and where y is bounded.
+
+    Jumps of ties are unknowns that are zero for ever: columns of T and rows of M that are zero.
+
+    Attributes:
+        T: Sparse matrix from jump unknowns to displacement.
+        M: Its inverse, for u that keep to the ties.
+        index: Local (owned) indices of the bounded entries of y, shape (num_pairs,), one for each
+            row of the constraints.
+        gap: Upper bounds g there (length).
+        tied: Local (owned) indices of the entries of y that are jumps of ties.
+        sliding: Those of the jumps along surfaces with friction, one for each of its rows.
+    """
+
+    T: PETSc.Mat
+    M: PETSc.Mat
+    index: Ints
+    gap: Floats
+    tied: Ints
+    sliding: Ints
+
+
+def make_basis(
+    V: fem.FunctionSpace,
+    constraints: Constraints,
+    fixed: npt.NDArray[np.bool_],
+    num_ties: int = 0,
+    num_sliding: int = 0,
+) -> JumpBasis:
+    """Build T and M. Collective.
+
+    Args:
+        V: Displacement space.
+        constraints: The rows of B, on each rank first those of contact, then those of friction,
+            then those of ties.
+        fixed: Components held by supports at each local node, shape (num_nodes, gdim). They have
+            no part in T and M, which then leave them as they are.
+        num_ties: How many rows of this rank are those of ties.
+        num_sliding: How many are those of friction.
+
+    Raises:
+        InputError: If a node carries more contact conditions than it has freedom for, or the
+            conditions are tied to each other in a ring.
+    """
+    comm, index_map, gdim = V.mesh.comm, V.dofmap.index_map, V.dofmap.index_map_bs
+    sizes, first = unknowns(V), index_map.local_range[0] * gdim
+    pair, column, value = _without_supports(constraints.B, ~fixed[: index_map.size_local])
+    host = constraints.host.astype(np.int64) * gdim  # local number of its first component
+    axis = column - first - host[pair]
+    at_host = (axis >= 0) & (axis < gdim)
+    coefficient = np.zeros((len(host), gdim))
+    coefficient[pair[at_host], axis[at_host]] = value[at_host]
+    component, inverse, mate = _choose(comm, constraints.host, coefficient)
+    row = host + component
+
+    def matrix(*entries: Entries) -> PETSc.Mat:
+        return matrix_of_entries(comm, sizes, sizes, entries, gdim)
+
+    plain = np.setdiff1d(np.arange(sizes[0]), row)
+    identity = (plain, plain + first, np.ones(len(plain)))
+    kept = len(row) - num_ties
+    of_kept = pair < kept
+    M = matrix(identity, (row[pair[of_kept]], column[of_kept], value[of_kept]))
+
+    # u_row = Σ_j inverse_j (s_j − the terms of pair j outside the replaced components of its host)
+    one, slot = np.nonzero(mate >= 0)
+    j, weight = mate[one, slot], inverse[one, slot]
+    Q = matrix(identity, (row[one], row[j] + first, weight))
+    outside = ~(at_host & np.isin(column - first, row))
+    which, term = _terms_of(j, pair[outside], len(host))
+    terms = (row[one][which], column[outside][term], -weight[which] * value[outside][term])
+    P = matrix(terms)
+    T = _resolve(Q, P)
+    Q.destroy()
+    P.destroy()
+    index = row.astype(np.int32)
+    if comm.allreduce(num_ties):
+        moving = T.createVecRight()
+        moving.set(1.0)
+        moving.array[index[kept:]] = 0.0
+        T.diagonalScale(None, moving)
+        moving.destroy()
+        T, whole = matrix(entries_of(T)), T
+        whole.destroy()
+    bounded = kept - num_sliding
+    gap = constraints.gap[:bounded]
+    return JumpBasis(T, M, index[:bounded], gap, index[kept:], index[bounded:kept])
+
+
+def _without_supports(B: PETSc.Mat, free: npt.NDArray[np.bool_]) -> tuple[Longs, Longs, Floats]:
+    """Entries of B, zero at components that supports hold, on whatever rank. Collective."""
+    moving, kept = B.copy(), B.createVecRight()
+    kept.array[:] = free.ravel()
+    moving.diagonalScale(None, kept)
+    entries = entries_of(moving)
+    moving.destroy()
+    kept.destroy()
+    return entries
+
+
+def _terms_of(chosen: Longs, pair: Longs, num_pairs: int) -> tuple[Longs, Longs]:
+    """Where the terms of chosen pairs, which may repeat, stand in a list sorted by pair.
+
+    Returns:
+        For each term the place of its pair in ``chosen``, and its own place in the list.
+    """
+    counts = np.bincount(pair, minlength=num_pairs)
+    begins = (np.cumsum(counts) - counts)[chosen]
+    length = counts[chosen]
+    which = np.repeat(np.arange(len(chosen)), length)
+    within = np.arange(len(which)) - np.repeat(np.cumsum(length) - length, length)
+    return which, begins[which] + within
+
+
+def _choose(comm: MPI.Intracomm, host: Ints, coefficient: Floats) -> tuple[Longs, Floats, Longs]:
+    """Which component each pair replaces, and the inverse of the replaced part at each host.
+
+    Gaussian elimination with column pivoting, for all hosts at once: k conditions at a host replace
+    k of its components.
+
+    Args:
+        comm: The ranks.
+        host: Of each pair, shape (num_pairs,).
+        coefficient: Of the host's free components in its row, shape (num_pairs, gdim).
+
+    Returns:
+        The component of each pair; the row of the inverse that gives this component, shape
+        (num_pairs, most conditions at a host); the pairs its entries belong to, −1 for none.
+    """
+    num, gdim = coefficient.shape
+    nodes, group, sizes = np.unique(host, return_inverse=True, return_counts=True)
+    most = int(sizes.max(initial=1))
+    order = np.argsort(group, kind="stable")
+    slot = np.empty(num, dtype=np.int64)
+    slot[order] = np.arange(num) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    member = np.full((len(nodes), most), -1)
+    member[group, slot] = np.arange(num)
+
+    rows = np.zeros((len(nodes), most, gdim))
+    rows[group, slot] = coefficient
+    reduced, chosen = rows.copy(), np.zeros((len(nodes), most), dtype=np.int64)
+    every = np.arange(len(nodes))
+    entangled = 0
+    for k in range(min(most, gdim)):
+        real = member[:, k] >= 0
+        chosen[:, k] = np.argmax(np.abs(reduced[:, k]), axis=1)
+        pivot = reduced[every, k, chosen[:, k]]
+        entangled += int((real & (np.abs(pivot) < 1e-3)).sum())
+        safe = np.where(np.abs(pivot) < 1e-3, 1.0, pivot)
+        factor = reduced[every[:, None], np.arange(most), chosen[:, k][:, None]] / safe[:, None]
+        factor[:, : k + 1] = 0
+        reduced -= factor[:, :, None] * reduced[:, k][:, None, :]
+    entangled += int((sizes > gdim).sum())
+    total = comm.allreduce(entangled)
+    raise_together(
+        comm,
+        f"{total} contact nodes carry more independent conditions than they have freedom for; name"
+        " each pair of faces once and leave nodes that supports hold out of the contact surfaces."
+        if total
+        else None,
+    )
+    block = np.broadcast_to(np.eye(most), (len(nodes), most, most)).copy()
+    both = (member[:, :, None] >= 0) & (member[:, None, :] >= 0)
+    picked = np.take_along_axis(rows, np.repeat(chosen[:, None, :], most, axis=1), axis=2)
+    block[both] = picked[both]
+    inverse = np.asarray(np.linalg.inv(block), dtype=np.float64)
+    return chosen[group, slot], inverse[group, slot], member[group]
+
+
+def _resolve(Q: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
+    """T with T = Q + P T: the sum of P^k Q. Collective.
+
+    It ends as chains of contact do, or fades where normals around a ring turn.
+    """
+    T, term = Q.copy(), Q
+    for _ in range(LONGEST_CHAIN):
+        following = P.matMult(term)
+        if term is not Q:
+            term.destroy()
+        term = following
+        if term.norm(PETSc.NormType.NORM_INFINITY) <= FADED:
+            term.destroy()
+            return T
+        T.axpy(1.0, term)
+    raise InputError(
+        "contacts or ties follow each other in a ring of bodies; leave one of the contacts or ties"
+        " of the ring out."
+    )

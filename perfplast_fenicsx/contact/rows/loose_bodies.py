@@ -1,0 +1,158 @@
+"""Bodies that may nearly slide or spin: nothing but the facets of round surfaces resists a motion.
+
+A round bolt without friction turns about its axis but for the normals of its facets, which are a
+little aslant. Such a motion costs next to nothing, and what it comes to says nothing of the body.
+"""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from scipy.linalg import eigh
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.rows.constraints import Constraints
+from perfplast_fenicsx.contact.rows.rigid_motion_names import motion_name
+from perfplast_fenicsx.contact.rows.rigid_motions import rigid_jumps
+from perfplast_fenicsx.mesh.connected_bodies import Bodies
+from perfplast_fenicsx.parallel import bounding_box
+
+WEAK = 0.02
+"""Mean square of the share of a motion that normals and supports take up, below which it is
+looked at."""
+
+ASLANT = 0.35
+"""Where not one of them takes up more than this share (its sine) of the motion of its place, or of
+all places on average, the motion is loose."""
+
+STILL = 1e-3
+"""Places that move less than so, relative to all of them, are on the axis of a rotation."""
+
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class LooseMotion:
+    """A motion of a body, the others at rest, that hardly anything resists.
+
+    Attributes:
+        body: Its number.
+        motion: In words.
+    """
+
+    body: int
+    motion: str
+
+
+def in_words(loose: Sequence[LooseMotion], names: Sequence[str]) -> str:
+    """What is loosely held, in a sentence or two, with the loads that would matter.
+
+    Args:
+        loose: At least one motion.
+        names: Those of all bodies.
+    """
+    by_motion: dict[str, list[str]] = {}
+    for one in loose:
+        by_motion.setdefault(one.motion, []).append(names[one.body])
+    motions = "; ".join(
+        f"{_listed(sorted(bodies))} ({motion})" for motion, bodies in by_motion.items()
+    )
+    acting = [
+        words
+        for kind, words in (("rotation", "turn them so"), ("translation", "push them that way"))
+        if any(motion.startswith(kind) for motion in by_motion)
+    ]
+    return (
+        f"loosely held: {motions}. Only the facets of round surfaces resist these motions, and what"
+        f" they come to says nothing of the bodies. It matters where loads {' or '.join(acting)};"
+        " then hold the bodies by a [[support]], or glue what touches by a [[tie]]"
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names in a row."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def warn_of_loose_motions(
+    V: fem.FunctionSpace,
+    bodies: Bodies,
+    names: Sequence[str],
+    fixed: npt.NDArray[np.bool_],
+    constraints: Constraints,
+    free: Floats,
+) -> None:
+    """Warn once of all that is loosely held; see :func:`loose_motions`. Collective."""
+    loose = loose_motions(V, bodies, fixed, constraints, free)
+    if loose and V.mesh.comm.rank == 0:
+        log.warning("%s", in_words(loose, names))
+
+
+def loose_motions(
+    V: fem.FunctionSpace,
+    bodies: Bodies,
+    fixed: npt.NDArray[np.bool_],
+    constraints: Constraints,
+    free: Floats | None = None,
+) -> list[LooseMotion]:
+    """Find what is loosely held. Collective.
+
+    Args:
+        V: Displacement space.
+        bodies: The bodies.
+        fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+        constraints: The rows of B.
+        free: Motions that nothing resists at all, orthonormal columns of coefficients of all
+            bodies' rigid motions, which are not meant; None for none.
+    """
+    nodes = V.tabulate_dof_coordinates()
+    supported, axes = np.nonzero(fixed[: V.dofmap.index_map.size_local])
+    unit = np.eye(fixed.shape[1])[axes]
+    held = bodies.functionals(bodies.of_node[supported], nodes[supported], unit)
+    rows = np.concatenate([rigid_jumps(V, bodies, constraints.B), held])
+    places = np.concatenate([nodes[constraints.host], nodes[supported]])
+    motions = bodies.rigid_modes(places)
+    found = []
+    for body in range(bodies.count):
+        here = slice(body * bodies.num_modes, (body + 1) * bodies.num_modes)
+        own = rows[:, here]
+        touched = own.any(axis=1)
+        for v in _weak(V.mesh.comm, own[touched], motions[touched]):
+            if free is not None and _is_free(v, free, here):
+                continue
+            x = nodes[bodies.of_node == body, : fixed.shape[1]]
+            low, high = bounding_box(V.mesh.comm, x)
+            found.append(LooseMotion(body, motion_name(bodies, v, (low + high) / 2)))
+    return found
+
+
+def _is_free(v: Floats, free: Floats, here: slice) -> bool:
+    """Whether a motion of a body, whose coefficients are ``here``, is one of the free ones."""
+    whole = np.zeros(len(free))
+    whole[here] = v
+    return bool(np.linalg.norm(whole - free @ (free.T @ whole)) < STILL * np.linalg.norm(v))
+
+
+def _weak(comm: MPI.Intracomm, rows: Floats, motions: Floats) -> list[Floats]:
+    """Motions of a body that no row takes up."""
+    taken = comm.allreduce(rows.T @ rows)
+    moved = comm.allreduce(np.einsum("nij,nik->jk", motions, motions))
+    count = comm.allreduce(len(rows))
+    if not count or np.linalg.matrix_rank(moved) < len(moved):
+        return []
+    shares, vectors = eigh(taken, moved)
+    weak = []
+    for v in vectors.T[shares <= WEAK]:
+        size = np.sqrt(v @ moved @ v / count)
+        speed = np.linalg.norm(motions @ v, axis=1)
+        taken_up = np.abs(rows @ v)
+        resisted = taken_up > ASLANT * np.where(speed > STILL * size, np.minimum(speed, size), size)
+        if not comm.allreduce(bool(resisted.any()), MPI.LOR):
+            weak.append(v)
+    return weak

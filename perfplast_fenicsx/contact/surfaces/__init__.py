@@ -1,0 +1,1 @@
+"""Nodes, facets, normals and gaps of surfaces."""

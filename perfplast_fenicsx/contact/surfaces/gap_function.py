@@ -1,0 +1,119 @@
+"""Can matched nodes be in contact, along which normal, and how far are they apart?"""
+
+from mpi4py import MPI
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.surfaces.node_matching import Matching
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.formulas import evaluate
+
+MATCHING_TOLERANCE = 1e-6
+"""Largest distance of touching nodes, relative to the size of the contact surfaces."""
+
+TILT = 0.5
+"""Nodes that are apart may be shifted sideways by this share of their distance (and of the mesh
+size): matching surfaces that are not parallel are seen so along their mean normal."""
+
+OVERLAP = 1e-9
+"""Overlap, relative to the size of the surfaces, that is rounding."""
+
+
+class NoPartners(InputError):
+    """Surfaces whose nodes do not match, the same on every rank."""
+
+
+def normals_and_gaps(
+    comm: MPI.Intracomm,
+    place: str,
+    contact: Contact,
+    matching: Matching,
+    size: float,
+) -> tuple[Floats, Floats]:
+    """Normal and gap of matched nodes, after a look whether they can be in contact. Collective.
+
+    Args:
+        comm: The ranks.
+        place: Where the contact stands, for messages.
+        contact: Its gap, a number or a formula, or None to measure it; whether it may be negative.
+        matching: Nodes of both surfaces, rows of :func:`surface_nodes.surface_node_type`.
+        size: Of the surfaces (length).
+
+    Raises:
+        NoPartners: Nodes without a partner opposite them.
+        InputError: Surfaces that do not face each other, overlap, or a negative gap.
+    """
+    if matching.alone:
+        far = matching.farthest
+        away = f" (the nearest is up to {far:.3g} away)" if 0 < far < np.inf else ""
+        raise NoPartners(
+            f"{place}: {matching.alone} nodes have no partner of their own on the other"
+            f" surface{away}; choose formulation = 'mortar', or mesh the two"
+            " surfaces with the same nodes, for instance by fragmenting and splitting in gmsh."
+        )
+    primary, secondary = matching.primary, matching.secondary
+    facing = np.einsum("ni,ni->n", primary["normal"], secondary["normal"])
+    same_side = comm.allreduce(int((facing > 0).sum()))
+    if same_side:
+        raise InputError(
+            f"{place}: at {same_side} nodes the outward normals of the two surfaces point to the"
+            " same side, so they do not face each other; name one surface of each body."
+        )
+    normal = primary["normal"] - secondary["normal"]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    between = (secondary["x"] - primary["x"])[:, : normal.shape[1]]
+    apart = np.einsum("ni,ni->n", between, normal)
+    sideways = np.linalg.norm(between - apart[:, None] * normal, axis=1)
+    least = MATCHING_TOLERANCE * size
+    mesh_size = np.minimum(primary["size"], secondary["size"])
+    allowed = least + TILT * np.minimum(np.abs(apart), mesh_size)
+    shifted = comm.allreduce(int((sideways > allowed).sum()))
+    if shifted:
+        farthest = comm.allreduce(float(sideways.max(initial=0)), MPI.MAX)
+        raise NoPartners(
+            f"{place}: {shifted} nodes have no partner opposite them (the nearest is up to"
+            f" {farthest:.3g} aside); choose formulation = 'mortar', or mesh the two surfaces with"
+            " the same nodes, for instance by fragmenting and splitting in gmsh."
+        )
+    if contact.gap is not None:
+        return normal, given_gap(comm, place, contact, primary["x"], size)
+    if contact.interference:
+        return normal, np.where(np.abs(apart) > OVERLAP * size, apart, 0.0)
+    return normal, without_overlap(comm, place, apart, size)
+
+
+def without_overlap(comm: MPI.Intracomm, place: str, gap: Floats, size: float) -> Floats:
+    """Measured gaps, rounding removed. Collective.
+
+    Raises:
+        InputError: If the bodies overlap.
+    """
+    overlap = -comm.allreduce(float(gap.min(initial=0)), MPI.MIN)
+    if overlap > OVERLAP * size:
+        raise InputError(
+            f"{place}: the surfaces overlap at first, by up to {overlap:.6g}, or face away from"
+            " each other, as two sides of one body do; move one of them, name two that face each"
+            " other, or say that an overlap is meant by interference = true of a contact."
+        )
+    return np.where(gap > OVERLAP * size, gap, 0.0)
+
+
+def given_gap(comm: MPI.Intracomm, place: str, contact: Contact, x: Floats, size: float) -> Floats:
+    """Gaps of a number or formula at points, negative only where that is meant. Collective."""
+    message: str | None = None
+    gap = 0.0 if contact.gap is None else contact.gap
+    gaps: Floats = np.zeros(len(x))
+    try:
+        gaps = evaluate(gap, x, f"{place}: gap")
+        if not contact.interference and (gaps < -OVERLAP * size).any():
+            message = (
+                f"{place}: gap = {gap} is negative ({gaps.min():.6g}) at some nodes, but bodies"
+                " cannot overlap at first; give a gap of zero or more, or interference = true where"
+                " it is meant."
+            )
+    except InputError as error:
+        message = str(error)
+    raise_together(comm, message)
+    return gaps if contact.interference else np.maximum(gaps, 0.0)

@@ -1,0 +1,173 @@
+"""Which node of one surface meets which node of another, found without gathering either.
+
+Nodes of both surfaces travel to the rank that keeps their slab of space, are matched there with a
+k-d tree, and the matched ones may travel on. A node is a row of a structured type, of which the
+coordinates "x" and the outward unit "normal" are looked at.
+"""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.contact.surfaces.surface_nodes import SurfaceNodes
+from perfplast_fenicsx.parallel import bounding_box, send_rows
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Matched nodes, each pair on one rank, and what did not match.
+
+    Attributes:
+        primary: Nodes of the primary surface that are kept here, shape (num_pairs,).
+        secondary: The nodes they meet, shape (num_pairs,).
+        alone: Nodes of both surfaces without a partner, on all ranks together.
+        farthest: Largest distance of such a node to the nearest one of the other surface seen by
+            the rank that looked; inf where it saw none. 0 if all match.
+    """
+
+    primary: SurfaceNodes
+    secondary: SurfaceNodes
+    alone: int
+    farthest: float
+
+
+OBLIQUE = 1.2
+"""The partner of a node may be so many times as far as the nearest node: surfaces that are apart
+and not parallel have their nodes opposite along the mean normal, not at the shortest distance."""
+
+CANDIDATES = 32
+"""Nodes nearest to one that are looked at."""
+
+SAME_PLACE = 1e-9
+"""Distance, relative to the size of the surfaces, of nodes that are at the same place."""
+
+
+def match_nodes(
+    comm: MPI.Intracomm, primary: SurfaceNodes, secondary: SurfaceNodes, distance: float
+) -> Matching:
+    """Match the nodes of two surfaces that lie opposite each other. Collective.
+
+    Of the nearest nodes the one is taken that lies most nearly opposite, along the mean normal; of
+    several in one place that is the one with the most opposite normal. Primary nodes within
+    ``distance`` are matched; what is left is looked for in ever larger distances, up to the size of
+    the surfaces. That each node has exactly one partner is counted, not assumed.
+
+    Args:
+        comm: The ranks.
+        primary: This rank's nodes of the primary surface, shape (n,).
+        secondary: Those of the secondary surface.
+        distance: Largest distance of touching nodes (length).
+    """
+    low, high = bounding_box(comm, np.concatenate([primary["x"], secondary["x"]]))
+    size = float(np.linalg.norm(high - low))
+    found: list[tuple[SurfaceNodes, SurfaceNodes]] = []
+    twice = 0
+    while True:
+        near = _match_near(comm, primary, secondary, distance, low, high)
+        found.append((near.primary, near.secondary))
+        counts = (len(near.left_primary), len(near.left_secondary), near.twice)
+        left = comm.allreduce(np.array(counts))
+        twice += int(left[2])
+        if not left[:2].all() or distance >= size:
+            break
+        primary, secondary = near.left_primary, near.left_secondary
+        distance = max(4 * distance, size / 64)
+    joined = [np.concatenate(nodes) for nodes in zip(*found, strict=True)]
+    farthest = comm.allreduce(near.farthest, MPI.MAX)
+    return Matching(joined[0], joined[1], int(left[:2].sum()) + twice, farthest)
+
+
+@dataclass(frozen=True)
+class _Near:
+    """What :func:`_match_near` finds on this rank.
+
+    Attributes:
+        primary: Matched nodes of the primary surface.
+        secondary: The nodes that they meet.
+        left_primary: Nodes of the primary surface that meet none.
+        left_secondary: Nodes of the secondary surface that meet none.
+        twice: How often a secondary node meets more than one.
+        farthest: Largest distance of ``left_primary`` to the nearest node.
+    """
+
+    primary: SurfaceNodes
+    secondary: SurfaceNodes
+    left_primary: SurfaceNodes
+    left_secondary: SurfaceNodes
+    twice: int
+    farthest: float
+
+
+def _match_near(
+    comm: MPI.Intracomm,
+    primary: SurfaceNodes,
+    secondary: SurfaceNodes,
+    distance: float,
+    low: Floats,
+    high: Floats,
+) -> _Near:
+    """Match nodes within a distance. Collective."""
+    axis = int(np.argmax(high - low))
+    width = max(high[axis] - low[axis], distance) / comm.size
+
+    def slab(x: Floats) -> Longs:
+        return np.clip(np.floor((x - low[axis]) / width), 0, comm.size - 1).astype(np.int64)
+
+    here = send_rows(comm, primary, slab(primary["x"][:, axis]))
+    along, reach = secondary["x"][:, axis], OBLIQUE * distance
+    lowest, highest = slab(along - reach), slab(along + reach)
+    copies = highest - lowest + 1
+    offset = np.arange(copies.sum()) - np.repeat(np.cumsum(copies) - copies, copies)
+    there = send_rows(
+        comm, np.repeat(_labelled(comm, secondary), copies), np.repeat(lowest, copies) + offset
+    )
+
+    far = np.full(len(here), np.inf)
+    nearest = np.zeros(len(here), dtype=np.int64)
+    if len(here) and len(there):
+        many = np.arange(1, min(CANDIDATES, len(there)) + 1)
+        fars, candidates = cKDTree(there["row"]["x"]).query(here["x"], k=many)
+        far = fars[:, 0]
+        rounding = SAME_PLACE * float(np.linalg.norm(high - low))
+        misfit = _misfit(here[:, None], there["row"][candidates], rounding)
+        misfit[fars > OBLIQUE * fars[:, :1] + rounding] = np.inf
+        nearest = candidates[np.arange(len(here)), np.argmin(misfit, axis=1)]
+    paired = far <= distance
+    taken = there[nearest[paired]] if len(there) else there
+    # a secondary node may have been found by several, on this rank or on others
+    times = np.bincount(send_rows(comm, taken["place"], taken["rank"]), minlength=len(secondary))
+    return _Near(
+        primary=here[paired],
+        secondary=taken["row"],
+        left_primary=here[~paired],
+        left_secondary=secondary[times == 0],
+        twice=int(np.maximum(times - 1, 0).sum()),
+        farthest=float(far[~paired].max(initial=0.0)),
+    )
+
+
+def _labelled(comm: MPI.Intracomm, nodes: SurfaceNodes) -> npt.NDArray[np.void]:
+    """Rows with the rank and the place they come from."""
+    labelled = np.empty(
+        len(nodes), dtype=[("row", nodes.dtype), ("rank", np.int32), ("place", np.int64)]
+    )
+    labelled["row"], labelled["rank"], labelled["place"] = nodes, comm.rank, np.arange(len(nodes))
+    return labelled
+
+
+def _misfit(primary: SurfaceNodes, secondary: SurfaceNodes, rounding: float) -> Floats:
+    """How far nodes are from lying opposite each other; arrays that broadcast together."""
+    n, m = primary["normal"], secondary["normal"]
+    facing = np.einsum("...i,...i->...", n, m)
+    mean = n - m
+    mean /= np.maximum(np.linalg.norm(mean, axis=-1, keepdims=True), 1e-300)
+    between = (secondary["x"] - primary["x"])[..., : n.shape[-1]]
+    apart = np.einsum("...i,...i->...", between, mean)
+    sideways = np.linalg.norm(between - apart[..., None] * mean, axis=-1)
+    far = np.linalg.norm(between, axis=-1)
+    return np.asarray(sideways + (1 + facing) * (0.1 * far + rounding))

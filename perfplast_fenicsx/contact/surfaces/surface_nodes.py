@@ -1,0 +1,103 @@
+"""Nodes of a surface with all that contact asks of them, in rows that travel between ranks."""
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.surfaces.surface_normals import FaceNodes, face_nodes
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import bounding_box
+
+LEAST_COSINE = 0.1
+"""A displacement component may stand for the normal if its share of it is at least this."""
+
+SurfaceNodes = npt.NDArray[np.void]
+"""Rows of :func:`surface_node_type`; a node on an edge has one for each face of the surface."""
+
+
+def surface_node_type(gdim: int) -> np.dtype:
+    """The type of a row.
+
+    Its fields are the coordinates ``x`` (3 numbers), the ``rank`` that owns the node, its local
+    block dof ``node`` there and its global one ``number``, the ``size`` of the facets around it
+    (length), the ``weight`` ∫N of its shape function over the face (length, area), the outward unit
+    ``normal`` of the face, and which components no support holds, ``free``.
+    """
+    return np.dtype(
+        [
+            ("x", np.float64, 3),
+            ("rank", np.int32),
+            ("node", np.int32),
+            ("number", np.int64),
+            ("size", np.float64),
+            ("weight", np.float64),
+            ("normal", np.float64, gdim),
+            ("free", np.bool_, gdim),
+        ]
+    )
+
+
+def surface_nodes(
+    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str, fixed: npt.NDArray[np.bool_]
+) -> SurfaceNodes:
+    """Rows of the nodes that this rank owns. Collective.
+
+    Args:
+        V: Displacement space.
+        tagged_mesh: Mesh with names.
+        surface: Name of the surface.
+        fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+    """
+    return rows_of_nodes(V, face_nodes(V, tagged_mesh, surface), fixed)
+
+
+def rows_of_nodes(
+    V: fem.FunctionSpace, faces: FaceNodes, fixed: npt.NDArray[np.bool_]
+) -> SurfaceNodes:
+    """Rows of nodes whose faces are known. Not collective."""
+    rows = np.empty(len(faces.node), dtype=surface_node_type(V.mesh.geometry.dim))
+    rows["x"] = V.tabulate_dof_coordinates()[faces.node]
+    rows["rank"] = V.mesh.comm.rank
+    rows["node"] = faces.node
+    rows["number"] = V.dofmap.index_map.local_to_global(faces.node)
+    rows["size"] = faces.size
+    rows["weight"] = faces.weight
+    rows["normal"] = faces.normal
+    rows["free"] = ~fixed[faces.node]
+    return rows
+
+
+def check_outside(comm: MPI.Intracomm, place: str, surface: str, nodes: SurfaceNodes) -> None:
+    """Make sure that a surface bounds a body somewhere. Collective.
+
+    Raises:
+        InputError: If there are no nodes at all.
+    """
+    if not comm.allreduce(len(nodes)):
+        raise InputError(
+            f"{place}: '{surface}' has no facet on the outside of a body; name surfaces of bodies"
+            " that share no nodes (write_split cuts them apart)."
+        )
+
+
+def can_host(nodes: SurfaceNodes, normal: Floats) -> npt.NDArray[np.bool_]:
+    """Whether supports leave nodes enough freedom along normals to host the jump.
+
+    Args:
+        nodes: Shape (n,).
+        normal: Shape (n, gdim).
+    """
+    able: npt.NDArray[np.bool_] = (np.abs(normal) * nodes["free"]).max(axis=1, initial=0) >= (
+        LEAST_COSINE
+    )
+    return able
+
+
+def extent(comm: MPI.Intracomm, x: Floats) -> float:
+    """Diagonal of the box around points of all ranks (length). Collective."""
+    low, high = bounding_box(comm, x)
+    return float(np.linalg.norm(high - low))

@@ -1,0 +1,1 @@
+"""Strict bounds of the body, on one mesh and on adapted ones."""

@@ -1,0 +1,300 @@
+"""Bounds of the limit load of the body that a mesh fills, and not just of the mesh."""
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import (
+    InteriorStep,
+    Verdict,
+    interior_point,
+)
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, from_interior_point
+from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED, strong_bodies
+from perfplast_fenicsx.limit_analysis.facets.entering import without_entering
+from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
+from perfplast_fenicsx.limit_analysis.facets.lone_corners import with_divided_corners
+from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
+from perfplast_fenicsx.limit_analysis.statements.bound import TURNED, Bound, Scope, measure_of
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
+    check_bodies_have_limits,
+    check_loads,
+    check_tolerance,
+)
+from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.standing import Standing
+from perfplast_fenicsx.limit_analysis.stress.standing_stress import with_standing_stress
+from perfplast_fenicsx.limit_analysis.stress.static_bound import (
+    StaticBound,
+    check_stress_fits,
+    strict_lower_bound,
+)
+from perfplast_fenicsx.limit_analysis.stress.static_certificate import beside_mechanism
+from perfplast_fenicsx.limit_analysis.velocity.gap_shares import gap_shares
+from perfplast_fenicsx.limit_analysis.velocity.strict_work import strict_upper_bound
+from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.problem.declared.loads import check_bounded
+from perfplast_fenicsx.problem.judged.certificate import contact_forces
+from perfplast_fenicsx.problem.problem import Problem
+
+log = logging.getLogger(__name__)
+
+NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("not computed; control = 'bounds' computes it",))
+
+STANDING = "no load factor was sought, but how many times constant loads are carried"
+
+NO_MECHANISM = "no admissible mechanism was found"
+
+CONFINED = (
+    f"{NO_MECHANISM}: bodies that dilate may be confined, so that they carry any load, or cells"
+    " are too large to let them grow; leave them room, or refine the mesh"
+)
+
+
+@dataclass(frozen=True)
+class BodyBounds:
+    """What is known of the limit load of a body.
+
+    Attributes:
+        problem: On whose mesh the mechanism is; in space each cell is split from its centre.
+        lower: A lower bound.
+        upper: An upper bound.
+        mechanism: Velocity v of the upper bound, with L(v) = 1; zero where none was found.
+        mesh: The limit load of this mesh, which bounds that of the body on neither side.
+        static: The lower bound with its stress; None where none was sought.
+        stress: That stress, Mandel vectors at the vertices of this rank's cells of ``problem``,
+            shape (num_cells, d + 1, m); None without a lower bound, and in space where cells are
+            not split (curved ones, linear elements).
+        shares: What each owned cell of the mesh, before it was split in space, has of the gap
+            (:mod:`gap_shares`), shape (num_cells,); None without both bounds.
+        certificates: What is left of what a bound asks for, by name.
+        steps: Of the interior point method, for both bounds.
+        factorisations: For both bounds.
+        advice: What to change for better bounds, in clauses.
+        question: Of which loads the factor is bounded: of the growing ones, or, where the constant
+            ones were found to be too much on the mesh, of these (:class:`question.Question`).
+    """
+
+    problem: Problem
+    lower: Bound
+    upper: Bound
+    mechanism: fem.Function
+    mesh: LimitLoad
+    static: StaticBound | None = None
+    stress: Floats | None = None
+    shares: Floats | None = None
+    certificates: Mapping[str, float] = field(default_factory=dict)
+    steps: int = 0
+    factorisations: int = 0
+    advice: tuple[str, ...] = ()
+    question: Question = Question.LIMIT
+
+    @property
+    def limits(self) -> tuple[Bound, Bound]:
+        """Bounds of the load factor ζ; without values where they are of the constant loads."""
+        if self.question is Question.LIMIT:
+            return self.lower, self.upper
+        why = (STANDING,)
+        return Bound(None, "lower", Scope.MESH, why), Bound(None, "upper", Scope.MESH, why)
+
+    @property
+    def strict(self) -> bool:
+        """Whether both hold for the body, but for rounding."""
+        return self.lower.strict and self.upper.strict
+
+    @property
+    def why_not(self) -> list[str]:
+        """Why one of them does not; nothing where both do."""
+        bounds = (self.lower, self.upper)
+        return [f"{bound.kind} bound: {why}" for bound in bounds for why in bound.why_not]
+
+    def __repr__(self) -> str:
+        return f"BodyBounds({self.lower!r}, {self.upper!r}; {self.factorisations} factorisations)"
+
+    def in_words(self) -> str:
+        """What they say, in a sentence or two."""
+        lower, upper = self.lower.strict, self.upper.strict
+        early = []
+        if not self.mesh.levelled_off and upper:
+            early.append(f" The upper one is not the best of its mesh: {self.mesh.reason}.")
+        if self.static is not None and self.static.verdict is not Verdict.FOUND and lower:
+            early.append(f" The lower one is not the best of its mesh: {self.static.reason}.")
+        early += [f" {words[0].upper()}{words[1:]}." for words in self.advice]
+        return self._proven(lower, upper) + "".join(early)
+
+    def _proven(self, lower: bool, upper: bool) -> str:
+        """What is proven, in a sentence."""
+        reasons = f" ({'; '.join(self.why_not)})" if self.why_not else ""
+        body = "The body that the mesh fills"
+        if self.question is Question.STANDS:
+            known = [bound.value if bound.strict else None for bound in (self.lower, self.upper)]
+            stands = Standing(*known)
+            return f"{body} {stands.verdict}: {stands.in_words()}; this is strict{reasons}."
+        if UNLIMITED in self.lower.why_not and UNLIMITED in self.upper.why_not:
+            return f"{UNLIMITED[0].upper()}{UNLIMITED[1:]}."
+        if upper and self.upper.value is not None and self.upper.value < 0:
+            body = f"Without load the constant loads are not carried. {body}"
+        if lower and upper:
+            return (
+                f"{body} collapses between {self.lower.shown} and {self.upper.shown};"
+                " both bounds are strict."
+            )
+        if upper:
+            return f"{body} collapses at {self.upper.shown} at most, strictly{reasons}."
+        if lower:
+            return f"{body} carries {self.lower.shown} at least, strictly{reasons}."
+        return f"Nothing is proven of the body that the mesh fills{reasons}."
+
+
+def limit_bounds(
+    problem: Problem, rtol: float = 1e-4, monitor: Callable[[InteriorStep], None] | None = None
+) -> BodyBounds:
+    """Find bounds of the limit load of the body that the mesh fills. Collective.
+
+    Cells in corners of plane bodies that could carry nothing are divided (:mod:`lone_corners`). The
+    mechanism is the best of the mesh that keeps the volume everywhere, for which tetrahedra are
+    split from their centres, or grows by enough where bodies dilate, for which laws are asked at
+    vertices; and it enters no other body between the nodes either.
+
+    Args:
+        problem: The bodies and their loads; quadratic elements are wanted, as linear ones lock.
+        rtol: How near each bound comes to the best of its kind on this mesh, relative.
+        monitor: Called on every rank after each step.
+
+    Raises:
+        InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, a body
+            has a yield set that bounds do not know, strict bounds do not know a load,
+            no stress can carry them, the mesh is axisymmetric, or a bound does not fit into memory
+            (the lower one is asked first, before anything is computed).
+    """
+    if problem.tagged_mesh.axisymmetric:
+        raise InputError(
+            f"{TURNED}; seek the limit load of the mesh with control = 'work' and until = 'limit'."
+        )
+    if problem.given.rigid:
+        raise InputError(
+            f"the surface '{problem.given.rigid[0].on}' is rigid, and of such surfaces resultants"
+            " are known but no tractions, which bounds of the body need; give control = 'work' and"
+            " until = 'limit', for that of the mesh."
+        )
+    for load in problem.given.loads:
+        check_bounded(load)
+    check_bodies_have_limits(problem)
+    check_tolerance(rtol)
+    check_loads(problem)
+    problem = with_divided_corners(with_matching_facets(problem))
+    check_stress_fits(problem)
+    given, split = problem, None
+    tagged_mesh = problem.tagged_mesh
+    straight = problem.degree == 2 and not has_curved_cells(tagged_mesh.mesh)
+    if problem.bodies.gdim == 3 and straight:
+        split = alfeld_split(tagged_mesh)
+        problem = problem.on(split)
+    if straight and any(on.law.dilates for on in problem.laws):
+        problem = with_points_at_vertices(problem)
+    log.info("upper bound: a mechanism on %s", problem)
+    found = interior_point(without_entering(problem) or problem, rtol, monitor)
+    limit = from_interior_point(found)
+    if np.isfinite(limit.lower):  # of pairs, not of coefficients
+        limit = replace(limit, contact_forces=contact_forces(problem, found.stress, limit.lower))
+    bounds = bounds_of_mesh(problem, limit)
+    log.info("lower bound: a stress on the same cells")
+    static = strict_lower_bound(given, rtol, monitor, bounds.question)
+    static = with_standing_stress(given, static, rtol, monitor, bounds.question)
+    lower, certificates = static.bound, {}
+    if static.certificate is not None:
+        certificates = vars(static.certificate)
+        if bounds.upper.value is not None:
+            _, dead, _ = bounds.question.of(
+                0.0, problem.loads.dead_work(bounds.mechanism.x.petsc_vec)
+            )
+            power = measure_of(bounds.upper.value + dead, bounds.upper.value)
+            lower = beside_mechanism(lower, static.certificate, power, bounds.mechanism)
+    stress = shares = None
+    # parts of a tetrahedron that is not split for the mechanism are no cells of any mesh
+    if static.bound.value is not None and (split is not None or problem.bodies.gdim == 2):
+        stress = static.stress if split is None else _on_parts(static.stress, split)
+        if bounds.upper.value is not None:
+            shares = gap_shares(problem, bounds.mechanism, stress)
+            shares = shares if split is None else _of_parents(shares, split)
+    return replace(
+        bounds,
+        lower=lower,
+        static=static,
+        stress=stress,
+        shares=shares,
+        certificates={**bounds.certificates, **certificates},
+        steps=bounds.steps + len(static.steps),
+        factorisations=bounds.factorisations + static.factorisations,
+    )
+
+
+def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
+    """What the limit load of a mesh tells of the body: the work of its mechanism. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        limit: As found by the interior point method.
+    """
+    certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
+    advice: tuple[str, ...] = ()
+    question = limit.question
+    stands = question is Question.STANDS
+    if limit.upper is None and not (stands and limit.collapses):
+        dilates = any(on.law.dilates for on in problem.laws)
+        why = CONFINED if dilates else NO_MECHANISM
+        why = UNLIMITED if limit.reason == UNLIMITED else why
+        upper = Bound(None, "upper", Scope.MESH, (why,))
+    else:
+        upper = strict_upper_bound(problem, limit.mechanism, question=question)
+    if upper.of_rounding > NOTICED:
+        advice = strong_bodies(problem, upper.of_rounding)
+    return BodyBounds(
+        problem=problem,
+        lower=NOT_SOUGHT,
+        upper=upper,
+        mechanism=limit.mechanism,
+        mesh=limit,
+        certificates=certificates,
+        steps=limit.iterations,
+        factorisations=limit.factorisations or 0,
+        advice=advice,
+        question=question,
+    )
+
+
+def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str | None:
+    """Whether constant loads alone are carried, in a sentence; None where more is known.
+
+    Args:
+        limit: Of the mesh.
+        body: What is proven.
+    """
+    known = body is not None and (body.lower.strict or body.upper.strict)
+    if body is not None and known and body.question is Question.STANDS:
+        return body.in_words()
+    if known or limit.standing is None or limit.question is Question.LIMIT:
+        return None
+    stands = limit.standing
+    return f"This mesh {stands.verdict}: {stands.in_words()}; no proof of the body."
+
+
+def _on_parts(stress: Floats, split: AlfeldSplit) -> Floats:
+    """The stress of the parts of cells, as that of the cells of the split mesh."""
+    part = np.asarray(split.mesh.topology.original_cell_index) % stress.shape[1]
+    chosen: Floats = stress[split.parents, part]
+    return chosen
+
+
+def _of_parents(values: Floats, split: AlfeldSplit) -> Floats:
+    """Sums over the parts of each cell."""
+    sums: Floats = np.zeros(len(values) // (split.mesh.topology.dim + 1))
+    np.add.at(sums, split.parents, values)
+    return sums

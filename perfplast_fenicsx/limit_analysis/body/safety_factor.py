@@ -1,0 +1,229 @@
+"""By what factor strengths may fall until bodies fall: a factor of safety, proven from both sides.
+
+With strengths that are reduced by F, cohesions, slopes of friction and yield stresses alike, the
+loads are carried μ(F) times (:class:`question.Question`), and μ falls with F. A stress that carries
+them once shows that the factor of safety is at least F, a mechanism that cannot that it is at most
+that. So a root of each strict bound of μ is sought, a little to its safe side, by secants of ln μ
+over ln F.
+"""
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation, adaptive_bounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
+from perfplast_fenicsx.materials.elastic import Elastic
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
+
+log = logging.getLogger(__name__)
+
+MOST_SEARCHES = 10
+"""Of a root; three or four are usual."""
+
+STEP = 1.3
+"""Factor by which F changes where a side of μ is not known, or no two values are."""
+
+AIM = 0.3
+"""Where in the tolerance a root is aimed at, from its safe side."""
+
+FINER = 0.1
+"""Share of the tolerance, in μ, that a strict bound may leave to the best one of its mesh."""
+
+
+@dataclass(frozen=True)
+class FactorOfSafety:
+    """Bounds of a factor of safety, and what shows them.
+
+    Attributes:
+        lower: With strengths reduced by so much the loads are carried; None where none was found.
+        upper: With strengths reduced by so much they are not; None where none was found.
+        stands: Bounds at the lower factor, whose stress shows it.
+        falls: Bounds at the upper one, whose mechanism shows it.
+        searches: Bounds that were computed, of meshes before the last one too.
+    """
+
+    lower: float | None
+    upper: float | None
+    stands: BodyBounds | None
+    falls: BodyBounds | None
+    searches: int
+
+    def in_words(self) -> str:
+        """What is proven, in a sentence."""
+        sides = []
+        if self.lower is not None:
+            sides.append(f"stands with F = {rounded_down(self.lower)} for certain")
+        if self.upper is not None:
+            sides.append(f"falls at F = {rounded_up(self.upper)} at the latest")
+        if not sides:
+            return "Nothing is proven of the factor of safety."
+        return f"The body {', and '.join(sides)}, if all strengths are divided by F."
+
+
+def factor_of_safety(
+    problem: Problem,
+    tolerance: float = 1e-3,
+    adaptation: Adaptation | None = None,
+    monitor: Callable[[float, Bound, Bound], None] | None = None,
+) -> FactorOfSafety:
+    """Find strict bounds of the factor of safety of loads that stay. Collective.
+
+    Args:
+        problem: The bodies and their loads, all of which are constant.
+        tolerance: Of the roots on their mesh, relative.
+        adaptation: When to end with finer meshes, at the factor of safety of the first mesh; its
+            ``until`` is of μ, which falls by more than F rises where there is friction. None for
+            the problem's own mesh.
+        monitor: Called on every rank with F, and lower and upper bound of μ there.
+
+    Raises:
+        InputError: If a load grows, a body has no reduced strength or none yields, and as
+            :func:`body_bounds.limit_bounds`.
+    """
+    check_tolerance(tolerance)
+    _check(problem)
+    curve = _Curve(problem, tolerance, monitor)
+    curve.start(adaptation)
+    lower, upper = curve.root("lower"), curve.root("upper")
+    return FactorOfSafety(
+        lower=lower,
+        upper=upper,
+        stands=None if lower is None else curve.found[lower],
+        falls=None if upper is None else curve.found[upper],
+        searches=curve.searches,
+    )
+
+
+def weakened(problem: Problem, factor: float) -> Problem:
+    """The same problem with strengths divided by a factor. Collective.
+
+    Raises:
+        InputError: If a body has no reduced strength.
+    """
+    given = problem.given
+    materials = {}
+    for name, material in given.materials.items():
+        reduced = getattr(material, "reduced", None)
+        if reduced is None:
+            raise InputError(
+                f"the material of '{name}' ({type(material).__name__}) has no reduced strength; a"
+                " factor of safety knows VonMises, DruckerPrager and Elastic."
+            )
+        materials[name] = reduced(factor)
+    return Problem(problem.tagged_mesh, **(vars(given) | {"materials": materials}))
+
+
+def _check(problem: Problem) -> None:
+    """Refuse loads that grow, and bodies of which none can yield. Not collective."""
+    if all(isinstance(material, Elastic) for material in problem.given.materials.values()):
+        raise InputError(
+            "all bodies are elastic, and have no strength that could fall; give those that may"
+            " yield VonMises or DruckerPrager."
+        )
+    for load in problem.given.loads:
+        if not load.constant:
+            raise InputError(
+                f"the load on '{load.on}' grows, and a factor of safety is that of loads that stay;"
+                " give it constant = True, or seek its limit load."
+            )
+
+
+@dataclass
+class _Curve:
+    """Bounds of μ at some F."""
+
+    problem: Problem
+    tolerance: float
+    monitor: Callable[[float, Bound, Bound], None] | None
+    found: dict[float, BodyBounds] = field(default_factory=dict)
+    searches: int = 0
+
+    def start(self, adaptation: Adaptation | None) -> None:
+        """Find the factor of the mesh about, and finer meshes there. Collective."""
+        first = self._of_mesh()
+        if adaptation is None:
+            self._at(first)
+            return
+        log.info("adapted meshes at F = %.6g", first)
+        adapted = adaptive_bounds(weakened(self.problem, first), adaptation)
+        self.searches += len(adapted.rounds)
+        materials = {"materials": self.problem.given.materials}
+        finer = adapted.problem
+        self.problem = Problem(finer.tagged_mesh, **(vars(finer.given) | materials))
+        self._keep(first, adapted.last)
+
+    def _of_mesh(self) -> float:
+        """Where the mesh carries the loads once, about. Collective."""
+        known: dict[float, float] = {}
+        factor = 1.0
+        for _ in range(MOST_SEARCHES):
+            found = interior_point(weakened(self.problem, factor), 10 * self.tolerance).standing
+            times = None if found is None else found.lower
+            if times is None or not times > 0:
+                factor /= STEP
+                continue
+            known[factor] = math.log(times)
+            if abs(known[factor]) <= 10 * self.tolerance:
+                break
+            factor = _next(known, 0.0)
+        return factor
+
+    def root(self, kind: str) -> float | None:
+        """The factor at which a bound of μ is 1, on the safe side of it. Collective."""
+        sign = 1 if kind == "lower" else -1
+        best: float | None = None
+        for _ in range(MOST_SEARCHES):
+            known = {}
+            for factor, bounds in self.found.items():
+                bound = bounds.lower if kind == "lower" else bounds.upper
+                if bound.strict and bound.value is not None and bound.value > 0:
+                    known[factor] = math.log(bound.value)
+            safe = [factor for factor, times in known.items() if sign * times >= 0]
+            best = (max(safe) if kind == "lower" else min(safe)) if safe else None
+            room = self.tolerance * _steepness(known)
+            if best is not None and abs(known[best]) <= room:
+                break
+            if known:
+                factor = _next(known, sign * AIM * room)
+            else:  # confined bodies fall with less strength, coarse meshes carry more with more
+                factor = (max if sign < 0 else min)(self.found) * STEP**-sign
+            while known and factor in self.found and factor not in known:  # nothing came of it
+                factor = math.sqrt(factor * min(known, key=lambda it: abs(math.log(it / factor))))
+            if factor in self.found:
+                break
+            self._at(factor)
+        return best
+
+    def _at(self, factor: float) -> None:
+        rtol = FINER * self.tolerance
+        self.searches += 1
+        self._keep(factor, limit_bounds(weakened(self.problem, factor), rtol))
+
+    def _keep(self, factor: float, bounds: BodyBounds) -> None:
+        self.found[factor] = bounds
+        if self.monitor is not None:
+            self.monitor(factor, bounds.lower, bounds.upper)
+
+
+def _steepness(known: dict[float, float]) -> float:
+    """|d ln μ/d ln F|, between the two values next to μ = 1; 1 of a single one."""
+    pair = sorted(known, key=lambda factor: abs(known[factor]))[:2]
+    if len(pair) < 2:
+        return 1.0
+    one, other = pair
+    return max(abs((known[one] - known[other]) / math.log(one / other)), 1.0)
+
+
+def _next(known: dict[float, float], aim: float) -> float:
+    """Where ln μ is what is aimed at, by the secant of the two values next to that."""
+    nearest = min(known, key=lambda factor: abs(known[factor] - aim))
+    change = (known[nearest] - aim) / _steepness(known)
+    most = 3 * math.log(STEP)
+    return nearest * math.exp(min(max(change, -most), most))

@@ -1,0 +1,87 @@
+"""Boundary points of a plane mesh at which the stress depends on the direction alone.
+
+There every cell has one stress, so that the angles of the cells limit what a lower bound can reach,
+whatever the mesh elsewhere.
+"""
+
+from collections.abc import Hashable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from dolfinx import la
+from dolfinx.mesh import exterior_facet_indices
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.declared.given import Given
+
+ROUNDING = 1e-6
+"""What an angle is beyond that of a straight line by rounding."""
+
+RIGHT = np.pi / 2
+
+
+def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int) -> Ints:
+    """Local vertices of a plane mesh that need more cells. Collective.
+
+    They are ends of loads, supports and contacts, and corners, where the principal stresses turn
+    and too few cells meet.
+
+    Args:
+        tagged_mesh: Of triangles.
+        given: Its loads, supports and contacts.
+        valence: Cells that should meet where they may turn by a right angle, as at the end of a
+            load on a straight side: there they turn by what the angle of the body exceeds a right
+            one, and where nothing ends by what it exceeds a straight one. Where they turn by less,
+            as much fewer will do.
+    """
+    topology = tagged_mesh.mesh.topology
+    vertices, points = corners(tagged_mesh.mesh)
+    x = points[vertices]
+    one, other = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
+    across = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
+    angle = np.arctan2(np.abs(across), np.einsum("cvi,cvi->cv", one, other))
+
+    topology.create_connectivity(1, 2)
+    topology.create_connectivity(1, 0)
+    outer = exterior_facet_indices(topology)
+    ends = topology.connectivity(1, 0).array.reshape(-1, 2)[outer]
+    kind = _kinds(tagged_mesh, given)[outer]
+
+    count = topology.index_map(0).size_local + topology.index_map(0).num_ghosts
+    sums = la.vector(topology.index_map(0), 5, dtype=np.float64)
+    table = sums.array.reshape(count, 5)
+    np.add.at(table, vertices.ravel(), _columns(angle.ravel(), 1.0, 0.0, 0.0, 0.0))
+    twice = np.repeat(kind, 2).astype(np.float64)
+    np.add.at(table, ends.ravel(), _columns(0.0, 0.0, np.ones(twice.size), twice, twice**2))
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    angles, cells, facets, kinds, squares = table.T
+    changes = facets * squares - kinds**2 > 0.5  # all alike: the square of the mean
+    least = np.where(changes, RIGHT, np.pi) + ROUNDING
+    turns = np.clip(angles - least, 0.0, RIGHT)
+    return np.flatnonzero((facets > 0) & (cells < valence * turns / RIGHT)).astype(np.int32)
+
+
+def _columns(*columns: Floats | float) -> Floats:
+    return np.stack(np.broadcast_arrays(*columns), axis=1)
+
+
+def _kinds(tagged_mesh: TaggedMesh, given: Given) -> Longs:
+    """A number for each local facet, the same where the same holds and pushes it."""
+    loads = [load for load in given.loads if not load.in_volume]
+    acting: dict[str, set[Hashable]] = {name: set() for name in tagged_mesh.surfaces}
+    surroundings: list[Any] = [*given.supports, *loads, *given.obstacles]
+    for what in surroundings:
+        acting[what.on].add(repr(replace(what, on="")))
+    for contact in given.contacts:
+        for name in (contact.primary, contact.secondary):
+            acting[name].add("contact")
+    known = list(dict.fromkeys([frozenset[Hashable](), *map(frozenset, acting.values())]))
+    facets = tagged_mesh.mesh.topology.index_map(1)
+    kinds = np.zeros(facets.size_local + facets.num_ghosts, dtype=np.int64)
+    for name, acts in acting.items():
+        kinds[tagged_mesh.facets(name)] = known.index(frozenset(acts))
+    return kinds

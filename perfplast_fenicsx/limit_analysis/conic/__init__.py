@@ -1,0 +1,1 @@
+"""The interior point iteration: cones, unknowns, steps."""

@@ -1,0 +1,274 @@
+"""A limit load as a static and a kinematic problem, in units that make numbers about 1.
+
+On points with weights w,
+
+    max λ               with  Σ w σ:ε(v) + r·[v] = λ L(v) + L₀(v),   ‖dev σ‖ ≤ γ − αp,   r ≥ 0,
+    min Σ γ z₀ − L₀(v)  with  L(v) = 1,   αz₀ = w tr ε(v),   z₀ ≥ w‖dev ε(v)‖,   [v] ≤ 0,
+
+where L₀ is of the loads that stay as they are, [v] are the jumps of contact pairs and obstacles, r
+their forces and p the mean stress. Where α = 0 bodies keep their volume; else they dilate,
+tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖ is not bounded, and ε(v) = 0. The gaps of contact
+play no part: a body that moves without end has closed or opened them (E. Christiansen, Handbook of
+Numerical Analysis IV, 1996).
+
+What the velocities v are is told by a :class:`discretisation.Discretisation`: displacements of
+finite elements (:mod:`limit_program`), or the multipliers of the equilibrium of piecewise linear
+stresses (:mod:`static_program`).
+"""
+
+from typing import TypeAlias
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Discretisation, Moduli
+
+PROXIMAL = 1e-5
+"""δ: stresses that nothing bounds change by 1/δ times a strain. With 1e-4 linear elements that
+nearly lock take three times the steps; with less K is worse conditioned."""
+
+
+Stress: TypeAlias = tuple[Floats, Floats]
+"""Pressure and deviator at the points, shapes (count,) and (count, m)."""
+
+MOST_VISCOUS = 1e4
+"""Strong bodies are so viscous at first, at most."""
+
+
+SOFTEST = 1e-10
+"""Modulus of points that have none left: of weak ones that flow beside strong ones, which bear the
+loads. Without it K is singular in double precision beside bulk moduli of 1e5."""
+
+
+class ConicProgram:
+    """Both problems of one discretisation.
+
+    Attributes:
+        comm: The ranks.
+        strains: Strain rates at the points.
+        stiffness: K, to be assembled with any moduli.
+        load: L, less what ``carried`` balances.
+        dead: L₀, less what ``carried_dead`` does.
+        free: Loads of any factor, which may help to carry the others: they do no work on v.
+        has_free: Whether there are any.
+        has_dead: Whether there is any L₀. A stress that is above yield cannot be scaled into it
+            then, and yield sets are taken as a little smaller.
+        jumps: Local (owned) entries of velocities that are jumps of contact pairs.
+        num_pairs: Contact pairs on all ranks together.
+        plastic: Which points of this rank can yield, shape (count,): others are as elastic ones.
+        weights: w, 1 in the mean, shape (count,).
+        radii: γ of the plastic points, 1 where bodies bear the loads.
+        slopes: α of them.
+        dilating: Which of them dilate, α > 0.
+        dilates: Whether any of any rank does.
+        strongest: Largest γ (stress) of them.
+        viscosities: γ over a rate that suits the point.
+        springs: Stiffness of contact that suits that of the bodies, shape (num_pairs,).
+        degree: Plastic points and pairs of all ranks.
+        stress_unit: What 1 is of σ.
+        load_unit: What 1 is of λ.
+        force_unit: What 1 is of r.
+        carried: Stress that nothing bounds, of pressures and of points that are not plastic, which
+            balances a part of L; None of no part.
+        carried_dead: The same of L₀.
+    """
+
+    def __init__(self, on: Discretisation, reserve: float) -> None:
+        """Take a discretisation over, its PETSc objects too. Collective.
+
+        Args:
+            on: The discretisation.
+            reserve: Share of the strengths that beside dead loads is kept for what rounding leaves
+                of a stress.
+        """
+        self._reserve = reserve
+        self.comm, self.strains, self.stiffness = on.comm, on.strains, on.stiffness
+        strains, self.jumps = on.strains, on.jumps
+        finite = strains.radii[np.isfinite(strains.radii)]
+        mine = [strains.count, strains.weights.sum(), len(finite), (1 / finite).sum()]
+        points, volume, cones, weaknesses, pairs = self.comm.allreduce(
+            np.array([*mine, len(on.jumps)])
+        )
+        self.num_pairs = int(pairs)
+        self._mean_weight = volume / points
+        self.weights = strains.weights / self._mean_weight
+        self.load, self.dead, self.free = on.load, on.dead, on.free
+        self.has_dead, self.has_free = float(on.dead.norm()) > 0, float(on.free.norm()) > 0
+        self.load_unit = self.stress_unit = self.force_unit = 1.0
+        self.springs: Floats = np.zeros(len(on.jumps))
+        self.carried: Stress | None = None
+        self.carried_dead: Stress | None = None
+        self.measure(cones / weaknesses if cones else 1.0)  # that of weak bodies counts
+
+    def measure(self, unit: float, strongest: float = np.inf) -> None:
+        """Measure stresses in a unit, and let yield what is weak enough. Collective.
+
+        Args:
+            unit: Of stress.
+            strongest: Points of larger yield radii (stress) are as elastic ones.
+        """
+        radii = self.strains.radii
+        self.strongest = strongest
+        self.plastic = np.isfinite(radii) & (radii <= strongest)
+        kept = 1 - self._reserve if self.has_dead else 1.0
+        self.radii, self.slopes = (
+            kept * radii[self.plastic] / unit,
+            self.strains.slopes[self.plastic],
+        )
+        self.dilating = self.slopes > 0
+        self.viscosities = np.minimum(self.radii**2, MOST_VISCOUS)
+        many, dilating = self.comm.allreduce(np.array([len(self.radii), self.dilating.sum()]))
+        self.degree, self.dilates = self.num_pairs + int(many), bool(dilating)
+        before, self.force_unit = self.force_unit, unit * self._mean_weight
+        self.stress_unit = unit
+        for load in (self.load, self.dead, self.free):
+            load.scale(before / self.force_unit)
+
+    def multiply(self, unit: float) -> None:
+        """Multiply the loads, and so divide the load factor that is sought."""
+        self.load_unit *= unit
+        self.load.scale(unit)
+        if self.carried is not None:
+            self.carried = (unit * self.carried[0], unit * self.carried[1])
+
+    def stronger(self) -> float | None:
+        """Least yield radius (stress) of points that cannot yield; None of none. Collective."""
+        radii = self.strains.radii
+        mine = float(radii[radii > self.strongest].min(initial=np.inf))
+        least = float(self.comm.allreduce(mine, MPI.MIN))
+        return least if np.isfinite(least) else None
+
+    def range(self, values: Floats) -> tuple[float, float]:
+        """Least and largest of all ranks' values. Collective."""
+        least, largest = float(values.min(initial=np.inf)), float(values.max(initial=0.0))
+        return self.comm.allreduce(least, MPI.MIN), self.comm.allreduce(largest, MPI.MAX)
+
+    def overstress(self, stress: Stress) -> float:
+        """Largest (‖dev σ‖ + αp)/γ of all points, those that do not flow here too. Collective.
+
+        Args:
+            stress: In units of ``stress_unit``.
+        """
+        pressure, deviator = stress
+        sizes = np.linalg.norm(deviator, axis=1) + self.strains.slopes * pressure
+        ratios = sizes * self.stress_unit / self.strains.radii
+        return float(self.comm.allreduce(ratios.max(initial=0.0), MPI.MAX))
+
+    def members(self, stress: Stress) -> Floats:
+        """(γ − αp, dev σ) of the plastic points, shape (num_plastic, 1 + m)."""
+        pressure, deviator = stress
+        heads = self.radii - self.slopes * pressure[self.plastic]
+        return np.column_stack([heads, deviator[self.plastic]])
+
+    def whole(self, stress: Stress, load: float) -> Stress:
+        """A stress that balances all loads, of one that balances what of them is sought."""
+        for share, carried in ((load, self.carried), (1.0, self.carried_dead)):
+            if carried is not None:
+                stress = stress[0] + share * carried[0], stress[1] + share * carried[1]
+        return stress
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        for thing in (self.strains, self.stiffness, self.load, self.dead, self.free):
+            thing.destroy()
+
+    def dead_to_live(self) -> float:
+        """Ratio of the largest force of L₀ to that of L. Collective."""
+        largest = PETSc.NormType.NORM_INFINITY
+        return float(self.dead.norm(largest) / self.load.norm(largest)) if self.has_dead else 0.0
+
+    def create_vector(self) -> PETSc.Vec:
+        """A velocity of zeros. Collective."""
+        vector = self.load.duplicate()
+        vector.set(0)
+        return vector
+
+    def viscous_stress(self, velocity: PETSc.Vec) -> Stress:
+        """Pressure and deviator of the flow that units are chosen by. Collective."""
+        trace, deviator = self.strains.of(velocity)
+        moduli = self.flow_moduli()
+        return self.weights * moduli.bulk * trace, (self.weights * moduli.a)[:, None] * deviator
+
+    def flow_moduli(self) -> Moduli:
+        """Those of the flow that units are chosen by, and of the first step. Collective."""
+        viscosity = self.at_points(self.viscosities, 1 / PROXIMAL)
+        bulk = np.full_like(viscosity, 1 / PROXIMAL)
+        if self.dilates:
+            soft = self.viscosities[self.dilating] / self.slopes[self.dilating] ** 2
+            bulk[np.flatnonzero(self.plastic)[self.dilating]] = soft
+        none: Floats = np.zeros((len(viscosity), self.strains.size))
+        return Moduli(bulk, viscosity, none)
+
+    def at_points(self, plastic: Floats, elastic: float) -> Floats:
+        """Values at all points from those at the plastic ones."""
+        values: Floats
+        values = np.full((self.strains.count, *plastic.shape[1:]), elastic)
+        values[self.plastic] = plastic
+        return values
+
+    def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
+        """Assemble Σ w² times the moduli; see :class:`discretisation.Stiffness`.
+
+        No a counts as less than :data:`SOFTEST`: directions are a little less exact then, and the
+        balance that they leave is made up for by the next ones.
+        """
+        scale = self.weights / self._mean_weight
+        scaled = Moduli(
+            scale * moduli.bulk,
+            scale * np.maximum(moduli.a, SOFTEST),
+            np.sqrt(scale)[:, None] * moduli.normal,
+            moduli.along,
+        )
+        self.stiffness.assemble(scaled, held)
+
+    def internal_forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
+        """Set ``out`` to Σ w (p δ + s):ε(v) for all v. Collective."""
+        self.strains.forces(pressure / self._mean_weight, deviator / self._mean_weight, out)
+
+    def work(self, velocity: PETSc.Vec) -> float:
+        """L(v). Collective."""
+        return float(self.load.dot(velocity))
+
+    def dead_work(self, velocity: PETSc.Vec) -> float:
+        """L₀(v). Collective."""
+        return float(self.dead.dot(velocity)) if self.has_dead else 0.0
+
+    def dissipation(self, velocity: PETSc.Vec) -> float:
+        """Σ w γ‖dev ε(v)‖, and (γ/α) tr ε(v) where bodies dilate. Collective.
+
+        Over all points that have a yield radius, of a velocity that is admissible.
+        """
+        trace, deviator = self.strains.of(velocity)
+        radii = self.strains.radii / self.stress_unit
+        radii = np.where(np.isfinite(radii), radii, 0.0)
+        rates, slopes = np.linalg.norm(deviator, axis=1), self.strains.slopes
+        np.divide(trace, slopes, out=rates, where=slopes > 0)
+        return self.total(float((self.weights * radii) @ rates))
+
+    def rates(self, velocity: PETSc.Vec) -> tuple[float, float]:
+        """What is inadmissible in ε(v), and ‖ε(v)‖, as root mean squares. Collective.
+
+        Of bodies that dilate it is what their volume grows too little by. In these units the latter
+        is about 1 of a flow that meets resistance.
+        """
+        trace, deviator = self.strains.of(velocity)
+        squares = np.einsum("ni,ni->n", deviator, deviator)
+        volume = trace**2 / self.strains.gdim
+        wrong = volume + np.where(self.plastic, 0.0, squares)
+        if self.dilates:
+            slopes = self.strains.slopes
+            short = np.maximum(slopes * np.sqrt(squares) - trace, 0.0)
+            wrong = np.where(self.plastic & (slopes > 0), short**2, wrong)
+        part, whole = (
+            self.total(self.weights @ wrong),
+            self.total(self.weights @ (volume + squares)),
+        )
+        size = self.total(self.weights.sum())
+        return float(np.sqrt(part / size)), float(np.sqrt(whole / size))
+
+    def total(self, value: float) -> float:
+        """Sum over all ranks. Collective."""
+        return float(self.comm.allreduce(value))

@@ -1,0 +1,51 @@
+"""What the interior point method changes in each step."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.second_order_cones import longest_step
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Static and kinematic unknowns, or changes of them, on this rank, in the program's units.
+
+    Attributes:
+        load: λ.
+        aside: Factor of the loads of any factor, 0 without them.
+        pressure: p, the mean stress (in plane strain that in the plane), shape (count,).
+        deviator: s = dev σ, shape (count, m).
+        S: Rows (γ, s) of plastic points; (0, ...) in changes.
+        Z: Rows (d, −w dev ε(v)) of these, with d ≥ w‖dev ε(v)‖.
+        forces: r, shape (num_pairs,).
+        rooms: −[v], shape (num_pairs,).
+    """
+
+    load: float
+    aside: float
+    pressure: Floats
+    deviator: Floats
+    S: Floats
+    Z: Floats
+    forces: Floats
+    rooms: Floats
+
+    def plus(self, t: float, change: "Unknowns") -> "Unknowns":
+        """The unknowns after t times a change."""
+        return Unknowns(*(a + t * b for a, b in zip(self._all(), change._all(), strict=True)))
+
+    def products(self) -> float:
+        """Σ s·z of all cones and pairs of this rank."""
+        return float(np.einsum("ni,ni->", self.S, self.Z) + self.forces @ self.rooms)
+
+    def longest(self, change: "Unknowns") -> float:
+        """Longest step on this rank that keeps cones and pairs inside."""
+        lengths = [longest_step(self.S, change.S), longest_step(self.Z, change.Z)]
+        for a, da in ((self.forces, change.forces), (self.rooms, change.rooms)):
+            lengths.append(float((-a[da < 0] / da[da < 0]).min(initial=np.inf)))
+        return min(lengths)
+
+    def _all(self) -> tuple:
+        return tuple(vars(self).values())

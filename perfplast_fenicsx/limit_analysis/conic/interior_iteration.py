@@ -1,0 +1,185 @@
+"""Primal-dual interior point iteration for limit loads.
+
+A step takes one factorisation of a stiffness: with the scaling of Nesterov and Todd the stress of a
+point changes by H⁻¹ times a strain, and H⁻¹ is a multiple of the identity less something of rank
+one. Steps are Mehrotra's, a predictor and a corrector, and then Gondzio's (:mod:`centrality`), all
+with the same factors. Stresses that nothing bounds, mean ones and those of elastic bodies, follow
+the proximal point method, which does not change where the iteration ends.
+"""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram
+from perfplast_fenicsx.limit_analysis.conic.conic_unknowns import Unknowns
+from perfplast_fenicsx.limit_analysis.conic.newton_directions import NewtonDirections, Workspace
+from perfplast_fenicsx.limit_analysis.statements.bound import measure_of
+
+SHORTENED = 0.98
+"""Share of the way to the boundary that a step goes."""
+
+MOST_CORRECTIONS = 3
+"""Of a direction, each a solution with the factors that there are."""
+
+FURTHER = 0.3
+"""By so much a corrected direction should be longer, as a share of a whole step."""
+
+WORTH = 0.02
+"""By so much it must be longer to be taken."""
+
+
+AT_REST = 1e-4
+"""Strain rates, relative to those of a flow that meets resistance, that are next to none."""
+
+
+class InteriorIteration:
+    """The iterate, and steps of it.
+
+    Attributes:
+        program: What is solved.
+        now: The iterate.
+        velocity: Its velocity v.
+    """
+
+    def __init__(self, program: ConicProgram) -> None:
+        """Start in the middle of the yield sets, at rest. Collective.
+
+        The first step's K is that by which the program's units were chosen, and its factors are
+        used: nothing else may have been factorised since.
+        """
+        self.program = program
+        self._begun = False
+        self._comm, self._jumps = program.comm, program.jumps
+        self.velocity, self._work = program.create_vector(), Workspace(program)
+        stress = np.zeros((program.strains.count, program.strains.size))
+        S = program.members((stress[:, 0], stress))
+        Z = np.zeros_like(S)
+        Z[:, 0] = program.radii / program.viscosities
+        root = np.sqrt(program.springs)
+        self._newton: NewtonDirections | None = None
+        self.now = Unknowns(0.0, 0.0, stress[:, 0].copy(), stress, S, Z, root, 1 / root)
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        self.velocity.destroy()
+        self._work.destroy()
+
+    def gap(self) -> float:
+        """By how much static and kinematic load differ once all else is right. Collective."""
+        return self.program.total(self.now.products())
+
+    def unbalanced(self) -> float:
+        """Largest force that nothing balances, relative to the largest of the loads. Collective."""
+        largest = PETSc.NormType.NORM_INFINITY
+        loads = max(abs(self.now.load), 1.0) * self.program.load.norm(largest)
+        loads += self.program.dead.norm(largest)
+        return float(self.balance().norm(largest) / loads)
+
+    def row_units(self) -> Floats | float:
+        """Force in each row of this rank that is as bad as any other if nothing balances it."""
+        return 1.0
+
+    def unbalanced_work(self) -> float:
+        """Work of the forces that nothing balances on the velocity. Collective.
+
+        It is what they change the load by, to first order, as the velocity is that of collapse with
+        L(v) = 1.
+        """
+        return float(self.balance().dot(self.velocity))
+
+    def size(self) -> float:
+        """What differences of bounds are measured by (:func:`bound.measure_of`). Collective."""
+        load = self.now.load
+        return measure_of(load + self.program.dead_work(self.velocity), load)
+
+    def missing_work(self) -> float:
+        """|1 − L(v)|, and the work of loads of any factor. Collective."""
+        missing = abs(1 - self.program.work(self.velocity))
+        if not self.program.has_free:
+            return missing
+        return max(missing, abs(float(self.program.free.dot(self.velocity))))
+
+    def balance(self) -> PETSc.Vec:
+        """Σ w σ:ε(v) + r·[v] less the work of the loads for all v, to become zero. Collective."""
+        program, now, left = self.program, self.now, self._work.balance
+        program.internal_forces(now.pressure, now.deviator, left)
+        left.axpy(-now.load, program.load)
+        left.axpy(-1.0, program.dead)
+        if program.has_free:
+            left.axpy(-now.aside, program.free)
+        left.array[self._jumps] += now.forces
+        return left
+
+    def inadmissible(self) -> float:
+        """Volume change of v in plastic bodies and strain in elastic ones, relative to ‖ε(v)‖.
+
+        Beside dead loads, which alone may hold bodies, these may part as rigid ones: strain rates
+        that are rounding count as :data:`AT_REST` then. Collective.
+        """
+        wrong, rate = self.rates()
+        rate = max(rate, AT_REST) if self.program.has_dead else rate
+        return wrong / rate if rate > 0 else 0.0
+
+    def rates(self) -> tuple[float, float]:
+        """See :meth:`ConicProgram.rates`. Collective."""
+        return self.program.rates(self.velocity)
+
+    def equilibrate(self) -> None:
+        """Add the stress and contact forces that balance what is left. Collective.
+
+        Those are of the last step's K. Cones may be left by them, by as little as is to balance.
+        """
+        if self._newton is not None:
+            self.balance()
+            self.now = self._newton.balanced(self.now)
+
+    @np.errstate(over="ignore", invalid="ignore")  # a direction without end is not taken
+    def step(self, onwards: bool = True) -> float:
+        """Make a step. Collective.
+
+        Args:
+            onwards: Towards the limit load; else towards the middle of the cones where it is, which
+                is all that is left to make the velocity right.
+
+        Returns:
+            Its length, at most 1; 0 where no direction was found.
+
+        Raises:
+            SingularStiffness: If K cannot be factorised.
+        """
+        self._newton = None  # its factors go with what is factorised next
+        self.balance()
+        self._newton = newton = NewtonDirections(
+            self.program, self.now, self.velocity, self._work, factorised=not self._begun
+        )
+        self._begun = True
+        here, mu = newton.products(), self.gap() / self.program.degree
+        centre, aim = mu, -here.raised(-mu)
+        if onwards:
+            affine = newton.towards(-here)
+            centre *= (1 - min(1.0, self._longest(affine.unknowns))) ** 3
+            aim = -(here + newton.products(affine.unknowns)).raised(-centre)
+        chosen = newton.towards(aim)
+        longest = self._longest(chosen.unknowns)
+        for _ in range(MOST_CORRECTIONS):
+            if not longest < 1:
+                break
+            reach = min(1.0, longest + FURTHER)
+            aim += newton.products_after(reach, chosen.unknowns).missing(centre)
+            other = newton.towards(aim)
+            further = self._longest(other.unknowns)
+            if not further > longest + WORTH:
+                break
+            chosen, longest = other, further
+        length = min(1.0, SHORTENED * longest)
+        if not np.isfinite(chosen.unknowns.load):
+            return 0.0
+        self.velocity.array[:] += length * chosen.velocity
+        self.now = self.now.plus(length, chosen.unknowns)
+        return length
+
+    def _longest(self, change: Unknowns) -> float:
+        return float(self._comm.allreduce(self.now.longest(change), MPI.MIN))

@@ -1,0 +1,149 @@
+"""Steps of the interior point method until it is known what the limit load is."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.conic_unknowns import Unknowns
+from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
+
+MOST_STEPS = 60
+
+SETTLED = 1e-5
+"""Forces without balance, and work that is missing, that the bounds then do away with."""
+
+ALMOST = 1e-3
+"""Forces without balance that may be left where they do next to no work on the mechanism, relative
+to the largest load: of a body force that is spread thin over fine cells this is far below the
+rounding of the forces inside. A velocity that is less admissible is far from a mechanism."""
+
+FAR = 50.0
+"""A load so many times that of a viscous flow, without any mechanism in sight, has no bound."""
+
+NOTHING = 1e-7
+"""A load below this share of that of a viscous flow is none."""
+
+STUCK = 1e-6
+"""Length of a step that counts as none."""
+
+
+class StopSearch(Exception):
+    """Raised by a monitor, on every rank alike: the steps end, and what is known is told with it.
+
+    Attributes:
+        found: What the search has found so far; None if it had not begun.
+    """
+
+    found: object = None
+
+
+class Verdict(StrEnum):
+    """What came of the search for a limit load."""
+
+    FOUND = "found"
+    UNBOUNDED = "unbounded"
+    NO_RESISTANCE = "no resistance"
+    STALLED = "stalled"
+
+
+@dataclass(frozen=True)
+class InteriorStep:
+    """One step of the method.
+
+    Attributes:
+        number: From 1.
+        load: λ of the stress, a lower bound once forces balance.
+        gap: What λ of the velocity exceeds it by, once that is admissible, relative to the power of
+            all loads there.
+        unbalanced: Largest force that nothing balances, relative to the largest of the loads.
+        inadmissible: Volume change of v in plastic bodies, and strain in elastic ones, relative to
+            ‖ε(v)‖.
+        length: Of the step, at most 1.
+        seconds: Wall time so far.
+    """
+
+    number: int
+    load: float
+    gap: float
+    unbalanced: float
+    inadmissible: float
+    length: float
+    seconds: float
+
+
+def iterate(
+    iteration: InteriorIteration,
+    rtol: float,
+    steps: list[InteriorStep],
+    monitor: Callable[[InteriorStep], None] | None,
+    share: float = 1.0,
+) -> tuple[Verdict, str]:
+    """Step until it is known what the limit load is. Collective.
+
+    Forces without balance r change λ by r·v to first order, v being the mechanism with L(v) = 1.
+    What is left of them is done away with afterwards, or no bound is told.
+
+    Args:
+        iteration: At its start.
+        rtol: Largest difference of static and kinematic load, relative.
+        steps: To which the steps are added.
+        monitor: Called on every rank after each step.
+        share: Of the tolerance that the steps may leave.
+    """
+    program, began = iteration.program, time.perf_counter()
+    good: tuple[Unknowns, Floats] | None = None  # an iterate and its velocity's entries
+    far = FAR * (program.degree + program.dead_to_live())
+    while len(steps) < MOST_STEPS:
+        try:
+            length = iteration.step()
+        except SingularStiffness as failure:
+            return Verdict.STALLED, str(failure)
+        if length < STUCK:
+            return Verdict.STALLED, "the steps became too short"
+        load, gap, size = iteration.now.load, iteration.gap(), iteration.size()
+        unbalanced, missing = iteration.unbalanced(), iteration.missing_work()
+        wrong, rate = iteration.rates()
+        inadmissible = wrong / rate if rate > 0 else 0.0
+        step = InteriorStep(
+            number=len(steps) + 1,
+            load=load * program.load_unit,
+            gap=gap / size if size else np.inf,
+            unbalanced=unbalanced,
+            inadmissible=inadmissible,
+            length=length,
+            seconds=time.perf_counter() - began,
+        )
+        steps.append(step)
+        if monitor is not None:
+            monitor(step)
+        if load > far and unbalanced <= ALMOST < inadmissible:
+            return Verdict.UNBOUNDED, (
+                "stresses within yield carry the loads beyond ζ ="
+                f" {far * program.load_unit:.3g}, so that nothing seems to bound them"
+            )
+        at_rest = rate <= NOTHING  # bodies move as rigid ones, and what strains is rounding
+        tolerated = share * rtol * size
+        idle = unbalanced <= ALMOST and abs(iteration.unbalanced_work()) <= tolerated
+        balanced = missing <= SETTLED and unbalanced <= SETTLED
+        if good is not None and not balanced:  # rounding of a K that is nearly singular
+            iteration.now, iteration.velocity.array[:] = good
+            return Verdict.FOUND, f"the steps have converged to {rtol:g}"
+        settled = missing <= SETTLED and (unbalanced <= SETTLED or idle)
+        if not settled or (inadmissible > ALMOST and not at_rest):
+            continue
+        if not program.has_dead and size + gap <= NOTHING * program.degree:
+            reason = (
+                "no stress can carry the loads: they move bodies off what holds them,"
+                " and meet no resistance"
+            )
+            return Verdict.NO_RESISTANCE, reason
+        if gap <= tolerated:
+            return Verdict.FOUND, f"the steps have converged to {rtol:g}"
+        if balanced and gap <= rtol * size:
+            good = iteration.now, iteration.velocity.array_r.copy()
+    return Verdict.STALLED, f"the bounds have not met in {MOST_STEPS} steps"

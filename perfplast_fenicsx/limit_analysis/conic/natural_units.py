@@ -1,0 +1,260 @@
+"""Units in which a limit load is about 1, from the flow of viscous bodies under the same loads.
+
+The flow tells the strength that matters: that of the points in which it dissipates. A weak layer in
+a stack flows alone, a weak column beside a strong one with it. Bodies that are far stronger are as
+elastic ones then. Both bounds stay bounds: a stress is scaled into the true yield sets in the end,
+and what a velocity dissipates is counted with the true yield radii; what is restricted is the
+search, and no wrongly where the stress found is within yield in the strong bodies too. Otherwise
+they are the next ones that matter (:meth:`ConicProgram.stronger`).
+
+And it tells what of the loads drives a flow at all. Mean stresses, and those of bodies that do not
+yield, have no bounds; what they balance is taken off the loads. With A⁺σ the forces of stresses σ,
+L' = L − A⁺σ₀ does the same work as L on any velocity that keeps volumes and the shape of what does
+not yield, and σ' is in equilibrium with λL' where σ' + λσ₀ is with λL.
+"""
+
+from dataclasses import dataclass, replace
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.conic_program import PROXIMAL, ConicProgram, Stress
+from perfplast_fenicsx.limit_analysis.conic.conic_unknowns import Unknowns
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict
+
+CONTRAST = 1e4
+"""Ratio of strengths above that of those that bear the loads, of points that do not flow: the
+moduli of a step would have a range of its square, and in double precision nothing is left of the
+balance of the weak ones."""
+
+SIMILAR = 10.0
+"""Ratio of strengths that are measured in one unit."""
+
+MOSTLY = 0.1
+"""Share of the power, of stresses that nothing bounds, from which on the loads are divided: it is
+1e-5 of a load that a flow resists, and all of one that no flow does."""
+
+NO_FLOW = 1e-16
+"""Share of the power at first that no flow leaves: the square of what rounding leaves of loads that
+are balanced, over the proximal modulus."""
+
+MOST_DIVISIONS = 20
+"""Of the loads; two to four were seen."""
+
+HARD = 1e4
+"""Springs of contact so many times as stiff as bodies leave little of what contact carries."""
+
+RESERVES = (1e-5, 1e-4, 1e-3)
+"""Shares of the strengths that beside dead loads are kept for what rounding leaves of a stress: a
+tenth of the tolerance that bounds are sought with, and more where it has left yield by more."""
+
+UNLIMITED = (
+    "nothing limits the loads, as far as rounding tells: mean stresses, bodies that do not yield"
+    " and contact that pushes carry them at any factor"
+)
+
+
+@dataclass(frozen=True)
+class Start:
+    """What a search begins with.
+
+    Attributes:
+        scale: Yield radius (stress) of those that bear the loads; None where the flow has to tell.
+        pushed: Whether contact carries most of the loads, so that a flow with soft springs in its
+            place says nothing.
+        reserve: Share of the strengths that is kept beside dead loads.
+    """
+
+    scale: float | None = None
+    pushed: bool = False
+    reserve: float = RESERVES[0]
+
+    def with_more_in_reserve(self) -> "Start | None":
+        """The next one with more in reserve; None if that would change the bound."""
+        more = [reserve for reserve in RESERVES if reserve > self.reserve]
+        return replace(self, reserve=more[0]) if more else None
+
+
+def next_start(
+    start: Start, program: ConicProgram, now: Unknowns | None, verdict: Verdict, rtol: float
+) -> Start | None:
+    """Where to begin anew if a search has not found what is sought; None to end. Collective.
+
+    Args:
+        start: Where it began.
+        program: That of the search.
+        now: Where it ended; None if it has not begun.
+        verdict: What came of it.
+        rtol: By how much stress may exceed yield that was found.
+    """
+    if verdict is Verdict.UNBOUNDED and now is not None and program.num_pairs and not start.pushed:
+        return replace(start, pushed=True)
+    over = False
+    if now is not None:
+        whole = program.whole((now.pressure, now.deviator), now.load)
+        over = program.overstress(whole) > 1 + rtol
+    if verdict is Verdict.NO_RESISTANCE or (verdict is Verdict.FOUND and not over):
+        return None
+    stronger = program.stronger()
+    return None if stronger is None else replace(start, scale=stronger, pushed=False)
+
+
+def choose_units(program: ConicProgram, start: Start) -> bool:
+    """Make the limit load about as large as there are points and pairs. Collective.
+
+    The last factors are those of the flow.
+
+    Args:
+        program: Whose units they are, as it was made.
+        start: What is known.
+
+    Returns:
+        Whether something limits the loads.
+
+    Raises:
+        SingularStiffness: If K cannot be factorised.
+    """
+    flow = program.create_vector()
+    try:
+        if start.scale is not None:
+            program.measure(start.scale, CONTRAST * start.scale)
+        _flow(program, flow)
+        if start.scale is None and _measure_by(program, flow):
+            _flow(program, flow)
+        springs = None
+        if start.pushed:
+            springs = HARD * program.springs
+            _flow(program, flow, springs)
+        found = _divide(program, program.load, flow, springs)
+        if found is None:
+            return False
+        program.carried, pushes = found
+        if program.has_dead:
+            _divide_dead(program)
+        unit = _dissipation(program, flow) / program.work(flow) / max(program.degree, 1)
+        if start.pushed:  # forces begin at the roots of springs: at those of the limit load
+            pushes = program.degree * unit * pushes
+            program.springs = np.maximum(program.springs, pushes**2)
+            _flow(program, flow, program.springs)
+    finally:
+        flow.destroy()
+    program.multiply(unit)
+    return True
+
+
+def _flow(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None = None) -> None:
+    """Find the flow that the loads drive, with springs at contact. Collective.
+
+    Args:
+        program: The bodies and their loads.
+        flow: Set to the flow.
+        springs: By default, and then the program's, those that suit the bodies.
+    """
+    moduli = program.flow_moduli()
+    if springs is None and program.num_pairs:
+        program.assemble(replace(moduli, bulk=np.ones_like(moduli.bulk)))
+        program.springs = program.stiffness.jump_diagonal()
+    program.assemble(moduli)
+    program.stiffness.add_at_jumps(program.springs if springs is None else springs)
+    program.stiffness.factorise()
+    program.stiffness.solve(program.load, flow)
+
+
+def _dissipation(program: ConicProgram, flow: PETSc.Vec) -> float:
+    """Σ w γ‖dev ε(v)‖ over the points that can yield. Collective."""
+    _, deviator = program.strains.of(flow)
+    rates = np.linalg.norm(deviator[program.plastic], axis=1)
+    return program.total(float((program.weights[program.plastic] * program.radii) @ rates))
+
+
+def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
+    """Measure stresses by the mean strength where the flow dissipates. Collective.
+
+    Returns:
+        Whether units are others than before.
+    """
+    radii = program.radii * program.stress_unit
+    least, largest = program.range(radii)
+    if not largest > SIMILAR * least:
+        return False
+    _, deviator = program.strains.of(flow)
+    squares = np.einsum("ni,ni->n", deviator, deviator)[program.plastic]
+    power = program.weights[program.plastic] ** 2 * program.viscosities * squares
+    sums = program.comm.allreduce(np.array([power @ np.log(radii), power.sum()]))
+    mean = float(np.exp(sums[0] / sums[1]))
+    near = mean / SIMILAR < program.stress_unit < mean * SIMILAR
+    if near and largest <= CONTRAST * mean:
+        return False
+    program.measure(mean, CONTRAST * mean)
+    return True
+
+
+def _divide_dead(program: ConicProgram) -> None:
+    """Take off the dead loads what stresses carry that nothing bounds. Collective.
+
+    With the factors that there are. Where no flow is left of them such stresses carry them whole.
+    """
+    flow = program.create_vector()
+    try:
+        program.stiffness.solve(program.dead, flow)
+        found = _divide(program, program.dead, flow, None)
+        if found is not None:
+            program.carried_dead, _ = found
+    finally:
+        flow.destroy()
+
+
+def _divide(
+    program: ConicProgram, load: PETSc.Vec, flow: PETSc.Vec, springs: Floats | None
+) -> tuple[Stress | None, Floats] | None:
+    """Take off loads what stresses carry that nothing bounds, where that is most. Collective.
+
+    Uzawa's iteration, with the factors of the flow. What contact carries is left in the loads,
+    since its forces must not pull; the flow is that of the rest in the end.
+
+    Args:
+        program: Whose loads they are.
+        load: The loads, of which what is carried is taken off.
+        flow: That of the loads.
+        springs: Of contact, whose forces are looked for as well; None if not.
+
+    Returns:
+        What is carried, None of nothing; contact forces, zeros where none are looked for. None if
+        no flow is left.
+    """
+    given, left, rest = load.copy(), program.create_vector(), load.copy()
+    carried: Stress | None = None
+    pressure: Floats = np.zeros(program.strains.count)
+    stress: Floats = np.zeros((len(pressure), program.strains.size))
+    pushes: Floats = np.zeros(len(program.jumps))
+    bulk, first = program.weights / PROXIMAL, float(load.dot(flow))
+    bounded = program.at_points(program.dilating.astype(np.float64), 0.0) > 0
+    try:
+        for _ in range(MOST_DIVISIONS):
+            trace, deviator = program.strains.of(flow)
+            of_mean = np.where(bounded, 0.0, bulk * trace)
+            of_shape = np.where(program.plastic, 0.0, bulk)[:, None] * deviator
+            jumps = flow.array_r[program.jumps]
+            more = np.zeros_like(pushes)
+            if springs is not None:
+                more = np.maximum(springs * jumps, -pushes)
+            free = program.weights @ (of_mean * trace + np.einsum("ni,ni->n", of_shape, deviator))
+            free = program.total(float(free + np.abs(more) @ np.abs(jumps)))
+            power = float(rest.dot(flow))
+            if not power > NO_FLOW * first:
+                return None
+            if free <= MOSTLY * power:
+                break
+            pressure, stress, pushes = pressure + of_mean, stress + of_shape, pushes + more
+            carried = pressure, stress
+            program.internal_forces(pressure, stress, left)
+            load.waxpy(-1.0, left, given)
+            load.copy(rest)
+            rest.array[program.jumps] -= pushes
+            program.stiffness.solve(rest, flow)
+    finally:
+        for vector in (given, left, rest):
+            vector.destroy()
+    return carried, pushes

@@ -1,0 +1,189 @@
+"""Newton's directions of the interior point method from one iterate, with the factors of one K."""
+
+from dataclasses import dataclass, replace
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.centrality import Products
+from perfplast_fenicsx.limit_analysis.conic.conic_program import PROXIMAL, ConicProgram
+from perfplast_fenicsx.limit_analysis.conic.conic_unknowns import Unknowns
+from perfplast_fenicsx.limit_analysis.conic.dilating_points import DilatingPoints
+from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli
+from perfplast_fenicsx.limit_analysis.conic.second_order_cones import Scaling, product, quotient
+
+
+class Workspace:
+    """Velocities that steps work with, made once.
+
+    Attributes:
+        balance: Forces that nothing balances.
+        right: Of a linear system.
+        change: Of the velocity.
+        motions: Under a unit of the loads whose factors are unknown.
+    """
+
+    def __init__(self, program: ConicProgram) -> None:
+        """Make room. Collective."""
+        make = program.create_vector
+        self.balance, self.right, self.change = make(), make(), make()
+        self.motions = [make() for _ in range(2 if program.has_free else 1)]
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        for vector in (self.balance, self.right, self.change, *self.motions):
+            vector.destroy()
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """Changes of the unknowns, and of the velocity's entries on this rank."""
+
+    unknowns: Unknowns
+    velocity: Floats
+
+
+class NewtonDirections:
+    """Directions for given changes of the products of cones and pairs.
+
+    Attributes:
+        scaling: Of the cones.
+    """
+
+    def __init__(
+        self,
+        program: ConicProgram,
+        now: Unknowns,
+        velocity: PETSc.Vec,
+        work: Workspace,
+        factorised: bool,
+    ) -> None:
+        """Assemble and factorise K, and find what is the same for all directions. Collective.
+
+        Args:
+            program: What is solved.
+            now: Where the iteration is.
+            velocity: Its velocity.
+            work: Vectors to work with; ``balance`` is what nothing balances there.
+            factorised: Whether the last factors are those of K.
+        """
+        self._program, self._now, self._work = program, now, work
+        self._contact = now.forces / now.rooms
+        self.scaling = Scaling(now.S, now.Z)
+        self._a, self._normal = self.scaling.moduli()
+        self._free = program.weights / PROXIMAL
+        self._trace, self._deviator = strain = program.strains.of(velocity)
+        self._dilating = DilatingPoints(program, now, *strain) if program.dilates else None
+        if not factorised:
+            self._factorise()
+        self._find_of_loads(velocity)
+        plastic = program.plastic
+        self._rates = program.weights[plastic, None]
+        self._off = now.Z[:, 1:] + self._rates * self._deviator[plastic]
+        self._off_jumps = velocity.array_r[program.jumps] + now.rooms
+
+    def _find_of_loads(self, velocity: PETSc.Vec) -> None:
+        """Motions under unit loads, their works, and the works that are missing. Collective."""
+        program, work = self._program, self._work
+        self._loads = [program.load, program.free] if program.has_free else [program.load]
+        self._motions = work.motions[: len(self._loads)]
+        for load, motion in zip(self._loads, self._motions, strict=True):
+            program.stiffness.solve(load, motion)
+        self._works = np.array([[float(a.dot(b)) for b in self._motions] for a in self._loads])
+        self._missing = np.array([1.0, 0.0][: len(self._loads)]) - self._of_all(velocity)
+
+    def _of_all(self, velocity: PETSc.Vec) -> Floats:
+        """Works of the loads with unknown factors. Collective."""
+        return np.array([float(load.dot(velocity)) for load in self._loads])
+
+    def _factorise(self) -> None:
+        program = self._program
+        soft = np.full_like(self._free, 1 / PROXIMAL)
+        a, normal = program.at_points(self._a, 1 / PROXIMAL), program.at_points(self._normal, 0.0)
+        moduli = Moduli(soft, a, normal)
+        if self._dilating is not None:
+            moduli = self._dilating.moduli(moduli)
+        program.assemble(moduli)
+        program.stiffness.add_at_jumps(self._contact)
+        program.stiffness.factorise()
+
+    def _moduli(self, x: Floats) -> Floats:
+        """H⁻¹ x at the plastic points."""
+        along = np.einsum("ni,ni->n", self._normal, x)
+        return self._a[:, None] * x - along[:, None] * self._normal
+
+    def products(self, change: Unknowns | None = None) -> Products:
+        """Products of the unknowns, or of a change of them."""
+        if change is None:
+            point = self.scaling.point
+            return Products(product(point, point), self._now.forces * self._now.rooms)
+        cones = product(self.scaling.invert(change.S), self.scaling.apply(change.Z))
+        return Products(cones, change.forces * change.rooms)
+
+    def products_after(self, t: float, change: Unknowns) -> Products:
+        """Products of the unknowns after t times a change."""
+        return self.products(self._now.plus(t, change))
+
+    def towards(self, change: Products) -> Direction:
+        """The direction in which the products change so, to first order. Collective."""
+        now, program, work = self._now, self._program, self._work
+        plastic, free, jumps = program.plastic, self._free, program.jumps
+        aim, pairs = quotient(self.scaling.point, change.cones), change.pairs
+        unscaled = self.scaling.invert(aim)[:, 1:]
+        pressure, stress = free * self._trace, free[:, None] * self._deviator
+        stress[plastic] = self._moduli(unscaled + self._off)
+        if (dilating := self._dilating) is not None:
+            dilating.put(dilating.members(-dilating.off, aim), pressure, stress)
+        program.internal_forces(pressure, stress, work.right)
+        work.right.axpy(1.0, work.balance)
+        work.right.array[jumps] += (pairs + now.forces * self._off_jumps) / now.rooms
+        work.right.scale(-1.0)
+        program.stiffness.solve(work.right, work.change)
+        factors = np.linalg.solve(self._works, self._missing - self._of_all(work.change))
+        for factor, motion in zip(factors, self._motions, strict=True):
+            work.change.axpy(float(factor), motion)
+
+        trace, deviator = program.strains.of(work.change)
+        dZ = -self._off - self._rates * deviator[plastic]
+        pressure = free * (self._trace + trace)
+        stress = free[:, None] * (self._deviator + deviator)
+        stress[plastic] = self._moduli(unscaled - dZ)
+        S, Z = np.zeros_like(now.S), np.zeros_like(now.Z)
+        S[:, 1:] = stress[plastic]
+        Z[:, 0] = self.scaling.invert(aim - self.scaling.invert(S))[:, 0]
+        Z[:, 1:] = dZ
+        if dilating is not None:
+            more = dilating.rates(trace, deviator) - dilating.off
+            S[dilating.among] = members = dilating.members(more, aim)
+            Z[dilating.among] = more
+            dilating.put(members, pressure, stress)
+        rooms = -self._off_jumps - work.change.array_r[jumps]
+        forces = (pairs - now.forces * rooms) / now.rooms
+        load, aside = float(factors[0]), float(factors[1:].sum())
+        unknowns = Unknowns(load, aside, pressure, stress, S, Z, forces, rooms)
+        return Direction(unknowns, work.change.array_r.copy())
+
+    def balanced(self, now: Unknowns) -> Unknowns:
+        """Unknowns with what the balance in the workspace calls for. Collective.
+
+        Args:
+            now: The unknowns.
+        """
+        program, change = self._program, self._work.change
+        program.stiffness.solve(self._work.balance, change)
+        trace, deviator = program.strains.of(change)
+        pressure, stress = self._free * trace, self._free[:, None] * deviator
+        stress[program.plastic] = self._moduli(self._rates * deviator[program.plastic])
+        if (dilating := self._dilating) is not None:
+            dilating.put(dilating.members(dilating.rates(trace, deviator)), pressure, stress)
+        changed = now.pressure - pressure, now.deviator - stress
+        forces = now.forces - self._contact * change.array_r[program.jumps]
+        return replace(
+            now,
+            pressure=changed[0],
+            deviator=changed[1],
+            S=program.members(changed),
+            forces=np.maximum(forces, 0.0),
+        )

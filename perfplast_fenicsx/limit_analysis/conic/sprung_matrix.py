@@ -1,0 +1,80 @@
+"""A stiffness with springs at the jumps of contact, and its factors."""
+
+from collections.abc import Mapping
+
+from petsc4py import PETSc
+
+from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
+from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
+from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
+from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
+
+
+class SprungMatrix:
+    """What both kinds of :class:`discretisation.Stiffness` do once their matrix is assembled.
+
+    Attributes:
+        factorisations: So far.
+        solves: Systems solved so far.
+    """
+
+    def __init__(
+        self, comm: PETSc.Comm, matrix: PETSc.Mat, jumps: Ints, options: Mapping[str, object]
+    ) -> None:
+        """Take a matrix over that is still to be assembled. Collective.
+
+        Args:
+            comm: The ranks.
+            matrix: Assembled anew by whoever owns this.
+            jumps: Owned unknowns that are jumps.
+            options: PETSc's, of the factorisation.
+        """
+        self._matrix, self._jumps = matrix, jumps
+        self.factorisations = self.solves = 0
+        self._ksp = PETSc.KSP().create(comm)
+        self._ksp.setOptionsPrefix(own_prefix(LIMIT, options))
+        self._ksp.setFromOptions()
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        for thing in (self._ksp, self._matrix):
+            thing.destroy()
+
+    def jump_diagonal(self) -> Floats:
+        """Diagonal entries of the jumps of this rank's pairs. Collective."""
+        diagonal = self._matrix.getDiagonal()
+        values: Floats = diagonal.array_r[self._jumps].copy()
+        diagonal.destroy()
+        return values
+
+    def add_at_jumps(self, springs: Floats) -> None:
+        """Add c to the diagonal, shape (num_pairs,) on each rank. Collective."""
+        diagonal = self._matrix.getDiagonal()
+        diagonal.array[self._jumps] += springs
+        self._matrix.setDiagonal(diagonal)
+        diagonal.destroy()
+
+    @phase("linear set-up")
+    def factorise(self) -> None:
+        """Factorise the matrix as it is. Collective.
+
+        Raises:
+            SingularStiffness: If that fails.
+            InputError: If it takes more memory than there is, before the first one.
+        """
+        self._ksp.setOperators(self._matrix)
+        if not self.factorisations:
+            check_memory(self._ksp)
+        self._ksp.setUp()
+        self.factorisations += 1
+        if self._ksp.getPC().getFailedReason():
+            forget_factors(self._ksp)
+            raise SingularStiffness("the stiffness could not be factorised")
+
+    @phase("linear solve")
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Solve K x = b with the last factors. Collective."""
+        self._ksp.solve(b, x)
+        self.solves += 1

@@ -1,0 +1,1 @@
+"""Limit loads of the mesh."""

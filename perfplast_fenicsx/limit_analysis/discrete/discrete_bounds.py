@@ -1,0 +1,203 @@
+"""Bounds of the discrete limit load from any iterate: what is printed is computed anew from it.
+
+A stress that is in equilibrium with λL and contact forces, and nowhere above yield, gives a lower
+bound; a velocity that keeps the volume of plastic bodies and the shape of elastic ones, and enters
+nothing, gives an upper one. Both are made exact here but for rounding.
+"""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli, SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
+from perfplast_fenicsx.limit_analysis.conic.rebalancing import rebalance
+from perfplast_fenicsx.limit_analysis.statements.bound import measure_of
+
+IN_BALANCE = 1e-8
+"""Largest force without balance, relative to the largest load, that counts as none."""
+
+BALANCED = 1e-12
+"""The same that need not be corrected."""
+
+MOST_CORRECTIONS = 3
+
+EXACT = 1e-10
+"""Volume change (and strain of elastic bodies) that counts as none, relative to ‖ε(v)‖."""
+
+ROUNDING = 1e-9
+"""Entering, relative to the largest velocity, that counts as none."""
+
+STIFF = 1e3
+"""Regions that flow less than the mean are at most so many times stiffer in the projection."""
+
+PENALTY = 1e9
+"""Weight of volume changes in the projection."""
+
+MOST_ITERATIONS, USUAL = 400, 20
+"""Of the projection, a solution each with the same factors, and how many do as a rule. Where a mesh
+nearly locks it takes more, as long as each leaves less than :data:`PROGRESS` of what there was."""
+
+PROGRESS = 0.999
+"""Share of what is inadmissible that an iteration of the projection may leave, beyond the usual."""
+
+BETTER = 1e-12
+"""What is inadmissible that the projection goes on to, as long as it is quick: what strict bounds
+and those who check them let pass is about :data:`EXACT`."""
+
+QUICK = 0.8
+"""Share of what is inadmissible that an iteration leaves where it is quick."""
+
+MOST_CENTRINGS = 3
+"""Steps towards the middle of the cones, after which bodies that dilate grow enough."""
+
+MOST_HOLDINGS = 5
+"""So often pairs are held; twice in the hardest case that was seen."""
+
+
+@dataclass(frozen=True)
+class LowerBound:
+    """λ of a stress in equilibrium, scaled into the yield set where nothing but λL loads.
+
+    Attributes:
+        value: The bound; None where equilibrium was not reached, or yield beside dead loads.
+        unbalanced: Largest force that nothing balances, relative to the largest of the loads.
+    """
+
+    value: float | None
+    unbalanced: float
+
+
+@dataclass(frozen=True)
+class UpperBound:
+    """Dissipation of a mechanism with L(v) = 1, less the work of dead loads.
+
+    Attributes:
+        value: The bound; None where no admissible mechanism was reached.
+        size: What its difference to others is measured by; 0 without a bound.
+        inadmissible: Volume change and strain of elastic bodies that are left, relative to ‖ε(v)‖.
+        entering: Largest entering, relative to the largest velocity.
+    """
+
+    value: float | None
+    size: float
+    inadmissible: float
+    entering: float
+
+
+def lower_bound(iteration: InteriorIteration) -> LowerBound:
+    """Bring the iterate's stress into balance and scale it into the yield set. Collective.
+
+    Where the last step's factors do not balance it, those of uniform moduli do, with one more
+    factorisation.
+    """
+    for _ in range(MOST_CORRECTIONS):
+        unbalanced = iteration.unbalanced()
+        if unbalanced <= BALANCED:
+            break
+        iteration.equilibrate()
+    if not iteration.unbalanced() <= IN_BALANCE:
+        rebalance(iteration)
+    program, now = iteration.program, iteration.now
+    ratio = program.overstress(program.whole((now.pressure, now.deviator), now.load))
+    unbalanced = iteration.unbalanced()
+    if not unbalanced <= IN_BALANCE:
+        return LowerBound(None, unbalanced)
+    if program.has_dead and ratio > 1:
+        return LowerBound(None, unbalanced)
+    return LowerBound(now.load / max(1.0, ratio) * program.load_unit, unbalanced)
+
+
+def upper_bound(iteration: InteriorIteration) -> UpperBound:
+    """Make the iterate's velocity admissible, which takes a factorisation or a few. Collective.
+
+    Pairs that push are held, and then those that enter; the iteration's velocity becomes the
+    admissible one.
+    """
+    program, now, v = iteration.program, iteration.now, iteration.velocity
+    jumps, inadmissible, entering = program.jumps, np.inf, np.inf
+    largest = v.norm(PETSc.NormType.NORM_INFINITY)
+    closed = (now.forces > program.springs * now.rooms) | (now.rooms < ROUNDING * largest)
+    if program.dilates:  # in the end iterates are inside of all cones, and are left there
+        closed[:] = False
+    for _ in range(MOST_HOLDINGS):
+        try:
+            inadmissible = _project(iteration, jumps[closed])
+        except SingularStiffness:
+            return UpperBound(None, 0.0, np.inf, np.inf)
+        largest = v.norm(PETSc.NormType.NORM_INFINITY) or 1.0
+        enters = v.array_r[jumps] / largest
+        entering = program.comm.allreduce(float(enters.max(initial=0)), MPI.MAX)
+        if inadmissible > EXACT or entering <= ROUNDING:
+            break
+        closed |= enters > 0
+    if program.dilates and entering <= ROUNDING:  # no pair was held, and what enters is rounding
+        v.array[jumps] = np.minimum(v.array_r[jumps], 0.0)
+        inadmissible, entering = iteration.inadmissible(), 0.0
+    work, dissipation = program.work(v), program.dissipation(v)
+    if not (inadmissible <= EXACT and entering <= ROUNDING and work > ROUNDING):
+        return UpperBound(None, 0.0, inadmissible, entering)
+    v.scale(1 / work)
+    dissipated = dissipation / work * program.load_unit
+    value = dissipated - program.dead_work(v) * program.load_unit
+    return UpperBound(value, measure_of(dissipated, value), inadmissible, entering)
+
+
+def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float:
+    """Bring the velocity to the nearest one that keeps volumes and elastic bodies. Collective.
+
+    It is nearest in the norm of the last viscosities, and found by the method of multipliers. What
+    dilates is left as it is.
+
+    Args:
+        iteration: Whose velocity it is.
+        held: Unknowns that become zero.
+
+    Returns:
+        What is left, relative to ‖ε(v)‖.
+
+    Raises:
+        SingularStiffness: If K cannot be factorised.
+    """
+    program, now, v = iteration.program, iteration.now, iteration.velocity
+    strains = program.strains
+    if program.dilates:
+        for _ in range(MOST_CENTRINGS):
+            if (left := iteration.inadmissible()) <= EXACT:
+                return left
+            iteration.step(onwards=False)
+    v.array[held] = 0
+    sizes = np.linalg.norm(now.Z[:, 1:], axis=1)
+    viscosity = program.at_points(now.S[:, 0] / np.maximum(sizes, 1 / STIFF), 1.0)
+    keeps = ~(program.plastic & (strains.slopes > 0))
+    penalty = np.where(keeps, PENALTY, viscosity)
+    none = np.zeros((len(viscosity), strains.size))
+    stiff = program.at_points(viscosity[program.plastic], PENALTY)
+    program.assemble(Moduli(penalty, stiff, none), held)
+    program.stiffness.factorise()
+
+    before = v.copy()
+    forces, correction = program.create_vector(), program.create_vector()
+    pressure, stress = np.zeros_like(viscosity), none
+    inadmissible = np.inf
+    for number in range(MOST_ITERATIONS):
+        trace, deviator = strains.of(v)
+        elastic = np.where(program.plastic[:, None], 0.0, deviator)
+        last, inadmissible = inadmissible, iteration.inadmissible()
+        enough = inadmissible <= (EXACT if number >= USUAL else BETTER)
+        slow = number >= USUAL and not inadmissible < PROGRESS * last
+        if enough or slow or (inadmissible <= EXACT and not inadmissible < QUICK * last):
+            break
+        pressure = pressure - np.where(keeps, PENALTY * program.weights * trace, 0.0)
+        stress = stress - PENALTY * program.weights[:, None] * elastic
+        program.internal_forces(pressure, stress, forces)
+        forces.array[held] = 0
+        program.stiffness.solve(forces, correction)
+        v.waxpy(1.0, correction, before)
+    for vector in (before, forces, correction):
+        vector.destroy()
+    return inadmissible

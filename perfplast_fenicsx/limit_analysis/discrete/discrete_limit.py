@@ -1,0 +1,184 @@
+"""The limit load of the discrete problem by an interior point method, without a loading path.
+
+Static and kinematic limit load are brought together in 5 to 30 factorisations, whatever the mesh.
+The bounds that are returned are those of the *discrete* problem: equilibrium is that of the finite
+elements, and yield and dissipation are those of the points of the quadrature.
+"""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+
+from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
+    InteriorStep,
+    StopSearch,
+    Verdict,
+    iterate,
+)
+from perfplast_fenicsx.limit_analysis.conic.natural_units import (
+    UNLIMITED,
+    Start,
+    choose_units,
+    next_start,
+)
+from perfplast_fenicsx.limit_analysis.discrete.discrete_bounds import IN_BALANCE
+from perfplast_fenicsx.limit_analysis.discrete.discrete_result import (
+    DiscreteLimit,
+    discrete_result,
+    why_unbounded,
+)
+from perfplast_fenicsx.limit_analysis.discrete.limit_program import limit_program
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import axial_cone_of
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
+    check_bodies_have_limits,
+    check_friction_has_limits,
+    check_loads,
+    check_tolerance,
+)
+from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.standing import Standing
+from perfplast_fenicsx.problem.problem import Problem
+
+CLOSER = 0.1
+"""Share of the tolerance that the steps leave between static and kinematic load: once the mechanism
+is admissible, its load is larger."""
+
+
+def interior_point(
+    problem: Problem, rtol: float = 1e-4, monitor: Callable[[InteriorStep], None] | None = None
+) -> DiscreteLimit:
+    """Find the discrete limit load, its mechanism and its stress. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        rtol: Largest difference of the bounds, relative.
+        monitor: Called on every rank after each step.
+
+    Raises:
+        InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or a
+            body's yield set is none that the method knows (:func:`point_strains.axial_cone_of`).
+    """
+    check_bodies_have_limits(problem)
+    check_tolerance(rtol)
+    check_loads(problem)
+    check_friction_has_limits(problem)
+    if not problem.loads.grows():
+        return _of_dead_loads(_searched(problem, rtol, monitor, Question.STANDS))
+    found = _searched(problem, rtol, monitor, Question.LIMIT)
+    unknown = found.verdict is Verdict.STALLED and found.lower is None
+    if problem.loads.is_proportional() or not unknown:
+        return found
+    return _with_standing(found, _searched(problem, rtol, monitor, Question.STANDS))
+
+
+def _searched(
+    problem: Problem,
+    rtol: float,
+    monitor: Callable[[InteriorStep], None] | None,
+    question: Question,
+) -> DiscreteLimit:
+    """Search, and begin anew as long as that may help. Collective."""
+    found, start = _search(problem, rtol, monitor, Start(), question)
+    while start is not None:
+        before = found
+        found, start = _search(problem, rtol, monitor, start, question)
+        found = _together(before, found)
+    return found
+
+
+def _with_standing(found: DiscreteLimit, stands: DiscreteLimit) -> DiscreteLimit:
+    """What was found, and what of the dead loads is carried; that alone if that is not all."""
+    standing = Standing(stands.lower, stands.upper)
+    told = _of_dead_loads(stands)
+    if not standing.falls:
+        reason = f"{found.reason}; {standing.in_words()}"
+        told = replace(found, standing=standing, reason=reason)
+    return replace(
+        told,
+        factorisations=found.factorisations + stands.factorisations,
+        linear_solves=found.linear_solves + stands.linear_solves,
+        steps=found.steps + stands.steps,
+    )
+
+
+def _of_dead_loads(stands: DiscreteLimit) -> DiscreteLimit:
+    """How many times dead loads are carried, told as that and as no load factor."""
+    standing = Standing(stands.lower, stands.upper)
+    return replace(
+        stands,
+        reason=standing.in_words() if stands.verdict is Verdict.FOUND else stands.reason,
+        lower=None,
+        estimate=None,
+        upper=None,
+        has_dead=True,
+        question=Question.STANDS,
+        standing=standing,
+    )
+
+
+def _together(before: DiscreteLimit, after: DiscreteLimit) -> DiscreteLimit:
+    """The better one of two searches, with what both have taken."""
+    worse = after.verdict is not Verdict.FOUND and after.upper is None
+    return replace(
+        before if worse and before.upper is not None else after,
+        steps=before.steps + after.steps,
+        factorisations=before.factorisations + after.factorisations,
+        linear_solves=before.linear_solves + after.linear_solves,
+    )
+
+
+def _search(
+    problem: Problem,
+    rtol: float,
+    monitor: Callable[[InteriorStep], None] | None,
+    start: Start,
+    question: Question,
+) -> tuple[DiscreteLimit, Start | None]:
+    """Search from a start, and tell where to begin anew; None to end. Collective."""
+    with ExitStack() as made:
+        program = limit_program(problem, question, start.reserve)
+        made.callback(program.destroy)
+        steps: list[InteriorStep] = []
+        if program.degree == program.num_pairs:
+            reason = "nothing can yield; give the bodies that may collapse a yield stress"
+            return discrete_result(
+                problem, program, None, Verdict.UNBOUNDED, reason, steps, rtol, question
+            ), None
+        try:
+            limited = choose_units(program, start)
+        except SingularStiffness as failure:
+            found = discrete_result(
+                problem, program, None, Verdict.STALLED, str(failure), steps, rtol, question
+            )
+            return found, next_start(start, program, None, found.verdict, rtol)
+        if not limited:
+            found = discrete_result(
+                problem, program, None, Verdict.UNBOUNDED, UNLIMITED, steps, rtol, question
+            )
+            return found, next_start(start, program, None, found.verdict, rtol)
+        iteration = InteriorIteration(program)
+        made.callback(iteration.destroy)
+        try:
+            verdict, reason = iterate(iteration, rtol, steps, monitor, CLOSER)
+        except StopSearch as stop:
+            reason = f"the search was stopped after {len(steps)} steps"
+            verdict = Verdict.STALLED
+            stop.found = discrete_result(
+                problem, program, iteration, verdict, reason, steps, rtol, question
+            )
+            raise
+        if verdict is Verdict.UNBOUNDED:
+            reason += f": {why_unbounded(problem)}"
+        then = next_start(start, program, iteration.now, verdict, rtol)
+        found = discrete_result(problem, program, iteration, verdict, reason, steps, rtol, question)
+        over = found.lower is None and found.unbalanced <= IN_BALANCE
+        if program.has_dead and verdict is Verdict.FOUND and over:
+            then = start.with_more_in_reserve()
+        return found, then
+
+
+def can_bound(problem: Problem) -> bool:
+    """Whether the method knows the yield sets of all bodies."""
+    return all(axial_cone_of(on.law) is not None for on in problem.laws)

@@ -1,0 +1,53 @@
+"""Which bodies lock: where no velocity of the mesh keeps the volume, and moves as the loads want.
+
+A quadratic velocity on tetrahedra that meet anyhow has few ways to keep the volume at all points.
+What the nearest one that was found changes of volumes shows the bodies that are meshed too coarsely
+for a mechanism.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
+from perfplast_fenicsx.problem.problem import Problem
+
+MOST = 0.9
+"""Share of what is inadmissible that the bodies which are named have together."""
+
+
+def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str, ...]:
+    """Bodies that have most of what makes a velocity no mechanism. Collective.
+
+    Args:
+        problem: The bodies.
+        iteration: With the velocity, projected as far as it went.
+
+    Returns:
+        Names of volumes, those with most first; nothing where nothing is inadmissible.
+    """
+    program, tagged_mesh = iteration.program, problem.tagged_mesh
+    trace, deviator = program.strains.of(iteration.velocity)
+    wrong = trace**2 / program.strains.gdim
+    wrong += np.where(program.plastic, 0.0, np.einsum("ni,ni->n", deviator, deviator))
+    wrong *= program.weights  # points of friction stand behind those of cells
+    owned = tagged_mesh.mesh.topology.index_map(problem.bodies.gdim).size_local
+    cells = wrong[problem.Q.dofmap.list[:owned]].sum(axis=1)
+    names = sorted(tagged_mesh.volumes)
+    mine = [cells[here[here < owned]].sum() for here in map(tagged_mesh.cells, names)]
+    shares = problem.comm.allreduce(np.asarray(mine, dtype=np.float64))
+    return _largest(names, [float(share) for share in shares])
+
+
+def _largest(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
+    """The fewest names with :data:`MOST` of all, the largest first."""
+    total = sum(shares)
+    if not 0 < total < np.inf:
+        return ()
+    chosen, so_far = list[str](), 0.0
+    for share, name in sorted(zip(shares, names, strict=True), key=lambda one: -one[0]):
+        chosen.append(name)
+        so_far += share
+        if so_far >= MOST * total:
+            break
+    return tuple(chosen)

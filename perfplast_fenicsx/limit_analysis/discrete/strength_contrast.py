@@ -1,0 +1,73 @@
+"""What is to be said of bodies that are far stronger, or weaker, than those that bear the loads."""
+
+from mpi4py import MPI
+
+import numpy as np
+
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import cones_of_cells
+from perfplast_fenicsx.problem.problem import Problem
+
+NOTICED = 1e-3
+"""Share of an upper bound that rounding may have without a word."""
+
+RESOLVED = 1e5
+"""Ratio of strengths up to which the balance of weak bodies beside strong ones, which is rounding
+of these (1e-15), is far below 1e-9 of the weak ones."""
+
+
+def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
+    """What to do if rounding has much of an upper bound; nothing without such bodies. Collective.
+
+    Args:
+        problem: The bodies.
+        share: :attr:`Bound.of_rounding`.
+    """
+    radii = _radii(problem)
+    least, largest = min(radii.values(), default=np.inf), max(radii.values(), default=0.0)
+    few = max(RESOLVED * least, NOTICED * largest)
+    strong = {name: radius / least for name, radius in radii.items() if radius > few}
+    if not strong:
+        return ()
+    return (
+        f"{share:.1%} of the upper bound is what rounding may leave of the strain of"
+        f' {_told(strong)} as strong as the weakest body; make {_them(strong)} law = "elastic"',
+    )
+
+
+def weak_bodies(problem: Problem) -> tuple[str, ...]:
+    """What to do where rounding leaves no lower bound beside weak bodies. Collective.
+
+    Nothing where there are none.
+    """
+    radii = _radii(problem)
+    largest = max(radii.values(), default=0.0)
+    weak = {name: radius / largest for name, radius in radii.items() if RESOLVED * radius < largest}
+    if not weak:
+        return ()
+    return (
+        f"{_told(weak)} as strong as the strongest body, which is less than rounding leaves of the"
+        f" balance beside that; if {_them(weak)} bears nothing leave it out of the mesh, and if it"
+        ' does make the strong ones law = "elastic"',
+    )
+
+
+def _radii(problem: Problem) -> dict[str, float]:
+    """Yield radius of each body that has one, the least of its cells. Collective."""
+    found, (of_cells, _) = {}, cones_of_cells(problem)
+    for name in sorted(problem.tagged_mesh.volumes):
+        cells = problem.tagged_mesh.cells(name)
+        mine = float(of_cells[cells[cells < len(of_cells)]].min(initial=np.inf))
+        radius = problem.comm.allreduce(mine, MPI.MIN)
+        if np.isfinite(radius):
+            found[name] = radius
+    return found
+
+
+def _told(ratios: dict[str, float]) -> str:
+    """Bodies with what they are times as strong."""
+    return ", ".join(f"'{name}', {ratio:.0e} times" for name, ratio in ratios.items())
+
+
+def _them(ratios: dict[str, float]) -> str:
+    """They, or it."""
+    return "it" if len(ratios) == 1 else "them"

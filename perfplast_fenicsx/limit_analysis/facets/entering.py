@@ -1,0 +1,206 @@
+"""Does a mechanism enter another body between the nodes of contact?
+
+The jump w of a quadratic velocity along a fixed normal is quadratic on a facet. Its Bernstein
+coefficients are those at the vertices and 2 w_m − (w_a + w_b)/2 at a midside m between a and b: w
+is nowhere positive if they are not. Three nodes that do not enter are not enough (0, 0 and −1 at
+the middle enter by 1/8 between).
+"""
+
+from dataclasses import replace
+from itertools import combinations
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+from dolfinx import fem, la
+from dolfinx.mesh import exterior_facet_indices
+
+from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
+from perfplast_fenicsx.contact.rows.jump_basis import make_basis
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.variant import variant
+
+SAME = 1e-9
+"""Normals whose components differ by less are the same."""
+
+MOST_FACES = 64
+"""Directions of contact beyond which surfaces count as curved."""
+
+ROUNDING = 1e-9
+"""Entering, relative to the largest velocity, that is rounding."""
+
+CURVED = "on curved contact surfaces normals are averaged, or are those of a curved obstacle"
+
+ENTERS = "the mechanism enters contact between nodes"
+
+IN_MEAN = "surfaces whose nodes do not match are kept apart in the mean alone"
+
+
+def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str]:
+    """Why bodies may enter each other, in words; nothing where they do not. Collective.
+
+    Args:
+        problem: The bodies and their contact, on straight cells.
+        velocity: Its ghosts up to date.
+    """
+    if problem.constraints.in_mean or problem.given.ties:
+        return [IN_MEAN]
+    if not problem.num_pairs:
+        return []
+    comm = problem.comm
+    faces = _flat_faces(problem)
+    if faces is None:
+        return [CURVED]
+    jumps = problem.constraints.jumps(velocity.x.petsc_vec)
+    nodes = _contact_facets(problem)
+    _, paired = _at_nodes(problem, jumps, np.ones(len(jumps), dtype=bool))
+    seen, entered = ~paired[nodes].any(axis=1), 0.0
+    for face in faces:
+        jump, known = _at_nodes(problem, jumps, _rows_of(problem, face))
+        kept = ~paired & (problem.fixed | (np.abs(face[1:]) <= SAME)).all(axis=1)
+        here = known[nodes].any(axis=1) & (known | kept)[nodes].all(axis=1)
+        seen |= here
+        entered = max(entered, float(jump[nodes[here]].max(initial=0)))
+        if problem.degree == 2:
+            w = jump[_edges(problem, nodes[here])]
+            entered = max(entered, float((2 * w[:, 0] - w[:, 1:].mean(axis=1)).max(initial=0)))
+    largest = comm.allreduce(float(np.abs(velocity.x.array).max(initial=0)), MPI.MAX)
+    why = []
+    if not comm.allreduce(bool(seen.all()), MPI.LAND):
+        why.append(CURVED)
+    if comm.allreduce(entered, MPI.MAX) > ROUNDING * largest:
+        why.append(ENTERS)
+    return why
+
+
+def without_entering(problem: Problem) -> Problem | None:
+    """The same problem with Bernstein's coefficients of jumps bounded, not those at midsides.
+
+    Its mechanisms enter nothing between the nodes of a straight mesh. Collective.
+
+    Args:
+        problem: The bodies and their contact.
+
+    Returns:
+        A problem that shares all but contact with the given one; that one itself if its elements
+        are linear; None where contact is on curved faces, of nodes that do not match, or rubs.
+    """
+    in_mean = problem.constraints.in_mean or problem.num_tied or problem.friction.count
+    faces = None if in_mean else _flat_faces(problem)
+    if faces is None:
+        return None
+    if problem.degree == 1 or not problem.num_pairs:
+        return problem
+    constraints = problem.constraints
+    first = constraints.B.getOwnershipRange()[0]
+    count = len(constraints.host)
+    numbers = np.arange(first, first + count, dtype=np.float64)
+    nodes = _contact_facets(problem)
+    combine = PETSc.Mat().createAIJ(((count, None), (count, None)), nnz=4, comm=problem.comm)
+    combine.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+    diagonal = combine.createVecRight()
+    diagonal.set(1.0)
+    diagonal.assemble()
+    for face in faces:
+        row, known = _at_nodes(problem, numbers, _rows_of(problem, face))
+        edges = _edges(problem, nodes)
+        edges = edges[known[edges[:, 0]]]
+        middle = np.rint(row[edges[:, 0]]).astype(PETSc.IntType)
+        diagonal.setValues(middle, np.full(len(middle), 2.0))
+        for end in edges[:, 1:].T:
+            has = known[end]
+            ends = np.rint(row[end[has]]).astype(PETSc.IntType)
+            one_each = np.arange(len(ends) + 1, dtype=PETSc.IntType)
+            halves = np.full(len(ends), -0.5)
+            combine.setValuesIJV(one_each, ends, halves, rowmap=middle[has])
+    diagonal.assemble()
+    combine.assemble()
+    combine.setDiagonal(diagonal)
+    rows = replace(constraints, B=combine.matMult(constraints.B))
+    for thing in (combine, diagonal):
+        thing.destroy()
+    basis = make_basis(problem.V, rows, problem.fixed)
+    return variant(problem, constraints=rows, basis=basis)
+
+
+def _flat_faces(problem: Problem) -> Floats | None:
+    """Rows (number of the contact, normal) that pairs have; None if they are too many to be flat.
+
+    Collective.
+    """
+    constraints = problem.constraints
+    mine = _distinct(np.column_stack([constraints.surface, constraints.normal]))
+    faces = _distinct(np.concatenate(problem.comm.allgather(mine[: MOST_FACES + 1])))
+    return faces if len(faces) <= MOST_FACES else None
+
+
+def _rows_of(problem: Problem, face: Floats) -> PairFlags:
+    """Pairs of a flat face."""
+    rows = np.column_stack([problem.constraints.surface, problem.constraints.normal])
+    return np.asarray((np.abs(rows - face) <= SAME).all(axis=1))
+
+
+def _distinct(rows: Floats) -> Floats:
+    """One of each kind of rows that are the same but for rounding."""
+    _, first = np.unique(np.round(rows / SAME / 100), axis=0, return_index=True)
+    return rows[first]
+
+
+def _at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats, PairFlags]:
+    """Jumps of the chosen pairs at all their nodes, and which nodes those are. Collective.
+
+    Returns:
+        For each local node, ghosts too; 0 and False at others.
+    """
+    shares = problem.constraints.shares
+    on_nodes, on_rows = shares.createVecs()
+
+    def summed(values: Floats) -> Floats:
+        on_rows.array[:] = values
+        shares.multTranspose(on_rows, on_nodes)
+        sums = la.vector(problem.V.dofmap.index_map, 1)
+        sums.array[: on_nodes.getLocalSize()] = on_nodes.array_r
+        sums.scatter_forward()
+        return np.array(sums.array, dtype=np.float64)
+
+    jump, weight = summed(np.where(chosen, jumps, 0.0)), summed(chosen.astype(np.float64))
+    for thing in (on_nodes, on_rows):
+        thing.destroy()
+    known: PairFlags = weight > 0
+    jump[known] /= weight[known]
+    return jump, known
+
+
+def _contact_facets(problem: Problem) -> Ints:
+    """Nodes of each facet of this rank on surfaces of contact, vertices first."""
+    V, tagged_mesh = problem.V, problem.tagged_mesh
+    topology = V.mesh.topology
+    tdim = topology.dim
+    topology.create_connectivity(tdim - 1, tdim)
+    topology.create_connectivity(tdim, tdim - 1)
+    tags = tagged_mesh.facet_tags
+    facets = tags.indices[np.isin(tags.values, problem.contact_tags)]
+    facets = np.intersect1d(facets, exterior_facet_indices(topology))
+    to_cell = topology.connectivity(tdim - 1, tdim)
+    to_facet = topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
+    cells = to_cell.array[to_cell.offsets[facets]]
+    local = np.argmax(to_facet[cells] == facets[:, None], axis=1)
+    layout = V.dofmap.dof_layout
+    closure = np.array([layout.entity_closure_dofs(tdim - 1, i) for i in range(tdim + 1)])
+    nodes: Ints = V.dofmap.list[cells[:, None], closure[local]]
+    return nodes
+
+
+def _edges(problem: Problem, nodes: Ints) -> Ints:
+    """Midside and ends of each edge of quadratic facets, shape (num_edges, 3)."""
+    tdim = problem.tagged_mesh.mesh.topology.dim
+    x = problem.V.tabulate_dof_coordinates()[nodes]
+    found: list[Ints] = [np.zeros((0, 3), dtype=np.int32)]
+    for a, b in combinations(range(tdim), 2):
+        off = x[:, tdim:] - (x[:, a] + x[:, b])[:, None] / 2
+        middle = np.argmin(np.linalg.norm(off, axis=2), axis=1)[:, None]
+        between = np.take_along_axis(nodes[:, tdim:], middle, axis=1)
+        found.append(np.column_stack([between, nodes[:, a], nodes[:, b]]))
+    edges: Ints = np.unique(np.concatenate(found), axis=0)
+    return edges

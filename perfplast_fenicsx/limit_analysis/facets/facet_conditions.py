@@ -1,0 +1,277 @@
+"""What supports, loads and contact say of the tractions on each facet."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import la
+from dolfinx.mesh import exterior_facet_indices
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.contact.declared.obstacles import Plane
+from perfplast_fenicsx.limit_analysis.facets.entering import CURVED
+from perfplast_fenicsx.limit_analysis.facets.facet_pairs import FacetRows, facet_type, pair_facets
+from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetNumbers, facet_numbers
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
+from perfplast_fenicsx.problem.assembled.linear_tractions import ROUNDING, linear_tractions
+from perfplast_fenicsx.problem.declared.loads import BodyForce, Load, is_bounded, is_known
+from perfplast_fenicsx.problem.problem import Problem
+
+ALONG = 1e-10
+"""Part of a unit normal that is rounding."""
+
+UNMATCHED = "surfaces in contact do not match facet by facet"
+
+OBLIQUE = "a support holds a surface in contact obliquely to its normal"
+
+VARYING = "a load is a force per volume that is a formula, or a pressure in pores"
+
+BENT = "a formula that is not linear on each facet"
+
+UNKNOWN = "a load is of a kind that strict bounds do not know"
+
+TWICE = "a surface is in contact with more than one other"
+
+RIGID = "a surface is rigid, of which resultants are known and no tractions"
+
+TIED = "surfaces are glued together in the mean alone"
+
+
+@dataclass(frozen=True, eq=False)
+class FacetLoads:
+    """Loads as stresses that are linear in the cells balance them.
+
+    Attributes:
+        tractions: At the vertices by their places, shape (num_facets, d, d); cartesian.
+        forces: Per volume, shape (num_cells, d).
+    """
+
+    tractions: Floats
+    forces: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class FacetConditions:
+    """Conditions of the local facets, ghosts too, and those of this rank's cells.
+
+    Attributes:
+        numbers: Of the facets.
+        vertices: Of the owned cells, in the order of their geometry, shape (num_cells, d + 1, d).
+        axes: Directions of a facet's components, the first one along the normal on surfaces in
+            contact, shape (num_facets, d, d).
+        held: Components that supports hold, shape (num_facets, d).
+        live: Loads that ζ multiplies, at ζ = 1.
+        dead: Those that it does not.
+        hosts: Owned facets whose first component is a jump.
+        twins: Unknowns that the jumps are relative to, −1 for none, shape (num_facets, d); of the
+            first component at each vertex.
+        in_contact: Owned facets of surfaces in contact.
+        why_not: Why what is found does not hold for the body.
+        prevents: Why nothing can be found.
+    """
+
+    numbers: FacetNumbers
+    vertices: Floats
+    axes: Floats
+    held: npt.NDArray[np.bool_]
+    live: "FacetLoads"
+    dead: "FacetLoads"
+    hosts: Longs
+    twins: Longs
+    in_contact: Longs
+    why_not: tuple[str, ...]
+    prevents: str | None
+
+
+class _Facets:
+    """Geometry of the exterior facets of this rank, by local number."""
+
+    def __init__(self, problem: Problem, numbers: FacetNumbers, vertices: Floats) -> None:
+        topology = problem.tagged_mesh.mesh.topology
+        self.tdim = tdim = topology.dim
+        self.index_map = topology.index_map(tdim - 1)
+        self.num = self.index_map.size_local + self.index_map.num_ghosts
+        self.num_cells = len(vertices)
+        topology.create_connectivity(tdim - 1, tdim)
+        self.exterior = exterior_facet_indices(topology)
+        cell, side = np.zeros(self.num, dtype=np.int64), np.zeros(self.num, dtype=np.int64)
+        cells, sides = np.indices(numbers.facets.shape)
+        cell[numbers.facets], side[numbers.facets] = cells, sides
+        self._numbers, self._vertices, self._cell, self._side = numbers, vertices, cell, side
+
+    def normals(self, facets: Ints | Longs) -> Floats:
+        """Outward unit normals."""
+        cells = self._vertices[self._cell[facets]]
+        slopes = gradients(cells)[0][np.arange(len(facets)), self._side[facets]]
+        normals: Floats = -slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
+        return normals
+
+    def corners(self, facets: Ints) -> Floats:
+        """Vertices by their places, shape (n, d, d)."""
+        tdim, cell, side = self.tdim, self._cell[facets], self._side[facets]
+        others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
+        x = self._vertices[cell[:, None], others[side]]
+        places = self._numbers.places[cell, side]
+        return np.take_along_axis(x, np.argsort(places, axis=1)[:, :, None], axis=1)
+
+    def of(self, problem: Problem, surface: str) -> Ints:
+        """Owned exterior facets of a surface."""
+        found: Ints = np.intersect1d(problem.tagged_mesh.facets(surface), self.exterior)
+        return found
+
+
+def facet_conditions(problem: Problem) -> FacetConditions:
+    """Read them off a problem. Collective."""
+    mesh, given = problem.tagged_mesh.mesh, problem.given
+    tdim = mesh.topology.dim
+    numbers = facet_numbers(mesh)
+    nodes = geometry_dofmap(mesh)[: len(numbers.facets), : tdim + 1]
+    vertices: Floats = np.asarray(mesh.geometry.x[nodes][:, :, :tdim], dtype=np.float64)
+    facets = _Facets(problem, numbers, vertices)
+    held = _held(problem, facets)
+    known = [load for load in given.loads if is_bounded(load)]
+    live, dead = (
+        _loads(problem, facets, [load for load in known if load.constant is constant])
+        for constant in (False, True)
+    )
+    bent = live[1] or dead[1]
+    unknown = not all(is_known(load) for load in given.loads)
+    varies = not unknown and len(known) < len(given.loads)
+
+    axes = np.tile(np.eye(tdim), (facets.num, 1, 1))
+    twins = np.full((facets.num, tdim), -1)
+    why_not: list[str] = []
+    hosts: list[Longs] = [np.zeros(0, dtype=np.int64)]
+    touching: list[Ints] = [np.zeros(0, dtype=np.int32)]
+    oblique, matched = False, True
+
+    def is_free(on: Ints, normal: Floats) -> npt.NDArray[np.bool_]:
+        nonlocal oblique
+        part = np.linalg.norm(np.where(held[on], 0.0, normal), axis=1)
+        free: npt.NDArray[np.bool_] = part > ALONG
+        oblique |= bool((free & (part < 1 - ALONG)).any())
+        return free
+
+    def turn(on: Ints | Longs, normal: Floats) -> None:
+        axes[on], held[on] = _turned(normal, held[on])
+
+    for contact in given.contacts:
+        rows = []
+        for surface in (contact.primary, contact.secondary):
+            on = facets.of(problem, surface)
+            touching.append(on)
+            rows.append(_rows(problem, facets, on, is_free(on, facets.normals(on))))
+        pairs = pair_facets(problem.comm, *rows)
+        if pairs is None:
+            matched = False
+            continue
+        hosts.append(pairs.host)
+        twins[pairs.host] = pairs.guest
+        turn(pairs.host, facets.normals(pairs.host))
+        turn(pairs.turned, -facets.normals(pairs.turned))
+    for obstacle in given.obstacles:
+        on = facets.of(problem, obstacle.on)
+        touching.append(on)
+        _, into = obstacle.towards(facets.corners(on).mean(axis=1))
+        free = is_free(on, into)
+        hosts.append(on[free].astype(np.int64))
+        turn(on[free], into[free])
+        if not isinstance(obstacle, Plane):
+            why_not.append(CURVED)
+    every = np.concatenate(touching)
+    faults = {
+        RIGID: len(given.rigid) > 0,
+        TIED: problem.num_tied > 0,
+        VARYING: varies,
+        UNKNOWN: unknown,
+        f"the load on '{bent}' is {BENT}": bent is not None,
+        UNMATCHED: not matched,
+        OBLIQUE: oblique,
+        TWICE: len(np.unique(every)) < len(every),
+    }
+    found = [words for words, is_so in faults.items() if problem.comm.allreduce(is_so)]
+    return FacetConditions(
+        numbers=numbers,
+        vertices=vertices,
+        axes=axes,
+        held=held,
+        live=live[0],
+        dead=dead[0],
+        hosts=np.concatenate(hosts),
+        twins=twins,
+        in_contact=every.astype(np.int64),
+        why_not=tuple(dict.fromkeys(why_not)),
+        prevents=found[0] if found else None,
+    )
+
+
+def _loads(
+    problem: Problem, facets: _Facets, loads: Sequence[Load]
+) -> tuple[FacetLoads, str | None]:
+    """Sums of loads, and a surface whose tractions are not linear on facets. Collective."""
+    values = np.zeros((facets.num, facets.tdim, facets.tdim))
+    forces = np.zeros((facets.num_cells, facets.tdim))
+    surfaces = list[Load]()
+    for load in loads:
+        if isinstance(load, BodyForce):
+            cells = problem.tagged_mesh.cells(load.on)
+            forces[cells[cells < len(forces)]] += np.asarray(load.value, dtype=np.float64)
+        else:
+            surfaces.append(load)
+    sizes = np.zeros((2, len(surfaces)))
+    for number, load in enumerate(surfaces):
+        on = facets.of(problem, load.on)
+        there, off = linear_tractions(load, facets.corners(on), facets.normals(on))
+        values[on] += there
+        sizes[:, number] = np.abs(there).max(initial=0.0), off.max(initial=0.0)
+    problem.comm.Allreduce(MPI.IN_PLACE, sizes, MPI.MAX)
+    bent = np.flatnonzero(sizes[1] > ROUNDING * sizes[0])
+    return FacetLoads(values, forces), surfaces[bent[0]].on if len(bent) else None
+
+
+def _held(problem: Problem, facets: _Facets) -> npt.NDArray[np.bool_]:
+    """Cartesian components that supports hold, the same on all ranks. Collective."""
+    tdim = facets.tdim
+    flags = la.vector(facets.index_map, tdim)
+    array = flags.array.reshape(-1, tdim)
+    for support in problem.given.supports:
+        on = problem.tagged_mesh.facets(support.on)
+        for axis in support.axes(tdim):
+            array[on, axis] = 1.0
+    flags.scatter_reverse(la.InsertMode.add)
+    flags.scatter_forward()
+    held: npt.NDArray[np.bool_] = flags.array.reshape(-1, tdim) > 0
+    return held
+
+
+def _turned(normal: Floats, held: npt.NDArray[np.bool_]) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    """Axes that begin with a normal, and which of them are held.
+
+    Args:
+        normal: Unit vectors that no held component has a part in, shape (n, d).
+        held: Cartesian components, shape (n, d).
+    """
+    tdim = normal.shape[1]
+    order = np.argsort(-np.where(held, 2.0, 1 - np.abs(normal)), axis=1, kind="stable")
+    columns = np.swapaxes(np.eye(tdim)[order[:, : tdim - 1]], 1, 2)
+    Q, R = np.linalg.qr(np.concatenate([normal[:, :, None], columns], axis=2))
+    Q = Q * np.sign(np.einsum("nii->ni", R))[:, None, :]
+    axes = np.swapaxes(Q, 1, 2)
+    count = held.sum(axis=1)
+    return axes, (np.arange(tdim) > 0) & (np.arange(tdim) <= count[:, None])
+
+
+def _rows(problem: Problem, facets: _Facets, on: Ints, free: npt.NDArray[np.bool_]) -> FacetRows:
+    """Facets that travel to be matched."""
+    rows = np.zeros(len(on), dtype=facet_type(facets.tdim))
+    rows["corners"] = facets.corners(on)
+    rows["x"][:, : facets.tdim] = rows["corners"].mean(axis=1)
+    rows["normal"] = facets.normals(on)
+    rows["rank"], rows["facet"] = problem.comm.rank, on
+    rows["number"] = facets.index_map.local_to_global(on)
+    rows["free"] = free
+    return rows

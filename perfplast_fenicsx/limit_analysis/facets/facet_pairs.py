@@ -1,0 +1,103 @@
+"""Facets of two surfaces that lie on each other, or opposite each other along their normal."""
+
+from dataclasses import dataclass
+from itertools import permutations
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
+from perfplast_fenicsx.parallel import bounding_box, send_rows
+
+TOUCHING = 1e-6
+"""Distance of the middles of facets that touch, relative to the size of the surfaces."""
+
+SAME = 1e-8
+"""Distance of vertices, relative to the facet, and difference of normals that are rounding."""
+
+FacetRows = npt.NDArray[np.void]
+"""Facets of a surface, rows of :func:`facet_type`."""
+
+
+def facet_type(gdim: int) -> np.dtype:
+    """The type of a row.
+
+    Its fields are the middle ``x`` (3 numbers), the outward unit ``normal``, the ``corners`` in the
+    order of their global numbers, the ``rank`` that owns the facet, its local and its global number
+    ``facet`` and ``number``, and whether supports leave it ``free`` along the normal.
+    """
+    return np.dtype(
+        [
+            ("x", np.float64, 3),
+            ("normal", np.float64, gdim),
+            ("corners", np.float64, (gdim, gdim)),
+            ("rank", np.int32),
+            ("facet", np.int32),
+            ("number", np.int64),
+            ("free", np.bool_),
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class FacetPairs:
+    """Pairs of facets.
+
+    Attributes:
+        host: Owned facets whose velocity along the normal is to be a jump, shape (num_pairs,).
+        guest: Unknown along the normal that the jump is relative to, at each of the host's
+            vertices; −1 where supports hold the other side. Shape (num_pairs, d).
+        turned: Owned facets that are guests, whose normal is to be the host's.
+    """
+
+    host: Longs
+    guest: Longs
+    turned: Longs
+
+
+def pair_facets(comm: MPI.Intracomm, primary: FacetRows, secondary: FacetRows) -> FacetPairs | None:
+    """Match the facets of two surfaces. Collective.
+
+    Returns:
+        The pairs; None if the surfaces do not match facet by facet.
+    """
+    gdim = primary["normal"].shape[1]
+    corners = np.concatenate([primary["corners"], secondary["corners"]]).reshape(-1, gdim)
+    low, high = bounding_box(comm, np.pad(corners, ((0, 0), (0, 3 - gdim))))
+    found = match_nodes(comm, primary, secondary, TOUCHING * float(np.linalg.norm(high - low)))
+    a, b = found.primary, found.secondary
+    best = np.full(len(a), np.inf)
+    order = np.zeros((len(a), gdim), dtype=np.int64)
+    for permutation in permutations(range(gdim)):
+        between = b["corners"][:, permutation] - a["corners"]
+        along = np.einsum("fvi,fi->fv", between, a["normal"]).mean(axis=1)
+        between = between - along[:, None, None] * a["normal"][:, None]
+        off = np.linalg.norm(between, axis=2).max(axis=1)
+        order[off < best] = permutation
+        best = np.minimum(off, best)
+    size = np.ptp(a["corners"], axis=1).max(axis=1)
+    turned = np.linalg.norm(a["normal"] + b["normal"], axis=1)
+    same = bool(((best <= SAME * size) & (turned <= SAME)).all())
+    if found.alone or not comm.allreduce(same, MPI.LAND):
+        return None
+    return _to_owners(comm, a, b, order)
+
+
+def _to_owners(comm: MPI.Intracomm, a: FacetRows, b: FacetRows, order: Longs) -> FacetPairs:
+    """Tell the owners of both facets. Collective."""
+    gdim = order.shape[1]
+    hosts = np.empty(
+        len(a), dtype=[("facet", np.int64), ("guest", np.int64, gdim), ("rank", np.int64)]
+    )
+    on_a, both = a["free"], a["free"] & b["free"]
+    hosts["facet"] = np.where(on_a, a["facet"], b["facet"])
+    hosts["rank"] = np.where(on_a, a["rank"], b["rank"])
+    guest = (b["number"][:, None] * gdim + order) * gdim
+    hosts["guest"] = np.where(both[:, None], guest, -1)
+    hosts = hosts[on_a | b["free"]]
+    mine = send_rows(comm, hosts, hosts["rank"])
+    turned = send_rows(comm, b[both], b["rank"][both])
+    return FacetPairs(mine["facet"], mine["guest"], turned["facet"].astype(np.int64))

@@ -1,0 +1,101 @@
+"""Corners of plane bodies whose one cell cannot carry what acts on both its sides.
+
+At the corner its stress has three components, and up to four are given by the tractions on either
+side: by a pressure beside a free side, say, unless they are at right angles. Then no load at all is
+carried. Beside contact, where three are given, the pressure in the corner follows from them, often
+as none. Two cells that meet in the corner have six components, of which at most as many are given.
+
+In space a cell is of four parts, and at a vertex that is its own three of them meet, whose stresses
+have 18 components. The tractions of three facets, and those that are equal on both sides of three
+facets between the parts, are as many, and regular: for one tetrahedron, and so for all, since
+Piola's transformation takes symmetric stresses to such, and tractions to tractions.
+"""
+
+import logging
+
+from mpi4py import MPI
+
+import numpy as np
+from dolfinx.mesh import exterior_facet_indices
+
+from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.limit_analysis.facets.facet_conditions import (
+    FacetConditions,
+    facet_conditions,
+)
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.refinement import fan
+from perfplast_fenicsx.problem.problem import Problem
+
+log = logging.getLogger(__name__)
+
+ROUNDING = 1e-9
+"""Part of the largest traction, and of a unit normal, that is none."""
+
+OTHERS = np.array([[1, 2], [0, 2], [0, 1]])
+"""Facets at each vertex of a triangle, those opposite the others."""
+
+COMPONENTS: Floats = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]], dtype=float)
+"""Of a plane stress."""
+
+
+def with_divided_corners(problem: Problem) -> Problem:
+    """The problem on a mesh on which such corners have two cells; itself where it has none.
+
+    Cells are cut from the corner to the middle of the edge opposite. Collective.
+
+    Args:
+        problem: The bodies with their loads; in space, on curved cells and where facets say nothing
+            certain of tractions it is left as it is.
+    """
+    tagged_mesh = problem.tagged_mesh
+    if problem.bodies.gdim == 3 or not problem.as_declared or has_curved_cells(tagged_mesh.mesh):
+        return problem
+    conditions = facet_conditions(problem)
+    if conditions.prevents is not None:
+        return problem
+    points = lone_corners(problem, conditions)
+    count = problem.comm.allreduce(len(points))
+    if count == 0:
+        return problem
+    log.info("%d corners of one cell are divided, which could carry no loads", count)
+    pairs = opposite_vertices(tagged_mesh, problem.given.contacts)
+    return problem.on(fan(tagged_mesh, points, pairs).tagged_mesh)
+
+
+def lone_corners(problem: Problem, conditions: FacetConditions) -> Ints:
+    """Local vertices in which tractions leave one cell no stress, or no contact. Collective.
+
+    Each is on the rank of that cell alone.
+    """
+    topology, facets = problem.tagged_mesh.mesh.topology, conditions.numbers.facets
+    outside = np.isin(facets, exterior_facet_indices(topology))
+    cell, corner = np.nonzero(outside[:, OTHERS].all(axis=2))
+    side = OTHERS[corner]
+    here = facets[cell[:, None], side]
+    slopes, _ = gradients(conditions.vertices[cell])
+    normal = -slopes[np.arange(len(cell))[:, None], side]
+    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+
+    axes, told = conditions.axes[here], ~conditions.held[here]
+    pressed = np.isin(here, conditions.in_contact)
+    told[..., 0] &= ~pressed  # by a pressure that is not known
+    every = np.einsum("nfai,nfj,mij->nfam", axes, normal, COMPONENTS)
+    rows = (every * told[..., None]).reshape(-1, 4, 3)
+    beside = corner[:, None] - (side < corner[:, None])  # the corner among the facet's vertices
+    place = conditions.numbers.places[cell[:, None], side, beside]
+    inverse = np.linalg.pinv(rows)
+    wrong = np.zeros(len(cell), dtype=bool)
+    for loads in (conditions.live, conditions.dead):
+        pushes = np.take_along_axis(loads.tractions[here], place[..., None, None], axis=2)[:, :, 0]
+        given = (np.einsum("nfai,nfi->nfa", axes, pushes) * told).reshape(-1, 4)
+        left = np.einsum("nrm,nmq,nq->nr", rows, inverse, given) - given
+        largest = problem.comm.allreduce(np.abs(loads.tractions).max(initial=0.0), MPI.MAX)
+        wrong |= np.linalg.norm(left, axis=1) > ROUNDING * largest
+    free = every[:, :, 0] - np.einsum("nfm,nmr,nrq->nfq", every[:, :, 0], inverse, rows)
+    wrong |= (pressed & (np.linalg.norm(free, axis=2) < ROUNDING)).any(axis=1)
+    vertices = topology.connectivity(2, 0).array.reshape(-1, 3)
+    found: Ints = vertices[cell[wrong], corner[wrong]]
+    return found

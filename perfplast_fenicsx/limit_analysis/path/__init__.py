@@ -1,0 +1,1 @@
+"""Limit loads by the loading path."""

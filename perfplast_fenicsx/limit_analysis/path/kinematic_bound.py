@@ -1,0 +1,200 @@
+"""An upper bound of the limit load from a collapse mechanism that the laws admit.
+
+For v with v = 0 on supports, no jump into the other body, and ε(v) admissible for the law of each
+body, the limit load is at most (D(v) − L₀(v))/L₁(v) with D the dissipation, the support function of
+the yield sets (kinematic theorem of limit analysis, E. Christiansen, Handbook of Numerical Analysis
+IV, 1996). For von Mises admissible means div v = 0, and D(v) = ∫ γ‖dev ε(v)‖; for elastic bodies
+ε(v) = 0.
+
+The increments of a loading come near such a v. From v_k the next one is the flow with the viscosity
+η_k = γ/‖dev ε(v_k)‖ (Kačanov's iteration). It gives no larger bound, as with L₁(v) = 1
+
+    D(v) − L₀(v) ≤ ½ ∫ γ(‖dev ε(v)‖²/‖dev ε(v_k)‖ + ‖dev ε(v_k)‖) − L₀(v),
+
+of which it has the smallest right-hand side.
+"""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.contact.rows.friction import norms
+from perfplast_fenicsx.limit_analysis.path.viscous_flow import NoFlow, ViscousFlow
+from perfplast_fenicsx.problem.assembled.integrals import Integral
+from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, OfLaw, integrate
+from perfplast_fenicsx.problem.judged.state import State
+from perfplast_fenicsx.problem.problem import Problem
+
+MOST_FLOWS = 6
+"""From a velocity to a mechanism."""
+
+SETTLED = 1e-5
+"""Change of the bound in a flow, relative to the dissipation, that makes it the last."""
+
+STIFF = (1e4, 1e2)
+"""What flows less than the mean is at most so many times more viscous; the next one where rounding
+spoils a flow."""
+
+TINY = 1e-300
+"""What nothing is divided by less of."""
+
+MOST_HOLDS = 4
+"""So many times pairs that a mechanism would close are held as well."""
+
+ROUNDING = 1e-9
+"""Jumps below this share of the largest velocity count as none."""
+
+
+@dataclass(frozen=True)
+class UpperBound:
+    """(D(v) − L₀(v))/L₁(v), or None and the reason why there is none.
+
+    Attributes:
+        value: The bound.
+        mechanism: v with L₁(v) = 1; None where there is no bound.
+        solves: Linear systems solved.
+        reason: Why there is no bound; empty where there is one.
+    """
+
+    value: float | None
+    mechanism: fem.Function | None
+    solves: int
+    reason: str = ""
+
+
+def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) -> UpperBound:
+    """Upper bound from a velocity. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        velocity: Velocity near a collapse mechanism.
+        state: Where it collapses: pairs that push stay closed.
+    """
+    bound = KinematicBound(problem)
+    try:
+        return bound.of(velocity, state.active)
+    finally:
+        bound.destroy()
+
+
+class KinematicBound:
+    """Upper bounds from velocities; what they need is made once."""
+
+    def __init__(self, problem: Problem) -> None:
+        """Compile the forms, where the laws have bounds. Collective."""
+        self._comm, laws, self._friction = problem.comm, problem.laws, problem.friction
+        self._flow: ViscousFlow | None = None
+        strain = problem.kinematics.strain
+        rate = strain(fem.Function(problem.V))
+        unable = [
+            type(on.law).__name__
+            for on in laws
+            if on.law.carries_any_load or on.law.yields.inadmissible(rate) is None
+        ]
+        if unable:
+            self.unable = f"{unable[0]} has no linear condition for admissible rates"
+            return
+        self._flow = ViscousFlow(problem)
+        rate = strain(self._flow.velocity)
+        self._count = problem.Q.dofmap.index_map.size_local
+        self._value = fem.Function(problem.Q)
+
+        def at_points(value: OfLaw) -> LawExpression:
+            return LawExpression(laws, problem.Q, value)
+
+        self._size = at_points(lambda on: ufl.sqrt(ufl.dot(rate, rate)))
+        self._density = at_points(lambda on: on.law.yields.support(rate))
+        self._power = Integral(
+            problem.comm, integrate(laws, lambda on: on.law.yields.support(rate))
+        )
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        if self._flow is not None:
+            self._flow.destroy()
+
+    def of(self, velocity: fem.Function, active: PairFlags) -> UpperBound:
+        """Upper bound from a velocity. Collective.
+
+        Args:
+            velocity: Near a collapse mechanism.
+            active: Pairs that stay closed, shape (num_pairs,).
+        """
+        flow = self._flow
+        if flow is None:
+            return UpperBound(None, None, 0, self.unable)
+        before = flow.solves
+        for stiff in STIFF:
+            flow.velocity.x.array[:] = velocity.x.array
+            try:
+                self._enter_nothing(flow, active.copy(), stiff)
+                break
+            except NoFlow as failure:
+                reason = str(failure)
+        else:
+            return UpperBound(None, None, flow.solves - before, reason)
+        mechanism = flow.velocity.copy()
+        mechanism.name = flow.velocity.name
+        bound = self._power() + self._rubbed(flow) - flow.dead_work()
+        return UpperBound(bound, mechanism, flow.solves - before)
+
+    def _rubbed(self, flow: ViscousFlow) -> float:
+        """What friction dissipates in a flow. Collective."""
+        friction = self._friction
+        return self._comm.allreduce(friction.energy(flow.slips())) if friction.count else 0.0
+
+    def _enter_nothing(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
+        """Let the bodies flow, with pairs that close held as well."""
+        self._descend(flow, held, stiff)
+        for _ in range(MOST_HOLDS):
+            closing = flow.jumps() > ROUNDING
+            if not self._comm.allreduce(int((closing & ~held).sum())):
+                return
+            held |= closing
+            self._descend(flow, held, stiff)
+        raise NoFlow("the mechanism closes open pairs")
+
+    def _descend(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
+        """Let the bodies flow until the bound falls no more, and then admissibly."""
+        bound = np.inf
+        for _ in range(MOST_FLOWS):
+            self._thicken(flow, stiff)
+            flow.solve(held)
+            power = self._power() + self._rubbed(flow)
+            before, bound = bound, power - flow.dead_work()
+            if abs(before - bound) <= SETTLED * power:
+                break
+        flow.make_admissible()
+
+    def _thicken(self, flow: ViscousFlow, stiff: float) -> None:
+        """Make the bodies as viscous as the velocity so far says."""
+        size, density = self._values(self._size), self._values(self._density)
+        mean = self._mean(size)
+        if not mean > 0:
+            raise NoFlow("nothing is strained")
+        strength = np.divide(density, size, out=np.zeros_like(size), where=size > 0)
+        viscosity = strength / np.maximum(size, mean / stiff)
+        usual = self._mean(viscosity[viscosity > 0])
+        if not usual > 0:
+            raise NoFlow("nothing dissipates")
+        viscosity[viscosity == 0] = usual  # of no account where all of a strain is inadmissible
+        flow.viscosity.x.array[: self._count] = viscosity
+        if self._friction.count:
+            rates = norms(flow.slips())
+            least = max(self._mean(rates), TINY) / stiff
+            flow.drag = self._friction.bound / np.maximum(rates, least)
+
+    def _values(self, expression: LawExpression) -> Floats:
+        expression.interpolate(self._value)
+        values: Floats = self._value.x.array[: self._count].copy()
+        return values
+
+    def _mean(self, values: Floats) -> float:
+        """Of all ranks; 0 of none. Collective."""
+        total = self._comm.allreduce(np.array([values.sum(), len(values)]), MPI.SUM)
+        return float(total[0] / max(total[1], 1))

@@ -1,0 +1,219 @@
+"""What the levels of a path have told of the limit load so far, and where to look next."""
+
+from dataclasses import dataclass, field
+
+from dolfinx import fem
+
+from perfplast_fenicsx.limit_analysis.path.kinematic_bound import KinematicBound
+from perfplast_fenicsx.limit_analysis.path.plateau import (
+    extrapolated_limit,
+    is_flat,
+    not_level,
+    tenfold_growth,
+)
+from perfplast_fenicsx.problem.judged.state import State
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.next_work import Leap, Reached
+
+MOST_LEVELS = 60
+"""Levels after which a curve counts as one that does not level off."""
+
+FAR = 1e6
+"""So many times the work at first yield is looked at."""
+
+NEARLY = 1 - 1e-6
+"""Share of a work that counts as reached."""
+
+STRIDE, LEAP = 10.0, 100.0
+"""Growth of α where a mechanism is known, from and to: what ζ lacks of its limit falls by a power
+of α, which is taken to be the root."""
+
+EASY = 10
+"""Newton steps of a level that more than the smaller growth may follow."""
+
+MOST_FLOWS = 8
+"""So many times the last mechanism is improved where no level follows."""
+
+
+@dataclass
+class Search:
+    """What the search for a limit load has found so far; plain data, for a restart.
+
+    Attributes:
+        points: (α − α₀, ζ) of the levels.
+        rest: α₀, that of ζ = 0, once it is known; None where nothing but ζ loads the bodies.
+        estimates: Of the limit load, one for each level from where there is one.
+        upper: The least upper bound.
+        levelled_off: Whether the estimate is known to the tolerance.
+        ended: Whether the last level is the last.
+        reason: Why.
+        linear_solves: Linear systems solved.
+    """
+
+    points: list[tuple[float, float]] = field(default_factory=list)
+    estimates: list[float] = field(default_factory=list)
+    rest: float | None = None
+    upper: float | None = None
+    levelled_off: bool = False
+    ended: bool = False
+    reason: str = ""
+    linear_solves: int = 0
+
+    @property
+    def lower(self) -> float:
+        """The largest ζ reached."""
+        return max((zeta for _, zeta in self.points), default=0.0)
+
+    @property
+    def apart(self) -> float:
+        """Distance of the bounds, relative; ∞ without an upper one."""
+        if self.upper is None or not self.lower > 0:
+            return float("inf")
+        return (self.upper - self.lower) / self.lower
+
+
+class Judge:
+    """Decides after each level what is known, and whether to go on.
+
+    Attributes:
+        solves: Linear systems solved for bounds.
+        mechanism: Of the least upper bound that was found here; None without.
+    """
+
+    def __init__(self, problem: Problem, rtol: float, search: Search) -> None:
+        self._problem, self._rtol, self._search = problem, rtol, search
+        self._bound: KinematicBound | None = None
+        self._ahead: fem.Function | None = None
+        self._asked = False
+        self.solves = 0
+        self.mechanism: fem.Function | None = None
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        if self._bound is not None:
+            self._bound.destroy()
+
+    def __call__(self, state: State, before: State | None, plastic_cells: int) -> None:
+        """Add a level, and the state of the one before, to the search. Collective."""
+        search, points = self._search, self._search.points
+        if before is None and not self._problem.is_elastic_at_first():
+            search.rest = state.alpha
+            return
+        points.append((state.alpha - (search.rest or 0.0), state.zeta))
+        self._look_ahead(before, state)
+        self._decide(self._estimate())
+        far = points[-1][0] >= NEARLY * FAR * points[0][0]
+        if not search.ended and (far or len(points) == MOST_LEVELS):
+            self._give_up(before, state, plastic_cells)
+
+    def ahead(self, reached: Reached) -> Leap | None:
+        """A leap along the mechanism of the last level, where it has one. Collective."""
+        if not self._asked:
+            solves = self.solves
+            self._look_ahead(reached.before, reached.last)  # as the run before did,
+            self.solves = solves  # and counted
+        if self._ahead is None:
+            return None
+        farthest = LEAP if reached.newton_iterations <= EASY else STRIDE
+        growth = min(max((self._search.apart / self._rtol) ** 2, STRIDE), farthest)
+        end = FAR * self._search.points[0][0]
+        far = min(growth * (reached.last.alpha - reached.rest), end)
+        return Leap(reached.rest + far, self._ahead)
+
+    def stop(self, before: State | None, last: State | None, why: str) -> None:
+        """Conclude from the levels there are, as the next one cannot be solved. Collective."""
+        search, problem = self._search, self._problem
+        if last is not None:
+            self._conclude(collapse_mechanism(problem, before, last), last)
+        if not search.levelled_off:
+            told = f"; {self._distance()}" if search.upper is not None else ""
+            search.reason = f"no further level could be solved: {why}{told}"
+
+    def _give_up(self, before: State | None, last: State, plastic_cells: int) -> None:
+        """Conclude from a curve that has been followed far enough."""
+        search, points, rtol = self._search, self._search.points, self._rtol
+        self._conclude(collapse_mechanism(self._problem, before, last), last)
+        search.ended = True
+        if search.levelled_off:
+            return
+        if search.upper is not None:
+            times = points[-1][0] / points[0][0]
+            search.reason = f"{self._distance()} at {times:.1e} times the work at first yield"
+        elif extrapolated_limit(points[-3:]) is not None and tenfold_growth(points) <= rtol:
+            search.levelled_off = True
+            search.reason = f"ζ grows by less than {rtol:g} of it with a tenfold work"
+        else:
+            dilates = any(on.law.dilates for on in self._problem.laws)
+            search.reason = not_level(points, plastic_cells, self._problem.degree, dilates)
+
+    def _conclude(self, velocity: fem.Function, last: State) -> None:
+        """Bring the bounds together as far as they come without another level."""
+        search = self._search
+        velocity = self.mechanism or velocity
+        for _ in range(MOST_FLOWS):
+            apart = search.apart
+            found = self._improve(velocity, last) if apart > self._rtol else None
+            if found is None or not search.apart < apart - self._rtol / 10:
+                break
+            velocity = found
+        self._decide(self._estimate(again=True))
+
+    def _distance(self) -> str:
+        return f"the bounds are still {self._search.apart:.1e} of ζ apart"
+
+    def _look_ahead(self, before: State | None, last: State) -> None:
+        """The mechanism of the last level, where ζ hardly grows any more."""
+        self._asked, self._ahead = True, None
+        if is_flat(self._search.points):
+            velocity = collapse_mechanism(self._problem, before, last)
+            self._ahead = self._improve(velocity, last)
+
+    def _improve(self, velocity: fem.Function, state: State) -> fem.Function | None:
+        """A mechanism near a velocity, whose upper bound goes into the search."""
+        if self._bound is None:
+            self._bound = KinematicBound(self._problem)
+        found, search = self._bound.of(velocity, state.active), self._search
+        self.solves += found.solves
+        if found.value is not None and (search.upper is None or found.value <= search.upper):
+            search.upper, self.mechanism = found.value, found.mechanism
+        return found.mechanism
+
+    def _estimate(self, again: bool = False) -> float | None:
+        """Amid the bounds; without an upper one the limit to which the points tend."""
+        search = self._search
+        estimate = extrapolated_limit(search.points[-3:])
+        if search.upper is not None:
+            estimate = (search.lower + search.upper) / 2
+        if again and estimate is not None and search.estimates:
+            search.estimates.pop()
+        if estimate is not None:
+            search.estimates.append(estimate)
+        return estimate
+
+    def _decide(self, estimate: float | None) -> None:
+        """Whether the estimate is known to the tolerance."""
+        rtol, search = self._rtol, self._search
+        search.levelled_off = False
+        if search.apart <= rtol:
+            search.levelled_off = search.ended = True
+            search.reason = f"the bounds are within {rtol:g} of each other"
+        elif search.upper is None and estimate is not None and len(search.estimates) > 1:
+            zeta, before = search.lower, search.estimates[-2]
+            if estimate - zeta <= rtol * zeta and abs(estimate - before) <= rtol * zeta:
+                search.levelled_off = search.ended = True
+                search.reason = f"ζ has levelled off to {rtol:g} of its limit"
+
+
+def collapse_mechanism(problem: Problem, before: State | None, last: State | None) -> fem.Function:
+    """The last increment of displacement, normalised to L₁(v) = 1; zero without one.
+
+    Collective.
+    """
+    v = fem.Function(problem.V, name="mechanism")
+    if last is None or (before is None and not problem.is_elastic_at_first()):
+        return v
+    v.x.array[:] = last.u.x.array
+    if before is not None:
+        v.x.array[:] -= before.u.x.array
+    v.x.array[:] /= problem.loads.alpha(v.x.petsc_vec)
+    return v

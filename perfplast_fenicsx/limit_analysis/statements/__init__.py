@@ -1,0 +1,1 @@
+"""What is asked of a limit load, and what is answered."""

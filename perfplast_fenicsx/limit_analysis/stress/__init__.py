@@ -1,0 +1,1 @@
+"""Strict lower bounds: stresses in equilibrium."""

@@ -1,0 +1,192 @@
+"""K of the multipliers of equilibrium, the inner ones of each cell eliminated, and factorised."""
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Moduli, SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
+from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains
+from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
+from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
+
+AT_ONCE = 3_000_000
+"""Entries of the cells' matrices that are computed at once."""
+
+RIDGE = 1e-13
+"""Share of the diagonal that is added: rows of equilibrium may depend on each other where facets
+meet at right angles or cross."""
+
+TINY = 1e-300
+
+PATTERN = 1.0
+"""Value of entries of which only it matters that they are there."""
+
+SMALL = 17
+"""Triangular matrices of this size are inverted at once."""
+
+UNPIVOTED = {**DIRECT, "mat_mumps_cntl_1": 0.0}
+"""K is nowhere negative: pivots that MUMPS would look for take memory, and time."""
+
+
+class CondensedStiffness(SprungMatrix):
+    """See :class:`discretisation.Stiffness`; y and b are vectors of :class:`MultiplierStrains`."""
+
+    def __init__(self, strains: MultiplierStrains, held: Ints, jumps: Ints) -> None:
+        """Find the pattern. Collective.
+
+        Args:
+            strains: Of the multipliers.
+            held: Owned facet unknowns that supports hold.
+            jumps: Those that are jumps of contact.
+        """
+        self._strains, self._held, self._out = strains, held, held
+        facets, layout = strains.facets, strains.layout
+        size = layout.outer + layout.inner
+        self._chunk = max(1, AT_ONCE // size**2)
+        matrix = PETSc.Mat().create(facets.vector.comm)
+        matrix.setType(PETSc.Mat.Type.AIJ)
+        super().__init__(facets.vector.comm, matrix, jumps, UNPIVOTED)
+        self._preallocate()
+        inner = layout.inner
+        self._inverse = np.empty((strains.num_cells, inner, inner))
+        self._across = np.empty((strains.num_cells, inner, layout.outer))
+        self._right, self._found = self._matrix.createVecs()
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        super().destroy()
+        for vector in (self._right, self._found):
+            vector.destroy()
+
+    def _preallocate(self) -> None:
+        """Make room for the entries of cells, and for those that jumps couple. Collective."""
+        facets, block = self._strains.facets, self._strains.gdim
+        numbers = facets.numbers[facets.of_cells].astype(PETSc.IntType)
+        twins = facets.twins[facets.of_cells].astype(PETSc.IntType)
+        self._blocks = np.ascontiguousarray(numbers[:, ::block] // block)
+        self._coupled = np.flatnonzero((twins >= 0).any(axis=1))
+        self._numbers, self._twins = numbers[self._coupled], twins[self._coupled]
+        room = PETSc.Mat().create(self._matrix.comm)
+        room.setType(PETSc.Mat.Type.PREALLOCATOR)
+        for matrix in (room, self._matrix):
+            matrix.setSizes(((facets.count, None), (facets.count, None)), bsize=block)
+        room.setUp()
+        self._fill(room, np.zeros((len(numbers), *2 * numbers.shape[1:])))
+        room.preallocatorPreallocate(self._matrix)
+        room.destroy()
+
+    def _fill(self, matrix: PETSc.Mat, values: Floats) -> None:
+        """Add matrices of cells, shape (num_cells, outer, outer). Collective."""
+        add = PETSc.InsertMode.ADD
+        matrix.setValuesBlockedRCV(self._blocks, self._blocks, values, addv=add)
+        numbers, twins, there = self._numbers, self._twins, values[self._coupled]
+        for rows, columns in ((numbers, twins), (twins, numbers), (twins, twins)):
+            matrix.setValuesRCV(rows, columns, there, addv=add)
+        matrix.assemble()
+
+    def check_memory(self) -> None:
+        """Refuse K if its factors do not fit into memory, whatever its values. Collective.
+
+        Raises:
+            TooLarge: With what is needed and what there is.
+        """
+        outer = self._strains.layout.outer
+        everywhere = np.full((self._strains.num_cells, outer, outer), PATTERN)
+        self._matrix.zeroEntries()
+        self._fill(self._matrix, everywhere)
+        self._ksp.setOperators(self._matrix)
+        check_memory(self._ksp)
+
+    @phase("assembly")
+    def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
+        """Bring K to moduli at the points of this rank. Collective.
+
+        Raises:
+            SingularStiffness: If inner unknowns of a cell cannot be eliminated.
+        """
+        strains, outer = self._strains, self._strains.layout.outer
+        values = np.empty((strains.num_cells, outer, outer))
+        roots = _roots(moduli) * np.sqrt(strains.weights)[:, None, None]
+        roots = roots.reshape(strains.num_cells, -1, *roots.shape[1:])
+        singular = False
+        for first in range(0, strains.num_cells, self._chunk):
+            some = slice(first, first + self._chunk)
+            K = self._of_cells(some, roots[some])
+            try:
+                L = np.linalg.cholesky(K[:, outer:, outer:])
+            except np.linalg.LinAlgError:
+                singular = True
+                break
+            self._inverse[some] = _inverse(np.asarray(L, dtype=np.float64))
+            self._across[some] = across = self._inverse[some] @ K[:, outer:, :outer]
+            values[some] = K[:, :outer, :outer] - np.swapaxes(across, 1, 2) @ across
+        if strains.facets.vector.comm.tompi4py().allreduce(singular):
+            raise SingularStiffness("the equilibrium of a cell cannot be solved for its stress")
+        self._matrix.zeroEntries()
+        self._fill(self._matrix, values)
+        diagonal = self._matrix.getDiagonal()
+        diagonal.scale(1 + RIDGE)
+        diagonal.array[self._held] = 1.0
+        self._matrix.setDiagonal(diagonal)
+        diagonal.destroy()
+        self._out = np.union1d(self._held, held)
+        if strains.facets.vector.comm.tompi4py().allreduce(len(held)):
+            self._matrix.zeroRowsColumns(strains.facets.numbers[held].astype(PETSc.IntType))
+
+    def _of_cells(self, some: slice, roots: Floats) -> Floats:
+        """Matrices of cells, shape (num_cells, size, size)."""
+        strains = self._strains
+        size = strains.layout.outer + strains.layout.inner
+        scaled = strains.matrices[some] @ roots
+        parts = scaled @ np.swapaxes(scaled, 2, 3)
+        K = np.zeros((len(parts), size, size))
+        for p, at in enumerate(strains.rows):
+            K[:, at[:, None], at[None, :]] += parts[:, p]
+        return K
+
+    @phase("linear solve")
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Solve K x = b with the last factors. Collective."""
+        strains, count = self._strains, self._strains.facets.count
+        half = (self._inverse @ strains.inner(b.array_r)[:, :, None])[:, :, 0]
+        onto = -(half[:, None, :] @ self._across)[:, 0]
+        self._right.array[:] = b.array_r[:count] + strains.facets.add_up(onto)
+        self._right.array[self._out] = 0.0
+        super().solve(self._right, self._found)
+        outer = strains.facets.gather(self._found.array_r)
+        half -= (self._across @ outer[:, :, None])[:, :, 0]
+        array = x.array
+        array[:count] = self._found.array_r
+        array[count:] = (half[:, None, :] @ self._inverse).ravel()
+
+
+def _roots(moduli: Moduli) -> Floats:
+    """R with R Rᵀ = κ(1, −b)(1, −b)ᵀ, and a I − N Nᵀ on the deviator, shape (n, 1 + m, 1 + m)."""
+    a, normal = moduli.a, moduli.normal
+    length2 = np.einsum("ni,ni->n", normal, normal)
+    left = np.sqrt(np.maximum(1 - length2 / a, 0.0))
+    share = (1 - left) / np.maximum(length2, TINY)
+    size = normal.shape[1]
+    roots = np.zeros((len(a), size + 1, size + 1))
+    roots[:, 0, 0] = np.sqrt(moduli.bulk)
+    if moduli.along is not None:
+        roots[:, 1:, 0] = -roots[:, :1, 0] * moduli.along
+    along = np.einsum("n,ni,nj->nij", share, normal, normal)
+    roots[:, 1:, 1:] = np.sqrt(a)[:, None, None] * (np.eye(size) - along)
+    return roots
+
+
+def _inverse(L: Floats) -> Floats:
+    """Inverses of lower triangular matrices, shape (n, size, size), by halves."""
+    size = L.shape[-1]
+    if size <= SMALL:
+        return np.asarray(np.linalg.solve(L, np.broadcast_to(np.eye(size), L.shape)), np.float64)
+    half = size // 2
+    found = np.zeros_like(L)
+    found[:, :half, :half] = first = _inverse(L[:, :half, :half])
+    found[:, half:, half:] = last = _inverse(L[:, half:, half:])
+    found[:, half:, :half] = -last @ (L[:, half:, :half] @ first)
+    return found

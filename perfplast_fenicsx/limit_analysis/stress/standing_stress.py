@@ -1,0 +1,44 @@
+"""What a mesh without a stress that carries the constant loads tells of where it is too coarse."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, Verdict
+from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.stress.static_bound import StaticBound, strict_lower_bound
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import rounded_down
+
+
+def with_standing_stress(
+    problem: Problem,
+    static: StaticBound,
+    rtol: float,
+    monitor: Callable[[InteriorStep], None] | None,
+    question: Question,
+) -> StaticBound:
+    """A search without a bound, with what it says of where stresses are too few. Collective.
+
+    Beside constant loads a mesh may have none in equilibrium within yield at any load factor,
+    though the body has. How many times it carries them tells where cells are to be smaller.
+    """
+    if static.bound.value is not None or question is Question.STANDS:
+        return static
+    if problem.loads.is_proportional() or static.verdict is not Verdict.STALLED:
+        return static
+    stands = strict_lower_bound(problem, rtol, monitor, Question.STANDS)
+    times = stands.bound.value
+    if times is None or times >= 1:
+        return static
+    why = (
+        f"stresses that are linear in the cells carry the constant loads {rounded_down(times)}"
+        " times at most, at any load factor; refine the mesh"
+    )
+    return replace(
+        static,
+        bound=replace(static.bound, why_not=(why,)),
+        reason=why,
+        dissipation=stands.dissipation,
+        steps=static.steps + stands.steps,
+        factorisations=static.factorisations + stands.factorisations,
+    )

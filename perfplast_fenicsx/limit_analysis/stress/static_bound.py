@@ -1,0 +1,249 @@
+"""A lower bound of the limit load of the body: a stress that is in equilibrium everywhere.
+
+The stress is linear in each cell, in space in each of four parts of it, with tractions that are
+continuous and nowhere above yield; without friction and tension on contact. That it is so at
+vertices is enough, since yield sets are convex. It is found by the interior point method
+(:mod:`interior_iteration`), with the multipliers of equilibrium as velocities, and scaled into the
+yield set in the end, so that its load is a bound whatever the method has reached.
+"""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+
+import numpy as np
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, Verdict, iterate
+from perfplast_fenicsx.limit_analysis.conic.natural_units import (
+    UNLIMITED,
+    Start,
+    choose_units,
+    next_start,
+)
+from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import weak_bodies
+from perfplast_fenicsx.limit_analysis.facets.facet_conditions import (
+    BENT,
+    FacetConditions,
+    facet_conditions,
+)
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import mandel_vectors
+from perfplast_fenicsx.limit_analysis.statements.bound import TURNED, Bound, Scope
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
+    check_bodies_have_limits,
+    check_loads,
+    check_tolerance,
+)
+from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.stress.static_balance import StaticIteration
+from perfplast_fenicsx.limit_analysis.stress.static_certificate import certify_stress
+from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram, static_program
+from perfplast_fenicsx.limit_analysis.stress.static_stress import StaticBound, no_stress
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.problem.declared.loads import BOUNDED
+from perfplast_fenicsx.problem.problem import Problem
+
+LEFT = 2e-10
+"""Force without balance, relative to the strengths at its row, that rounding may leave. The
+certificate, which decides, has been seen to find half as much. Of mean stresses 1e6 times the
+strengths more is left; the load factor and the stress, still in equilibrium with it, are reduced to
+it."""
+
+CORNERS = (
+    "no stress that is linear in the cells can carry the loads: where loaded, free and supported"
+    " surfaces meet in a corner, one cell alone would have to; divide it, or refine the mesh there"
+)
+
+COARSE = (
+    "no stress that is linear in the cells can carry the loads and press wherever bodies touch;"
+    " refine the mesh"
+)
+
+UNREACHED = (
+    "no stress in equilibrium was reached, and on a coarse mesh there may be none that presses"
+    " wherever bodies touch; refine the mesh"
+)
+"""Reason without a bound where an iteration has stalled: on meshes of twenty cells linear
+programming found that there was none."""
+
+REPLACED = "loads were put in the place of those that the problem was declared with"
+
+
+def strict_lower_bound(
+    problem: Problem,
+    rtol: float = 1e-4,
+    monitor: Callable[[InteriorStep], None] | None = None,
+    question: Question = Question.LIMIT,
+) -> StaticBound:
+    """Bound the limit load of the body from below. Collective.
+
+    Only mesh, materials, supports, loads and contact of the problem matter, not the degree of its
+    displacements.
+
+    Args:
+        problem: The bodies and their loads.
+        rtol: What is left between the bound and the best one on this mesh, relative.
+        monitor: Called on every rank after each step.
+        question: Of which loads the factor is sought.
+
+    Raises:
+        InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or a
+            body's yield set is none that bounds know (:func:`point_strains.axial_cone_of`).
+    """
+    check_bodies_have_limits(problem)
+    check_tolerance(rtol)
+    check_loads(problem)
+    conditions = facet_conditions(problem)
+    if problem.tagged_mesh.axisymmetric:
+        return no_stress(conditions, Verdict.STALLED, TURNED)
+    if not problem.as_declared:
+        return no_stress(conditions, Verdict.STALLED, REPLACED)
+    if conditions.prevents is not None:
+        return no_stress(conditions, Verdict.STALLED, conditions.prevents)
+    why_not = conditions.why_not
+    if has_curved_cells(problem.tagged_mesh.mesh):
+        why_not = ("cells are curved", *why_not)
+    given = problem, conditions, question, why_not, rtol, monitor
+    found, start = _search(*given, Start())
+    while start is not None:
+        before = found
+        found, start = _search(*given, start)
+        found = _together(before, found)
+    return found
+
+
+def _together(before: StaticBound, after: StaticBound) -> StaticBound:
+    """The better one of two searches, with what both have taken."""
+    values = [-np.inf if it.bound.value is None else it.bound.value for it in (before, after)]
+    return replace(
+        after if values[1] >= values[0] or after.reason == UNLIMITED else before,
+        steps=before.steps + after.steps,
+        factorisations=before.factorisations + after.factorisations,
+    )
+
+
+def _search(
+    problem: Problem,
+    conditions: FacetConditions,
+    question: Question,
+    why_not: tuple[str, ...],
+    rtol: float,
+    monitor: Callable[[InteriorStep], None] | None,
+    start: Start,
+) -> tuple[StaticBound, Start | None]:
+    """Search from a start, and tell where to begin anew; None to end. Collective."""
+    with ExitStack() as made:
+        static = static_program(problem, conditions, question, start.reserve)
+        program = static.program
+        made.callback(program.destroy)
+        if program.degree == program.num_pairs:
+            reason = "nothing can yield; give the bodies that may collapse a yield stress"
+            return no_stress(conditions, Verdict.UNBOUNDED, reason), None
+        try:
+            limited = choose_units(program, start)
+        except SingularStiffness as failure:
+            found = no_stress(conditions, Verdict.STALLED, str(failure))
+            return found, next_start(start, program, None, found.verdict, rtol)
+        if not limited:
+            found = no_stress(conditions, Verdict.UNBOUNDED, UNLIMITED)
+            return found, next_start(start, program, None, found.verdict, rtol)
+        none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
+        if not static.can_carry():
+            return no_stress(conditions, Verdict.NO_RESISTANCE, CORNERS, none), None
+        iteration = StaticIteration(static)
+        made.callback(iteration.destroy)
+        steps: list[InteriorStep] = []
+        verdict, reason = iterate(iteration, rtol, steps, monitor)
+        taken = program.stiffness.factorisations
+        if verdict is Verdict.NO_RESISTANCE:
+            found = no_stress(conditions, verdict, COARSE, none)
+            return replace(found, steps=steps, factorisations=taken), None
+        then = next_start(start, program, iteration.now, verdict, rtol)
+        found = _result(static, iteration, problem, conditions, why_not, verdict, reason, steps)
+        certificate = found.certificate
+        if program.has_dead and verdict is Verdict.FOUND and certificate is not None:
+            over = certificate.in_equilibrium and not certificate.holds
+            then = start.with_more_in_reserve() if over else then
+        return found, then
+
+
+def check_stress_fits(problem: Problem) -> None:
+    """Refuse a mesh whose lower bound does not fit into memory, before all else. Collective.
+
+    Raises:
+        TooLarge: With what is needed and what there is.
+        InputError: If a traction is not linear on each facet, and as :func:`strict_lower_bound`.
+    """
+    conditions = facet_conditions(problem)
+    if conditions.prevents is not None:
+        if BENT in conditions.prevents:
+            raise InputError(f"{conditions.prevents}, and {BOUNDED}")
+        return
+    static = static_program(problem, conditions, Question.LIMIT, Start().reserve)
+    try:
+        static.stiffness.check_memory()
+    finally:
+        static.program.destroy()
+
+
+def _result(
+    static: StaticProgram,
+    iteration: StaticIteration,
+    problem: Problem,
+    conditions: FacetConditions,
+    why_not: tuple[str, ...],
+    verdict: Verdict,
+    reason: str,
+    steps: list[InteriorStep],
+) -> StaticBound:
+    """What an iterate proves. Collective."""
+    program, strains = static.program, static.strains
+    iteration.settle()
+    now = iteration.now
+    pressure, deviator = program.whole((now.pressure, now.deviator), now.load)
+    ratio = program.overstress((pressure, deviator))
+    scale = program.stress_unit / (1.0 if program.has_dead else max(1.0, ratio))
+    pressure, deviator = scale * pressure, scale * deviator
+    shrunk = scale / program.stress_unit
+    value, aside = shrunk * now.load * program.load_unit, shrunk * now.aside
+    share = 1.0
+    if not program.has_dead:
+        left = static.unbalanced((pressure, deviator), value, aside)
+        share = min(1.0, LEFT / max(left, LEFT))
+        pressure, deviator = share * pressure, share * deviator
+        value, aside = share * value, share * aside
+    certificate, pushes = certify_stress(static, pressure, deviator, value, aside)
+    scope = Scope.MESH if why_not else Scope.BODY
+    bound = Bound(value, "lower", scope, why_not)
+    if not certificate.holds:
+        bound = Bound(None, "lower", Scope.MESH, (UNREACHED, *weak_bodies(problem)))
+        reason += f"; {UNREACHED}"
+    elif share < 1:
+        verdict = Verdict.STALLED
+        told = (f"{share:.2g} of it is kept, for what rounding leaves of its balance",)
+        reason = "; ".join([reason, *told, *weak_bodies(problem)])
+    tdim, count = strains.gdim, strains.num_cells
+    stress = np.column_stack([pressure, deviator]) @ mandel_vectors(tdim)
+    if tdim == 2:  # what leaves the most room out of the plane
+        stress[:, 2] -= strains.slopes / 2 * np.linalg.norm(deviator, axis=1)
+    shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
+    _, rates = strains.of(iteration.velocity)
+    powers = np.zeros(strains.count)
+    plastic, heads = program.plastic, program.radii
+    if program.dilates:
+        heads = program.radii - program.slopes * pressure[plastic] / program.stress_unit
+    powers[plastic] = program.weights[plastic] * heads * np.linalg.norm(rates[plastic], axis=1)
+    return StaticBound(
+        bound=bound,
+        verdict=verdict,
+        reason=reason,
+        stress=stress.reshape(shape),
+        aside=aside,
+        contact_facets=np.sort(conditions.hosts),
+        contact_pressure=pushes.reshape(-1, tdim),
+        dissipation=powers.reshape(count, -1).sum(axis=1) * program.load_unit,
+        certificate=certificate,
+        steps=steps,
+        factorisations=program.stiffness.factorisations,
+    )

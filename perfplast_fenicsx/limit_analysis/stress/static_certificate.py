@@ -1,0 +1,181 @@
+"""What a stress is worth as a proof, from the stress and the load alone."""
+
+from dataclasses import dataclass, replace
+
+from mpi4py import MPI
+
+import numpy as np
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
+from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram
+
+ROUNDING = 1e-10
+"""What may be left of a condition, relative to the least yield radius of the cells it touches: mean
+stresses, which nothing bounds, may be 1e5 times as large, and have their own rounding."""
+
+LEFT_OF_LOAD = 1e-10
+"""All forces without balance together, relative to the loads: bounds are never sought nearer to
+each other than 1e-4, and this is a millionth of it."""
+
+LEFT_OF_STRENGTH = 1e-7
+"""All forces without balance together, relative to what the weakest cell can bear: even if one cell
+had to bear them all, that would be a ten-millionth of its strength."""
+
+ON_MECHANISM = 5e-11
+"""Work of the forces without balance on a mechanism with L(v) = 1, relative to its bound: half of a
+millionth of 1e-4, the least distance of two bounds, as others may add up otherwise."""
+
+
+@dataclass(frozen=True)
+class StaticCertificate:
+    """How far a stress is from being admissible.
+
+    The first four are stresses relative to the least finite yield radius γ of the cells that each
+    condition touches: of a cell itself and those that share its facets, of a facet those on both
+    sides; of tension, and where all of these are elastic, to the least γ of all. The next three
+    tell of the sum of all forces that are not balanced, since these could add up, or be borne by a
+    body that is weaker than those in which they stand.
+    :func:`perfplast_fenicsx.proof.lower.measure_stress` finds the like anew.
+
+    Attributes:
+        equilibrium: Largest div σ + λb, times the cell's size; in space also jumps of tractions
+            between the parts of a cell.
+        traction: Largest jump of tractions between cells, or traction that is not that of the load.
+        shear: Largest tangential traction on surfaces in contact.
+        tension: Largest pull on surfaces in contact.
+        forces: The sum of the magnitudes of all forces without balance, a force.
+        left_of_load: The same sum, relative to those of the loads of each kind at λ.
+        left_of_strength: The same sum, relative to the least γV^((d − 1)/d) of all cells that can
+            yield, V being the volume.
+        overstress: (‖dev σ‖ + αp)/γ − 1 where that is largest; negative in bodies far from yield.
+    """
+
+    equilibrium: float
+    traction: float
+    shear: float
+    tension: float
+    forces: float
+    left_of_load: float
+    left_of_strength: float
+    overstress: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the stress is admissible, but for rounding."""
+        return self.in_equilibrium and self.overstress <= ROUNDING
+
+    @property
+    def in_equilibrium(self) -> bool:
+        """Whether the stress is in equilibrium, but for rounding."""
+        each = (self.equilibrium, self.traction, self.shear, self.tension)
+        return (
+            all(value <= ROUNDING for value in each)
+            and self.left_of_load <= LEFT_OF_LOAD
+            and self.left_of_strength <= LEFT_OF_STRENGTH
+        )
+
+
+def certify_stress(
+    static: StaticProgram, pressure: Floats, deviator: Floats, load: float, aside: float = 0.0
+) -> tuple[StaticCertificate, Floats]:
+    """Judge a stress at the points of :class:`MultiplierStrains`. Collective.
+
+    Args:
+        static: The conditions.
+        pressure: Mean stress, that in the plane in plane strain; shape (count,).
+        deviator: Shape (count, m).
+        load: λ.
+        aside: Factor of the loads of any factor.
+
+    Returns:
+        The certificate; the pressure on the vertices of facets that are hosts of contact, shape
+        (num_hosts · d,).
+    """
+    strains, comm = static.strains, static.program.comm
+    left = strains.create_vector()
+    strains.forces(pressure, deviator, left)
+    residual = left.array_r - static.loads(load, aside)
+    left.destroy()
+    count, tdim = strains.facets.count, strains.gdim
+    on_facets = residual[:count] / np.repeat(static.areas, tdim**2)
+    sections = static.volumes ** ((tdim - 1) / tdim)
+    of_facets, of_cells = _weakness(static)
+    inside = strains.inner(residual) / sections[:, None] * of_cells[:, None]
+    between = np.abs(on_facets) * of_facets
+    others = ~(static.jumps | static.slips)
+    radii = strains.radii
+    sizes = np.linalg.norm(deviator, axis=1) + strains.slopes * pressure
+    cell_radii = radii.reshape(strains.num_cells, -1)[:, 0]
+    largest: Floats = np.array(
+        [
+            np.abs(inside).max(initial=0),
+            between[others].max(initial=0),
+            between[static.slips].max(initial=0),
+            on_facets[static.jumps].max(initial=0),
+            (sizes / radii - 1).max(initial=-1),
+            -(cell_radii * sections).min(initial=np.inf),
+            -cell_radii.min(initial=np.inf),
+        ]
+    )
+    comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+    in_cells, jump, shear, pull, over = (float(value) for value in largest[:5])
+    strength, radius = (-float(value) for value in largest[5:])
+    forces = np.abs(residual)
+    forces[:count][static.jumps] = np.maximum(residual[:count][static.jumps], 0.0)
+    sums: Floats = np.array([forces.sum(), static.loaded(load, aside)])
+    comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
+    missing, whole = (float(value) for value in sums)
+    certificate = StaticCertificate(
+        equilibrium=in_cells,
+        traction=jump,
+        shear=shear,
+        tension=pull / radius,
+        forces=missing,
+        left_of_load=missing / whole if whole > 0 else float(missing > 0),
+        left_of_strength=missing / strength,
+        overstress=over,
+    )
+    return certificate, -on_facets[static.jumps]
+
+
+def beside_mechanism(
+    lower: Bound, certificate: StaticCertificate, power: float, mechanism: fem.Function
+) -> Bound:
+    """A lower bound once a mechanism tells what is left of the stress's balance. Collective.
+
+    Forces without balance do work on the mechanism, and change the bound by as much: where the
+    loads nearly balance each other, and motions per work of the loads are large, by more than
+    their sum tells. No such bound is told as strict.
+
+    Args:
+        lower: The bound.
+        certificate: Of its stress.
+        power: What differences of bounds are measured by (:func:`bound.measure_of`).
+        mechanism: Its velocity.
+    """
+    mine = float(np.abs(mechanism.x.array).max(initial=0.0))
+    speed = mechanism.function_space.mesh.comm.allreduce(mine, MPI.MAX)
+    if not lower.strict or certificate.forces * speed <= ON_MECHANISM * power:
+        return lower
+    why = "what rounding leaves of its balance does work on the mechanism"
+    return replace(lower, of=Scope.MESH, why_not=(*lower.why_not, why))
+
+
+def _weakness(static: StaticProgram) -> tuple[Floats, Floats]:
+    """At least 1/γ of the weakest cell that each condition touches. Collective.
+
+    Inverse radii are added up where cells meet, which is more than the largest of them by a factor
+    of at most 2, and of 4 beside contact.
+
+    Returns:
+        Of the facets' unknowns that this rank owns, and of its cells.
+    """
+    strains, facets = static.strains, static.strains.facets
+    inverse = (1 / strains.radii).reshape(strains.num_cells, -1)[:, 0]
+    everywhere = static.program.comm.allreduce(float(inverse.max(initial=0)), MPI.MAX)
+    met = facets.add_up(np.repeat(inverse, facets.of_cells.shape[1]))
+    around = facets.gather(met).max(axis=1)
+    of_facets, of_cells = (np.where(sums > 0, sums, everywhere) for sums in (met, around))
+    return of_facets, of_cells

@@ -1,0 +1,228 @@
+"""The limit load as that of linear stresses in equilibrium: a lower bound of the body's."""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram, Stress
+from perfplast_fenicsx.limit_analysis.conic.discretisation import Discretisation
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import cones_of_cells
+from perfplast_fenicsx.limit_analysis.facets.facet_conditions import FacetConditions, FacetLoads
+from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
+from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.stress.condensed_stiffness import CondensedStiffness
+from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains
+from perfplast_fenicsx.problem.problem import Problem
+
+MISSING = 1e-2
+"""Share of the loads that, where it is left, no stress can carry; of a shear beside a free side it
+is a half."""
+
+MOST_REFINEMENTS = 10
+"""Of a flow: slender bodies move so far that some of their loads goes into the ridge of K."""
+
+REFINED = 0.9
+"""Share of what was left before a refinement, above which it has not helped."""
+
+
+@dataclass(frozen=True, eq=False)
+class StaticProgram:
+    """A conic program with what its unknowns mean.
+
+    Attributes:
+        program: Its velocities are the multipliers of the equilibrium of stresses.
+        strains: The same as the program's.
+        stiffness: The same as the program's.
+        areas: Area that a vertex of an owned facet stands for, shape (num_facets,).
+        volumes: Of the cells.
+        load: L before it was scaled, in the user's units.
+        dead: L₀, the same.
+        free: Loads of any factor, the same.
+        jumps: Whether an owned facet unknown is a jump of contact, shape (num_unknowns,).
+        slips: Whether it is a tangential one on a surface in contact.
+    """
+
+    program: ConicProgram
+    strains: MultiplierStrains
+    stiffness: CondensedStiffness
+    areas: Floats
+    volumes: Floats
+    load: Floats
+    dead: Floats
+    free: Floats
+    jumps: npt.NDArray[np.bool_]
+    slips: npt.NDArray[np.bool_]
+
+    def loads(self, load: float, aside: float) -> Floats:
+        """All loads, in the user's units.
+
+        Args:
+            load: λ.
+            aside: Factor of the loads of any factor.
+        """
+        return load * self.load + self.dead + aside * self.free
+
+    def loaded(self, load: float, aside: float) -> float:
+        """The sum of the magnitudes of all loads, each kind by itself, on this rank.
+
+        Args:
+            load: λ.
+            aside: Factor of the loads of any factor.
+        """
+        kinds = (load * self.load, self.dead, aside * self.free)
+        return float(sum(np.abs(kind).sum() for kind in kinds))
+
+    def can_carry(self) -> bool:
+        """Whether any stress is in equilibrium with the loads, pulling contact too. Collective.
+
+        In the plane tractions on both sides of a corner may leave the one cell there no stress. In
+        space the four parts of a cell carry all balanced linear tractions on its facets
+        (:mod:`stress_cells`), so that nothing has to be asked.
+
+        Asked after :func:`natural_units.choose_units`, whose factors are used.
+        """
+        if self.strains.gdim == 3:
+            return True
+        program = self.program
+        flow, left, more = (program.create_vector() for _ in range(3))
+        program.load.copy(left)
+        largest = PETSc.NormType.NORM_INFINITY
+        whole, missing = program.load.norm(largest), np.inf
+        for _ in range(MOST_REFINEMENTS):
+            program.stiffness.solve(left, more)
+            flow.axpy(1.0, more)
+            pressure, deviator = program.viscous_stress(flow)
+            program.internal_forces(pressure, deviator, left)
+            left.array[program.jumps] += program.springs * flow.array_r[program.jumps]
+            left.aypx(-1.0, program.load)
+            before, missing = missing, left.norm(largest) / whole
+            if missing <= MISSING or not missing < REFINED * before:
+                break
+        for vector in (flow, left, more):
+            vector.destroy()
+        return bool(missing <= MISSING)
+
+    def unbalanced(self, stress: Stress, load: float, aside: float) -> float:
+        """Largest force that nothing balances, relative to the strengths at its row. Collective.
+
+        Contact that pushes is balanced, and contact that pulls is not.
+
+        Args:
+            stress: In the user's units.
+            load: λ.
+            aside: Factor of the loads of any factor.
+        """
+        left = self.strains.create_vector()
+        self.strains.forces(*stress, left)
+        forces = left.array_r - self.loads(load, aside)
+        left.destroy()
+        on_jumps = np.append(self.jumps, np.zeros(len(forces) - len(self.jumps), dtype=bool))
+        forces = np.where(on_jumps, np.maximum(forces, 0.0), np.abs(forces))
+        mine = float((forces / self.forces_of_strengths()).max(initial=0.0))
+        return float(self.program.comm.allreduce(mine, MPI.MAX))
+
+    def forces_of_strengths(self) -> Floats:
+        """Force in each row of equilibrium that is as large as the strength of what it is of.
+
+        Yield radii of all cells at a facet count, the least one most, and none as more than the
+        program's unit; that of bodies in contact too. Where all of these are elastic it is the
+        least radius of all cells, as what judges the stress has it. Collective.
+        """
+        strains, tdim = self.strains, self.strains.gdim
+        inverse = (1 / strains.radii).reshape(strains.num_cells, -1).max(axis=1)
+        everywhere = self.program.comm.allreduce(float(inverse.max(initial=0.0)), MPI.MAX)
+        least = 1 / self.program.stress_unit
+        met = strains.facets.add_up(np.repeat(inverse[:, None], strains.layout.outer, axis=1))
+        around = strains.facets.gather(met).max(axis=1)
+        weakness, inside = (
+            np.where(sums > 0, np.maximum(sums, least), max(everywhere, least))
+            for sums in (met, np.where(inverse > 0, inverse, around))
+        )
+        on_facets = np.repeat(self.areas, tdim**2) / weakness
+        in_cells = self.volumes ** ((tdim - 1) / tdim) / inside
+        return np.concatenate([on_facets, np.repeat(in_cells, strains.layout.inner)])
+
+
+def static_program(
+    problem: Problem, conditions: FacetConditions, question: Question, reserve: float
+) -> StaticProgram:
+    """Put the program together. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        conditions: On facets.
+        question: Of which loads the factor is sought.
+        reserve: See :class:`ConicProgram`.
+
+    Raises:
+        InputError: If a body has a yield set that bounds do not know.
+    """
+    mesh, at = problem.tagged_mesh.mesh, conditions
+    tdim, on = mesh.topology.dim, conditions.numbers.facets
+    size = tdim**2
+    twins = np.full((len(at.held), tdim, tdim), -1)
+    twins[:, :, 0] = at.twins
+    facets = FacetVelocities(mesh, at.numbers, twins.ravel())
+    axes = np.where(at.held[:, :, None], 0.0, at.axes)[on]
+    strains = MultiplierStrains(facets, at.vertices, axes, cones_of_cells(problem))
+
+    num_owned = facets.count // size
+    everywhere = np.zeros((num_owned, tdim, tdim), dtype=bool)
+    jumps, slips, held = everywhere.copy(), everywhere.copy(), everywhere
+    jumps[at.hosts, :, 0] = True
+    slips[at.in_contact, :, 1:] = True
+    held[:] = at.held[:num_owned, None]
+    stiffness = CondensedStiffness(
+        strains,
+        np.flatnonzero(held).astype(np.int32),
+        np.flatnonzero(jumps).astype(np.int32),
+    )
+
+    slopes, volumes = gradients(at.vertices)
+    shares = np.linalg.norm(slopes, axis=2) * volumes[:, None]  # area / d
+    areas = np.zeros(len(at.held))
+    areas[on] = shares
+    layout = strains.layout
+    parts = layout.rows[:, 0, 0] - layout.outer
+
+    def vector(loads: FacetLoads) -> PETSc.Vec:
+        tractions = np.take_along_axis(loads.tractions[on], at.numbers.places[..., None], axis=2)
+        pushes = np.einsum("cfik,cfjk->cfji", axes, tractions) * shares[:, :, None, None]
+        load = strains.create_vector()
+        load.array[: facets.count] = facets.add_up(pushes.reshape(len(on), -1))
+        strains.inner(load.array)[:, parts] = (loads.forces * volumes[:, None] / len(parts))[
+            :, None
+        ]
+        return load
+
+    load, dead, free = question.loads(vector(at.live), vector(at.dead))
+    unscaled = [of.array_r.copy() for of in (load, dead, free)]
+    return StaticProgram(
+        program=ConicProgram(
+            Discretisation(
+                problem.comm,
+                strains,
+                stiffness,
+                load,
+                dead,
+                free,
+                np.flatnonzero(jumps).astype(np.int32),
+            ),
+            reserve,
+        ),
+        strains=strains,
+        stiffness=stiffness,
+        areas=areas[:num_owned],
+        volumes=volumes,
+        load=unscaled[0],
+        dead=unscaled[1],
+        free=unscaled[2],
+        jumps=jumps.ravel(),
+        slips=slips.ravel() & ~held.ravel(),
+    )

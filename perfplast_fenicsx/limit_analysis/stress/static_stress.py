@@ -1,0 +1,71 @@
+"""A lower bound of the body with the stress that proves it, or with none and the reason."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, Verdict
+from perfplast_fenicsx.limit_analysis.facets.facet_conditions import FacetConditions
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
+from perfplast_fenicsx.limit_analysis.stress.static_certificate import StaticCertificate
+
+
+@dataclass(frozen=True, eq=False)
+class StaticBound:
+    """A lower bound and the stress that proves it.
+
+    Attributes:
+        bound: The bound, and what it is one of.
+        verdict: Whether the best stress of the mesh was found.
+        reason: The same in words.
+        stress: σ at the bound, Mandel vectors in the user's units, linear between vertices. In the
+            plane of shape (num_owned_cells, 3, 4), vertices in the order of the mesh's geometry
+            (that of its topology); in space (num_owned_cells, 4, 4, 6), by part and vertex, where
+            part a is the one in which the barycentre replaces vertex a.
+        aside: Factor of the loads of any factor, where there are any.
+        contact_facets: Owned facets on which ``contact_pressure`` is given, one of each pair.
+        contact_pressure: Pressure at their vertices, by global number, shape (num_facets, d).
+        dissipation: (γ − αp)‖dev ε‖ of the multipliers, of each owned cell, with L = 1; where
+            bodies keep their volume the sum over all cells is the bound, but for the tolerance.
+            Where it is large, smaller cells would help.
+        certificate: What the stress leaves; None where there is none.
+        steps: What was done.
+        factorisations: Of a stiffness.
+    """
+
+    bound: Bound
+    verdict: Verdict
+    reason: str
+    stress: Floats
+    aside: float
+    contact_facets: Longs
+    contact_pressure: Floats
+    dissipation: Floats
+    certificate: StaticCertificate | None
+    steps: list[InteriorStep]
+    factorisations: int
+
+    def __repr__(self) -> str:
+        return f"StaticBound({self.bound!r}; {len(self.steps)} steps; {self.reason})"
+
+
+def no_stress(
+    conditions: FacetConditions, verdict: Verdict, reason: str, bound: Bound | None = None
+) -> StaticBound:
+    """The stress 0, and no bound unless one is given."""
+    count, _, tdim = conditions.vertices.shape
+    shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
+    return StaticBound(
+        bound=bound or Bound(None, "lower", Scope.MESH, (reason,)),
+        verdict=verdict,
+        reason=reason,
+        stress=np.zeros(shape),
+        aside=0.0,
+        contact_facets=np.zeros(0, dtype=np.int64),
+        contact_pressure=np.zeros((0, tdim)),
+        dissipation=np.zeros(count),
+        certificate=None,
+        steps=[],
+        factorisations=0,
+    )

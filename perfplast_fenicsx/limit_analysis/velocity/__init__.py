@@ -1,0 +1,1 @@
+"""Strict upper bounds: mechanisms of the body."""

@@ -1,0 +1,143 @@
+"""What cells dissipate at strain rates that are linear in them, from above.
+
+‖·‖ is convex, so that its integral is at most that of its linear interpolation on any subdivision
+of the cell (the composite vertex rule). A body that dilates dissipates (γ/α) tr ε, which is linear.
+"""
+
+from functools import lru_cache
+from itertools import permutations, product
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
+from perfplast_fenicsx.problem.problem import Problem
+
+SUBDIVISIONS = 8
+"""Parts of a cell's edge in the composite vertex rule."""
+
+
+def points_of_cells(problem: Problem) -> Ints:
+    """Points of the cells that this rank owns, shape (num_cells, num_points)."""
+    topology = problem.tagged_mesh.mesh.topology
+    points: Ints = problem.Q.dofmap.list[: topology.index_map(topology.dim).size_local]
+    return points
+
+
+def at_vertices(problem: Problem, values: Floats) -> Floats:
+    """Values at vertices of what is linear in each cell and given at the points.
+
+    Args:
+        problem: On whose points.
+        values: Shape (count, m).
+
+    Returns:
+        Shape (num_cells, d + 1, m), for the cells that this rank owns.
+    """
+    given = values[points_of_cells(problem)]
+    reference = interpolation_points(problem.S.element)
+    if problem.degree == 1:
+        return np.repeat(given, reference.shape[1] + 1, axis=1)
+    places = np.hstack([1 - reference.sum(axis=1, keepdims=True), reference])
+    found: Floats = np.einsum("vp,cpi->cvi", np.linalg.inv(places), given)
+    return found
+
+
+def missing_growth(
+    problem: Problem, strains: PointStrains, trace: Floats, deviator: Floats
+) -> Floats:
+    """What tr ε lacks of α‖dev ε‖ at the vertices, in bodies that dilate. Not collective.
+
+    Args:
+        problem: The bodies.
+        strains: On its points.
+        trace: Of a strain rate there, shape (count,).
+        deviator: The same, shape (count, m).
+
+    Returns:
+        Shape (num_cells, d + 1), for the cells that this rank owns.
+    """
+    slopes = strains.slopes[points_of_cells(problem)][:, :1]
+    rates = at_vertices(problem, np.column_stack([trace, deviator]))
+    needed = slopes * np.linalg.norm(rates[..., 1:], axis=2)
+    missing: Floats = np.where(slopes > 0, np.maximum(needed - rates[..., 0], 0.0), 0.0)
+    return missing
+
+
+def dissipation_of_cells(
+    problem: Problem,
+    strains: PointStrains,
+    trace: Floats,
+    deviator: Floats,
+    subdivisions: int = SUBDIVISIONS,
+) -> Floats:
+    """∫ γ‖dev ε‖ of each cell from above, and ∫ (γ/α) tr ε where it dilates. Not collective.
+
+    What rounding leaves of a volume change too small for its deviator counts as if it were none.
+
+    Args:
+        problem: The bodies.
+        strains: On its points.
+        trace: Of a strain rate there, linear in each cell; shape (count,).
+        deviator: The same, shape (count, m).
+        subdivisions: Parts of a cell's edge.
+
+    Returns:
+        Shape (num_cells,), for the cells that this rank owns.
+    """
+    points = points_of_cells(problem)
+    radii = np.where(np.isfinite(strains.radii), strains.radii, 0.0)
+    volumes = strains.weights[points].sum(axis=1)
+    scaled = at_vertices(problem, deviator * radii[:, None])
+    powers = work_of_cells(volumes, scaled, subdivisions)
+    slopes = strains.slopes[points][:, 0]
+    if (dilating := slopes > 0).any():
+        growth = at_vertices(problem, trace[:, None])[..., 0]
+        growth += missing_growth(problem, strains, trace, deviator)
+        linear = radii[points][:, 0] * volumes * growth.mean(axis=1)
+        powers[dilating] = linear[dilating] / slopes[dilating]
+    return powers
+
+
+def work_of_cells(volumes: Floats, vertex_values: Floats, subdivisions: int) -> Floats:
+    """∫ ‖s‖ of each cell from above, for s linear in it.
+
+    Args:
+        volumes: Shape (num_cells,).
+        vertex_values: s, shape (num_cells, d + 1, m).
+        subdivisions: Parts of a cell's edge.
+
+    Returns:
+        Shape (num_cells,).
+    """
+    points, shares = composite_vertex_rule(vertex_values.shape[1] - 1, subdivisions)
+    total: Floats = np.zeros(len(volumes))
+    for point, share in zip(points, shares, strict=True):
+        total += share * np.linalg.norm(np.einsum("v,cvi->ci", point, vertex_values), axis=1)
+    return total * volumes
+
+
+@lru_cache
+def composite_vertex_rule(tdim: int, n: int) -> tuple[Floats, Floats]:
+    """Points and shares of the vertex rule on n^tdim equal parts of a simplex.
+
+    The parts are those of Kuhn's division of cubes that lie in the simplex 1 ≥ x₁ ≥ x₂ ≥ ... ≥ 0.
+
+    Returns:
+        Barycentric coordinates, shape (num_points, tdim + 1); shares of the volume, which add up
+        to 1.
+    """
+    corners = []
+    for corner in product(range(n), repeat=tdim):
+        for axes in permutations(range(tdim)):
+            steps = np.zeros((tdim + 1, tdim), dtype=int)
+            for k, axis in enumerate(axes):
+                steps[k + 1 :, axis] += 1
+            simplex = np.array(corner) + steps
+            if (np.diff(simplex, axis=1) <= 0).all():
+                corners.append(simplex)
+    grid, inverse = np.unique(np.concatenate(corners), axis=0, return_inverse=True)
+    shares = np.bincount(inverse.ravel()) / inverse.size
+    ends = np.hstack([np.full((len(grid), 1), n), grid, np.zeros((len(grid), 1), dtype=int)])
+    return -np.diff(ends, axis=1) / n, shares

@@ -1,0 +1,50 @@
+"""What each cell has of the gap between a lower and an upper bound: where to refine.
+
+With an admissible mechanism of L(v) = 1 and a stress in equilibrium with λ⁻,
+
+    λ⁺ − λ⁻ = Σ_T η_T + W,   η_T = ∫_T D(ε(v)) − σ:ε(v) ≥ 0,
+
+where D is the dissipation, γ‖dev ε‖ or, of bodies that dilate, (γ/α) tr ε, and W ≥ 0
+is the work of contact pressures on gaps that open.
+"""
+
+import numpy as np
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
+    at_vertices,
+    dissipation_of_cells,
+    points_of_cells,
+)
+from perfplast_fenicsx.problem.problem import Problem
+
+
+def gap_shares(problem: Problem, mechanism: fem.Function, stress: Floats) -> Floats:
+    """Shares η_T of the cells that this rank owns, from above. Collective.
+
+    Args:
+        problem: The bodies and their loads, on straight cells.
+        mechanism: Admissible, with L(v) = 1, its ghosts up to date.
+        stress: Mandel vectors at the vertices of these cells, linear between them, shape
+            (num_cells, d + 1, 4 or 6).
+
+    Returns:
+        Shape (num_cells,).
+    """
+    strains = PointStrains(problem)
+    try:
+        trace, deviator = strains.of_function(mechanism)
+        most = dissipation_of_cells(problem, strains, trace, deviator)
+        growth = np.where(strains.slopes > 0, trace, 0.0) / strains.gdim  # others only round
+        deviator[:, : strains.gdim] += growth[:, None]
+        rates = at_vertices(problem, deviator)
+        volumes = strains.weights[points_of_cells(problem)].sum(axis=1)
+    finally:
+        strains.destroy()
+    count = rates.shape[1]
+    sums = np.einsum("ci,ci->c", stress.sum(axis=1), rates.sum(axis=1))
+    power = volumes * (np.einsum("cvi,cvi->c", stress, rates) + sums) / (count * (count + 1))
+    shares: Floats = most - power
+    return shares

@@ -1,0 +1,210 @@
+"""The plastic work of a mechanism from above, whatever its strain rates are between the points.
+
+In a straight cell the strain rate of a quadratic velocity is linear, and ‖·‖ is convex, so that its
+integral is at most that of its linear interpolation on any subdivision of the cell (the composite
+vertex rule). Where volume changes vanish at the points they vanish everywhere. Rates at which a
+body that dilates may flow, tr ε ≥ α‖dev ε‖, are a convex cone, so that they are such everywhere
+where they are at the vertices; they dissipate (γ/α) tr ε, which is linear. With contact that
+is not entered anywhere this is an upper bound of the limit load of the body that the mesh fills,
+and not just of the mesh. Strains of strong bodies that rest or move as rigid ones, which are
+rounding, count with their true strength; volume changes that are left count as work of the loads
+that is none, with mean stresses as large as tractions, so that 1e-12 of them is not taken for a
+bound where loads nearly balance each other.
+"""
+
+from mpi4py import MPI
+
+import numpy as np
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.facets.entering import entering_between_nodes
+from perfplast_fenicsx.limit_analysis.facets.facet_conditions import (
+    TWICE,
+    FacetLoads,
+    facet_conditions,
+)
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
+from perfplast_fenicsx.limit_analysis.statements.bound import TURNED, Bound, Scope, measure_of
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
+    check_friction_has_limits,
+    check_loads,
+)
+from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
+    SUBDIVISIONS,
+    at_vertices,
+    dissipation_of_cells,
+    missing_growth,
+    points_of_cells,
+)
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.problem.problem import Problem
+
+GROWS_TOO_LITTLE = (
+    "bodies that dilate do so by enough at the points of the mesh alone; control = 'bounds' looks"
+    " for a mechanism that does everywhere"
+)
+
+PROVABLE = 5e-10
+"""Work of the loads' own stress at what volume changes, relative to that of the loads, up to which
+a mechanism counts as a proof; half of what is left of it to whoever checks it cell by cell."""
+
+ASIDE = 1e-6
+"""Work of live loads on a mechanism of dead ones that counts as none, relative to the norms of
+both. It would count at load factors some million times as large as those that bodies bear."""
+
+AT_REST = 1e-5
+"""Strain rates, relative to velocities over the size of the bodies, that are next to none."""
+
+ADMISSIBLE = 1e-9
+"""Volume change in plastic bodies, or what it lacks in those that dilate, and strain in elastic
+ones that are rounding, beside ‖ε(v)‖."""
+
+MEAN_STRESSES = 10.0
+"""Stresses that nothing bounds, times the largest load: what volume changes and strains of elastic
+bodies that are left cost of the work. Beside pressures that nearly balance each other 1e-12 of
+strain is 1e-6 of the work."""
+
+ROUNDINGS = 32.0
+"""Roundings of a strain rate: there are that many products in the gradient of a quadratic."""
+
+
+def strict_upper_bound(
+    problem: Problem,
+    mechanism: fem.Function,
+    subdivisions: int = SUBDIVISIONS,
+    question: Question = Question.LIMIT,
+) -> Bound:
+    """What a mechanism dissipates, from above, less the work of dead loads, over L₁(v). Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        mechanism: A velocity that is admissible at the points, such as that of
+            :func:`discrete_limit.interior_point`; its ghosts up to date.
+        subdivisions: Parts of a cell's edge; the result falls with them, towards the true work.
+        question: Of which loads the factor is sought.
+
+    Returns:
+        The bound; without a value where the mechanism is not admissible at the points or does no
+        work, and of the mesh alone where the reasons say so.
+
+    Raises:
+        InputError: If ζ moves supports or obstacles, no load grows, or friction is Coulomb's.
+    """
+    check_friction_has_limits(problem)
+    check_loads(problem)
+    if problem.tagged_mesh.axisymmetric:
+        return Bound(None, "upper", Scope.MESH, (TURNED,))
+    strains, velocity = PointStrains(problem), mechanism.x.petsc_vec
+    try:
+        trace, deviator = strains.of_function(mechanism)
+        plastic = np.isfinite(strains.radii)
+        squares = np.einsum("ni,ni->n", deviator, deviator)
+        volume = trace**2 / strains.gdim
+        dilating = strains.slopes > 0
+        wrong = np.where(dilating, 0.0, volume) + np.where(plastic, 0.0, squares)
+        weights, comm = strains.weights, problem.comm
+        volumes = weights[points_of_cells(problem)].sum(axis=1)
+        short = missing_growth(problem, strains, trace, deviator)
+        lacking = volumes @ (short**2).mean(axis=1)
+        part, whole, lacking = comm.allreduce(
+            np.array([weights @ wrong, weights @ (volume + squares), lacking])
+        )
+        works = question.of(problem.loads.alpha(velocity), problem.loads.dead_work(velocity))
+        work, dead, aside = works
+        v = np.abs(mechanism.x.array.reshape(problem.fixed.shape))
+        largest = np.array([v[problem.fixed].max(initial=0), v.max(initial=0)])
+        comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+        held = largest[0] <= ADMISSIBLE * largest[1]
+        if not problem.loads.is_proportional():  # bodies may part as rigid ones, and strain by none
+            total = comm.allreduce(float(weights.sum()))
+            usual = largest[1] / total ** (1 / strains.gdim)
+            whole = max(whole, (AT_REST * usual) ** 2 * total)
+        ends = abs(aside) <= ASIDE * problem.loads.live.norm() * velocity.norm()
+        if not (held and ends and whole > 0 and part <= ADMISSIBLE**2 * whole and work > 0):
+            return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
+        if not lacking <= ADMISSIBLE**2 * whole:
+            return Bound(None, "upper", Scope.MESH, (GROWS_TOO_LITTLE,))
+        mine = dissipation_of_cells(problem, strains, trace, deviator, subdivisions).sum()
+        radii = np.where(plastic, strains.radii, 0.0)
+        steepness = np.divide(radii, strains.slopes, out=radii.copy(), where=dilating)
+        strengths = volumes * steepness[points_of_cells(problem)].min(axis=1)
+        added = _of_rounding(problem, mechanism, strengths).sum()
+        rates = np.sqrt(squares)
+        rest = rates <= ADMISSIBLE * np.sqrt(whole / comm.allreduce(float(weights.sum())))
+        at_rest = (weights * radii)[rest] @ rates[rest]
+        kept = np.where(dilating, 0.0, trace)
+        wrongly = np.column_stack([kept, np.where(plastic[:, None], 0.0, deviator)])
+        sizes = np.linalg.norm(at_vertices(problem, wrongly), axis=2) + short
+        sums = [mine + added, added + at_rest, volumes @ sizes.mean(axis=1), volumes.sum()]
+        dissipation, allowed, lost, volume, most = comm.allreduce(
+            np.array([*sums, volumes @ sizes.max(axis=1)])
+        )
+    finally:
+        strains.destroy()
+    conditions = facet_conditions(problem)
+    if problem.friction.count:
+        dissipation += _rubbed(problem, mechanism)
+    at_one, at_zero, _ = question.of(
+        *(_largest_load(problem, of, float(volume)) for of in (conditions.live, conditions.dead))
+    )
+    excess = dissipation - dead
+    stress = abs(excess / work) * at_one + at_zero
+    provable = most * stress <= PROVABLE * measure_of(dissipation, excess)
+    excess += MEAN_STRESSES * lost * at_zero
+    work -= np.copysign(MEAN_STRESSES * lost * at_one, excess)
+    if not work > 0:
+        return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
+    why_not = [] if provable else ["volume changes of the mechanism are more than rounding"]
+    if problem.friction.count:
+        why_not.append("friction is taken at the nodes alone")
+    if has_curved_cells(problem.tagged_mesh.mesh):
+        why_not.append("cells are curved")
+    why_not += entering_between_nodes(problem, mechanism)
+    unknown = conditions.prevents
+    if unknown is not None and unknown not in (TWICE, *why_not):
+        why_not.append(unknown)
+    of = Scope.MESH if why_not else Scope.BODY
+    share = float(allowed / dissipation) if dissipation > 0 else 0.0
+    return Bound(float(excess / work), "upper", of, tuple(why_not), share)
+
+
+def _largest_load(problem: Problem, loads: FacetLoads, volume: float) -> float:
+    """Largest traction, or body force over the size of the bodies. Collective."""
+    tractions = np.linalg.norm(loads.tractions, axis=2).max(initial=0.0)
+    forces = np.linalg.norm(loads.forces, axis=1).max(initial=0.0)
+    mine = float(tractions + forces * volume ** (1 / problem.bodies.gdim))
+    return float(problem.comm.allreduce(mine, MPI.MAX))
+
+
+def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -> Floats:
+    """What rounding can add to the plastic work of each cell, whoever computes it.
+
+    In a cell that moves and does not strain, differences of velocities are rounding; a body of
+    1e15 times the strength of others would dissipate as much by them as those do that flow.
+
+    Args:
+        problem: The bodies.
+        mechanism: Its ghosts up to date.
+        strengths: Dissipation of a strain rate of 1, of the cells that this rank owns.
+    """
+    V, tdim = problem.V, problem.tagged_mesh.mesh.topology.dim
+    vertices, points = corners(problem.tagged_mesh.mesh)
+    slopes, _ = gradients(points[vertices][..., :tdim])
+    values = mechanism.x.array.reshape(-1, tdim)[V.dofmap.list[: len(vertices)]]
+    fastest = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
+    steepest = np.linalg.norm(slopes, axis=2).max(axis=1, initial=0.0)
+    added: Floats = ROUNDINGS * np.finfo(np.float64).eps * strengths * fastest * steepest
+    return added
+
+
+def _rubbed(problem: Problem, mechanism: fem.Function) -> float:
+    """What friction dissipates at the nodes. Collective."""
+    y = problem.create_vector()
+    problem.basis.M.mult(mechanism.x.petsc_vec, y)
+    mine = problem.friction.energy(problem.friction.jumps(y))
+    y.destroy()
+    return float(problem.comm.allreduce(mine))

@@ -1,0 +1,1 @@
+"""What is assembled of what is said."""

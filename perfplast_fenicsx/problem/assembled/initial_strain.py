@@ -1,0 +1,102 @@
+"""Strain that bodies have without any stress: of temperature, or of stress that is there at first.
+
+With e₀ the law sees ε(u) − e₀. A change of temperature T has e₀ = aTδ with the coefficient of
+expansion a of the material, a stress σ₀ in the undeformed bodies e₀ = −C⁻¹σ₀.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.formulas import evaluate
+from perfplast_fenicsx.materials.law import Material
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, LawOnCells
+from perfplast_fenicsx.problem.assembled.spaces import Spaces
+from perfplast_fenicsx.problem.declared.initial import Initial, InitialStress, Temperature
+
+COMPONENTS = {4: "xx, yy, zz and xy", 6: "xx, yy, zz, yz, xz and xy"}
+"""Of an initial stress, by the number of Mandel components."""
+
+
+def initial_strain(
+    tagged_mesh: TaggedMesh,
+    spaces: Spaces,
+    materials: Mapping[str, Material],
+    laws: Sequence[LawOnCells],
+    given: Sequence[Initial],
+) -> fem.Function | None:
+    """e₀, Mandel vectors at the quadrature points; None where nothing is given. Collective.
+
+    Raises:
+        InputError: An unknown volume, a material without expansion, a wrong number of components,
+            or a value that is not finite.
+    """
+    if not given:
+        return None
+    S, comm = spaces.S, tagged_mesh.mesh.comm
+    width = S.dofmap.index_map_bs
+    stress, strain = fem.Function(S), fem.Function(S)
+    thermal: Floats = np.zeros((len(strain.x.array) // width, width))
+    before = np.zeros_like(thermal)
+    x = _points(spaces)
+    message = None
+    for one in given:
+        points = np.unique(S.dofmap.list[tagged_mesh.cells(one.on)])
+        try:
+            if isinstance(one, Temperature):
+                thermal[points, :3] += _expansion(materials, one, x, points)
+            else:
+                before[points] += _mandel(one, x, points, width)
+        except InputError as error:
+            message = message or str(error)
+    raise_together(comm, message)
+    stress.x.array[:] = before.ravel()
+    LawExpression(laws, S, lambda on: -on.law.elastic.compliance(stress)).interpolate(strain)
+    strain.x.array[:] += thermal.ravel()
+    return strain
+
+
+def _expansion(
+    materials: Mapping[str, Material], given: Temperature, x: Floats, points: Ints
+) -> Floats:
+    """A T at points, shape (num_points, 1)."""
+    expansion = float(getattr(materials.get(given.on), "expansion", 0.0))
+    if not expansion:
+        raise InputError(
+            f"the temperature of '{given.on}' changes, but its material has no expansion; give it"
+            " one, such as expansion = 1.2e-5."
+        )
+    change = evaluate(given.change, x[points], f"the temperature of '{given.on}'")
+    return expansion * change[:, None]
+
+
+def _mandel(given: InitialStress, x: Floats, points: Ints, width: int) -> Floats:
+    """σ₀ at points as Mandel vectors, shape (num_points, width)."""
+    if len(given.stress) != width:
+        raise InputError(
+            f"the initial stress of '{given.on}' has {len(given.stress)} components, where"
+            f" {COMPONENTS[width]} are needed; give these {width}."
+        )
+    place = f"the initial stress of '{given.on}'"
+    values = np.column_stack([evaluate(value, x[points], place) for value in given.stress])
+    values[:, 3:] *= math.sqrt(2)
+    return values
+
+
+def _points(spaces: Spaces) -> Floats:
+    """Coordinates of the points, shape (num_points, 3)."""
+    S = spaces.S
+    mesh, places = S.mesh, interpolation_points(S.element)
+    gdim, num_cells = mesh.geometry.dim, len(S.dofmap.list)
+    coordinates = fem.Expression(ufl.SpatialCoordinate(mesh), places)
+    values = coordinates.eval(mesh, np.arange(num_cells, dtype=np.int32))
+    x = np.zeros((S.dofmap.list.max(initial=-1) + 1, 3))
+    x[S.dofmap.list.ravel(), :gdim] = np.asarray(values).reshape(-1, gdim)
+    return x

@@ -1,0 +1,166 @@
+"""The laws of a problem, each on the cells of its bodies, and what is evaluated by all of them.
+
+Bodies whose materials name the same class of law are evaluated together.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+from typing import Any, TypeAlias
+
+import numpy as np
+import ufl
+from dolfinx import default_scalar_type, fem
+
+from perfplast_fenicsx.arrays import Ints
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.materials.law import Law, Material
+from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.assembled.spaces import Spaces, space_at_points
+
+
+@dataclass(frozen=True, eq=False)
+class LawOnCells:
+    """A law and where it holds.
+
+    Attributes:
+        law: Its parameters are functions of Q, which bodies of other laws have no values of.
+        old: Its history by name, functions of the points; those of other laws by the same names.
+        cells: Its cells of this rank, ghosts too, sorted.
+        dx: Integrates over its cells.
+    """
+
+    law: Law
+    old: Mapping[str, fem.Function]
+    cells: Ints
+    dx: Any
+
+
+OfLaw: TypeAlias = Callable[[LawOnCells], Expr]
+"""Tells an expression of each law."""
+
+
+def lay_out(
+    tagged_mesh: TaggedMesh, spaces: Spaces, materials: Mapping[str, Material]
+) -> tuple[LawOnCells, ...]:
+    """Put the bodies of each law together. Collective.
+
+    Args:
+        tagged_mesh: The bodies.
+        spaces: Theirs.
+        materials: Of each volume.
+
+    Raises:
+        InputError: If a volume is unknown or has no material, a material is none, or laws have
+            variables of different shapes by the same name in their history.
+    """
+    _check(tagged_mesh, materials)
+    topology = tagged_mesh.mesh.topology
+    index_map = topology.index_map(topology.dim)
+    every = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    bodies: dict[type, list[str]] = {}
+    for name in sorted(materials):
+        bodies.setdefault(materials[name].law, []).append(name)
+    cells = [
+        np.sort(np.concatenate([tagged_mesh.cells(name) for name in names])).astype(np.int32)
+        for names in bodies.values()
+    ]
+    dx = spaces.dx
+    if len(bodies) == 1:
+        cells, parts = [every], [dx]
+    else:
+        owned = [(i, some[some < index_map.size_local]) for i, some in enumerate(cells)]
+        parts = [dx(i, subdomain_data=owned) for i in range(len(bodies))]
+    numbers = _parameters(tagged_mesh, spaces, materials)
+    old: dict[str, fem.Function] = {}
+    found = []
+    for (law_class, names), some, part in zip(bodies.items(), cells, parts, strict=True):
+        law = law_class(**{key: numbers[key] for key in materials[names[0]].parameters()})
+        found.append(LawOnCells(law, _history(law, spaces, old), some, part))
+    return tuple(found)
+
+
+def _check(tagged_mesh: TaggedMesh, materials: Mapping[str, Material]) -> None:
+    for name, material in materials.items():
+        tagged_mesh.cells(name)
+        if not isinstance(material, Material):
+            raise InputError(
+                f"the material of volume '{name}' is {material!r}, which names no law and no"
+                " parameters; give for instance VonMises(young, poisson, yield_stress)."
+            )
+    missing = sorted(set(tagged_mesh.volumes) - set(materials))
+    if missing:
+        raise InputError(
+            f"volume '{missing[0]}' has no material; add one for it (this mesh has the volumes"
+            f" {', '.join(sorted(tagged_mesh.volumes))})."
+        )
+
+
+def _parameters(
+    tagged_mesh: TaggedMesh, spaces: Spaces, materials: Mapping[str, Material]
+) -> dict[str, fem.Function]:
+    """Each parameter as a function, shared by the laws that have one by that name."""
+    found: dict[str, fem.Function] = {}
+    for name in sorted(materials):
+        points = spaces.Q.dofmap.list[tagged_mesh.cells(name)].ravel()
+        for key, number in materials[name].parameters().items():
+            if key not in found:
+                found[key] = fem.Function(spaces.Q, name=key)
+            found[key].x.array[points] = number
+    return found
+
+
+def _history(law: Law, spaces: Spaces, known: dict[str, fem.Function]) -> dict[str, fem.Function]:
+    """The history of a law, zero; those that other laws have too are shared."""
+    mesh, (m,) = spaces.S.mesh, spaces.S.value_shape
+    shapes = law.history(m)
+    for name, shape in shapes.items():
+        if name not in known:
+            known[name] = fem.Function(space_at_points(mesh, spaces.degree, shape), name=name)
+        elif known[name].function_space.value_shape != shape:
+            raise InputError(
+                f"'{name}' of the history of {type(law).__name__} has shape {shape}, and that of"
+                f" another law {known[name].function_space.value_shape}; rename one of them."
+            )
+    return {name: known[name] for name in shapes}
+
+
+def integrate(laws: Iterable[LawOnCells], density: OfLaw) -> ufl.Form:
+    """∫ of what each law says, over all cells.
+
+    Args:
+        laws: Of a problem.
+        density: Of a law; a scalar, linear in test and trial functions if there are any.
+    """
+    return reduce(add, (_valid(density(on), on) * on.dx for on in laws))
+
+
+class LawExpression:
+    """What each law says at the points of its cells; compiled once."""
+
+    def __init__(self, laws: Sequence[LawOnCells], space: fem.FunctionSpace, value: OfLaw) -> None:
+        """Compile. Collective.
+
+        Args:
+            laws: Of a problem; some of them, if the others have no such value.
+            space: Of functions at the points (:func:`spaces.space_at_points`).
+            value: Of a law, of the shape of the space's functions.
+        """
+        points = interpolation_points(space.element)
+        self._parts = [(fem.Expression(_valid(value(on), on), points), on.cells) for on in laws]
+
+    def interpolate(self, function: fem.Function) -> None:
+        """Evaluate it into a function of the space, ghosts too, on the cells of the laws."""
+        for expression, cells in self._parts:
+            function.interpolate(expression, cells)
+
+
+def _valid(value: Expr, on: LawOnCells) -> Expr:
+    """The expression; 0 as a constant over the mesh, as UFL's own 0 has no mesh to live on."""
+    if not isinstance(value, ufl.constantvalue.Zero):
+        return value
+    zero = np.zeros(value.ufl_shape, dtype=default_scalar_type)
+    return fem.Constant(on.dx.ufl_domain(), zero)

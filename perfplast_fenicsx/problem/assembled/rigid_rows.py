@@ -1,0 +1,258 @@
+"""Rigid surfaces as rows B u = 0, as of ties: all their nodes follow two, or in space three.
+
+Of the nodes a, b, c that lead, which lie well apart, u_a, the components of u_b across a–b and, in
+space, that of u_c out of the plane a, b, c are unknowns, 3 or 6 in all. All else on the surface
+is linear in them:
+
+    u(x) = u_a + ω × (x − a)   with   ω = W (u_a, u_b, u_c)
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, turned
+from perfplast_fenicsx.problem.declared.supports import AXES
+
+FLAT = 1e-6
+"""Nodes that lie nearer to a point, or a line, relative to the surface, do not lead."""
+
+ALIKE = 1e-9
+"""Distances that differ by less, relative to the surface, are equal: place decides, not ranks."""
+
+
+@dataclass(frozen=True)
+class Leaders:
+    """The nodes of a rigid surface that all others follow.
+
+    Attributes:
+        number: Their global block dofs, shape (2,) or (3,).
+        x: Where they are, shape (2, 2) or (3, 3).
+        frame: Unit vectors along a–b, across it and, in space, out of their plane.
+    """
+
+    number: Longs
+    x: Floats
+    frame: Floats
+
+    def follow(self, x: Floats) -> Floats:
+        """Coefficients of points' displacements in those of the leaders.
+
+        Args:
+            x: Points, shape (n, gdim).
+
+        Returns:
+            Shape (n, gdim, leaders, gdim).
+        """
+        gdim = len(self.frame)
+        turns = self._turns()
+        arms = x - self.x[0]
+        axes = np.eye(2 * gdim - 3)
+        moved = np.stack([turned(axis, arms) for axis in axes], axis=-1)  # (n, gdim, turns)
+        found = np.einsum("nit,tlk->nilk", moved, turns)
+        found[:, :, 0] += np.eye(gdim)
+        return found
+
+    def _turns(self) -> Floats:
+        """W: the rotation from the leaders' displacements, shape (1 or 3, leaders, gdim)."""
+        along, across = self.frame[:2]
+        length = float(np.linalg.norm(self.x[1] - self.x[0]))
+        if len(self.frame) == 2:
+            turn = np.zeros((1, 2, 2))
+            turn[0, 1], turn[0, 0] = across / length, -across / length
+            return turn
+        out = self.frame[2]
+        arm = self.x[2] - self.x[0]
+        local = np.zeros((3, 3, 3))  # about along, across, out
+        local[2, 1] = across / length
+        local[1, 1] = -out / length
+        local[0, 2] = out
+        local[0] += (arm @ along) * local[1]
+        local[0] /= arm @ across
+        local[:, 0] = -local[:, 1:].sum(axis=1)
+        return np.einsum("ft,flk->tlk", self.frame, local)
+
+    def forces(self, force: Floats, moment: Floats, point: Floats) -> Floats:
+        """The smallest forces on the leaders with a resultant, shape (leaders, gdim).
+
+        Args:
+            force: Shape (gdim,).
+            moment: About the point, shape (1,) or (3,).
+            point: Shape (gdim,).
+        """
+        gdim = len(self.frame)
+        arms = self.x - point
+        turns = [turned(axis, arms).ravel() for axis in np.eye(2 * gdim - 3)]
+        shifts = [np.tile(axis, len(arms)) for axis in np.eye(gdim)]
+        wanted = np.concatenate([force, moment])
+        found = np.linalg.lstsq(np.array([*shifts, *turns]), wanted, rcond=None)[0]
+        return np.asarray(found.reshape(-1, gdim))
+
+
+def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> Leaders:
+    """The leaders of a surface, the same on any number of ranks. Collective.
+
+    Raises:
+        InputError: An unknown name, or a surface whose nodes lie in a point or a line.
+    """
+    nodes = surface_nodes_of(V, tagged_mesh, surface)
+    gdim, comm = V.mesh.geometry.dim, V.mesh.comm
+    x = V.tabulate_dof_coordinates()[nodes, :gdim]
+    number = V.dofmap.index_map.local_to_global(nodes)
+    count, total = comm.allreduce(len(x)), comm.allreduce(x.sum(axis=0))
+    if not count:
+        raise InputError(f"the rigid surface '{surface}' has no nodes; name another one.")
+    middle = total / count
+    size = comm.allreduce(float(np.linalg.norm(x - middle, axis=1).max(initial=0)), MPI.MAX)
+
+    def farthest(distance: Floats) -> tuple[float, int, Floats]:
+        return _farthest(comm, distance, number, x, ALIKE * size)
+
+    _, a, x_a = farthest(np.linalg.norm(x - middle, axis=1))
+    length, b, x_b = farthest(np.linalg.norm(x - x_a, axis=1))
+    chosen, places, height = [a, b], [x_a, x_b], length
+    along = (x_b - x_a) / max(length, FLAT * size, np.finfo(float).tiny)
+    if gdim == 2:
+        frame = [along, np.array([-along[1], along[0]])]
+    else:
+        arms = x - x_a
+        height, c, x_c = farthest(np.linalg.norm(arms - np.outer(arms @ along, along), axis=1))
+        across = x_c - x_a - ((x_c - x_a) @ along) * along
+        across /= max(height, FLAT * size, np.finfo(float).tiny)
+        chosen, places = [a, b, c], [x_a, x_b, x_c]
+        frame = [along, across, np.cross(along, across)]
+    if not (length > FLAT * size and height > FLAT * size):
+        kind = "a point" if gdim == 2 else "a line"
+        raise InputError(
+            f"the nodes of the rigid surface '{surface}' lie in {kind}, which cannot be turned;"
+            " name a larger surface."
+        )
+    return Leaders(np.array(chosen), np.array(places), np.array(frame))
+
+
+def surface_nodes_of(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> Ints:
+    """Local block dofs of the nodes that this rank owns. Collective."""
+    fdim = tagged_mesh.mesh.topology.dim - 1
+    nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(surface))
+    return np.asarray(nodes[nodes < V.dofmap.index_map.size_local])
+
+
+def rigid_rows(
+    V: fem.FunctionSpace,
+    tagged_mesh: TaggedMesh,
+    surfaces: Sequence[RigidSurface],
+    taken: npt.NDArray[np.bool_],
+) -> list[Constraints]:
+    """The rows of the surfaces that are free to move, and none of others. Collective.
+
+    Args:
+        V: Displacement space.
+        tagged_mesh: Mesh with names.
+        surfaces: The rigid ones.
+        taken: Components of local nodes that supports hold, or ties host, shape (num_nodes, gdim);
+            those of these surfaces are added.
+
+    Raises:
+        InputError: An unknown name, a surface without extent, or one that is held already.
+    """
+    gdim = V.mesh.geometry.dim
+    parts: list[Constraints] = []
+    for surface in surfaces:
+        if not surface.free:
+            if surface.held:
+                raise InputError(
+                    f"the rigid surface '{surface.on}' has held = '{surface.held}' beside a known"
+                    " motion; leave one of them out."
+                )
+            continue
+        if surface.components != AXES:
+            raise InputError(
+                f"the rigid surface '{surface.on}' has components = '{surface.components}', which"
+                " go with a known motion; give a displacement or rotation, or leave them out."
+            )
+        leaders = find_leaders(V, tagged_mesh, surface.on)
+        nodes = surface_nodes_of(V, tagged_mesh, surface.on)
+        known = surface.axes(gdim) if surface.held else []
+        free = [axis for axis in range(gdim) if axis not in known]
+        held = taken[nodes][:, free].any()
+        raise_together(
+            V.mesh.comm,
+            f"the rigid surface '{surface.on}' shares nodes with a support, a tie or another rigid"
+            " surface; part the surfaces, or let what is shared be of one of them."
+            if held
+            else None,
+        )
+        taken[fem.locate_dofs_topological(V, gdim - 1, tagged_mesh.facets(surface.on))] = True
+        if known:
+            parts.append(_rows_of_slide(V, leaders.number[0], nodes, free, len(parts)))
+        else:
+            parts.append(_rows(V, leaders, nodes, len(parts)))
+    return parts
+
+
+def _rows(V: fem.FunctionSpace, leaders: Leaders, nodes: Ints, number: int) -> Constraints:
+    """Of each node its components that follow, in the frame for leaders. Collective."""
+    gdim = V.mesh.geometry.dim
+    numbers = V.dofmap.index_map.local_to_global(nodes)
+    which = np.full(len(nodes), -1)
+    for place, leader in enumerate(leaders.number):
+        which[numbers == leader] = place
+    plain = np.flatnonzero(which < 0)
+    row = [np.repeat(plain, gdim)]
+    direction = [np.tile(np.eye(gdim), (len(plain), 1))]
+    for place in range(1, len(leaders.number)):
+        here = np.flatnonzero(which == place)
+        row.append(np.repeat(here, place))
+        direction.append(np.tile(leaders.frame[:place], (len(here), 1)))
+    of_node, along = np.concatenate(row), np.concatenate(direction)
+    x = V.tabulate_dof_coordinates()[nodes, :gdim]
+    led = np.einsum("ni,nilk->nlk", along, leaders.follow(x)[of_node])
+    every = np.arange(len(of_node))
+    terms = [(every, numbers[of_node], along)]
+    terms += [
+        (every, np.full(len(every), leader), -led[:, place])
+        for place, leader in enumerate(leaders.number)
+    ]
+    host = nodes[of_node].astype(np.int32)
+    surface = np.full(len(host), number, dtype=np.int32)
+    return make_constraints(V, host, np.zeros(len(host)), along, surface, terms)
+
+
+def _rows_of_slide(
+    V: fem.FunctionSpace, leader: np.int64, nodes: Ints, free: Sequence[int], number: int
+) -> Constraints:
+    """Of each node its components that are free: they are those of one leader. Collective."""
+    gdim = V.mesh.geometry.dim
+    numbers = V.dofmap.index_map.local_to_global(nodes)
+    others = np.flatnonzero(numbers != leader)
+    of_node = np.repeat(others, len(free))
+    along = np.tile(np.eye(gdim)[list(free)], (len(others), 1))
+    every = np.arange(len(of_node))
+    terms = [(every, numbers[of_node], along), (every, np.full(len(every), leader), -along)]
+    host = nodes[of_node].astype(np.int32)
+    surface = np.full(len(host), number, dtype=np.int32)
+    return make_constraints(V, host, np.zeros(len(host)), along, surface, terms)
+
+
+def _farthest(
+    comm: MPI.Intracomm, distance: Floats, number: Longs, x: Floats, alike: float
+) -> tuple[float, int, Floats]:
+    """The largest distance and its node; of equal ones the first in place. Collective."""
+    largest = comm.allreduce(float(distance.max(initial=0)), MPI.MAX)
+    near = np.flatnonzero(distance >= largest - alike)
+    order = np.lexsort(np.round(x[near] / max(alike, np.finfo(float).tiny)).T)
+    mine = [(tuple(x[i]), int(number[i])) for i in near[order[:1]]]
+    best = min(
+        (entry for each in comm.allgather(mine) for entry in each),
+        key=lambda entry: tuple(np.round(np.array(entry[0][::-1]) / max(alike, 1e-300))),
+    )
+    return largest, best[1], np.array(best[0])

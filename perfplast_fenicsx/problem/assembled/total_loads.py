@@ -1,0 +1,51 @@
+"""Tractions that are given as the whole force on a surface, as forces per area."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import ufl
+from dolfinx import default_scalar_type, fem
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.declared.loads import Load, Traction
+
+
+def per_area(tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> list[Load]:
+    """The loads, a total force divided by the area of its surface in the mesh. Collective.
+
+    So the force is that which was given, though facets have a little less area than a round
+    surface.
+
+    Raises:
+        InputError: If a total force is a formula, or its surface unknown.
+    """
+    found = list[Load]()
+    for load in loads:
+        if isinstance(load, Traction) and load.total:
+            if any(isinstance(number, str) for number in load.value):
+                raise InputError(
+                    f"the traction on '{load.on}' is a formula, and total = true is for numbers;"
+                    " leave one of them out."
+                )
+            area = area_of(tagged_mesh, load.on)
+            density = [float(number) / area for number in load.value]
+            load = replace(load, value=tuple(density), total=False)
+        found.append(load)
+    return found
+
+
+def area_of(tagged_mesh: TaggedMesh, surface: str) -> float:
+    """Area of a surface of the mesh: in plane strain its length, in axisymmetry of the full turn.
+
+    Collective.
+
+    Raises:
+        InputError: If there is no such surface.
+    """
+    mesh = tagged_mesh.mesh
+    tagged_mesh.facets(surface)  # says what there is
+    ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged_mesh.facet_tags)
+    one = fem.Constant(mesh, default_scalar_type(1.0))
+    form = one * tagged_mesh.kinematics.measure(ds)(tagged_mesh.surfaces[surface])
+    return float(mesh.comm.allreduce(fem.assemble_scalar(fem.form(form))))

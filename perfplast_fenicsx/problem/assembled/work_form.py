@@ -1,0 +1,83 @@
+"""L(v), the work of loads."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import ufl
+from dolfinx import default_scalar_type, fem
+
+from perfplast_fenicsx.arrays import Ints
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.formulas import evaluate
+from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.declared.loads import Formula, SpreadLoad, kind_of
+
+
+def work_form(tagged_mesh: TaggedMesh, loads: Sequence[SpreadLoad], v: ufl.Argument) -> ufl.Form:
+    """The linear form L(v) of some loads but forces on rigid surfaces, at least one. Collective.
+
+    Raises:
+        InputError: An unknown name, a value that is not finite, or a formula that is none.
+    """
+    mesh = tagged_mesh.mesh
+    kinematics = tagged_mesh.kinematics
+    ds, dx = (
+        kinematics.measure(ufl.Measure(kind, domain=mesh, subdomain_data=tags))
+        for kind, tags in (("ds", tagged_mesh.facet_tags), ("dx", tagged_mesh.cell_tags))
+    )
+    terms = []
+    for load in loads:
+        value = _value(tagged_mesh, load)
+        tag = (tagged_mesh.volumes if load.in_volume else tagged_mesh.surfaces)[load.on]
+        terms.append(load.work(value, v, tagged_mesh) * (dx if load.in_volume else ds)(tag))
+    return sum(terms[1:], start=terms[0])
+
+
+def _value(tagged_mesh: TaggedMesh, load: SpreadLoad) -> Expr:
+    """What a load is given by in UFL, a scalar or a vector of a number or formula a direction."""
+    mesh = tagged_mesh.mesh
+    in_volume, scalar = load.in_volume, load.scalar
+    entities = tagged_mesh.cells(load.on) if in_volume else tagged_mesh.facets(load.on)
+    values: list[Formula] = [load.value] if scalar else list(load.value)  # type: ignore[list-item, arg-type]
+    expected = 1 if scalar else mesh.geometry.dim
+    numbers = [value for value in values if not isinstance(value, str)]
+    if len(values) != expected or not np.isfinite(np.asarray(numbers, dtype=float)).all():
+        raise InputError(
+            f"the {_kind(load)} on '{load.on}' is {load.value}, where {expected} finite"
+            f" number{'s are' if expected > 1 else ' is'} needed; correct its value."
+        )
+    if len(numbers) == len(values):
+        constant = fem.Constant(mesh, np.asarray(values, dtype=default_scalar_type))
+        return constant[0] if scalar else constant
+    tdim = mesh.topology.dim
+    found = [_field(tagged_mesh, load, value, tdim - (not in_volume), entities) for value in values]
+    return found[0] if scalar else ufl.as_vector(found)
+
+
+def _field(
+    tagged_mesh: TaggedMesh, load: SpreadLoad, value: Formula, dim: int, entities: Ints
+) -> fem.Function | fem.Constant:
+    """A number, or a formula at the nodes of quadratic cells; 0 where the load does not act."""
+    mesh = tagged_mesh.mesh
+    if not isinstance(value, str):
+        return fem.Constant(mesh, default_scalar_type(value))
+    W = fem.functionspace(mesh, ("Lagrange", 2))
+    field, message = fem.Function(W), None
+    if dim == mesh.topology.dim:
+        nodes = np.unique(W.dofmap.list[entities])
+    else:
+        nodes = fem.locate_dofs_topological(W, dim, entities)
+    try:
+        x = W.tabulate_dof_coordinates()[nodes]
+        field.x.array[nodes] = evaluate(value, x, f"the {_kind(load)} on '{load.on}'")
+    except InputError as error:
+        message = str(error)
+    raise_together(mesh.comm, message)
+    return field
+
+
+def _kind(load: SpreadLoad) -> str:
+    """What messages call a load."""
+    kind = kind_of(load).replace("_", " ")
+    return f"{kind} '{load.name}'" if load.name else kind

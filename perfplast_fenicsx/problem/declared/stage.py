@@ -1,0 +1,119 @@
+"""Stages of a loading history, and whether they name what there is."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import Obstacle
+from perfplast_fenicsx.errors import InputError, check_magnitude, nearest
+from perfplast_fenicsx.problem.declared.initial import Initial, Temperature
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
+from perfplast_fenicsx.problem.declared.supports import Support
+
+MOST_STEPS = 1_000_000
+"""Of a stage. Times nearer to each other could not be told apart."""
+
+Mover = Support | RigidSurface | Obstacle | Contact
+"""What may move by a given way, such as the overlap of a contact."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of a loading history, in which factors change linearly with time.
+
+    Args:
+        factors: What multiplies loads, changes of temperature and given motions at the end of the
+            stage, by their names; where they have none by their ``on``. All start at zero, and what
+            a stage does not name keeps its factor. Constant loads and motions, and temperatures
+            that no stage names, act in full all the time.
+        steps: Levels of the stage, 1 to 1 000 000. Where directions of stress turn, more of them
+            make the result more accurate.
+        name: What results call it.
+
+    Raises:
+        InputError: If a number is out of its range.
+    """
+
+    factors: dict[str, float]
+    steps: int = 1
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        whole = isinstance(self.steps, int) and not isinstance(self.steps, bool)
+        if not (whole and 1 <= self.steps <= MOST_STEPS):
+            raise InputError(
+                f"steps = {self.steps!r} is no number of levels; give 1 to {MOST_STEPS}."
+            )
+        for name, factor in self.factors.items():
+            if not math.isfinite(factor):
+                raise InputError(
+                    f"the factor of '{name}' is {factor}, which is not finite; give a number."
+                )
+            check_magnitude(f"the factor of '{name}'", factor)
+
+
+def called(given: Load | Temperature | Mover) -> str:
+    """The name by which stages know something."""
+    return given.name or given.on
+
+
+def follows(mover: Mover) -> bool:
+    """Whether ζ, or a factor of stages, multiplies its motion."""
+    if isinstance(mover, Support | RigidSurface):
+        return mover.moves and not mover.constant
+    if isinstance(mover, Contact):
+        return not mover.constant
+    return any(mover.move)
+
+
+def check_stages(
+    stages: Sequence[Stage],
+    loads: Sequence[Load],
+    initial: Iterable[Initial],
+    movers: Sequence[Mover],
+) -> None:
+    """Make sure that factors and what they multiply belong together.
+
+    Args:
+        stages: One after the other.
+        loads: What acts.
+        initial: Temperatures among them.
+        movers: Supports, rigid surfaces, obstacles and contacts.
+
+    Raises:
+        InputError: If a stage names something else than loads and motions that are not constant,
+            and temperatures; if such a load or motion is in no stage; or if a name is of both.
+    """
+    loaded = {called(load) for load in loads if not load.constant}
+    warmed = {called(one) for one in initial if isinstance(one, Temperature)}
+    moved = {called(one) for one in movers if follows(one)}
+    names = loaded | warmed | moved
+    still = {called(a) for a in movers if isinstance(a, Support | RigidSurface) and a.moves}
+    still |= {called(a) for a in movers if isinstance(a, Contact) and a.interference}
+    constant = {called(load) for load in loads if load.constant} | still - names
+    named = [(number, name) for number, stage in enumerate(stages, 1) for name in stage.factors]
+    for number, name in named:
+        if name in constant:
+            raise InputError(
+                f"stage {number} has a factor for '{name}', which is constant; leave the factor"
+                " out, or give it constant = false."
+            )
+        if name not in names:
+            raise InputError(
+                f"stage {number} has a factor for '{name}', but there is no load, no change of"
+                f" temperature and no motion of this name; {nearest(name, names)}"
+            )
+        if name in moved & (loaded | warmed):
+            raise InputError(
+                f"stage {number} has a factor for '{name}', which is a load, or a temperature, as"
+                " well as a motion; give one of them another name."
+            )
+    missing = (loaded | moved) - {name for _, name in named}
+    for name in sorted(missing):
+        what, verb = ("load", "act") if name in loaded else ("motion of", "take place")
+        raise InputError(
+            f"the {what} '{name}' is in no stage, so that it would never {verb}; give it a factor,"
+            " which may be 0 where just its work or force is wanted, or constant = true."
+        )

@@ -1,0 +1,189 @@
+"""Strain and stress of a displacement, kept by DOLFINx Expressions, and integrals of them.
+
+All forms and Expressions are compiled once for a problem. Nothing here loops over cells.
+"""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import ufl
+from dolfinx import default_scalar_type, fem, la
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.problem.assembled.integrals import Integral, assemble_force
+from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, OfLaw, integrate
+from perfplast_fenicsx.problem.assembled.spaces import by_cell
+from perfplast_fenicsx.problem.fields.energy_norms import (
+    jagged_norm2,
+    stiffness_of_nodes,
+    strain_norm2,
+    stress_norm2,
+)
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.profiling import phase
+
+LEAST = 1e-4
+"""Share of the energy of the strain, were it elastic, that gaps behind plastic flow are told by."""
+
+
+class QuadratureFields:
+    """Strain and stress at u.
+
+    Attributes:
+        problem: Whose they are.
+        u: Displacement.
+        e: ε(u) − e₀, Mandel vectors at the quadrature points, as all strains and stresses.
+        stress: Σ(e).
+        force: Of :meth:`assemble_force`.
+        potential: Ψ(ε(u)).
+        conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩; that of the step behind a history.
+        stress_norm2: ‖σ‖² in the energy norm, ∫ σ:C⁻¹σ.
+        u_norm2: ‖u‖² in the energy norm, ∫ ε(u):Cε(u).
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Create fields that are zero, and compile what evaluates them. Collective."""
+        self.problem, laws, comm = problem, problem.laws, problem.comm
+        mesh, V, S, Q = problem.tagged_mesh.mesh, problem.V, problem.S, problem.Q
+        self.u = fem.Function(V, name="displacement")
+        self.e, self.stress = fem.Function(S), fem.Function(S)
+        e, s = self.e, self.stress
+
+        def integral(density: OfLaw) -> Integral:
+            return Integral(comm, integrate(laws, density))
+
+        initial = problem.initial_strain
+        seen = problem.kinematics.strain(self.u)
+        seen = seen if initial is None else seen - initial
+        self._strain = fem.Expression(seen, interpolation_points(S.element))
+        self._initial = (
+            None if initial is None else Integral(comm, ufl.dot(s, initial) * problem.dx)
+        )
+        self._stress = LawExpression(laws, S, lambda on: on.law.stress(e, on.old))
+        self.potential = integral(lambda on: on.law.potential(e, on.old))
+        self.conjugate = integral(lambda on: on.law.conjugate(s, on.old))
+        self.stress_norm2 = stress_norm2(problem, lambda on: s)
+        self.u_norm2 = strain_norm2(problem, e)
+        self._jagged_norm2 = jagged_norm2(problem, self.u)
+        self._left = (0.0, 0.0)
+        self._plastic_volume = integral(lambda on: on.law.plastic(e, on.old))
+        one = fem.Constant(mesh, default_scalar_type(1))
+        self._volume = Integral(comm, one * problem.dx)()
+        self._at_points = fem.Function(Q)
+        self._plastic = LawExpression(laws, Q, lambda on: on.law.plastic(e, on.old))
+        self._overstress = LawExpression(
+            laws, Q, lambda on: on.law.yields.gauge(on.law.elastic.hooke(e))
+        )
+        self._history = {name: self._updated(name) for name in problem.history}
+        self._force_form = fem.form(problem.internal_form(s))
+        self._owned_cells = mesh.topology.index_map(mesh.topology.dim).size_local
+        self.force: PETSc.Vec = problem.create_vector()
+        self._remembers = bool(problem.history)
+        strained = self._remembers or initial is not None
+        self._stiffness = stiffness_of_nodes(problem) if strained else 0.0
+
+    @phase("return map")
+    def update(self) -> None:
+        """Bring strain and stress to u. Its ghosts must be up to date."""
+        self.e.interpolate(self._strain, self.problem.cells)
+        self._stress.interpolate(self.stress)
+
+    def take_elastic_stress(self, before: tuple[Floats, Floats] | None = None) -> None:
+        """Let the stress be Ce until the next update. Collective.
+
+        Args:
+            before: Strain e' and stress σ' to start from, where bodies remember plastic flow; the
+                stress is then σ' + C(e − e').
+        """
+        strain, stress = before or (0.0, 0.0)
+        now = self.e.x.array.copy()
+        self.e.x.array[:] -= strain
+        hooke = LawExpression(
+            self.problem.laws, self.problem.S, lambda on: on.law.elastic.hooke(self.e)
+        )
+        hooke.interpolate(self.stress)
+        self.e.x.array[:] = now
+        self.stress.x.array[:] += stress
+
+    def updated_history(self) -> dict[str, fem.Function]:
+        """The internal variables by name after a level that ends here; {} for Hencky's laws.
+
+        Strain and stress must be up to date. The problem's history stays as it was before.
+        """
+        after = {}
+        for name, expression in self._history.items():
+            after[name] = fem.Function(self.problem.history[name].function_space, name=name)
+            expression.interpolate(after[name])
+        return after
+
+    def largest_overstress(self) -> float:
+        """Largest yield ratio of Ce, the stress without yielding, of all points. Collective."""
+        self._overstress.interpolate(self._at_points)
+        largest = float(self._at_points.x.array.max(initial=0))
+        return self.problem.comm.allreduce(largest, MPI.MAX)
+
+    def plastic_cells(self) -> int:
+        """Number of cells with a plastic point. Collective."""
+        self._plastic.interpolate(self._at_points)
+        plastic = (by_cell(self._at_points)[: self._owned_cells] > 0).any(axis=1)
+        return self.problem.comm.allreduce(int(plastic.sum()))
+
+    def plastic_fraction(self) -> float:
+        """Share of the volume that is plastic. Collective."""
+        return self._plastic_volume() / self._volume
+
+    def initial_work(self) -> float:
+        """⟨σ, e₀⟩. Collective."""
+        return 0.0 if self._initial is None else self._initial()
+
+    def size(self) -> float:
+        """|Ψ| + ½‖σ‖² (energy), which duality gaps are relative to. Collective.
+
+        Behind plastic flow stress is what is left of two strains, so that rounding errors of ψ + ψ*
+        are relative to more: at least to 1e-4 of the energy that the strain would have.
+        """
+        energy = abs(self.potential()) + self.stress_norm2() / 2
+        return max(energy, LEAST * self.u_norm2() / 2) if self._remembers else energy
+
+    def inner_force(self) -> float:
+        """Norm of the forces by which stress alone, without any load, pulls at nodes. Collective.
+
+        0 where stress comes of loads and supports, whose forces are known.
+        """
+        return (self._stiffness * self.size()) ** 0.5 if self._stiffness else 0.0
+
+    @phase("assembly")
+    def assemble_force(self) -> PETSc.Vec:
+        """⟨Σ(e), ε(v)⟩ as a vector, zero at supports. Collective."""
+        assemble_force(self.force, self._force_form, self.problem.bcs)
+        return self.force
+
+    @phase("assembly")
+    def assemble_all_forces(self) -> PETSc.Vec:
+        """⟨Σ(e), ε(v)⟩ as a vector, at supports too; ``force`` as well. Collective."""
+        assemble_force(self.force, self._force_form, [])
+        return self.force
+
+    def leave(self) -> None:
+        """Let rounding errors be relative to u as it is now, too: steps are what it changes by.
+
+        Where bodies are unloaded to nothing, all that is left are such errors. Collective.
+        """
+        self._left = (0.0, 0.0)
+        self._left = (self.jagged_norm2(), self.gross_force())
+
+    def jagged_norm2(self) -> float:
+        """What rounding errors of ``u_norm2`` are relative to (:mod:`energy_norms`). Collective."""
+        return max(self._jagged_norm2(), self._left[0])
+
+    def gross_force(self) -> float:
+        """Norm (force) that rounding errors of all nodal forces are relative to. Collective."""
+        size = float(la.norm(self.u.x))  # PETSc would tell that of an earlier u
+        return max(self._jagged_norm2() / size if size > 0 else 0.0, self._left[1])
+
+    def _updated(self, name: str) -> LawExpression:
+        """What a variable of the history becomes."""
+        space, e = self.problem.history[name].function_space, self.e
+        laws = [on for on in self.problem.laws if name in on.old]
+        return LawExpression(laws, space, lambda on: on.law.updated(e, on.old)[name])

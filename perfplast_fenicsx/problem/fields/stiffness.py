@@ -1,0 +1,104 @@
+"""The tangent stiffness as a matrix in blocks, with room for what contact adds in its basis."""
+
+from petsc4py import PETSc
+
+import numpy as np
+from dolfinx.fem import petsc as fem_petsc
+
+from perfplast_fenicsx.contact.rows.sparse_rows import entries_of, matrix_of_entries
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.fields.tangent_form import TangentForm
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.profiling import phase
+
+
+class Stiffness:
+    """Σ^{o,ρ}(ε(u)) of some fields.
+
+    Attributes:
+        matrix: K in nodal unknowns, in blocks, which are assembled twice as fast as single entries;
+            zero before it is assembled.
+    """
+
+    def __init__(self, fields: QuadratureFields) -> None:
+        """Compile the form, and find the pattern. Collective."""
+        problem = fields.problem
+        self._problem = problem
+        self._tangent = TangentForm(fields, problem.V)
+        self._fixed = problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
+        self.matrix = create_stiffness(problem)
+
+    @phase("assembly")
+    def assemble(self, rho: float) -> PETSc.Mat:
+        """Bring the matrix to the strains, with this ρ.
+
+        Supported unknowns keep a diagonal of its mean, and free motions get springs. Collective.
+        """
+        self._tangent.update(rho)
+        self.matrix.zeroEntries()
+        fem_petsc.assemble_matrix(self.matrix, self._tangent.form, self._problem.bcs)  # type: ignore[arg-type]
+        self.matrix.assemble()
+        self._scale_supports()
+        self._problem.free.hold(self.matrix)
+        return self.matrix
+
+    def _scale_supports(self) -> None:
+        """Give supported unknowns the weight of the others, lest Krylov solvers overlook them."""
+        diagonal = self.matrix.getDiagonal()
+        values = diagonal.array
+        sums = np.array([values[~self._fixed].sum(), (~self._fixed).sum()])
+        total = self._problem.comm.allreduce(sums)
+        values[self._fixed] = total[0] / max(total[1], 1)
+        self.matrix.setDiagonal(diagonal)
+        diagonal.destroy()
+
+
+def create_stiffness(problem: Problem) -> PETSc.Mat:
+    """A matrix of zeros in blocks that has room for K and for A = TᵀKT. Collective."""
+    V, T = problem.V, problem.basis.T
+    topology = V.mesh.topology
+    index_map, bs = V.dofmap.index_map, V.dofmap.index_map_bs
+    known = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    numbers = index_map.local_to_global(known)
+    cells = numbers[V.dofmap.list[: topology.index_map(topology.dim).size_local]]
+    owned = topology.index_map(topology.dim)
+    nodes = (index_map.size_local, index_map.size_global)
+    of_cells = (np.repeat(np.arange(len(cells)), cells.shape[1]), cells.ravel())
+    rows = (owned.size_local, owned.size_global)
+    C = matrix_of_entries(T.comm, rows, nodes, [(*of_cells, np.ones(cells.size))])
+    K_nodes = C.transposeMatMult(C)
+    row, column, value = entries_of(T)
+    of_nodes = (row // bs, column // bs, np.ones(len(value)))
+    T_nodes = _closed(matrix_of_entries(T.comm, nodes, nodes, [of_nodes]))
+    both = K_nodes.PtAP(T_nodes)
+    both.axpy(1.0, K_nodes)
+    pointer, columns, _ = both.getValuesCSR()
+    for matrix in (C, K_nodes, T_nodes, both):
+        matrix.destroy()
+
+    K = PETSc.Mat().create(T.comm)
+    K.setSizes(T.getSizes())
+    K.setType("baij")
+    K.setBlockSize(bs)
+    K.setPreallocationCSR((pointer, columns))
+    to_global = PETSc.LGMap().create(numbers.astype(PETSc.IntType), bsize=bs, comm=T.comm)
+    K.setLGMap(to_global)
+    to_global.destroy()
+    return K
+
+
+def _closed(T: PETSc.Mat) -> PETSc.Mat:
+    """Nodes that follow others by any number of steps, of nodes that follow others by one.
+
+    Single unknowns need one step, but a node's other component may follow further nodes: where a
+    rigid surface is in contact, say. Collective; the given matrix is destroyed.
+    """
+    closed = T.copy()
+    while True:
+        before = closed.getInfo()["nz_used"]
+        further = T.matMult(closed)
+        closed.axpy(1.0, further)
+        further.destroy()
+        if closed.getInfo()["nz_used"] <= before:
+            T.destroy()
+            return closed

@@ -1,0 +1,51 @@
+"""The tangent as a bilinear form, on the displacements or on others of the same cells."""
+
+from typing import Any
+
+import ufl
+from dolfinx import default_scalar_type, fem
+
+from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, LawOnCells
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.problem import Problem
+
+
+class TangentForm:
+    """⟨Σ^{o,ρ}(ε(u)) ε(·), ε(·)⟩ of some fields.
+
+    Attributes:
+        form: Compiled.
+    """
+
+    def __init__(self, fields: QuadratureFields, space: fem.FunctionSpace) -> None:
+        """Compile. Collective.
+
+        Args:
+            fields: Whose strain the tangent is taken at.
+            space: Of trial and test functions.
+        """
+        self._problem: Problem = fields.problem
+        self._rho = fem.Constant(self._problem.tagged_mesh.mesh, default_scalar_type(1))
+        self._stored: list[tuple[fem.Function, LawExpression]] = []
+        strain = self._problem.kinematics.strain
+        trial, test = (strain(f(space)) for f in (ufl.TrialFunction, ufl.TestFunction))
+        terms = [
+            ufl.dot(on.law.tangent(self._store(on, fields.e), trial), test) * on.dx
+            for on in self._problem.laws
+        ]
+        self.form: Any = fem.form(sum(terms[1:], start=terms[0]))
+
+    def update(self, rho: float) -> None:
+        """Bring the form to the strains, with this ρ."""
+        self._rho.value = rho
+        for function, expression in self._stored:
+            expression.interpolate(function)
+
+    def _store(self, on: LawOnCells, e: fem.Function) -> dict[str, fem.Function]:
+        """Functions for what a law's tangent needs, of the shapes that the law gives it."""
+        problem, stored = self._problem, {}
+        for name, value in on.law.tangent_fields(e, on.old, self._rho).items():
+            space = problem.space_at_points(value.ufl_shape)
+            stored[name] = fem.Function(space, name=name)
+            self._stored.append((stored[name], LawExpression([on], space, {on: value}.__getitem__)))
+        return stored

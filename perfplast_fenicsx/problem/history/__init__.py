@@ -1,0 +1,1 @@
+"""Histories of loads and motions."""

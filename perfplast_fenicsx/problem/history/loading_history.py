@@ -1,0 +1,150 @@
+"""A loading history on a problem: what its stages make of loads, motions and e₀ at a time.
+
+ζ is the time: it grows by 1 in each stage. In the stage from ζ = k on, factors f_i go from a_i to
+b_i, and with the loads ℓ_i of factor 1, and L_c of constant ones,
+
+    L₀ + ζL₁ = L_c + Σ (a_i + (ζ − k)(b_i − a_i)) ℓ_i,    L₁ = Σ (b_i − a_i) ℓ_i,
+
+so that a level is one of (P)_ζ like any other. So are u_D and the gaps
+of what moves. α = L₁(u) is the work of what the stage changes.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
+from perfplast_fenicsx.problem.assembled.initial_strain import initial_strain
+from perfplast_fenicsx.problem.assembled.load_case import LoadCase
+from perfplast_fenicsx.problem.assembled.spaces import Spaces
+from perfplast_fenicsx.problem.declared.initial import Initial, Temperature
+from perfplast_fenicsx.problem.declared.stage import Stage, called, check_stages
+from perfplast_fenicsx.problem.history.staged_motion import in_stage, named_motions
+from perfplast_fenicsx.problem.problem import Problem
+
+ROUNDING = 1e-9
+"""A time so near to the end of a stage is its end."""
+
+
+class LoadingHistory:
+    """Takes a problem through stages; the problem's loads, motion and e₀ are then its own.
+
+    Attributes:
+        problem: What is loaded.
+        stages: One after the other.
+    """
+
+    def __init__(self, problem: Problem, stages: Sequence[Stage]) -> None:
+        """Make the vector and the initial strain of each name. Collective.
+
+        Raises:
+            InputError: If the stages do not fit loads and motions.
+        """
+        given = problem.given
+        movers = [*given.holding, *given.obstacles, *given.contacts]
+        check_stages(stages, given.loads, given.initial, movers)
+        self.problem, self.stages = problem, tuple(stages)
+        problem.in_stages = True
+        names = dict.fromkeys(name for stage in stages for name in stage.factors)
+        self._vectors: dict[str, PETSc.Vec] = {}
+        self._strains: dict[str, Floats] = {}
+        self._cases: dict[int, LoadCase] = {}
+        self._at_rest = problem.motion
+        self._motions = named_motions(problem)
+        for name in names:
+            loads = [load for load in given.loads if called(load) == name]
+            if loads:
+                self._vectors[name] = work_vector(problem.V, problem.tagged_mesh, loads)
+            warmed = [a for a in given.initial if isinstance(a, Temperature) and called(a) == name]
+            if warmed:
+                self._strains[name] = self._strain(warmed)
+        constant = [load for load in given.loads if load.constant]
+        self._constant = work_vector(problem.V, problem.tagged_mesh, constant)
+        rest = [a for a in given.initial if isinstance(a, Temperature) and called(a) in names]
+        others = [one for one in given.initial if one not in rest]
+        self._first_strain = self._strain(others) if others else None
+
+    def times(self) -> Iterator[float]:
+        """Of all levels, but for the one at rest."""
+        for k, stage in enumerate(self.stages):
+            for step in range(1, stage.steps + 1):
+                yield k + step / stage.steps
+
+    def rests_first(self) -> bool:
+        """Whether something loads the bodies before the first stage. Collective."""
+        problem = self.problem
+        strained = self._first_strain is not None
+        settled = bool(self._at_rest.displacement[0].any())
+        moved = problem.comm.allreduce(settled, MPI.LOR) or problem.interferes or strained
+        return moved or float(self._constant.norm()) > 0
+
+    def number(self, time: float) -> int:
+        """Of the stage that a time is in, from 0; its end is in it."""
+        return min(max(math.ceil(time - ROUNDING) - 1, 0), len(self.stages) - 1)
+
+    def label(self, time: float) -> str:
+        """What results call the stage of a time; nothing at rest."""
+        k = self.number(time)
+        return (self.stages[k].name or f"stage {k + 1}") if time > 0 else ""
+
+    def factors(self, time: float) -> dict[str, float]:
+        """At a time, by name."""
+        k = self.number(time)
+        before, after = self._at_end(k - 1), self._at_end(k)
+        share = time - k
+        return {name: (1 - share) * before[name] + share * after[name] for name in after}
+
+    def works(self, u: PETSc.Vec) -> dict[str, float]:
+        """ℓ_i(u) of each load by name. Collective."""
+        return {name: float(vector.dot(u)) for name, vector in self._vectors.items()}
+
+    def go_to(self, time: float) -> None:
+        """Give the problem loads and motion of the stage, and e₀ of the time. Collective."""
+        problem, k = self.problem, self.number(time)
+        if k not in self._cases:
+            self._cases[k] = self._case(k)
+        problem.loads = self._cases[k]
+        if self._motions:
+            problem.motion = in_stage(self._at_rest, self._motions, *self._lines(k))
+        e0 = problem.initial_strain
+        if e0 is not None:
+            now = self.factors(time)
+            e0.x.array[:] = 0.0 if self._first_strain is None else self._first_strain
+            for name, strain in self._strains.items():
+                e0.x.array[:] += now[name] * strain
+
+    def _case(self, k: int) -> LoadCase:
+        """The loads of a stage. Collective."""
+        first, rate = self._lines(k)
+        dead, live = self._constant.copy(), self.problem.create_vector()
+        for name, vector in self._vectors.items():
+            dead.axpy(first[name], vector)
+            live.axpy(rate[name], vector)
+        return LoadCase.of(dead, live, self.problem.bcs)
+
+    def _lines(self, k: int) -> tuple[dict[str, float], dict[str, float]]:
+        """Factors in a stage, by name: what they would be at ζ = 0, and their growth with ζ."""
+        before, after = self._at_end(k - 1), self._at_end(k)
+        rate = {name: after[name] - before[name] for name in after}
+        return {name: before[name] - k * rate[name] for name in after}, rate
+
+    def _at_end(self, k: int) -> Mapping[str, float]:
+        """Factors at the end of a stage; zero before the first one."""
+        factors = dict.fromkeys((name for a in self.stages for name in a.factors), 0.0)
+        for stage in self.stages[: k + 1]:
+            factors |= stage.factors
+        return factors
+
+    def _strain(self, given: Sequence[Initial]) -> Floats:
+        """The initial strain of some of them at the points."""
+        problem = self.problem
+        spaces = Spaces(problem.degree, problem.V, problem.S, problem.Q, problem.dx)
+        materials = problem.given.materials
+        strain = initial_strain(problem.tagged_mesh, spaces, materials, problem.laws, given)
+        assert strain is not None
+        return np.array(strain.x.array)

@@ -1,0 +1,1 @@
+"""States, resultants and what judges them."""

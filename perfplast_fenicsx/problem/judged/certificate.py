@@ -1,0 +1,199 @@
+"""How good is a state? Duality gap, equilibrium, penetration, contact forces, complementarity."""
+
+import math
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.rows.friction import norms
+from perfplast_fenicsx.problem.assembled.integrals import assemble_force
+from perfplast_fenicsx.problem.fields.energy_norms import RIGID
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.judged.resultants import Resultants, resultants
+from perfplast_fenicsx.problem.problem import Problem
+
+ROUNDING = 1e-13
+"""Slip below this share of the largest displacement is none."""
+
+LEAST_PUSH = 1e-6
+"""Surfaces that push and rub by less than this share of the forces that stress leaves at nodes are
+judged as if they did by so much: what rounding leaves to them decides nothing."""
+
+SMALLEST = 1e-300
+"""What nothing is divided by less of."""
+
+
+@dataclass(frozen=True)
+class Rubbed:
+    """What friction does at a state.
+
+    Attributes:
+        forces: μ of the places hosted by this rank, shape (num_places, gdim − 1).
+        jumps: The slip there (length), same shape.
+        energy: Σ c‖slip‖, which it has dissipated.
+        excess: Largest ‖μ‖ − c, relative to the largest c; 0 where none is larger.
+        unbalanced: The same relative to the largest force of contact or friction, or to
+            ``LEAST_PUSH`` of those that stress leaves at nodes.
+        slipping: Places that slip.
+    """
+
+    forces: Floats
+    jumps: Floats
+    energy: float
+    excess: float
+    unbalanced: float
+    slipping: int
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """The optimality conditions of (P)_ζ at a state; see :class:`report.LevelReport` for meanings.
+
+    ``forces`` are the contact forces of the pairs hosted by this rank, shape (num_pairs,), positive
+    where the bodies push each other.
+    """
+
+    forces: Floats
+    max_penetration: float
+    smallest_contact_force: float
+    complementarity: float
+    equilibrium: float
+    duality_gap: float
+    friction: Rubbed
+    resultants: Resultants
+
+
+def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certificate:
+    """Judge the state that ``fields`` is at. Collective.
+
+    The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap + Σ μ·s₀ − ⟨reactions, u_D⟩, and inf J_ζ
+    is minus that at the solution, so the sum of both is the duality gap. It vanishes for the
+    solution alone, and is told relative to |Ψ| + ½‖σ‖². Gaps are those of the basis, which what u_D
+    closes is taken from.
+    """
+    comm, basis = problem.comm, problem.basis
+    internal = fields.assemble_all_forces()
+    residual = internal.copy()
+    fem_petsc.set_bc(residual, problem.bcs)
+    problem.loads.subtract_from(residual, zeta)
+    r = residual.duplicate()
+    basis.T.multTranspose(residual, r)
+    y = r.duplicate()
+    basis.M.mult(fields.u.x.petsc_vec, y)
+
+    forces = -r.array_r[basis.index]
+    room = basis.gap - y.array_r[basis.index]
+    slack = comm.allreduce(float(np.dot(forces, room)))
+    resisted = comm.allreduce(float(np.dot(forces, basis.gap)))
+    energy = fields.potential() - problem.loads.work(fields.u.x.petsc_vec, zeta)
+    rubbed = _rubbed(problem, y, r, forces, LEAST_PUSH * float(internal.norm()))
+    energy += rubbed.energy
+    moved = _moved(problem, internal)
+    resisted += comm.allreduce(float(np.sum(rubbed.forces * problem.friction.origin)))
+    dual = fields.conjugate() + fields.initial_work() + resisted - moved.work
+    least = RIGID**2 * fields.jagged_norm2()
+    size = fields.size()
+    scale = max(size + rubbed.energy, least, SMALLEST)
+    free = r.copy()
+    free.array[basis.index] = 0
+    free.array[basis.sliding] = 0
+    least_force = RIGID * fields.gross_force() if size <= least else fields.inner_force()
+    pushing = math.sqrt(comm.allreduce(float(forces @ forces)))
+    norm = max(problem.loads.norm(zeta), moved.norm, pushing, least_force, SMALLEST)
+    certificate = Certificate(
+        forces,
+        max_penetration=comm.allreduce(max(0.0, float((-room).max(initial=0))), MPI.MAX),
+        smallest_contact_force=_smallest(comm, forces),
+        complementarity=slack / scale,
+        equilibrium=free.norm(PETSc.NormType.NORM_2) / norm,
+        duality_gap=(energy + dual) / scale,
+        friction=rubbed,
+        resultants=resultants(problem, internal, forces, rubbed.forces, zeta, least_force),
+    )
+    for vector in (residual, r, y, free):
+        vector.destroy()
+    return certificate
+
+
+def contact_forces(problem: Problem, stress: fem.Function, zeta: float) -> Floats:
+    """Contact forces that balance a stress and the loads, as a certificate has them. Collective.
+
+    Returns:
+        Shape (num_pairs,), those of the pairs hosted by this rank.
+    """
+    r = _left(problem, stress, zeta)
+    forces = -r.array_r[problem.basis.index]
+    r.destroy()
+    return forces
+
+
+def friction_forces(problem: Problem, stress: fem.Function, zeta: float) -> Floats:
+    """The same of friction, shape (num_places, gdim − 1). Collective."""
+    r = _left(problem, stress, zeta)
+    forces = -problem.friction.jumps(r)
+    r.destroy()
+    return forces
+
+
+def _left(problem: Problem, stress: fem.Function, zeta: float) -> PETSc.Vec:
+    """What stress and loads leave to contact, in the jump basis. Collective."""
+    residual, r = problem.create_vector(), problem.create_vector()
+    assemble_force(residual, fem.form(problem.internal_form(stress)), problem.bcs)
+    problem.loads.subtract_from(residual, zeta)
+    problem.basis.T.multTranspose(residual, r)
+    residual.destroy()
+    return r
+
+
+def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats, least: float) -> Rubbed:
+    """Friction at y, with the forces that the gradient r leaves to it. Collective.
+
+    Args:
+        problem: Whose friction is meant.
+        y: Displacement in the jump basis.
+        r: Gradient there.
+        pushes: Contact forces, shape (num_pairs,).
+        least: Force that counts as one.
+    """
+    friction, comm = problem.friction, problem.comm
+    jumps, forces = friction.slip(y), -friction.jumps(r)
+    if not friction.count:
+        return Rubbed(forces, jumps, 0.0, 0.0, 0.0, 0)
+    sizes = norms(jumps)
+    slips = sizes > ROUNDING * y.norm(PETSc.NormType.NORM_INFINITY)
+    energy = comm.allreduce(friction.energy(np.where(slips[:, None], jumps, 0.0)))
+    excess = float((norms(forces) - friction.bound).max(initial=0))
+    finite = friction.bound[np.isfinite(friction.bound)]
+    largest = max(norms(forces).max(initial=0), np.abs(pushes).max(initial=0), least)
+    most = np.array([excess, finite.max(initial=0), largest])
+    comm.Allreduce(MPI.IN_PLACE, most, MPI.MAX)
+    relative, of_all = (float(most[0] / size) if size > 0 else 0.0 for size in most[1:])
+    return Rubbed(forces, jumps, energy, relative, of_all, comm.allreduce(int(slips.sum())))
+
+
+@dataclass(frozen=True)
+class _Moved:
+    """What is moved does: work of supports on u_D, and the norm of all nodal forces."""
+
+    work: float
+    norm: float
+
+
+def _moved(problem: Problem, internal: PETSc.Vec) -> _Moved:
+    """⟨σ, ε(ũ_D)⟩ with ũ_D zero at all other unknowns, and so no work of loads. Collective."""
+    if not (problem.motion.moves_supports or problem.motion.driven):
+        return _Moved(0.0, 0.0)
+    u = problem.prescribed.ravel()[: internal.getLocalSize()]
+    return _Moved(problem.comm.allreduce(float(internal.array_r @ u)), float(internal.norm()))
+
+
+def _smallest(comm: MPI.Intracomm, forces: Floats) -> float:
+    """Of all ranks, 0 where there is none. Collective."""
+    smallest = comm.allreduce(float(forces.min(initial=np.inf)), MPI.MIN)
+    return smallest if np.isfinite(smallest) else 0.0

@@ -1,0 +1,162 @@
+"""Forces on the bodies as resultants: of the loads, each support, obstacle and contact.
+
+They balance: internal forces do no work on rigid motions, so that the sum of all resultants is what
+the residual at unknowns without supports adds up to, and so for moments.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+from dolfinx.fem import petsc as fem_petsc
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.problem.assembled.given_motion import GivenMotion
+from perfplast_fenicsx.problem.judged.moments import moment
+from perfplast_fenicsx.problem.problem import Problem
+
+
+@dataclass(frozen=True)
+class Resultants:
+    """Resultants by what exerts them, and how well they balance.
+
+    Attributes:
+        forces: One number a direction (force; in plane strain for each unit of depth; in
+            axisymmetry of the full turn, the radial one being what pushes outwards all around, and
+            no resultant of vectors), of ``loads``, ``support NAME``, ``rigid surface NAME`` if that
+            is moved, ``obstacle NAME`` and ``contact PRIMARY SECONDARY``: that on the primary
+            surface's body, and none on both together. What two supports hold alike is told of the
+            first one.
+        moments: Of ``loads`` and of each ``support NAME`` and ``rigid surface NAME`` about the
+            origin (:func:`moments.moment`).
+        balance: Sum of the forces on the bodies, or moment about the middle of the bodies over
+            their size, whichever is larger, relative to the sum of all nodal forces. In
+            axisymmetry it is that of the axial forces.
+        driving: Work that supports and obstacles do on the bodies for a growth of ζ by 1: the force
+            along what moves, times how far it moves for ζ = 1.
+        driving_by_name: The same of each name in stages, for a growth of its factor by 1.
+    """
+
+    forces: Mapping[str, list[float]]
+    moments: Mapping[str, list[float]]
+    balance: float
+    driving: float
+    driving_by_name: Mapping[str, float]
+
+
+def resultants(
+    problem: Problem,
+    internal: PETSc.Vec,
+    contact: Floats,
+    friction: Floats,
+    zeta: float,
+    least: float = 0.0,
+) -> Resultants:
+    """The resultants at a state. Collective.
+
+    Args:
+        problem: The bodies, their loads and what holds them.
+        internal: ⟨σ, ε(·)⟩ in nodal unknowns, at supports too.
+        contact: Forces of the pairs hosted by this rank, shape (num_pairs,).
+        friction: Those of friction, shape (num_places, gdim − 1).
+        zeta: Load factor.
+        least: Nodal forces (force) that add up to less are next to rounding.
+    """
+    comm, gdim = problem.comm, problem.bodies.gdim
+    loads, pushes = problem.create_vector(), problem.create_vector()
+    problem.loads.add_all_to(loads, zeta)
+    rows = problem.constraints.B.createVecLeft()
+    rows.array[:] = -contact
+    problem.constraints.B.multTranspose(rows, pushes)
+    if problem.friction.count:
+        there = problem.friction.index >= 0
+        along = problem.sliding.B.createVecLeft()
+        along.array[:] = -friction[there]
+        problem.sliding.B.multTransposeAdd(along, pushes, pushes)
+        along.destroy()
+    if problem.num_tied:
+        _add_ties(problem, internal, zeta, pushes)
+    external, pushed, reaction = (
+        vector.array_r.reshape(-1, gdim).copy() for vector in (loads, pushes, internal)
+    )
+    for vector in (loads, pushes, rows):
+        vector.destroy()
+    reaction -= external + pushed
+    held_by = problem.held_by[: len(reaction)]
+    reaction[held_by < 0] = 0
+
+    names = list(problem.support_names)
+    names += [source.name for source in problem.constraints.sources]
+    supports, sums = len(problem.support_names), np.zeros((len(names) + 1, gdim))
+    for axis in range(gdim):
+        held = held_by[:, axis] >= 0
+        sums[:supports, axis] = np.bincount(
+            held_by[held, axis], reaction[held, axis], minlength=supports
+        )
+    on_pairs = -contact[:, None] * problem.constraints.normal
+    np.add.at(sums, supports + problem.constraints.surface, on_pairs)
+    places = problem.constraints.surface[problem.friction.pair]
+    rubbed = -np.einsum("ni,nij->nj", friction, problem.friction.direction)
+    np.add.at(sums, supports + places, rubbed)
+    sums[-1] = external.sum(axis=0)
+    sums = comm.allreduce(sums)
+
+    forces: dict[str, Floats] = {"loads": np.zeros(gdim)}
+    for name, force in zip([*names, "loads"], sums, strict=True):
+        forces[name] = forces.get(name, np.zeros(gdim)) + force
+    inner = {source.name for source in problem.constraints.sources if source.inner}
+    outer = [force for name, force in forces.items() if name not in inner]
+    parts = (external, pushed, reaction)
+    total = comm.allreduce(sum(float(np.linalg.norm(part, axis=1).sum()) for part in parts))
+    total = max(total, least)
+    missing = _missing(problem, np.sum(outer, axis=0), external + pushed + reaction)
+    pushing = sums[supports:-1]
+
+    def driven(motion: GivenMotion) -> float:
+        moved = comm.allreduce(float(np.sum(reaction * motion.displacement[1][: len(reaction)])))
+        spread = comm.allreduce(float(contact @ motion.overlap))
+        return moved + spread + float(np.sum(pushing * motion.sources))
+
+    turning = {"loads": moment(problem, external)}
+    for number, name in enumerate(problem.support_names):
+        turning[name] = moment(problem, np.where(held_by == number, reaction, 0.0))
+    moments = {name: comm.allreduce(each).tolist() for name, each in turning.items()}
+    told = {name: [float(number) for number in force] for name, force in forces.items()}
+    by_name = {name: driven(part) for name, part in problem.motion.parts.items()}
+    balance = missing / total if total > 0 else 0.0
+    return Resultants(told, moments, balance, driven(problem.motion), by_name)
+
+
+def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.Vec) -> None:
+    """Add what glued surfaces exert on each other, at supports too. Collective."""
+    left, glued = internal.copy(), problem.ties.B.createVecLeft()
+    fem_petsc.set_bc(left, problem.bcs)
+    problem.loads.subtract_from(left, zeta)
+    along = problem.create_vector()
+    problem.glued_basis.T.multTranspose(left, along)
+    before = len(problem.constraints.host) + len(problem.sliding.host)
+    glued.array[:] = along.array_r[problem.glued_basis.index[before:]]
+    problem.ties.B.multTransposeAdd(glued, forces, forces)
+    for vector in (left, glued, along):
+        vector.destroy()
+
+
+def _missing(problem: Problem, total: Floats, forces: Floats) -> float:
+    """What rigid motions feel: of the sum of all forces, and as moment of the nodal ones.
+
+    The moment is about the middle of the nodes, over the distance of the farthest. Collective.
+    """
+    comm, kinematics = problem.comm, problem.kinematics
+    x = problem.V.tabulate_dof_coordinates()[: len(forces)]
+    middle = comm.allreduce(x.sum(axis=0)) / problem.V.dofmap.index_map.size_global
+    arms = x - middle
+    farthest = comm.allreduce(float(np.linalg.norm(arms, axis=1).max(initial=0)), MPI.MAX)
+    modes = kinematics.rigid_modes(np.asarray(arms / (farthest or 1.0), dtype=np.float64))
+    work = comm.allreduce(np.einsum("ni,nim->m", forces, modes))
+    at_middle = kinematics.rigid_modes(np.zeros((1, 3)))[0]
+    rotations = ~at_middle.any(axis=0)
+    felt = np.linalg.norm([total @ at_middle, work * rotations], axis=1)
+    return float(felt.max())

@@ -1,0 +1,32 @@
+"""What has slipped, and from where friction counts slip in a level."""
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.problem.judged.state import State
+from perfplast_fenicsx.problem.problem import Problem
+
+
+def slipped(problem: Problem, state: State) -> Floats:
+    """Slip since the beginning (length), shape (num_places, gdim − 1). Collective.
+
+    Args:
+        problem: Whose places of friction they are.
+        state: Its state.
+    """
+    y = problem.create_vector()
+    problem.basis.M.mult(state.u.x.petsc_vec, y)
+    slip = problem.friction.jumps(y) - problem.motion.slide_at(state.zeta)
+    y.destroy()
+    return slip
+
+
+def remember_slip(problem: Problem, start: State | None) -> None:
+    """Let friction count slip from the state that a level starts from, in stages. Collective.
+
+    Elsewhere a level is one step from rest, whatever it starts from.
+
+    Args:
+        problem: Moved to where the level is.
+        start: The state; None for rest.
+    """
+    if problem.in_stages and problem.friction.count and start is not None:
+        problem.friction.origin[:] += slipped(problem, start)

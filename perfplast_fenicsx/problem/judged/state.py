@@ -1,0 +1,58 @@
+"""A state of the bodies, and the load level that ends with it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
+
+
+@dataclass(frozen=True)
+class State:
+    """Displacement at a load, with what the next solve starts from.
+
+    Attributes:
+        u: Displacement (length).
+        zeta: Load parameter ζ.
+        alpha: Work of the live loads α = L₁(u).
+        active: Closed contact pairs hosted by this rank, shape (num_pairs,).
+        history: Internal variables of the laws by name, functions of the quadrature points; empty
+            where no law has any.
+    """
+
+    u: fem.Function
+    zeta: float
+    alpha: float
+    active: PairFlags
+    history: Mapping[str, fem.Function] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"State(zeta={self.zeta:.6g}, alpha={self.alpha:.6g})"
+
+
+@dataclass(frozen=True)
+class Level:
+    """A load level.
+
+    Attributes:
+        state: What it ended with.
+        stress: σ = Σ(ε(u)), Mandel vectors (:mod:`mandel`) at the quadrature points.
+        contact_forces: Of the pairs hosted by this rank (force), positive where the bodies push
+            each other, shape (num_pairs,).
+        report: What is known of it.
+        iterations: Each step.
+        refuted: Whether it ended with a verdict that no equilibrium exists, with the bounds that
+            friction had, and not for want of convergence.
+    """
+
+    state: State
+    stress: fem.Function
+    contact_forces: Floats
+    report: LevelReport
+    iterations: list[Iteration] = field(default_factory=list)
+    refuted: bool = False
+
+    def __repr__(self) -> str:
+        return f"Level({self.report.summary()})"

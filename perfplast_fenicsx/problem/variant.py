@@ -1,0 +1,62 @@
+"""Other data on the same bodies: other materials, other rows of contact, other points."""
+
+import copy
+from collections.abc import Mapping
+from dataclasses import replace
+
+from perfplast_fenicsx.contact.rows.constraints import Constraints
+from perfplast_fenicsx.contact.rows.friction import Friction
+from perfplast_fenicsx.contact.rows.jump_basis import JumpBasis
+from perfplast_fenicsx.materials.law import Material
+from perfplast_fenicsx.problem.assembled.initial_strain import initial_strain
+from perfplast_fenicsx.problem.assembled.law_on_cells import lay_out
+from perfplast_fenicsx.problem.assembled.spaces import Spaces
+from perfplast_fenicsx.problem.problem import Problem
+
+
+def variant(
+    problem: Problem,
+    *,
+    materials: Mapping[str, Material] | None = None,
+    points: Spaces | None = None,
+    constraints: Constraints | None = None,
+    basis: JumpBasis | None = None,
+    friction: Friction | None = None,
+) -> Problem:
+    """The same bodies with other data, those that are None as they were. Collective.
+
+    It shares mesh, displacements, supports, loads and the search for contact with the given
+    problem, and nothing that levels change: supports, obstacles and slip move for each by itself,
+    and so does the history of its laws, which begins anew.
+
+    Args:
+        problem: What it is a variant of.
+        materials: Of each volume, as of a new problem.
+        points: Spaces at other quadrature points, with the displacements of the problem.
+        constraints: The contact inequalities.
+        basis: The basis in which they are bounds; rows that are no pairs in it are glued.
+        friction: What resists slip, with rows as of the problem's.
+
+    Raises:
+        InputError: If materials do not fit.
+    """
+    other = copy.copy(problem)
+    spaces = points or Spaces(problem.degree, problem.V, problem.S, problem.Q, problem.dx)
+    other.S, other.Q, other.dx = spaces.S, spaces.Q, spaces.dx
+    if materials is not None:
+        other.given = replace(problem.given, materials=materials)
+    given, tagged_mesh = other.given, problem.tagged_mesh
+    if materials is not None or points is not None or problem.history:
+        other.laws = lay_out(tagged_mesh, spaces, given.materials)
+        told = (tagged_mesh, spaces, given.materials, other.laws, given.initial)
+        other.initial_strain = initial_strain(*told)
+    other.constraints = constraints or problem.constraints
+    if basis is not None:
+        other.basis = basis
+        other.num_pairs = problem.comm.allreduce(len(basis.index))
+        other.num_tied = problem.num_tied + problem.num_pairs - other.num_pairs
+    resisting = friction or problem.friction
+    bound, origin = resisting.bound.copy(), resisting.origin.copy()
+    other.friction = replace(resisting, bound=bound, origin=origin)
+    other.prescribed = problem.prescribed.copy()
+    return other
