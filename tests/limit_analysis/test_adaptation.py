@@ -32,10 +32,10 @@ from perfplast_fenicsx.limit_analysis import (
     AdaptiveBounds,
     BodyBounds,
     Round,
-    adaptation,
     limit_bounds,
     strict_lower_bound,
 )
+from perfplast_fenicsx.limit_analysis.body import adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptation import refined
 from tests.limit_analysis.test_interior_point import COMM, RIGID, SOIL, K, footing, made
 from tests.models import two_blocks_problem

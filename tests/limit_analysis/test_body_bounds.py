@@ -12,11 +12,11 @@ from perfplast_fenicsx import InputError, Pressure, Problem, Support, VonMises, 
 from perfplast_fenicsx.limit_analysis import (
     BodyBounds,
     InteriorStep,
-    body_bounds,
     bounds_of_mesh,
     limit_bounds,
     limit_load,
 )
+from perfplast_fenicsx.limit_analysis.body import body_bounds
 from perfplast_fenicsx.problem import LoadCase
 from tests.checks import assert_refused
 from tests.limit_analysis.test_interior_point import BLOCK, COMM, K, blocks, footing, made

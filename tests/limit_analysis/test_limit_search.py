@@ -23,7 +23,8 @@ from perfplast_fenicsx import (
     limit_bounds,
     stacked_blocks,
 )
-from perfplast_fenicsx.limit_analysis import LimitMethod, limit_methods
+from perfplast_fenicsx.limit_analysis import LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete import limit_methods
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.limit_analysis.path.plateau import extrapolated_limit

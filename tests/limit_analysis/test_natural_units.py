@@ -15,9 +15,9 @@ from perfplast_fenicsx.limit_analysis import (
     Verdict,
     interior_point,
     limit_bounds,
-    natural_units,
     strict_lower_bound,
 )
+from perfplast_fenicsx.limit_analysis.conic import natural_units
 from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED, Start
 from tests.contrast_bodies import SURFACES, forces_left, layers, material, square, squeezed
 from tests.limit_analysis.stress_checker import check_stress
