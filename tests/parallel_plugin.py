@@ -1,5 +1,8 @@
 """Tests on several ranks: what fails on one fails on all, and nothing waits for long.
 
+Of a test with many cases one runs there, and all where ``PERFPLAST_EVERY_CASE`` is set: what
+ranks exchange is the same in each, and what cases differ in is asserted on one rank.
+
 After each phase of a test (set-up, call, tear-down) the ranks tell each other how it went, on a
 communicator of their own. Where it failed on some, it fails on all, with every traceback, and the
 next test follows; it may fail for what the failed one has left undone. A rank that has failed
@@ -83,10 +86,12 @@ class Together:
         self._comm.barrier()
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """What cannot depend on ranks has its turn on one."""
-        marked = [item for item in items if item.get_closest_marker("serial")]
-        self._config.hook.pytest_deselected(items=marked)
-        items[:] = [item for item in items if not item.get_closest_marker("serial")]
+        """What cannot depend on ranks has its turn on one, and so have most cases of one test."""
+        parallel = [item for item in items if not item.get_closest_marker("serial")]
+        kept = parallel if os.environ.get("PERFPLAST_EVERY_CASE") else one_of_each(parallel)
+        here = {item.nodeid for item in kept}
+        self._config.hook.pytest_deselected(items=[it for it in items if it.nodeid not in here])
+        items[:] = kept
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_finish(self, session: pytest.Session) -> None:
@@ -193,6 +198,14 @@ class Together:
 
     def _stack_of(self, rank: int) -> Path:
         return self._folder / f"stack{rank}"
+
+
+def one_of_each(items: list[pytest.Item]) -> list[pytest.Item]:
+    """One case of each test that has several: another for each test, the same on every machine."""
+    cases: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        cases.setdefault(item.nodeid.split("[")[0], []).append(item)
+    return [of[zlib.crc32(name.encode()) % len(of)] for name, of in cases.items()]
 
 
 def _text(report: pytest.TestReport) -> str:
