@@ -19,9 +19,11 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import (
     standing_in_words,
 )
 from perfplast_fenicsx.limit_analysis.body.next_step import Effort, next_steps
+from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety, times_in_words
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
 from perfplast_fenicsx.problem.judged.report import Iteration
 from perfplast_fenicsx.problem.judged.state import Level
@@ -212,6 +214,29 @@ class Recorder:
         axes, units = summary.model["axes"], summary.units
         for line in force_lines(summary.loads, lower, upper, forces, axes, units):
             self._run.terminal.say(line)
+
+    def factor(self, factor: float, lower: Bound, upper: Bound) -> None:
+        """Show and log bounds with reduced strengths; a monitor of these. Collective.
+
+        Raises:
+            Interrupted: On every rank, if a signal has come.
+        """
+        words = times_in_words(factor, lower, upper)
+        self._run.terminal.say(words)
+        self._run.journal.say(words)
+        self._run.interrupts.check()
+
+    def safety(self, found: FactorOfSafety) -> None:
+        """Write and show a factor of safety, and what proves it. Collective.
+
+        Raises:
+            InputError: On every rank, if the system refuses.
+        """
+        solve = time.perf_counter() - self._solving
+        self._run.terminal.say(found.in_words())
+        self._run.journal.say(found.in_words())
+        self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
+        self._writer.write_safety(found)
 
     def elapsed(self) -> float:
         """Wall time of the run, with what it has gone on from (s)."""

@@ -3,6 +3,7 @@
 import logging
 import shlex
 import time
+from dataclasses import replace
 from typing import Any
 
 from mpi4py import MPI
@@ -16,7 +17,11 @@ from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.io.case.case import Case, read_case
 from perfplast_fenicsx.io.case.load_words import meaning
-from perfplast_fenicsx.io.case.loading_options import BoundsControl, DisplacementControl
+from perfplast_fenicsx.io.case.loading_options import (
+    BoundsControl,
+    DisplacementControl,
+    StrengthControl,
+)
 from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.case.units_table import odd_magnitudes
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
@@ -25,6 +30,7 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.run_lock import INTERRUPTED
 from perfplast_fenicsx.limit_analysis.body.adaptation import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import bounds_of_mesh, limit_bounds
+from perfplast_fenicsx.limit_analysis.body.safety_factor import factor_of_safety
 from perfplast_fenicsx.limit_analysis.discrete.drucker import drucker_bounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import (
     LimitLoad,
@@ -214,6 +220,12 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
 def _limit(context: RunContext, solver: Any, recorder: Recorder, rtol: float) -> LimitLoad:
     """Find a limit load, and what its mechanism proves of the body. Collective."""
     problem, saved = context.problem, context.saved
+    if isinstance(context.case.loading, StrengthControl):
+        told = (context.case.adapt, recorder.factor, recorder.interior)
+        safety = factor_of_safety(problem, rtol, *told)
+        recorder.safety(safety)
+        known = safety.lower is not None and safety.upper is not None
+        return replace(safety.last.mesh, levelled_off=known)
     if isinstance(context.case.loading, BoundsControl):
         adaptation = context.case.adapt
         if adaptation is None:

@@ -149,6 +149,10 @@ class RunLog:
         """Log the bounds on a mesh of several; a monitor of these."""
         log.info("%s", round_)
 
+    def say(self, words: str) -> None:
+        """Log a sentence."""
+        log.info("%s", words)
+
     def level(self, report: LevelReport) -> None:
         """Log the end of a level."""
         told = "solved" if report.converged else "NO SOLUTION"

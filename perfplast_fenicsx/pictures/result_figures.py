@@ -37,6 +37,12 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
         raise InputError(f"the run in '{folder}' has solved no level yet; wait for its first one.")
     if reader.reports:
         yield from _levels(reader, target)
+    elif reader.limit is not None and reader.limit.strength:
+        with _drawing(target / "strength.png") as path:
+            from perfplast_fenicsx.pictures.strength_curve import save_strength
+
+            save_strength(reader.limit.strength, reader.scene.title, path)
+        yield str(path)
     surface = reader.surface(reader.levels[-1]) if reader.levels else None
     found = _mechanism(reader, surface) if surface or not reader.reports else None
     if found is not None:
@@ -166,6 +172,10 @@ def _collapse(limit: StoredLimit) -> str:
     """The limit load in words: of the body where its bracket is known, else of the mesh."""
     if not limit.theorem:
         return f"velocity where this path has come to, ζ = {rounded_down(limit.lower)}"
+    if limit.strength:
+        factor = limit.strength["upper"]
+        reduced = "" if factor is None else f", strengths divided by F = {rounded_up(factor)}"
+        return f"collapse mechanism of the constant loads{reduced}"
     if limit.standing:
         return "collapse mechanism of the constant loads"
     lower, upper = (limit.body.get(name) for name in ("lower", "upper"))

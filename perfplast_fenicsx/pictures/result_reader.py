@@ -64,6 +64,7 @@ class StoredLimit:
         theorem: Whether these are bounds; if not they are loads between which a path loses
             equilibrium.
         standing: Whether constant loads alone are carried, in a sentence, where that was sought.
+        strength: A factor of safety, where that was (:meth:`safety_factor.FactorOfSafety.table`).
     """
 
     lower: float
@@ -72,6 +73,7 @@ class StoredLimit:
     body: Mapping[str, Any]
     theorem: bool = True
     standing: str = ""
+    strength: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,8 @@ class ResultReader:
             body = found.get("body") or {}
             known = found["estimate"], found["upper"], body, found.get("theorem", True)
             lower = float(found["lower"]) if found["lower"] is not None else -math.inf
-            return StoredLimit(lower, *known, standing=found.get("standing") or "")
+            words, strength = found.get("standing") or "", found.get("strength")
+            return StoredLimit(lower, *known, standing=words, strength=strength)
 
         return self.read("summary.json", stored)
 
@@ -164,7 +167,7 @@ class ResultReader:
         def rows(path: Path) -> list[LevelReport]:
             with path.open(encoding="utf-8", newline="") as file:
                 table = csv.DictReader(file)
-                if "mesh" in (table.fieldnames or ()):  # of a limit load without levels
+                if {"mesh", "factor"} & set(table.fieldnames or ()):  # without levels
                     return []
                 return [_report(row) for row in table]
 

@@ -124,8 +124,20 @@ class _Design(TypedDict):
     in_words: str
 
 
+class _Times(TypedDict):
+    factor: float
+    lower: float | None
+    upper: float | None
+
+
+class _Strength(TypedDict):
+    lower: float | None
+    upper: float | None
+    curve: list[_Times]
+
+
 class _Limit(TypedDict):
-    lower: float
+    lower: float | None
     estimate: float | None
     upper: float | None
     levelled_off: bool
@@ -136,6 +148,7 @@ class _Limit(TypedDict):
     next_steps: NotRequired[list[str]]
     forces: NotRequired[_Forces | None]
     design: NotRequired[_Design | None]
+    strength: NotRequired[_Strength | None]
 
 
 class _Case(TypedDict, total=False):

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from perfplast_fenicsx.io.results.result_files import FALLS, STANDS
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.path_bracket import NO_PAIR, SAID, PathBracket
@@ -59,9 +60,34 @@ def _of_path(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     return Verdict(mark, f"Loaded on this path, this mesh {found}.", details)
 
 
+def _of_strength(table: Mapping[str, Any]) -> Verdict:
+    """The factor by which strengths may fall."""
+    lower, upper = table["lower"], table["upper"]
+    sides, files = [], []
+    if lower is not None:
+        sides.append(f"stand with F = {rounded_down(lower)} for certain")
+        files.append(STANDS)
+    if upper is not None:
+        sides.append(f"fall at F = {rounded_up(upper)} at the latest")
+        files.append(FALLS)
+    says = (
+        "F divides yield stresses, cohesions and slopes of friction of all bodies alike, and the"
+        " loads stay: it is their factor of safety."
+    )
+    if not sides:
+        return Verdict("open", "Nothing is proven of the factor of safety.", [says, FINER])
+    proof = " and ".join(f"python3 -m perfplast_fenicsx.proof {name}" for name in files)
+    strict = "It is" if len(sides) == 1 else "Both are"
+    details = [says, f"{strict} strict, and proven anew by {proof}."]
+    mark: Mark = "proven" if len(sides) == 2 else "one-sided"
+    return Verdict(mark, f"The bodies {', and '.join(sides)}.", details)
+
+
 def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     if not limit.theorem:
         return _of_path(limit, table)
+    if strength := table.get("strength"):
+        return _of_strength(strength)
     if limit.standing:
         proven = (table.get("body") or {}).get("standing") is not None
         ended = [f"{step[:1].upper()}{step[1:]}." for step in table.get("next_steps", [])]

@@ -22,9 +22,9 @@ from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import read_load
 from perfplast_fenicsx.io.case.loading_checks import check_loading
 from perfplast_fenicsx.io.case.loading_options import (
-    BoundsControl,
     Control,
     DisplacementControl,
+    OfBodies,
     StageControl,
 )
 from perfplast_fenicsx.io.case.loading_table import moved_by, read_loading, remembering
@@ -262,10 +262,10 @@ def _case(path: Path, text: str) -> Case:
         check_loading(loading, loads, [*held, *rigid], obstacles, touching, strained)
     mesh = read_mesh(top.mesh, top.geometry, name)
     model = convert(top.model, ModelOptions, f"{name}, [model]")
-    if model.kind == "axisymmetric" and isinstance(loading, BoundsControl):
+    if model.kind == "axisymmetric" and isinstance(loading, OfBodies):
         raise InputError(
-            f"{name}, [model]: control = 'bounds' is for plane strain and space; give control ="
-            " 'work' and until = 'limit' for the limit load of the mesh."
+            f"{name}, [model]: control = 'bounds' or 'strength' is for plane strain and space; give"
+            " control = 'work' and until = 'limit' for the limit load of the mesh."
         )
     return Case(
         path=path,

@@ -10,8 +10,10 @@ from perfplast_fenicsx.io.case.loading_options import (
     DisplacementControl,
     LoadControl,
     StageControl,
+    StrengthControl,
     WorkControl,
 )
+from perfplast_fenicsx.limit_analysis.body.safety_factor import check_staying
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.declared.stage import Mover, follows
@@ -58,6 +60,8 @@ def check_loading(
                 f"the obstacle at '{obstacle.on}' has a move, which follows the load factor under"
                 " control = 'displacement', or stages; choose one of them, or leave move out."
             )
+    if isinstance(loading, StrengthControl):
+        check_staying(loads)
     constant = any(load.constant for load in loads)
     stays = constant or any(support.moves for support in supports) or strained
     if not stays and isinstance(loading, LoadControl | WorkControl):

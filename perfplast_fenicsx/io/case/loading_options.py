@@ -121,6 +121,33 @@ class BoundsControl:
 
 
 @dataclass(frozen=True)
+class StrengthControl:
+    """No loading: bounds of the factor by which strengths may fall until the bodies fall.
+
+    Yield stresses, cohesions and slopes of friction are divided by it alike; the loads stay, and
+    all of them are constant.
+
+    Args:
+        limit_tolerance: How near each factor comes to the root of its bound, relative, between 0
+            and 1.
+
+    Raises:
+        InputError: A tolerance that is none.
+    """
+
+    prescribes: ClassVar[Prescribed] = Prescribed.WORK
+    values: ClassVar[None] = None
+    limit_method: ClassVar[LimitMethod] = LimitMethod.INTERIOR_POINT
+    design: ClassVar[None] = None
+    element: ClassVar[Table] = {"degree": 2}
+
+    limit_tolerance: float = 1e-3
+
+    def __post_init__(self) -> None:
+        check_tolerance(self.limit_tolerance)
+
+
+@dataclass(frozen=True)
 class DisplacementControl:
     """Loading by given motions: ζ multiplies what supports and obstacles are moved by.
 
@@ -167,7 +194,12 @@ class StageControl:
     stages: list[Stage]
 
 
-Control = LoadControl | DisplacementControl | WorkControl | BoundsControl | StageControl
+Control = (
+    LoadControl | DisplacementControl | WorkControl | BoundsControl | StrengthControl | StageControl
+)
+
+OfBodies = BoundsControl | StrengthControl
+"""Those that ask for what holds for the bodies, and not for their mesh alone."""
 
 
 def _check_values(
@@ -206,4 +238,5 @@ LOADINGS: dict[str, type[Control]] = {
     "displacement": DisplacementControl,
     "work": WorkControl,
     "bounds": BoundsControl,
+    "strength": StrengthControl,
 }

@@ -9,7 +9,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile, read_geometry
-from perfplast_fenicsx.io.case.loading_options import BoundsControl, Control
+from perfplast_fenicsx.io.case.loading_options import Control, OfBodies
 from perfplast_fenicsx.io.case.schema import Table, convert
 from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
@@ -85,9 +85,9 @@ def read_adaptation(table: Table | None, loading: Control, place: str) -> Adapta
     """
     if table is None:
         return None
-    if not isinstance(loading, BoundsControl):
+    if not isinstance(loading, OfBodies):
         raise InputError(
             f"{place}: meshes are adapted to bounds, but there are none without control = 'bounds'"
-            " under [loading]; choose it, or leave adapt out."
+            " or 'strength' under [loading]; choose it, or leave adapt out."
         )
     return convert(table, Adaptation, place)

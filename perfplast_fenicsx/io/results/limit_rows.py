@@ -14,9 +14,13 @@ def limit_rows(summary: Summary) -> list[dict[str, Any]]:
     Returns:
         Of each mesh its number ``mesh`` (1 to n) and its ``cells``; ``estimate``, ``static`` and
         ``kinematic`` of its limit load, of the last mesh alone; ``body_lower`` and ``body_upper``,
-        the best bounds of the bodies so far; ``seconds`` since the first began.
+        the best bounds of the bodies so far; ``seconds`` since the first began. Of a factor of
+        safety, each ``factor`` with strict bounds, ``lower`` and ``upper``, of how many times the
+        loads are carried.
     """
     limit = summary.limit or {}
+    if strength := limit.get("strength"):
+        return [dict(row) for row in strength["curve"]]
     body = limit.get("body") or {}
     lower = upper = None
     rows = []

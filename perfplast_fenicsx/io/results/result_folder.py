@@ -26,12 +26,14 @@ from perfplast_fenicsx.io.results.limit_rows import limit_rows
 from perfplast_fenicsx.io.results.result_files import (
     BEFORE,
     EARLIER,
+    FALLS,
     FIELDS,
     MECHANISM,
     NAMED,
     NEWEST,
     PROOF,
     SERIES,
+    STANDS,
 )
 from perfplast_fenicsx.io.results.summary import Summary, to_json
 from perfplast_fenicsx.mesh.element_size import element_size
@@ -42,6 +44,7 @@ from perfplast_fenicsx.problem.problem import Problem
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
     *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png", PROOF),
+    *("strength.png", STANDS, FALLS),
     "report.html",
     *(NEWEST, BEFORE, *EARLIER),
 )

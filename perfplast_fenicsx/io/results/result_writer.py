@@ -11,11 +11,17 @@ from perfplast_fenicsx.io.results.bound_fields import bound_fields
 from perfplast_fenicsx.io.results.checkpoints import Saved
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
-from perfplast_fenicsx.io.results.result_files import PROOF
+from perfplast_fenicsx.io.results.proof_file import (
+    StressProof,
+    VelocityProof,
+    proofs,
+    write_proof,
+)
+from perfplast_fenicsx.io.results.result_files import FALLS, PROOF, STANDS
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.limit_analysis.body.adaptation import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, standing_in_words
+from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
 from perfplast_fenicsx.limit_analysis.limit_forces import limit_forces
 from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
@@ -108,6 +114,7 @@ class ResultWriter:
         steps: Sequence[str] = (),
         design: DesignFactor | None = None,
         fields: bool = True,
+        proven: bool = True,
     ) -> None:
         """Write a limit load and its mechanism. Collective.
 
@@ -119,6 +126,7 @@ class ResultWriter:
             design: The limit load against the design load.
             fields: Whether to write the mechanism; where it is one on another mesh, the fields of
                 levels are lost.
+            proven: Whether to write what proves the bounds.
 
         Raises:
             InputError: On every rank, if the system refuses; what was there before is whole.
@@ -140,12 +148,9 @@ class ResultWriter:
                 alpha = 0.0 if limit.alpha is None else limit.alpha
                 zeta = limit.lower if math.isfinite(limit.lower) else 0.0
                 self._fields.write_mechanism(found, zeta, alpha)
-            if body is not None:
+            if body is not None and proven:
                 low, high = (adaptive.low, adaptive.high) if adaptive else (body, body)
-                lower, upper = proofs(low, high)
-                if lower is not None or upper is not None:
-                    folder = self.results.folder
-                    write_proof(folder, folder.file(PROOF), lower, upper)
+                self._prove(PROOF, *proofs(low, high))
             table = {key: getattr(limit, key) for key in LIMIT_KEYS}
             table |= {"drucker": limit.drucker and limit.drucker.table()}
             table |= {"body": body and _table(body, adaptive)}
@@ -156,6 +161,33 @@ class ResultWriter:
             table["design"] = design and asdict(design) | {"in_words": design.in_words()}
             self.results.summary.limit = table | {"next_steps": list(steps)}
             self.results.write()
+
+    def write_safety(self, found: FactorOfSafety) -> None:
+        """Write a factor of safety, the mechanism that falls, and what proves both. Collective.
+
+        Each side has strengths of its own, and so a file of its own.
+
+        Raises:
+            InputError: On every rank, if the system refuses; what was there before is whole.
+        """
+        shown = found.falls or found.last
+        self.write_limit(shown.mesh, shown, proven=False)
+        with self.results.timed("output"):
+            if found.stands is not None:
+                self._prove(STANDS, proofs(found.stands, found.stands)[0], None)
+            if found.falls is not None:
+                self._prove(FALLS, None, proofs(found.falls, found.falls)[1])
+            limit = self.results.summary.limit or {}
+            both = found.lower is not None and found.upper is not None
+            told = {"strength": found.table(), "verdict": found.in_words(), "levelled_off": both}
+            self.results.summary.limit = limit | told
+            self.results.write()
+
+    def _prove(self, name: str, lower: StressProof | None, upper: VelocityProof | None) -> None:
+        """Write what proves bounds, if anything does. Collective."""
+        if lower is not None or upper is not None:
+            folder = self.results.folder
+            write_proof(folder, folder.file(name), lower, upper)
 
 
 def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:

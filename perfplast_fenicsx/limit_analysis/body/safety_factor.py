@@ -9,17 +9,20 @@ over ln F.
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation, adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, limit_bounds
-from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.materials.elastic import Elastic
+from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 log = logging.getLogger(__name__)
@@ -46,6 +49,9 @@ class FactorOfSafety:
         upper: With strengths reduced by so much they are not; None where none was found.
         stands: Bounds at the lower factor, whose stress shows it.
         falls: Bounds at the upper one, whose mechanism shows it.
+        last: The bounds that were computed last, of whatever factor.
+        curve: Factors with the strict bounds of how many times the loads are carried; None of one
+            that is missing.
         searches: Bounds that were computed, of meshes before the last one too.
     """
 
@@ -53,7 +59,15 @@ class FactorOfSafety:
     upper: float | None
     stands: BodyBounds | None
     falls: BodyBounds | None
+    last: BodyBounds
+    curve: tuple[tuple[float, float | None, float | None], ...]
     searches: int
+
+    def table(self) -> dict[str, Any]:
+        """What ``summary.json`` says of it."""
+        curve = [dict(zip(("factor", "lower", "upper"), row, strict=True)) for row in self.curve]
+        known = {"lower": self.lower, "upper": self.upper, "in_words": self.in_words()}
+        return known | {"curve": curve, "searches": self.searches}
 
     def in_words(self) -> str:
         """What is proven, in a sentence."""
@@ -72,6 +86,7 @@ def factor_of_safety(
     tolerance: float = 1e-3,
     adaptation: Adaptation | None = None,
     monitor: Callable[[float, Bound, Bound], None] | None = None,
+    steps: Callable[[InteriorStep], None] | None = None,
 ) -> FactorOfSafety:
     """Find strict bounds of the factor of safety of loads that stay. Collective.
 
@@ -82,6 +97,7 @@ def factor_of_safety(
             ``until`` is of μ, which falls by more than F rises where there is friction. None for
             the problem's own mesh.
         monitor: Called on every rank with F, and lower and upper bound of μ there.
+        steps: Called on every rank after each step of the interior point method.
 
     Raises:
         InputError: If a load grows, a body has no reduced strength or none yields, and as
@@ -89,7 +105,7 @@ def factor_of_safety(
     """
     check_tolerance(tolerance)
     _check(problem)
-    curve = _Curve(problem, tolerance, monitor)
+    curve = _Curve(problem, tolerance, monitor, steps)
     curve.start(adaptation)
     lower, upper = curve.root("lower"), curve.root("upper")
     return FactorOfSafety(
@@ -97,8 +113,27 @@ def factor_of_safety(
         upper=upper,
         stands=None if lower is None else curve.found[lower],
         falls=None if upper is None else curve.found[upper],
+        last=list(curve.found.values())[-1],
+        curve=tuple(sorted((factor, *_strict(it)) for factor, it in curve.found.items())),
         searches=curve.searches,
     )
+
+
+def times_in_words(factor: float, lower: Bound, upper: Bound) -> str:
+    """How many times the loads are carried with strengths divided by a factor, in a sentence."""
+    sides = []
+    if lower.strict and lower.value is not None:
+        sides.append(f"{rounded_down(lower.value)} times for certain")
+    if upper.strict and upper.value is not None:
+        sides.append(f"{rounded_up(upper.value)} times at most")
+    known = " and ".join(sides) or "as often as no bound says"
+    return f"With strengths divided by F = {factor:.6g} the loads are carried {known}."
+
+
+def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:
+    """Both bounds, as far as they hold for the body."""
+    lower, upper = (it.value if it.strict else None for it in (bounds.lower, bounds.upper))
+    return lower, upper
 
 
 def weakened(problem: Problem, factor: float) -> Problem:
@@ -117,7 +152,7 @@ def weakened(problem: Problem, factor: float) -> Problem:
                 " factor of safety knows VonMises, DruckerPrager and Elastic."
             )
         materials[name] = reduced(factor)
-    return Problem(problem.tagged_mesh, **(vars(given) | {"materials": materials}))
+    return variant(problem, materials=materials)
 
 
 def _check(problem: Problem) -> None:
@@ -127,11 +162,20 @@ def _check(problem: Problem) -> None:
             "all bodies are elastic, and have no strength that could fall; give those that may"
             " yield VonMises or DruckerPrager."
         )
-    for load in problem.given.loads:
+    check_staying(problem.given.loads)
+
+
+def check_staying(loads: Sequence[Load]) -> None:
+    """Refuse loads that grow.
+
+    Raises:
+        InputError: Naming the first one.
+    """
+    for load in loads:
         if not load.constant:
             raise InputError(
                 f"the load on '{load.on}' grows, and a factor of safety is that of loads that stay;"
-                " give it constant = True, or seek its limit load."
+                " make it constant, or seek its limit load."
             )
 
 
@@ -142,6 +186,7 @@ class _Curve:
     problem: Problem
     tolerance: float
     monitor: Callable[[float, Bound, Bound], None] | None
+    steps: Callable[[InteriorStep], None] | None
     found: dict[float, BodyBounds] = field(default_factory=dict)
     searches: int = 0
 
@@ -152,11 +197,9 @@ class _Curve:
             self._at(first)
             return
         log.info("adapted meshes at F = %.6g", first)
-        adapted = adaptive_bounds(weakened(self.problem, first), adaptation)
+        adapted = adaptive_bounds(weakened(self.problem, first), adaptation, steps=self.steps)
         self.searches += len(adapted.rounds)
-        materials = {"materials": self.problem.given.materials}
-        finer = adapted.problem
-        self.problem = Problem(finer.tagged_mesh, **(vars(finer.given) | materials))
+        self.problem = variant(adapted.problem, materials=self.problem.given.materials)
         self._keep(first, adapted.last)
 
     def _of_mesh(self) -> float:
@@ -164,7 +207,8 @@ class _Curve:
         known: dict[float, float] = {}
         factor = 1.0
         for _ in range(MOST_SEARCHES):
-            found = interior_point(weakened(self.problem, factor), 10 * self.tolerance).standing
+            other = weakened(self.problem, factor)
+            found = interior_point(other, 10 * self.tolerance, self.steps).standing
             times = None if found is None else found.lower
             if times is None or not times > 0:
                 factor /= STEP
@@ -204,7 +248,7 @@ class _Curve:
     def _at(self, factor: float) -> None:
         rtol = FINER * self.tolerance
         self.searches += 1
-        self._keep(factor, limit_bounds(weakened(self.problem, factor), rtol))
+        self._keep(factor, limit_bounds(weakened(self.problem, factor), rtol, self.steps))
 
     def _keep(self, factor: float, bounds: BodyBounds) -> None:
         self.found[factor] = bounds

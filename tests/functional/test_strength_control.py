@@ -1,0 +1,110 @@
+"""A case file asks for a factor of safety: results, proofs, pictures, page, refusals."""
+
+import csv
+import json
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from meshes.slope import write_slope
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.proof import check
+from perfplast_fenicsx.report.verdict import verdict_on
+from tests.functional.test_command_line import one_line, write
+
+CASE = """
+title = "Slope 2:1"
+[mesh]
+file = "slope.msh"
+adapt = { until = 0.2, cells = 300 }
+[material.soil]
+law = "drucker-prager"
+young = 1e4
+poisson = 0.3
+cohesion = 0.05
+friction_angle = 20.0
+match = "plane-strain"
+[[support]]
+on = "bottom"
+[[support]]
+on = "left"
+components = "x"
+[[load]]
+on = "soil"
+body_force = [0.0, -1.0]
+constant = true
+[loading]
+control = "strength"
+limit_tolerance = 0.01
+"""
+
+
+@pytest.fixture
+def slope(comm: MPI.Intracomm, shared_tmp_path: Path) -> Path:
+    """A folder with the mesh of the first slope of D. V. Griffiths and P. A. Lane."""
+    if comm.rank == 0:
+        write_slope(shared_tmp_path / "slope.msh", size=0.3)
+    comm.barrier()
+    return shared_tmp_path
+
+
+def test_a_slope(comm: MPI.Intracomm, slope: Path) -> None:
+    results = slope / "results"
+    case = write(comm, slope, CASE)
+    assert main(["run", str(case), "-o", str(results), "--report"]) == SOLVED
+    if comm.rank != 0:
+        return
+    limit = json.loads((results / "summary.json").read_text())["limit"]
+    lower, upper = limit["strength"]["lower"], limit["strength"]["upper"]
+    assert 1.2 < lower < 1.3978  # where log spirals fall
+    assert 1.3743 < upper < 1.6  # where finer meshes stand
+    for file, side, value in (("stands", "lower", 1.0), ("falls", "upper", 1.0)):
+        halves = check(results / f"{file}.h5")
+        assert list(halves) == [side]
+        assert not halves[side].faults
+        assert halves[side].claimed == pytest.approx(value, abs=0.05)
+        assert (halves[side].claimed >= 1) == (side == "lower")
+    assert not (results / "bounds.h5").exists()
+    with (results / "path.csv").open() as file:
+        rows = [{k: float(v) for k, v in row.items() if v} for row in csv.DictReader(file)]
+    known = {row["factor"]: row for row in rows}
+    assert known[lower]["lower"] >= 1 >= known[upper]["upper"]
+    for picture in ("strength.png", "mechanism.png", "report.html"):
+        assert (results / picture).stat().st_size > 1000
+    verdict = verdict_on(ResultReader(results))
+    assert verdict.mark == "proven"
+    assert verdict.sentence.startswith("The bodies stand with F = 1.")
+    assert "stands.h5 and python3 -m perfplast_fenicsx.proof falls.h5" in verdict.details[1]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "named"),
+    [
+        ("constant = true", "", "'soil' grows"),
+        ("limit_tolerance = 0.01", "limit_tolerance = 1.5", "1.5"),
+        ("limit_tolerance = 0.01", "design = 1.0", "design"),
+        ("[loading]", '[model]\nkind = "axisymmetric"\n[loading]', "plane strain and space"),
+        (
+            'law = "drucker-prager"\nyoung = 1e4\npoisson = 0.3\ncohesion = 0.05\n'
+            'friction_angle = 20.0\nmatch = "plane-strain"',
+            'law = "elastic"\nyoung = 1e4\npoisson = 0.3',
+            "all bodies are elastic",
+        ),
+    ],
+)
+def test_what_cannot_be_is_one_sentence(
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+    slope: Path,
+    before: str,
+    after: str,
+    named: str,
+) -> None:
+    assert before in CASE
+    case = write(comm, slope, CASE.replace(before, after))
+    assert main(["run", str(case), "-o", str(slope / "results")]) == BAD_INPUT
+    assert named in one_line(comm, capsys)
