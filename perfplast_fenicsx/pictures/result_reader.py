@@ -61,8 +61,7 @@ class StoredLimit:
         estimate: That of the mesh.
         upper: An upper bound of it.
         body: What ``summary.json`` says of the body, if anything.
-        theorem: Whether these are bounds; if not they are loads between which a path loses
-            equilibrium.
+        theorem: Whether these are bounds; if not, loads between which a path loses equilibrium.
         standing: Whether constant loads alone are carried, in a sentence, where that was sought.
         strength: A factor of safety, where that was (:meth:`safety_factor.FactorOfSafety.table`).
     """
