@@ -9,6 +9,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope, measure_of
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
@@ -193,7 +194,7 @@ def limit_bounds(
     if problem.bodies.gdim == 3 and straight:
         split = alfeld_split(tagged_mesh)
         problem = problem.on(split)
-    if straight and any(on.law.dilates for on in problem.laws):
+    if straight and body_cones(problem).dilates:
         problem = with_points_at_vertices(problem)
     log.info("upper bound: a mechanism on %s", problem)
     found = interior_point(without_entering(problem) or problem, rtol, monitor)

@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.condensed_stiffness import CondensedStiffness
 from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram, Stress
 from perfplast_fenicsx.limit_analysis.discretisation import Discretisation
 from perfplast_fenicsx.limit_analysis.facet_conditions import FacetConditions, FacetLoads
 from perfplast_fenicsx.limit_analysis.facet_velocities import FacetVelocities
 from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrains
-from perfplast_fenicsx.limit_analysis.point_strains import cones_of_cells
 from perfplast_fenicsx.limit_analysis.question import Question
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
 from perfplast_fenicsx.problem.problem import Problem
@@ -170,7 +170,7 @@ def static_program(
     twins[:, :, 0] = at.twins
     facets = FacetVelocities(mesh, at.numbers, twins.ravel())
     axes = np.where(at.held[:, :, None], 0.0, at.axes)[on]
-    strains = MultiplierStrains(facets, at.vertices, axes, cones_of_cells(problem))
+    strains = MultiplierStrains(facets, at.vertices, axes, body_cones(problem))
 
     num_owned = facets.count // size
     everywhere = np.zeros((num_owned, tdim, tdim), dtype=bool)
