@@ -14,7 +14,6 @@ from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.limit_analysis.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.point_coordinates import PointCoordinates
 from perfplast_fenicsx.materials.mandel import Expr, trace
 from perfplast_fenicsx.problem.integrals import assemble_force
@@ -101,13 +100,3 @@ def deviator_in_plane(e: Expr, gdim: int) -> Expr:
     """The deviator of a strain rate, of its part in the plane in plane strain; UFL."""
     mean = trace(e) / gdim
     return ufl.as_vector([e[i] - mean if i < gdim else e[i] for i in range(len(e))])
-
-
-def cones_of_cells(problem: Problem) -> tuple[Floats, Floats]:
-    """γ (stress) and α of each cell that this rank owns (:mod:`standard_cones`).
-
-    Raises:
-        InputError: If a body's yield set is none that the method knows.
-    """
-    radii, slopes, _ = body_cones(problem).at_cells()
-    return radii, slopes
