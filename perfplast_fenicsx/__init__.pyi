@@ -25,6 +25,7 @@ from .limit_analysis.safety_factor import factor_of_safety as factor_of_safety
 from .materials.drucker_prager import DruckerPrager as DruckerPrager
 from .materials.elastic import Elastic as Elastic
 from .materials.hardening import Hardening as Hardening
+from .materials.hill import Hill as Hill
 from .materials.plastic_flow import Flow as Flow
 from .materials.von_mises import VonMises as VonMises
 from .mesh.sample_meshes import build as build

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import ufl
 
-from perfplast_fenicsx import DruckerPrager, Elastic, VonMises
+from perfplast_fenicsx import DruckerPrager, Elastic, Hill, VonMises
 from perfplast_fenicsx.materials import (
     MATERIALS,
     Cone,
@@ -36,6 +36,11 @@ LAWS: dict[str, Sequence[Material]] = {
         DruckerPrager(1e4, 0.3, 10.0, 20.0, "compression"),
         DruckerPrager(1e4, 0.3, 0.1, 42.0, "plane-strain"),
         DruckerPrager(1e4, 0.3, 3.0, 2.0, "extension"),
+    ),
+    "hill": (
+        Hill(2e5, 0.3, 450.0, 1.0, 0.953, 1.195, 0.8, 1.3, 1.1, 25.0),
+        Hill(2e5, 0.3, 450.0, r33=1.6),
+        Hill(2e5, 0.3, 450.0),
     ),
     "elastic": (Elastic(2e5, 0.3),),
 }
