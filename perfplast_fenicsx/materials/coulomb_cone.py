@@ -62,6 +62,10 @@ class CoulombInPlane:
         keeps = self.cohesion * sum(abs(value) for value in principal(rate))
         return ufl.conditional(ufl.gt(self.sine, LEAST_SINE), grows, keeps)
 
+    def resistance(self, a: Expr, b: Expr) -> Expr:
+        """a:b, though the square of the power is no form."""
+        return ufl.dot(a, b)
+
     def cones(self, size: int) -> Sequence[Cone] | None:
         """Of the stresses in the plane; None in space."""
         if size != IN_PLANE:

@@ -84,6 +84,13 @@ class HillSet:
         """Y √(Σ ε_i²/h_i)."""
         return self.strength * ufl.sqrt(self._sum(rate, -1))
 
+    def resistance(self, a: Expr, b: Expr) -> Expr:
+        """Σ a_i b_i/h_i, and the product of traces."""
+        frame, weights = self.form.frame(len(a)), self.form.weights(len(a))
+        left, right = ufl.dot(frame, a), ufl.dot(frame, b)
+        shape = sum(left[i] * right[i] / h for i, h in enumerate(weights))
+        return shape + trace(a) * trace(b) / 3
+
     def _sum(self, s: Expr, power: int) -> Expr:
         parts, weights = ufl.dot(self.form.frame(len(s)), s), self.form.weights(len(s))
         return sum(h**power * parts[i] ** 2 for i, h in enumerate(weights))

@@ -55,6 +55,14 @@ class YieldSet(Protocol):
         """Sup of s:rate over the set, power per volume, for a rate that is admissible."""
         ...
 
+    def resistance(self, a: Expr, b: Expr) -> Expr:
+        """A symmetric form of rates by which mechanisms are looked for along loading paths.
+
+        It is positive, and of an admissible rate with itself in proportion to the square of
+        :meth:`support`, if there is such a form; asked for where :meth:`inadmissible` is linear.
+        """
+        ...
+
     def cones(self, size: int) -> Sequence[Cone] | None:
         """The cones whose intersection the set is; () if nothing yields, None if not known.
 
@@ -85,6 +93,10 @@ class NeverYields:
     def support(self, rate: Expr) -> Expr:
         """0, the power of no rate at all."""
         return ufl.as_ufl(0)
+
+    def resistance(self, a: Expr, b: Expr) -> Expr:
+        """a:b."""
+        return ufl.dot(a, b)
 
     def cones(self, size: int) -> Sequence[Cone]:
         """None of them bounds a stress."""

@@ -52,6 +52,9 @@ class EnergyCap(Law):
         pressed = -self.centre * (rate[0] + rate[1] + rate[2])
         return pressed + ufl.sqrt(self.energy) * size
 
+    def resistance(self, a: Expr, b: Expr) -> Expr:
+        return ufl.dot(self.elastic.hooke(a), b)
+
     def cones(self, size: int) -> Sequence[Cone]:
         """‖y − y_c‖ ≤ √(Y²/E) in y = C^(−½)σ is ‖By‖ ≤ c + y_c·y/c, B² = 1 + y_c ⊗ y_c/c²."""
         bound = ufl.sqrt(self.energy - self.centre**2 / self.bulk)
