@@ -31,3 +31,4 @@ from .yield_set import Cone as Cone
 from .yield_set import InPlaneCone as InPlaneCone
 from .yield_set import NeverYields as NeverYields
 from .yield_set import YieldSet as YieldSet
+from .yield_set import deviators as deviators

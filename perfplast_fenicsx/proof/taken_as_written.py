@@ -37,9 +37,11 @@ def _listed(words: list[str]) -> str:
 def _strengths(body: Body) -> str:
     volumes = np.bincount(body.cone + 1, weights=body.volumes, minlength=len(body.cone_bound) + 1)
     words = ["elastic cells"] if volumes[0] else []
-    for number in np.flatnonzero(volumes[1:]):
-        words.append(f"{_cone(body, number)} in a volume of {volumes[number + 1]:.6g}")
-    return f"yield radii (the largest ‖dev σ‖, or of other cones ‖Mσ‖) {_listed(words)}"
+    cones = {number: _cone(body, number) for number in np.flatnonzero(volumes[1:])}
+    for number, cone in cones.items():
+        words.append(f"{cone} in a volume of {volumes[number + 1]:.6g}")
+    what = "‖dev σ‖" + (", or ‖Mσ‖" if any("M" in cone for cone in cones.values()) else "")
+    return f"yield radii (the largest {what}) {_listed(words)}"
 
 
 def _cone(body: Body, number: np.int64) -> str:
