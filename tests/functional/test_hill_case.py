@@ -1,4 +1,4 @@
-"""Rolled metal in case files: levels by all algorithms, limit load and bounds, and what is refused."""
+"""Rolled metal in case files: levels by algorithms, limit load and bounds, and refusals."""
 
 import json
 from pathlib import Path
@@ -43,7 +43,7 @@ def test_levels(method: str, comm: MPI.Intracomm, shared_tmp_path: Path) -> None
     path = case(
         comm,
         shared_tmp_path,
-        f'[loading]\nvalues = [300.0, 400.0]\n[solver]\nmethod = "{method}"\n',
+        f'[loading]\nvalues = [300.0, 400.0]\n[solve]\nmethod = "{method}"\n',
     )
     assert main(["run", str(path), "-o", str(shared_tmp_path / "r"), "--report"]) == SOLVED
     steps = summary(comm, shared_tmp_path)["steps"]
