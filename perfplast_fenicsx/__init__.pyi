@@ -25,6 +25,7 @@ from .limit_analysis.limit_search import limit_load as limit_load
 from .materials.drucker_prager import DruckerPrager as DruckerPrager
 from .materials.elastic import Elastic as Elastic
 from .materials.hardening import Hardening as Hardening
+from .materials.hill import Hill as Hill
 from .materials.plastic_flow import Flow as Flow
 from .materials.von_mises import VonMises as VonMises
 from .mesh.sample_meshes import build as build

@@ -46,7 +46,7 @@ def loading_for(survey: Survey, glued: Glued, options: MeshingOptions) -> str:
     """``[loading]`` and ``[mesh]`` of a first case, with the reason where no bounds are asked for.
 
     Args:
-        survey: What there is; all bodies yield by von Mises' law, and all loads grow.
+        survey: What there is; all bodies yield by one law, and all loads grow.
         glued: What is glued.
         options: By which it was meshed.
     """

@@ -1,3 +1,5 @@
+from .coulomb_cone import CoulombInPlane as CoulombInPlane
+from .coulomb_cone import TrescaInPlane as TrescaInPlane
 from .drucker_prager import DruckerPrager as DruckerPrager
 from .drucker_prager import DruckerPragerLaw as DruckerPragerLaw
 from .drucker_prager import DruckerPragerSet as DruckerPragerSet
@@ -5,6 +7,10 @@ from .elastic import Elastic as Elastic
 from .elastic import ElasticLaw as ElasticLaw
 from .hardening import Hardening as Hardening
 from .hardening import HardeningLaw as HardeningLaw
+from .hill import Hill as Hill
+from .hill import HillLaw as HillLaw
+from .hill_set import HillForm as HillForm
+from .hill_set import HillSet as HillSet
 from .isotropic_elasticity import IsotropicElasticity as IsotropicElasticity
 from .law import Law as Law
 from .law import Material as Material
@@ -22,5 +28,7 @@ from .von_mises import VonMises as VonMises
 from .von_mises import VonMisesLaw as VonMisesLaw
 from .von_mises import VonMisesSet as VonMisesSet
 from .yield_set import Cone as Cone
+from .yield_set import InPlaneCone as InPlaneCone
 from .yield_set import NeverYields as NeverYields
 from .yield_set import YieldSet as YieldSet
+from .yield_set import deviators as deviators

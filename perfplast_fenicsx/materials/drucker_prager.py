@@ -57,6 +57,10 @@ class DruckerPragerSet:
         """(c/η) tr rate, where tr rate ≥ √2 η‖dev rate‖."""
         return self.strength / self.slope * trace(rate)
 
+    def resistance(self, a: Expr, b: Expr) -> Expr:
+        """a:b, which is never asked for."""
+        return ufl.dot(a, b)
+
     def cones(self, size: int) -> Sequence[Cone]:
         """One, whose bound falls with the mean stress: ‖dev σ‖ ≤ √2 c − √2 ηp."""
         return (axial_cone(math.sqrt(2) * self.strength, math.sqrt(2) * self.slope, size),)

@@ -3,6 +3,7 @@
 from perfplast_fenicsx.materials.drucker_prager import DruckerPrager
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.hardening import Hardening
+from perfplast_fenicsx.materials.hill import Hill
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.von_mises import VonMises
 
@@ -10,6 +11,7 @@ MATERIALS: dict[str, type[Material]] = {
     "von-mises": VonMises,
     "von-mises-hardening": Hardening,
     "drucker-prager": DruckerPrager,
+    "hill": Hill,
     "elastic": Elastic,
 }
 """Materials by the name of their law in case files."""

@@ -21,8 +21,9 @@ from typing import ClassVar, Protocol
 import ufl
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.hardening import Hardening, HardeningLaw
-from perfplast_fenicsx.materials.law import Law, Old
+from perfplast_fenicsx.materials.law import Law, Material, Old
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.materials.von_mises import FirstYield, VonMises, VonMisesLaw
 
@@ -180,3 +181,10 @@ class Flow:
     def parameters(self) -> dict[str, float]:
         """Those of the body."""
         return self.body.parameters()
+
+
+def with_memory(material: Material) -> Material | None:
+    """A body that remembers its plastic flow, an elastic one as it is; None if it cannot."""
+    if isinstance(material, VonMises | Hardening):
+        return Flow(material)
+    return material if isinstance(material, Elastic | Flow) else None

@@ -42,6 +42,10 @@ class VonMisesSet:
         """γ‖dev rate‖."""
         return self.radius * _size(deviator(rate))
 
+    def resistance(self, a: Expr, b: Expr) -> Expr:
+        """a:b."""
+        return ufl.dot(a, b)
+
     def cones(self, size: int) -> Sequence[Cone]:
         """One, without a slope."""
         return (axial_cone(self.radius, 0.0, size),)

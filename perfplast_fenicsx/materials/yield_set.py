@@ -17,6 +17,9 @@ from perfplast_fenicsx.materials.mandel import Expr, spherical
 class Cone:
     """‖matrix·s‖ ≤ bound − slope·s, a second-order cone of stresses.
 
+    A matrix without the mean stress leaves that free; with one of rank m the set is an ellipsoid,
+    about zero where the slope is.
+
     Args:
         bound: Positive (stress), shape ().
         slope: By which the bound falls with the stress, shape (m,); zero without friction.
@@ -29,19 +32,13 @@ class Cone:
 
 
 @dataclass(frozen=True)
-class AxialCone(Cone):
-    """‖dev s‖ ≤ bound − αp about the hydrostatic axis, p being the mean of the normal stresses.
+class InPlaneCone(Cone):
+    """A cone of the stresses in the plane: what bounds these where the one out of it is free.
 
-    The interior point method knows these; :func:`axial_cone` makes them.
-
-    Args:
-        bound: As of all cones.
-        slope: αδ/3.
-        matrix: Orthonormal deviators as rows.
-        alpha: α ≥ 0, shape ().
+    It describes the set in plane strain alone, where that stress is in no equation and takes a
+    value that leaves the others the most room, such as one between the principal ones in the plane.
+    The third component of ``slope`` and the third column of ``matrix`` are zero.
     """
-
-    alpha: Expr
 
 
 class YieldSet(Protocol):
@@ -58,8 +55,19 @@ class YieldSet(Protocol):
         """Sup of s:rate over the set, power per volume, for a rate that is admissible."""
         ...
 
+    def resistance(self, a: Expr, b: Expr) -> Expr:
+        """A symmetric form of rates by which mechanisms are looked for along loading paths.
+
+        It is positive, and of an admissible rate with itself in proportion to the square of
+        :meth:`support`, if there is such a form; asked for where :meth:`inadmissible` is linear.
+        """
+        ...
+
     def cones(self, size: int) -> Sequence[Cone] | None:
         """The cones whose intersection the set is; () if nothing yields, None if not known.
+
+        Limit loads by the interior point method, strict bounds and their proofs need no more than
+        one of them: its matrix has a rank of m − 1 or m, and zero is inside.
 
         Args:
             size: m.
@@ -86,6 +94,10 @@ class NeverYields:
         """0, the power of no rate at all."""
         return ufl.as_ufl(0)
 
+    def resistance(self, a: Expr, b: Expr) -> Expr:
+        """a:b."""
+        return ufl.dot(a, b)
+
     def cones(self, size: int) -> Sequence[Cone]:
         """None of them bounds a stress."""
         return ()
@@ -95,16 +107,15 @@ class NeverYields:
         return rate
 
 
-def axial_cone(bound: Expr, alpha: Expr | float, size: int) -> AxialCone:
-    """‖dev s‖ ≤ bound − αp.
+def axial_cone(bound: Expr, alpha: Expr | float, size: int) -> Cone:
+    """‖dev s‖ ≤ bound − αp about the hydrostatic axis, p being the mean of the normal stresses.
 
     Args:
         bound: γ > 0 (stress).
         alpha: α ≥ 0.
         size: m.
     """
-    falls = ufl.as_ufl(alpha)
-    return AxialCone(bound, spherical(falls / 3, size), deviators(size), falls)
+    return Cone(bound, spherical(ufl.as_ufl(alpha) / 3, size), deviators(size))
 
 
 def deviators(size: int) -> Expr:

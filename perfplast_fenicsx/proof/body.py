@@ -1,4 +1,4 @@
-"""What half a proof says of the bodies: cells, yield radii, surfaces, loads, supports, contact."""
+"""What half a proof says of the bodies: cells, strengths, surfaces, loads, supports, contact."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.proof.cones import Cones
 from perfplast_fenicsx.proof.load_kinds import ANY, CONSTANT, SOUGHT, Loads, with_all
 from perfplast_fenicsx.proof.plain_arrays import ProofError, checked
 
@@ -26,9 +27,11 @@ class Body:
     Attributes:
         vertices: Shape (num_vertices, d).
         cells: Their vertices, shape (num_cells, d + 1).
-        yield_radius: γ of each cell: ‖dev σ‖ ≤ γ − αp with the mean stress p = tr σ/d, in the plane
-            that of the stresses in it; ∞ in elastic bodies.
-        yield_slope: α ≥ 0 of each cell; 0 of bodies that keep their volume, and of elastic ones.
+        cone: Number of the cone that bounds the stress of each cell, shape (num_cells,); −1 of
+            elastic ones.
+        cone_bound: c of each cone ‖Mσ‖ ≤ c − q·σ (:class:`cones.Cones`), shape (num_cones,).
+        cone_slope: q, shape (num_cones, m), m = 3 in the plane and 6 in space.
+        cone_matrix: M, shape (num_cones, m, m).
         body_force: Force per volume of λ = 1, shape (num_cells, d).
         constant_body_force: The same of loads that stay as they are.
         any_body_force: The same of loads that may have any factor, of factor 1.
@@ -45,8 +48,10 @@ class Body:
 
     vertices: Floats
     cells: Longs
-    yield_radius: Floats
-    yield_slope: Floats
+    cone: Longs
+    cone_bound: Floats
+    cone_slope: Floats
+    cone_matrix: Floats
     body_force: Floats
     constant_body_force: Floats
     any_body_force: Floats
@@ -68,8 +73,7 @@ class Body:
         )
         shapes = {
             "cells": (c, d + 1),
-            "yield_radius": (c,),
-            "yield_slope": (c,),
+            "cone": (c,),
             **{names[0]: (c, d) for names in (SOUGHT, CONSTANT, ANY)},
             "facets": (f, d),
             "surface": (f,),
@@ -92,12 +96,9 @@ class Body:
         known = (self.vertices, *every, self.obstacle_normals)
         if not all(np.isfinite(values).all() for values in known):
             raise ProofError("vertices, loads or normals are not finite.")
-        if not (self.yield_radius > 0).all():
-            raise ProofError("a yield radius is not positive.")
-        if not ((self.yield_slope >= 0) & np.isfinite(self.yield_slope)).all():
-            raise ProofError("a yield slope is negative or not finite.")
-        if self.yield_slope[~self.plastic].any():
-            raise ProofError("a cell that cannot yield has a yield slope.")
+        self.cones.check(d * (d + 1) // 2)
+        if not ((self.cone >= -1) & (self.cone < len(self.cone_bound))).all():
+            raise ProofError("cone names cones that there are not.")
         if not (np.abs(np.linalg.norm(self.obstacle_normals, axis=1) - 1) <= 1e-12).all():
             raise ProofError("a normal of an obstacle is no unit vector.")
         if not self.plastic.any():
@@ -139,7 +140,17 @@ class Body:
     @property
     def plastic(self) -> Flags:
         """Cells that can yield."""
-        return np.isfinite(self.yield_radius)
+        return self.cone >= 0
+
+    @cached_property
+    def cones(self) -> Cones:
+        """What bounds stresses."""
+        return Cones(self.cone_bound, self.cone_slope, self.cone_matrix)
+
+    @cached_property
+    def yield_radius(self) -> Floats:
+        """A stress that each cell bears, ∞ in elastic ones: what is left is relative to it."""
+        return np.append(self.cones.radius, np.inf)[self.cone]
 
     @cached_property
     def gradients(self) -> Floats:

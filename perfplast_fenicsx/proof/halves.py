@@ -8,6 +8,9 @@ from perfplast_fenicsx.proof.load_kinds import Loads
 SAME = 1e-9
 """Volumes, areas, places and forces that differ by less, relative to the largest, are the same."""
 
+DIGITS = 11
+"""Behind the point, that entries of cones of size 1 are compared with."""
+
 
 def differences(lower: Body, upper: Body) -> list[str]:
     """What differs between the bodies of two halves, in words.
@@ -25,7 +28,9 @@ def differences(lower: Body, upper: Body) -> list[str]:
     if not _alike(_masses(lower), _masses(upper)):
         found.append("the halves have bodies of different volume or place")
     elif not _is_weaker(lower, upper):
-        found.append("the upper half has weaker bodies than the lower one, or of other slopes")
+        found.append(
+            "the upper half has weaker bodies than the lower one, or of cones of other shapes"
+        )
     tags = np.union1d(lower.surface, upper.surface)
     if not _alike(_areas(lower, tags), _areas(upper, tags)):
         found.append("the halves have different surfaces")
@@ -68,14 +73,15 @@ def _masses(body: Body) -> Floats:
 
 
 def _is_weaker(lower: Body, upper: Body) -> bool:
-    """Whether for any radius the upper half has no more volume that is weaker than that.
+    """Whether for any strength the upper half has no more volume that is weaker than that.
 
-    Where both have the same volume of a radius, it must be in the same place. Bodies of each slope
-    are compared by themselves, and must be of the same volume and in the same place: of cones with
-    two slopes neither need be in the other.
+    Where both have the same volume of a strength, it must be in the same place. Bodies of each
+    shape of cone are compared by themselves, and must be of the same volume and in the same place:
+    of two shapes neither need be in the other.
     """
-    cones = [np.column_stack([it.yield_slope, it.yield_radius]) for it in (lower, upper)]
-    kinds, numbers = np.unique(np.concatenate(cones), axis=0, return_inverse=True)
+    kinds, numbers = np.unique(
+        np.concatenate(_strengths(lower, upper)), axis=0, return_inverse=True
+    )
     ends = np.append(np.diff(kinds[:, 0]) > 0, True)
     total = lower.volumes.sum()
     volumes, places = [], []
@@ -92,6 +98,42 @@ def _is_weaker(lower: Body, upper: Body) -> bool:
     same = np.abs(volumes[1] - volumes[0]) <= SAME * total
     near = (np.abs(places[1] - places[0]) <= SAME * total).all(axis=1)
     return bool(less.all() and near[same].all() and (np.abs(moved) <= SAME * total).all())
+
+
+def _strengths(*bodies: Body) -> list[Floats]:
+    """Number of the shape of each cell's cone, and its strength; shape (num_cells, 2) each.
+
+    A shape is MᵀM and q, for a matrix M of size 1. Elastic cells are as bodies of infinite strength
+    that keep their volume.
+    """
+    m = bodies[0].dim * (bodies[0].dim + 1) // 2
+    plain = np.eye(m)
+    plain[: bodies[0].dim, : bodies[0].dim] -= 1 / bodies[0].dim
+    shapes, bounds = [np.append(_shape(plain[None]), np.zeros((1, m)), axis=1)], []
+    for body in bodies:
+        sizes = np.linalg.norm(body.cone_matrix, axis=(1, 2))
+        slopes = body.cone_slope / sizes[:, None]
+        shapes.append(np.append(_shape(body.cone_matrix), slopes, axis=1))
+        bounds.append(np.append(body.cone_bound / sizes, np.inf)[body.cone])
+    numbers = _alike_rows(np.concatenate(shapes))
+    ends = np.cumsum([1, *(len(body.cone_bound) for body in bodies)])
+    found = []
+    for body, bound, first in zip(bodies, bounds, ends, strict=False):
+        mine = np.append(numbers[first : first + len(body.cone_bound)], numbers[0])
+        found.append(np.column_stack([mine[body.cone], bound]).astype(np.float64))
+    return found
+
+
+def _shape(matrices: Floats) -> Floats:
+    """MᵀM of matrices of size 1, in rows."""
+    unit = matrices / np.linalg.norm(matrices, axis=(1, 2), keepdims=True)
+    return np.asarray((unit.transpose(0, 2, 1) @ unit).reshape(len(unit), -1))
+
+
+def _alike_rows(rows: Floats) -> Longs:
+    """A number for each row, the same for those that are rounded to the same."""
+    _, numbers = np.unique(np.round(rows, DIGITS), axis=0, return_inverse=True)
+    return np.asarray(numbers.ravel(), dtype=np.int64)
 
 
 def _areas(body: Body, tags: np.ndarray) -> Floats:

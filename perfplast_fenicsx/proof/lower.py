@@ -2,11 +2,11 @@
 
 λ is a lower bound of the limit load of the bodies where div σ + b = 0 in each cell for the force b
 per volume of all loads at λ, tractions are equal on both sides of inner facets and those of the
-loads on outer ones, contact pushes and has no shear, and ‖dev σ‖ ≤ γ − αp at each vertex, p being
-the mean stress, and so everywhere, as the stresses
-that keep to it are a convex set (static theorem, W. Prager,
-P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). What is left by rounding is a load of its
-own: it is measured by what the weakest could bear of it, each row by itself and all together.
+loads on outer ones, contact pushes and has no shear, and ‖Mσ‖ ≤ c − q·σ at each vertex with the
+cone of the cell (:mod:`cones`), and so everywhere, as the stresses that keep to it are a convex set
+(static theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). What is left by
+rounding is a load of its own: it is measured by what the weakest could bear of it, each row by
+itself and all together.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats
+from perfplast_fenicsx.proof.cones import vectors
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.touching import Touching, touching
 
@@ -34,7 +35,7 @@ class Left:
             ``asymmetry``, relative to the least of all; ``left_of_load``, the sum of all forces
             without balance relative to those of the loads at λ, and ``left_of_strength``, relative
             to the least γV^((d − 1)/d) of a cell of volume V; ``yield_ratio``, the largest
-            (‖dev σ‖ + αp)/γ: the stress divided by it keeps to the cone, as 0 is inside.
+            (‖Mσ‖ + q·σ)/c: the stress divided by it keeps to the cone, as 0 is inside.
         forces: The sum of the magnitudes of all forces without balance.
         loads: That of the loads at λ.
         reason: Why the conditions of contact cannot be told, or None.
@@ -60,9 +61,6 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     section = body.volumes ** ((d - 1) / d)
     divergence = np.einsum("cvij,cvj->ci", stress, body.gradients) + loads.body_force
     in_cells = np.linalg.norm(divergence, axis=1) * body.volumes
-    means = np.trace(stress, axis1=2, axis2=3) / d
-    sizes = np.linalg.norm(stress - means[..., None, None] * np.eye(d), axis=(2, 3))
-    sizes += body.yield_slope[:, None] * means
     inner = body.sides[0]
     jumps = _inner_tractions(body, stress, inner[:, 0]) + _inner_tractions(
         body, stress, inner[:, 1]
@@ -85,7 +83,8 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     loaded = sum(kind.size(body.volumes, body.areas) for kind in kinds)
     measured["left_of_load"] = _share(forces, loaded)
     measured["left_of_strength"] = _share(forces, float((radii * section).min()))
-    ratios_of_yield = sizes[body.plastic] / radii[body.plastic, None]
+    plastic = body.plastic
+    ratios_of_yield = body.cones.ratios(body.cone[plastic], vectors(stress[plastic]))
     measured["yield_ratio"] = _largest(np.where(ratios_of_yield < 0, 0.0, ratios_of_yield))
     return Left(measured, forces, loaded, reason)
 

@@ -8,11 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 FLOATS = (
-    *("vertices", "yield_radius", "yield_slope", "body_force", "traction", "obstacle_normals"),
+    *("vertices", "cone_bound", "cone_slope", "cone_matrix", "obstacle_normals"),
+    *("body_force", "traction"),
     *("constant_body_force", "constant_traction", "any_body_force", "any_traction"),
     *("stress", "velocity"),
 )
-LONGS = ("cells", "facets", "surface", "contacts", "obstacles", "nodes")
+LONGS = ("cells", "cone", "facets", "surface", "contacts", "obstacles", "nodes")
 FLAGS = ("held",)
 
 MOST_AXES = 4

@@ -35,15 +35,28 @@ def _listed(words: list[str]) -> str:
 
 
 def _strengths(body: Body) -> str:
-    cones = np.column_stack([body.yield_radius, body.yield_slope])
-    kinds, at = np.unique(cones, axis=0, return_inverse=True)
-    volumes = np.bincount(at.ravel(), weights=body.volumes)
-    words = []
-    for radius, slope, volume in zip(*kinds.T, volumes, strict=True):
-        falls = f" less {slope:.6g} times the mean stress" if slope else ""
-        here = f"{radius:.6g}{falls} in a volume of {volume:.6g}"
-        words.append(here if np.isfinite(radius) else "elastic cells")
-    return f"yield radii (the largest ‖dev σ‖) {_listed(words)}"
+    volumes = np.bincount(body.cone + 1, weights=body.volumes, minlength=len(body.cone_bound) + 1)
+    words = ["elastic cells"] if volumes[0] else []
+    cones = {number: _cone(body, number) for number in np.flatnonzero(volumes[1:])}
+    for number, cone in cones.items():
+        words.append(f"{cone} in a volume of {volumes[number + 1]:.6g}")
+    what = "‖dev σ‖" + (", or ‖Mσ‖" if any("M" in cone for cone in cones.values()) else "")
+    return f"yield radii (the largest {what}) {_listed(words)}"
+
+
+def _cone(body: Body, number: np.int64) -> str:
+    """A cone in words: radius and slope of those about the axis of mean stress, else all of it."""
+    d, M, q = body.dim, body.cone_matrix[number], body.cone_slope[number]
+    unit = np.append(np.ones(d), np.zeros(len(q) - d))
+    size = np.sqrt((M**2).sum() / (len(q) - 1))
+    usual = np.abs(M.T @ M / size**2 - np.eye(len(q)) + np.outer(unit, unit) / d).max() < 1e-9
+    along = float(q @ unit) / size
+    bound = f"{body.cone_bound[number] / size:.6g}"
+    if usual and np.abs(q / size - along * unit / d).max() < 1e-9:
+        return bound + (f" less {along:.6g} times the mean stress" if along else "")
+    rows = ", ".join(_vector(row / size) for row in M)
+    falls = f" less {_vector(q / size)}·σ" if q.any() else ""
+    return f"{bound}{falls} with M = ({rows})"
 
 
 def _supports(body: Body) -> str:

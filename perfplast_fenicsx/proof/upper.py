@@ -1,13 +1,13 @@
 """Does a velocity prove an upper bound? It is quadratic in each cell, and continuous.
 
 (∫D(ε(v)) − L₀(v))/L(v), with the work L₀(v) of loads that stay, is an upper bound of the limit load
-of the bodies where v = 0 at supports, ε(v) = 0 in elastic bodies, and v enters nothing. In cells of
-slope α = 0 it asks for div v = 0, with D = γ‖ε‖; in others for tr ε ≥ α‖dev ε‖, where the sup of
-σ:ε over ‖dev σ‖ ≤ γ − αp is that at the apex p = γ/α of the cone, D = (γ/α) tr ε. ε(v) is linear in
-a cell, so that div v vanishes everywhere if it does at the vertices, and tr ε − α‖dev ε‖, which is
-concave, is nowhere negative if it is not there. The integral of γ‖ε‖ is at most that of the linear
-interpolation on any subdivision, and that of tr ε is the mean of the vertices (kinematic theorem,
-W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951).
+of the bodies where v = 0 at supports, ε(v) = 0 in elastic bodies, and v enters nothing. D is the
+sup of σ:ε over the cone of each cell (:mod:`cones`), and where it is finite ε is admissible: if the
+cone leaves a stress free, that does no work, and in cells that grow there is enough of that. ε(v)
+is linear in a cell, so that a rate that vanishes at the vertices does so everywhere, and what
+growth lacks, which is convex, is nowhere positive if it is not there. The integral of a convex D is
+at most that of its linear interpolation on any subdivision, and that of a linear one is the mean of
+the vertices (kinematic theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951).
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,8 @@ from math import factorial
 
 import numpy as np
 
-from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.body import Body, Floats, Longs
+from perfplast_fenicsx.proof.cones import vectors
 from perfplast_fenicsx.proof.entering import entering_of
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.plain_arrays import ProofError
@@ -72,10 +73,10 @@ class Flow:
     """What is left of the conditions of a velocity, and what it does.
 
     Attributes:
-        measured: ``volume_change`` (of cells that dilate what it lacks), ``elastic_strain`` and
-            ``entering_work``: the work of a stress
-            as large as the loads at the bound cause (:meth:`Loads.stress`) at what is left in each
-            cell and facet, all added up, relative to what is dissipated.
+        measured: ``volume_change`` (or what :meth:`cones.Cones.lacking` tells of other cones),
+            ``elastic_strain`` and ``entering_work``: the work of a stress as large as the loads at
+            the bound cause (:meth:`Loads.stress`) at what is left in each cell and facet, all added
+            up, relative to what is dissipated.
             ``work_of_others``: the work of loads of any factor, relative to the largest that they
             could do at that speed.
             ``entering``: relative to the largest velocity on the same facets, or to a share of the
@@ -116,19 +117,12 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     """
     d, plastic = body.dim, body.plastic
     rates = strain_rates(body, v)
-    trace = np.trace(rates, axis1=2, axis2=3)
-    deviator = rates - trace[..., None, None] / d * np.eye(d)
+    wrong, dissipation = _dissipated(body, vectors(rates), subdivisions)
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
     entering, entered, reason = entering_of(body, at_facets, float(np.abs(v).max(initial=0)))
-    lacks = body.yield_slope[:, None] * np.linalg.norm(deviator, axis=(2, 3)) - trace
-    slopes = np.broadcast_to(body.yield_slope[:, None], trace.shape)
-    wrong = np.where(slopes > 0, np.maximum(lacks, 0.0), np.abs(trace))
-    keeps, grows = plastic & (body.yield_slope == 0), body.yield_slope > 0
-    dissipation = _dissipation(body, keeps, deviator, subdivisions)
-    dissipation += _at_apex(body, grows, (trace + wrong)[grows])
     kinds = (body.sought, body.constant, body.others)
     work, constant_work, other_work = (_work(body, of, v, at_facets) for of in kinds)
-    volumes = np.where(plastic, wrong.max(axis=1), 0.0) * body.volumes
+    volumes = wrong.max(axis=1) * body.volumes
     strains = np.linalg.norm(rates[~plastic], axis=(2, 3)).max(axis=1) @ body.volumes[~plastic]
     moved = float(np.abs(at_facets * body.held[:, None]).max(initial=0))
     fastest = float(np.abs(v).max(initial=0))
@@ -159,30 +153,24 @@ def _share(part: float, whole: float) -> float:
     return part / whole if whole > 0 else np.inf
 
 
-def _at_apex(body: Body, cells: Flags, growth: Floats) -> float:
-    """∫(γ/α) tr ε of those cells, tr ε being given at their vertices."""
-    apex = body.yield_radius[cells] / body.yield_slope[cells]
-    return float((apex * body.volumes[cells]) @ growth.mean(axis=1))
-
-
-def _dissipation(body: Body, cells: Flags, deviators: Floats, subdivisions: int) -> float:
-    """∫γ‖dev ε‖ of some cells from above; the deviators at the vertices are those of all."""
-    d, deviator = body.dim, deviators[cells]
-    pairs = list(combinations(range(d), 2))
-    components = np.stack(
-        [deviator[:, :, i, i] for i in range(d)]
-        + [np.sqrt(2) * deviator[:, :, i, j] for i, j in pairs],
-        axis=2,
-    )
-    weights = (body.yield_radius * body.volumes)[cells]
-    points, shares = halved(d, subdivisions)
-    total = 0.0
-    for some in np.array_split(np.arange(len(weights)), len(weights) // AT_ONCE + 1):
-        squares = np.zeros((len(some), len(points)))
-        for component in components[some].transpose(2, 0, 1):
+def _dissipated(body: Body, rates: Floats, subdivisions: int) -> tuple[Floats, float]:
+    """What rates at the vertices lack, zero in elastic cells, and ∫D from above."""
+    cones, wrong = body.cones, np.zeros(rates.shape[:2])
+    plastic, grows = body.plastic, np.zeros(len(rates), dtype=bool)
+    wrong[plastic] = cones.lacking(body.cone[plastic], rates[plastic])
+    grows[plastic] = cones.grows[body.cone[plastic]]
+    powers = cones.linear_power(body.cone[grows], rates[grows]).mean(axis=1)
+    total = float(powers @ body.volumes[grows])
+    some = np.flatnonzero(plastic & ~grows)
+    points, shares = halved(body.dim, subdivisions)
+    for cells in np.array_split(some, len(some) // AT_ONCE + 1):
+        sizes, along = cones.convex_power(body.cone[cells], rates[cells])
+        squares = np.zeros((len(cells), len(points)))
+        for component in sizes.transpose(2, 0, 1):
             squares += (component @ points.T) ** 2
-        total += float(weights[some] @ np.sqrt(squares) @ shares)
-    return total
+        weights = body.volumes[cells]
+        total += float(weights @ np.sqrt(squares) @ shares + weights @ along.mean(axis=1))
+    return wrong, total
 
 
 def strain_rates(body: Body, v: Floats) -> Floats:

@@ -15,6 +15,7 @@ LAWS = {
     "von-mises": "elastic, perfectly plastic (von Mises)",
     "von-mises-hardening": "elastic, plastic with linear hardening (von Mises)",
     "drucker-prager": "elastic, perfectly plastic (Drucker–Prager, associated)",
+    "hill": "elastic, perfectly plastic (Hill 1948)",
     "elastic": "elastic, never plastic",
 }
 
@@ -27,6 +28,13 @@ NUMBERS = {
     "match": ("as strong as Mohr–Coulomb in", ""),
     "isotropic": ("isotropic hardening", "stress"),
     "kinematic": ("kinematic hardening", "stress"),
+    "r11": ("ratio of yield stresses, first axis", ""),
+    "r22": ("ratio of yield stresses, second axis", ""),
+    "r33": ("ratio of yield stresses, z", ""),
+    "r12": ("ratio of shear stresses, first and second axis", ""),
+    "r13": ("ratio of shear stresses, first axis and z", ""),
+    "r23": ("ratio of shear stresses, second axis and z", ""),
+    "angle": ("first axis from x in degrees", ""),
     "expansion": ("thermal expansion", ""),
 }
 

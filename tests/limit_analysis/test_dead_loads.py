@@ -203,7 +203,7 @@ def test_forged_dead_loads(shared_tmp_path: Path) -> None:
     assert check_lower(higher).faults
     assert any("only" in fault for fault in check_upper({**upper, "bound": -1.01}).faults)
     # a stress that yields a little cannot be made smaller beside loads that stay
-    weaker = {**lower, "yield_radius": (1 - 1e-4) * lower["yield_radius"]}
+    weaker = {**lower, "cone_bound": (1 - 1e-4) * lower["cone_bound"]}
     assert any("times as large" in fault for fault in check_lower(weaker).faults)
 
 

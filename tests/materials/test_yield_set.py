@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import ufl
 
-from perfplast_fenicsx import DruckerPrager, Elastic, VonMises
+from perfplast_fenicsx import DruckerPrager, Elastic, Hill, VonMises
 from perfplast_fenicsx.materials import (
     MATERIALS,
     Cone,
@@ -19,6 +19,7 @@ from perfplast_fenicsx.materials import (
     VonMisesSet,
     YieldSet,
 )
+from tests.materials.energy_cap import Foam
 from tests.materials.properties import Array
 
 pytestmark = pytest.mark.serial
@@ -35,6 +36,11 @@ LAWS: dict[str, Sequence[Material]] = {
         DruckerPrager(1e4, 0.3, 10.0, 20.0, "compression"),
         DruckerPrager(1e4, 0.3, 0.1, 42.0, "plane-strain"),
         DruckerPrager(1e4, 0.3, 3.0, 2.0, "extension"),
+    ),
+    "hill": (
+        Hill(2e5, 0.3, 450.0, 1.0, 0.953, 1.195, 0.8, 1.3, 1.1, 25.0),
+        Hill(2e5, 0.3, 450.0, r33=1.6),
+        Hill(2e5, 0.3, 450.0),
     ),
     "elastic": (Elastic(2e5, 0.3),),
 }
@@ -73,14 +79,14 @@ def check_set(yields: YieldSet, size: int) -> None:
     def room(stress: Array) -> float:
         return float(bound - slope @ stress - np.linalg.norm(matrix @ stress))
 
-    both = np.vstack([slope, matrix])
+    both, bounded = np.vstack([slope, matrix]), len(matrix) == size
     if linear is not None:
         # what no rate may have is what no stress of the cone bounds
         assert not slope.any()
         assert np.linalg.matrix_rank(linear) + len(matrix) == size
         assert np.abs(matrix @ linear).max() < EXACT
     else:
-        assert slope.any() and np.linalg.matrix_rank(both) == size
+        assert (slope.any() or bounded) and np.linalg.matrix_rank(both) == size
     surface = []
     for stress in random.normal(size=(200, size)) * bound:
         t = gauge(stress)
@@ -94,7 +100,7 @@ def check_set(yields: YieldSet, size: int) -> None:
     assert len(surface) > 20
     for z in random.normal(size=(50, len(matrix))):
         # a rate of the dual cone, (head, z); the best stress is on its ray, or the tip
-        for more in (1.0,) if linear is not None else (1.0, 1.7):
+        for more in (1.0,) if linear is not None or bounded else (1.0, 1.7):
             head = more * np.linalg.norm(z)
             rate = matrix.T @ z + head * slope
             if linear is not None:
@@ -103,6 +109,9 @@ def check_set(yields: YieldSet, size: int) -> None:
             assert power == pytest.approx(bound * head, rel=EXACT)
             along = bound * z / head if more == 1 else 0 * z
             best = np.linalg.lstsq(both, np.r_[0 if more == 1 else bound, along], rcond=None)[0]
+            if bounded:
+                best = np.linalg.solve(matrix, along)
+                best /= 1 + slope @ best / bound
             assert gauge(best) == pytest.approx(1, rel=EXACT)
             assert best @ rate == pytest.approx(power, rel=EXACT)
             sizes = np.linalg.norm(surface, axis=1) * np.linalg.norm(rate)
@@ -118,8 +127,12 @@ def test_each_law_of_case_files_is_here() -> None:
     assert all(type(given[0]) is MATERIALS[name] for name, given in LAWS.items())
 
 
+OTHERS = (Foam(1e4, 0.3, 10.0), Foam(1e4, 0.3, 10.0, 4.0), Foam(1e4, 0.45, 10.0, -1.0))
+"""Of no law of case files: ellipsoids about zero, a pressure and a tension."""
+
+
 @pytest.mark.parametrize("size", [4, 6])
-@pytest.mark.parametrize("material", [m for given in LAWS.values() for m in given])
+@pytest.mark.parametrize("material", [*(m for given in LAWS.values() for m in given), *OTHERS])
 def test_descriptions_are_of_one_set(material: Material, size: int) -> None:
     law = material.law(**{name: ufl.as_ufl(a) for name, a in material.parameters().items()})
     check_set(law.yields, size)

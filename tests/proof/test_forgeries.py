@@ -7,6 +7,7 @@ upper one or both. Where the dimension does not matter it is tried in both.
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from mpi4py import MPI
@@ -146,8 +147,10 @@ def free_cell(
         more: Arrays = {
             "vertices": x,
             "cells": cell[None],
-            "yield_radius": np.array([radius]),
-            "yield_slope": np.zeros(1),
+            "cone": np.array([len(them["cone_bound"])]),
+            "cone_bound": np.array([radius]),
+            "cone_slope": np.zeros((1, d * (d + 1) // 2)),
+            "cone_matrix": them["cone_matrix"][:1],
             "body_force": np.zeros((1, d)),
             "facets": np.array([[v for v in cell if v != out] for out in cell]),
             "surface": np.zeros(d + 1, dtype=int),
@@ -170,6 +173,15 @@ def free_cell(
     return forge
 
 
+ELASTIC = partial(np.full_like, fill_value=-1)
+"""No cones for all cells."""
+
+
+def elastic_where_weakest(them: Arrays) -> None:
+    """The weakest cells are elastic."""
+    them["cone"][them["cone"] == np.argmin(them["cone_bound"])] = -1
+
+
 def nothing(them: Arrays) -> None:
     """No rows at all."""
     for name in them:
@@ -186,7 +198,7 @@ def second_copy(them: Arrays, shift: float) -> None:
     """All bodies once more, moved along x."""
     vertices, nodes = len(them["vertices"]), len(them.get("velocity", ()))
     for name in them:
-        if name in ("bound", "contacts", "obstacles", "obstacle_normals"):
+        if name in ("bound", "contacts", "obstacles", "obstacle_normals") or "cone_" in name:
             continue
         more = them[name].copy()
         if name in ("cells", "facets"):
@@ -286,13 +298,13 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
         "volume change",
     ),
     "all elastic, hardly loaded": (
-        alone("lower", in_turn(times("yield_radius", np.inf), times("traction", 1e-12))),
+        alone("lower", in_turn(make("cone", ELASTIC), times("traction", 1e-12))),
         "no cell can yield",
     ),
     "no rows": (both(nothing), "no cell"),
     "no rows, lower": (alone("lower", in_turn(nothing, put("bound", (), 1e9))), "no cell"),
     "upper half weaker": (
-        high(in_turn(times("yield_radius", 0.5), times("bound", 0.6))),
+        high(in_turn(times("cone_bound", 0.5), times("bound", 0.6))),
         "weaker bodies",
     ),
     "stress complex": (low(make("stress", lambda a: a + 1j)), "not made of numbers"),
@@ -305,7 +317,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "bodies in one place": (both(twice_in_one_place), "overlap"),
     # empty or harmless loads
     "nothing is loaded": (both(in_turn(times("traction", 0), times("body_force", 0))), "loaded"),
-    "elastic alone": (alone("upper", times("yield_radius", np.inf)), "no cell can yield"),
+    "elastic alone": (alone("upper", make("cone", ELASTIC)), "no cell can yield"),
     # kinds of numbers
     "velocity complex": (high(make("velocity", lambda a: a + 1j)), "not made of numbers"),
     "vertices complex": (both(make("vertices", lambda a: a + 0j)), "not made of numbers"),
@@ -338,9 +350,9 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "vertices huge": (both(times("vertices", LARGE)), "no volume"),
     "vertices tiny": (both(times("vertices", 1e-300)), "no volume"),
     "far from the origin": (both(make("vertices", lambda a: a + 1e14)), "volume|rounding"),
-    "radii nan": (both(put("yield_radius", 0, np.nan)), "not positive"),
-    "radii zero": (both(put("yield_radius", 0, 0.0)), "not positive"),
-    "radii minus infinite": (both(put("yield_radius", 0, -np.inf)), "not positive"),
+    "radii nan": (both(put("cone_bound", 0, np.nan)), "not positive"),
+    "radii zero": (both(put("cone_bound", 0, 0.0)), "not positive"),
+    "radii minus infinite": (both(put("cone_bound", 0, -np.inf)), "not positive"),
     "traction infinite": (both(put("traction", 0, np.inf)), "not finite"),
     "body force nan": (both(put("body_force", 0, np.nan)), "not finite"),
     "normals nan": (both(times("obstacle_normals", np.nan)), "not finite"),
@@ -354,7 +366,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "no axis": (both(make("vertices", np.ravel)), "fits nothing"),
     "four coordinates": (both(make("vertices", lambda a: np.hstack([a, a]))), "fits nothing"),
     "cells with one vertex less": (both(make("cells", lambda a: a[:, 1:])), "fits nothing"),
-    "a radius too few": (both(make("yield_radius", lambda a: a[1:])), "fits nothing"),
+    "a radius too few": (both(make("cone", lambda a: a[1:])), "fits nothing"),
     "a stress too few": (low(make("stress", lambda a: a[1:])), "does not fit"),
     "a stress for each cell": (low(make("stress", lambda a: a[:, 0])), "does not fit"),
     "a scalar": (both(make("cells", lambda a: a[0, 0])), "fits nothing"),
@@ -372,7 +384,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
             "lower",
             lambda them: [
                 them.update({name: np.concatenate([them[name], them[name][:1]])})
-                for name in ("cells", "yield_radius", "yield_slope", "body_force", "stress")
+                for name in ("cells", "cone", "body_force", "stress")
             ],
         ),
         "facets|two cells",
@@ -400,10 +412,10 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "larger in the upper half": (high(times("vertices", 1.01)), "volume or place"),
     "elsewhere in the upper half": (high(make("vertices", lambda a: a + 1.0)), "volume or place"),
     "strengths changed over": (
-        high(make("yield_radius", lambda a: a.max() + a.min() - a)),
+        high(make("cone", lambda a: a.max() + a.min() - a)),
         "weaker bodies",
     ),
-    "stronger in the lower half": (low(times("yield_radius", 1.5)), "weaker bodies"),
+    "stronger in the lower half": (low(times("cone_bound", 1.5)), "weaker bodies"),
     "loads twice as large above": (high(times("traction", 2.0)), "different loads"),
     "heavier above": (high(times("body_force", 3.0)), "different loads"),
     "weight turned above": (
@@ -436,7 +448,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
         low(lambda them: put("stress", slice(0, 2), them["stress"][1::-1])(them)),
         "tractions|equilibrium",
     ),
-    "weaker by 1e-8": (both(times("yield_radius", 1 - 1e-4)), "times as large"),
+    "weaker by 1e-8": (both(times("cone_bound", 1 - 1e-4)), "times as large"),
     "pull": (low(times("stress", -1.0)), "tension|tractions"),
     "hidden forces, each small": (
         low(make("body_force", lambda a: a + 1e-7 / len(a))),
@@ -463,7 +475,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "swelling": (high(lambda them: swollen(them, 1e-6)), "volume change"),
     "one node": (high(lambda them: put("velocity", 0, them["velocity"][0] + 1e-3)(them)), "left"),
     "elastic where it flows": (
-        both(make("yield_radius", lambda a: np.where(a == a.min(), np.inf, a))),
+        both(elastic_where_weakest),
         "elastic strain",
     ),
     "nodes changed over": (
@@ -539,6 +551,6 @@ def test_the_status_is_that_of_the_documentation(honest: Halves, tmp_path: Path)
 def test_an_upper_half_of_stronger_bodies_is_one(honest: Halves, tmp_path: Path) -> None:
     """What no velocity of stronger bodies does with less work, none of these does."""
     upper = honest["upper"]
-    stronger = upper | {"yield_radius": 2 * upper["yield_radius"], "bound": 2 * upper["bound"]}
+    stronger = upper | {"cone_bound": 2 * upper["cone_bound"], "bound": 2 * upper["bound"]}
     path = write(tmp_path / "stronger.h5", {"lower": honest["lower"], "upper": stronger})
     assert not any(of.faults for of in check(path).values())

@@ -76,9 +76,9 @@ def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         }
 
 
-def other_way_round(slopes: npt.NDArray) -> npt.NDArray:
-    """The slope of the other body."""
-    return np.asarray(slopes.max() - slopes)
+def other_way_round(cones: npt.NDArray) -> npt.NDArray:
+    """The cone of the other body."""
+    return np.asarray(cones.max() - cones)
 
 
 def sucked(them: Arrays) -> None:
@@ -90,45 +90,40 @@ def sucked(them: Arrays) -> None:
 
 def negative_strength(them: Arrays) -> None:
     """More slope, as if pressure made the ground stronger than it does."""
-    them["yield_slope"] = 3 * them["yield_slope"]
+    them["cone_slope"] = 3 * them["cone_slope"]
 
 
 SLOPES: dict[str, tuple[Forgery, str]] = {
-    "none at all": (both(drop("yield_slope")), "missing"),
-    "too few": (both(make("yield_slope", lambda a: a[1:])), "fits nothing"),
-    "of another kind": (both(make("yield_slope", lambda a: a + 0j)), "not made of numbers"),
-    "negative": (both(times("yield_slope", -1.0)), "negative or not finite"),
-    "not finite": (both(put("yield_slope", 0, np.inf)), "negative or not finite"),
-    "no number": (both(put("yield_slope", 0, np.nan)), "negative or not finite"),
-    "of elastic cells": (
-        both(make("yield_radius", lambda a: np.where(a == a.max(), a, np.inf))),
-        "cannot yield has a yield slope",
-    ),
+    "none at all": (both(drop("cone_slope")), "missing"),
+    "too few": (both(make("cone_slope", lambda a: a[1:])), "fits nothing"),
+    "of another kind": (both(make("cone_slope", lambda a: a + 0j)), "not made of numbers"),
+    "not finite": (both(put("cone_slope", 0, np.inf)), "not finite"),
+    "no number": (both(put("cone_slope", 0, np.nan)), "not finite"),
     "a stress of weaker ground": (
-        alone("lower", times("yield_slope", 0.99)),
+        alone("lower", times("cone_slope", 0.99)),
         "times as large as they may be",
     ),
     "a stress of ground without any": (
-        alone("lower", times("yield_slope", 0.0)),
+        alone("lower", times("cone_slope", 0.0)),
         "times as large as they may be",
     ),
     "a stress that pulls": (alone("lower", sucked), "times as large as they may be"),
     "a velocity that grows too little": (
-        alone("upper", times("yield_slope", 1.01)),
+        alone("upper", times("cone_slope", 1.01)),
         "volume change",
     ),
     "a velocity that ought not to grow": (
-        alone("upper", times("yield_slope", 0.0)),
+        alone("upper", times("cone_slope", 0.0)),
         "volume change",
     ),
     "a velocity that grows through more strength": (
-        alone("upper", times("yield_slope", 0.99)),
+        alone("upper", times("cone_slope", 0.99)),
         "only",
     ),
-    "of stronger ground below": (low(negative_strength), "of other slopes"),
-    "of stronger ground above": (high(times("yield_slope", 0.5)), "of other slopes"),
+    "of stronger ground below": (low(negative_strength), "of other shapes"),
+    "of stronger ground above": (high(times("cone_slope", 0.5)), "of other shapes"),
     "of the other body": (
-        both(make("yield_slope", other_way_round)),
+        both(make("cone", other_way_round)),
         "times as large|volume change",
     ),
     "a claim too high": (low(in_turn(times("bound", 1.001))), "outer tractions|equilibrium"),
@@ -152,8 +147,8 @@ def test_a_forged_slope_is_refused(honest: Halves, tmp_path: Path, name: str) ->
 @pytest.mark.parametrize(
     ("change", "proven"),
     [
-        (times("yield_slope", 1.5), "lower"),
-        (in_turn(times("yield_radius", 2.0), times("bound", 2.0)), "upper"),
+        (times("cone_slope", 1.5), "lower"),
+        (in_turn(times("cone_bound", 2.0), times("bound", 2.0)), "upper"),
     ],
 )
 def test_what_is_stronger_is_another_proof(

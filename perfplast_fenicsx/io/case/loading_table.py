@@ -11,12 +11,9 @@ from perfplast_fenicsx.io.case.loading_options import (
 )
 from perfplast_fenicsx.io.case.schema import choose, convert
 from perfplast_fenicsx.io.case.tables import Document
-from perfplast_fenicsx.materials.elastic import Elastic
-from perfplast_fenicsx.materials.hardening import Hardening
 from perfplast_fenicsx.materials.law import carries_any_load
 from perfplast_fenicsx.materials.laws import Material
-from perfplast_fenicsx.materials.plastic_flow import Flow
-from perfplast_fenicsx.materials.von_mises import VonMises
+from perfplast_fenicsx.materials.plastic_flow import with_memory
 from perfplast_fenicsx.problem.declared.initial import Initial, Temperature
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.stage import Stage, called
@@ -62,14 +59,17 @@ def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str
         )
     if not isinstance(loading, StageControl):
         return dict(materials)
-    yields = VonMises | Hardening
-    forget = sorted(n for n, a in materials.items() if not isinstance(a, yields | Elastic))
-    if forget:
+    found: dict[str, Material] = {}
+    for name in sorted(materials):
+        remembers = with_memory(materials[name])
+        if remembers is not None:
+            found[name] = remembers
+            continue
         raise InputError(
-            f"the material of '{forget[0]}' remembers no plastic flow, as stages want it; give"
+            f"the material of '{name}' remembers no plastic flow, as stages want it; give"
             " values of the load factor, or law = 'von-mises'."
         )
-    return {name: Flow(a) if isinstance(a, yields) else a for name, a in materials.items()}
+    return found
 
 
 def moved_by(

@@ -22,8 +22,8 @@ class OutputFields:
     Attributes:
         fields: name → function, brought up to date by :meth:`update`: ``displacement`` (length),
             ``stress`` (3×3, mean of each cell), ``plastic`` (share of each cell's points that are
-            plastic), ``yield_ratio`` (of σ by the law, for von Mises ‖dev σ‖/γ, the largest of each
-            cell's points, 0 in elastic bodies), ``contact_pressure`` (linear on the contact
+            plastic), ``yield_ratio`` (the gauge of the law's yield set, the largest of each cell's
+            points, 0 in elastic bodies), ``contact_pressure`` (linear on the contact
             surfaces, 0 elsewhere, positive where bodies push each other; at an edge of two contact
             faces the mean of both); internal variables of the laws by their names, the mean of each
             cell: numbers, or Mandel vectors as tensors (3×3); and, where there is friction, those
@@ -156,7 +156,7 @@ class OutputFields:
 def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
     """The plastic work of a velocity as its law has it, the mean of each cell. Collective.
 
-    For von Mises it is γ‖dev ε(v)‖, and 0 in elastic bodies.
+    It is the support function of the law's yield set, and 0 in elastic bodies.
 
     Args:
         problem: The bodies.

@@ -26,7 +26,7 @@ from perfplast_fenicsx.io.results.global_ordering import (
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.discrete.point_strains import cones_of_cells
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import matrices
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
 from perfplast_fenicsx.limit_analysis.statements.question import Question
@@ -208,18 +208,33 @@ def _body(problem: Problem, question: Question) -> Blocks:
         pushes = _tractions(chosen, outer, points[facets], surface, tags)
         loads[f"{prefix}body_force"] = block(of_cells, _body_forces(problem, chosen, len(cells)))
         loads[f"{prefix}traction"] = block(of_facets, pushes)
-    radii, slopes = cones_of_cells(problem)
     return loads | {
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),
         "cells": block(of_cells, numbers[cells]),
-        "yield_radius": block(of_cells, radii),
-        "yield_slope": block(of_cells, slopes),
+        **_cones(problem, of_cells),
         "facets": block(of_facets, numbers[facets]),
         "surface": block(of_facets, surface),
         "held": block(of_facets, held),
         "contacts": _table(problem, contacts, (2,), np.int64),
         "obstacles": _table(problem, [tags[plane.on] for plane in walls], (), np.int64),
         "obstacle_normals": _table(problem, into, (d,), np.float64),
+    }
+
+
+def _cones(problem: Problem, of_cells: Ordering) -> Blocks:
+    """The cones of the bodies, and which of them each cell has."""
+    found = body_cones(problem)
+    plain = [cone.plain for cone in found.cones if cone.plain is not None]
+    numbers = np.cumsum([cone.plain is not None for cone in found.cones]) - 1
+    numbers[[cone.plain is None for cone in found.cones]] = -1
+    d = problem.tagged_mesh.mesh.topology.dim
+    m = d * (d + 1) // 2
+    matrices = [np.pad(it.matrix, ((0, m - len(it.matrix)), (0, 0))) for it in plain]
+    return {
+        "cone": block(of_cells, numbers[found.of_cells]),
+        "cone_bound": _table(problem, [it.bound for it in plain], (), np.float64),
+        "cone_slope": _table(problem, [it.slope for it in plain], (m,), np.float64),
+        "cone_matrix": _table(problem, matrices, (m, m), np.float64),
     }
 
 

@@ -10,6 +10,7 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import (
     InteriorStep,
     Verdict,
@@ -197,7 +198,7 @@ def limit_bounds(
     if problem.bodies.gdim == 3 and straight:
         split = alfeld_split(tagged_mesh)
         problem = problem.on(split)
-    if straight and any(on.law.dilates for on in problem.laws):
+    if straight and body_cones(problem).dilates:
         problem = with_points_at_vertices(problem)
     log.info("upper bound: a mechanism on %s", problem)
     found = interior_point(without_entering(problem) or problem, rtol, monitor)

@@ -149,7 +149,7 @@ def weakened(problem: Problem, factor: float) -> Problem:
         if reduced is None:
             raise InputError(
                 f"the material of '{name}' ({type(material).__name__}) has no reduced strength; a"
-                " factor of safety knows VonMises, DruckerPrager and Elastic."
+                " factor of safety is of materials that have one, such as those of case files."
             )
         materials[name] = reduced(factor)
     return variant(problem, materials=materials)
@@ -160,7 +160,7 @@ def _check(problem: Problem) -> None:
     if all(isinstance(material, Elastic) for material in problem.given.materials.values()):
         raise InputError(
             "all bodies are elastic, and have no strength that could fall; give those that may"
-            " yield VonMises or DruckerPrager."
+            " yield another law."
         )
     check_staying(problem.given.loads)
 

@@ -5,11 +5,12 @@ On points with weights w,
     max λ               with  Σ w σ:ε(v) + r·[v] = λ L(v) + L₀(v),   ‖dev σ‖ ≤ γ − αp,   r ≥ 0,
     min Σ γ z₀ − L₀(v)  with  L(v) = 1,   αz₀ = w tr ε(v),   z₀ ≥ w‖dev ε(v)‖,   [v] ≤ 0,
 
-where L₀ is of the loads that stay as they are, [v] are the jumps of contact pairs and obstacles, r
-their forces and p the mean stress. Where α = 0 bodies keep their volume; else they dilate,
-tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖ is not bounded, and ε(v) = 0. The gaps of contact
-play no part: a body that moves without end has closed or opened them (E. Christiansen, Handbook of
-Numerical Analysis IV, 1996).
+in the coordinates of each point's cone (:mod:`standard_cones`; of sets about another stress than
+zero with s + γt in the place of dev σ). L₀ is of the loads that stay as they are, [v] are the jumps
+of contact pairs and obstacles, r their forces and p the mean stress. Where α = 0 bodies keep their
+volume; else they dilate, tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖ is not bounded, and
+ε(v) = 0. The gaps of contact play no part: a body that moves without end has closed or opened them
+(E. Christiansen, Handbook of Numerical Analysis IV, 1996).
 
 What the velocities v are is told by a :class:`discretisation.Discretisation`: displacements of
 finite elements (:mod:`limit_program`), or the multipliers of the equilibrium of piecewise linear
@@ -24,6 +25,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.limit_analysis.conic.cone_functions import powers, yield_ratios
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Discretisation, Moduli
 
 PROXIMAL = 1e-5
@@ -147,21 +149,21 @@ class ConicProgram:
         return self.comm.allreduce(least, MPI.MIN), self.comm.allreduce(largest, MPI.MAX)
 
     def overstress(self, stress: Stress) -> float:
-        """Largest (‖dev σ‖ + αp)/γ of all points, those that do not flow here too. Collective.
+        """By how much stresses exceed yield at most, in points that do not flow too. Collective.
 
         Args:
             stress: In units of ``stress_unit``.
         """
-        pressure, deviator = stress
-        sizes = np.linalg.norm(deviator, axis=1) + self.strains.slopes * pressure
-        ratios = sizes * self.stress_unit / self.strains.radii
+        ratios = yield_ratios(self.strains, *stress) * self.stress_unit
         return float(self.comm.allreduce(ratios.max(initial=0.0), MPI.MAX))
 
     def members(self, stress: Stress) -> Floats:
-        """(γ − αp, dev σ) of the plastic points, shape (num_plastic, 1 + m)."""
+        """(γ − αp, s + γt) of the plastic points, shape (num_plastic, 1 + m)."""
         pressure, deviator = stress
-        heads = self.radii - self.slopes * pressure[self.plastic]
-        return np.column_stack([heads, deviator[self.plastic]])
+        heads, tails = self.radii - self.slopes * pressure[self.plastic], deviator[self.plastic]
+        if self.strains.tilts is not None:
+            tails = tails + self.radii[:, None] * self.strains.tilts[self.plastic]
+        return np.column_stack([heads, tails])
 
     def whole(self, stress: Stress, load: float) -> Stress:
         """A stress that balances all loads, of one that balances what of them is sought."""
@@ -237,16 +239,12 @@ class ConicProgram:
         return float(self.dead.dot(velocity)) if self.has_dead else 0.0
 
     def dissipation(self, velocity: PETSc.Vec) -> float:
-        """Σ w γ‖dev ε(v)‖, and (γ/α) tr ε(v) where bodies dilate. Collective.
+        """Σ w γ(‖dev ε(v)‖ − t·dev ε(v)), and (γ/α) tr ε(v) where bodies dilate. Collective.
 
         Over all points that have a yield radius, of a velocity that is admissible.
         """
-        trace, deviator = self.strains.of(velocity)
-        radii = self.strains.radii / self.stress_unit
-        radii = np.where(np.isfinite(radii), radii, 0.0)
-        rates, slopes = np.linalg.norm(deviator, axis=1), self.strains.slopes
-        np.divide(trace, slopes, out=rates, where=slopes > 0)
-        return self.total(float((self.weights * radii) @ rates))
+        power = powers(self.strains, *self.strains.of(velocity))
+        return self.total(float(self.weights @ power)) / self.stress_unit
 
     def rates(self, velocity: PETSc.Vec) -> tuple[float, float]:
         """What is inadmissible in ε(v), and ‖ε(v)‖, as root mean squares. Collective.

@@ -15,9 +15,9 @@ class Unknowns:
     Attributes:
         load: λ.
         aside: Factor of the loads of any factor, 0 without them.
-        pressure: p, the mean stress (in plane strain that in the plane), shape (count,).
-        deviator: s = dev σ, shape (count, m).
-        S: Rows (γ, s) of plastic points; (0, ...) in changes.
+        pressure: p, in the coordinates of the cones, shape (count,).
+        deviator: s, the same, shape (count, m).
+        S: Rows (γ − αp, s + γt) of plastic points (:mod:`standard_cones`).
         Z: Rows (d, −w dev ε(v)) of these, with d ≥ w‖dev ε(v)‖.
         forces: r, shape (num_pairs,).
         rooms: −[v], shape (num_pairs,).

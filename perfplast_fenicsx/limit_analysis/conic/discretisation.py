@@ -38,9 +38,25 @@ class Moduli:
         along = None if self.along is None else self.along[:count]
         return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along)
 
+    def matrices(self) -> Floats:
+        """The same as forms of (tr ε, dev ε), shape (count, 1 + m, 1 + m)."""
+        count, m = self.normal.shape
+        found = np.zeros((count, 1 + m, 1 + m))
+        found[:, 1:, 1:] = self.a[:, None, None] * np.eye(m)
+        found[:, 1:, 1:] -= self.normal[:, :, None] * self.normal[:, None]
+        first = np.zeros((count, 1 + m))
+        first[:, 0] = 1.0
+        if self.along is not None:
+            first[:, 1:] = -self.along
+        return found + self.bulk[:, None, None] * first[:, :, None] * first[:, None]
+
 
 class Strains(Protocol):
-    """ε(v) at the points of this rank, split into trace and deviator, and its transpose.
+    """ε(v) at the points of this rank, and its transpose.
+
+    Stresses are (p, s) in the coordinates of each point's cone, ‖s + γt‖ ≤ γ − αp, and strain rates
+    are those that do their work (:mod:`standard_cones`). About the hydrostatic axis p is the mean
+    stress and s the deviator, so that rates are trace and deviator, and go by these names.
 
     Attributes:
         count: Points of this rank.
@@ -49,6 +65,7 @@ class Strains(Protocol):
         weights: Volume that a point stands for, shape (count,).
         radii: Yield radius γ (stress) without mean stress, ∞ in elastic bodies, shape (count,).
         slopes: α, by which it falls with the mean stress, shape (count,).
+        tilts: t, shape (count, m); None where all are zero.
     """
 
     count: int
@@ -57,6 +74,7 @@ class Strains(Protocol):
     weights: Floats
     radii: Floats
     slopes: Floats
+    tilts: Floats | None
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
         """Trace and deviator of ε(v), shapes (count,) and (count, m). Collective."""

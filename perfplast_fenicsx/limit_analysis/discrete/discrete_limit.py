@@ -30,7 +30,6 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_result import (
     why_unbounded,
 )
 from perfplast_fenicsx.limit_analysis.discrete.limit_program import limit_program
-from perfplast_fenicsx.limit_analysis.discrete.point_strains import axial_cone_of
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
     check_friction_has_limits,
@@ -58,7 +57,7 @@ def interior_point(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or a
-            body's yield set is none that the method knows (:func:`point_strains.axial_cone_of`).
+            body's yield set is none that the method knows (:mod:`body_cones`).
     """
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
@@ -177,8 +176,3 @@ def _search(
         if program.has_dead and verdict is Verdict.FOUND and over:
             then = start.with_more_in_reserve()
         return found, then
-
-
-def can_bound(problem: Problem) -> bool:
-    """Whether the method knows the yield sets of all bodies."""
-    return all(axial_cone_of(on.law) is not None for on in problem.laws)

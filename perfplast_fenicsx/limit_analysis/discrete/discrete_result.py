@@ -12,6 +12,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIt
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, Verdict
 from perfplast_fenicsx.limit_analysis.discrete.discrete_bounds import lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.discrete.locking import locking_bodies
+from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.statements.standing import Standing
 from perfplast_fenicsx.mesh_estimate import percent
@@ -126,7 +127,7 @@ def discrete_result(
         if lower is None and verdict is Verdict.FOUND:
             reason += "; forces were not brought into balance within yield, so that no load is"
             reason += " surely carried"
-        _write_stress(iteration, stress)
+        _write_stress(problem, iteration, stress)
         forces = iteration.now.forces * program.force_unit
         if verdict in (Verdict.FOUND, Verdict.STALLED):
             high = upper_bound(iteration)
@@ -170,17 +171,11 @@ def discrete_result(
     )
 
 
-def _write_stress(iteration: InteriorIteration, function: fem.Function) -> None:
+def _write_stress(problem: Problem, iteration: InteriorIteration, function: fem.Function) -> None:
     """Write the stress of the iterate into a function of S. Collective."""
     now = iteration.now
-    space = function.function_space.dofmap
-    count = space.index_map.size_local  # points of friction follow behind them
-    array = function.x.array[: count * space.index_map_bs].reshape(count, -1)
     pressure, deviator = iteration.program.whole((now.pressure, now.deviator), now.load)
-    array[:] = deviator[:count]
-    array[:, :3] += pressure[:count, None]
-    slopes = iteration.program.strains.slopes[:count]
-    if iteration.program.strains.gdim == 2:  # what leaves the most room
-        array[:, 2] -= slopes / 2 * np.linalg.norm(deviator[:count], axis=1)
-    array *= iteration.program.stress_unit
+    count = problem.Q.dofmap.index_map.size_local  # points of friction follow behind them
+    found = PointCoordinates(problem).whole(pressure[:count], deviator[:count])
+    function.x.array[: found.size] = iteration.program.stress_unit * found.ravel()
     function.x.scatter_forward()

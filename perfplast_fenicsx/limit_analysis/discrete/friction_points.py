@@ -28,6 +28,9 @@ class FrictionStrains:
         self.weights = np.concatenate([points.weights, area * self.length])
         self.radii = np.concatenate([points.radii, bound / area])
         self.slopes = np.append(points.slopes, np.zeros(len(bound)))
+        self.tilts = points.tilts
+        if points.tilts is not None:
+            self.tilts = np.concatenate([points.tilts, np.zeros((len(bound), self.size))])
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""

@@ -10,9 +10,9 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, StopSearch, Verdict
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import has_cones
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import (
     DiscreteLimit,
-    can_bound,
     interior_point,
 )
 from perfplast_fenicsx.limit_analysis.discrete.drucker import DruckerBounds
@@ -132,7 +132,7 @@ def method_for(problem: Problem) -> LimitMethod:
     if not collapses_by_loads(problem):
         return LimitMethod.PATH
     small = problem.num_dofs <= MOST_UNKNOWNS[problem.bodies.gdim]
-    return LimitMethod.INTERIOR_POINT if small and can_bound(problem) else LimitMethod.PATH
+    return LimitMethod.INTERIOR_POINT if small and has_cones(problem) else LimitMethod.PATH
 
 
 def by_interior_point(

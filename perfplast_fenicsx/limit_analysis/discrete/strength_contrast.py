@@ -4,7 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from perfplast_fenicsx.limit_analysis.discrete.point_strains import cones_of_cells
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.problem.problem import Problem
 
 NOTICED = 1e-3
@@ -53,7 +53,7 @@ def weak_bodies(problem: Problem) -> tuple[str, ...]:
 
 def _radii(problem: Problem) -> dict[str, float]:
     """Yield radius of each body that has one, the least of its cells. Collective."""
-    found, (of_cells, _) = {}, cones_of_cells(problem)
+    found, (of_cells, *_) = {}, body_cones(problem).at_cells()
     for name in sorted(problem.tagged_mesh.volumes):
         cells = problem.tagged_mesh.cells(name)
         mine = float(of_cells[cells[cells < len(of_cells)]].min(initial=np.inf))

@@ -95,14 +95,12 @@ def tensors(gdim: int) -> Floats:
 
 
 @lru_cache
-def mandel_vectors(gdim: int) -> Floats:
-    """Those as Mandel vectors, shape (1 + m, 4 or 6); σ_zz in plane strain is the mean stress."""
-    every = np.zeros((len(tensors(gdim)), 3, 3))
-    every[:, :gdim, :gdim] = tensors(gdim)
-    every[0] = np.eye(3)
+def components(gdim: int) -> Floats:
+    """Their components (Mandel) that are in equations, shape (1 + m, 3 or 6): not σ_zz in plane."""
+    E = tensors(gdim)
     return np.stack(
-        [every[:, i, i] for i in range(3)]
-        + [math.sqrt(2) * every[:, i, j] for i, j in OFF_DIAGONAL[gdim]],
+        [E[:, i, i] for i in range(gdim)]
+        + [math.sqrt(2) * E[:, i, j] for i, j in OFF_DIAGONAL[gdim]],
         axis=1,
     )
 

@@ -3,13 +3,13 @@
 For v with v = 0 on supports, no jump into the other body, and ε(v) admissible for the law of each
 body, the limit load is at most (D(v) − L₀(v))/L₁(v) with D the dissipation, the support function of
 the yield sets (kinematic theorem of limit analysis, E. Christiansen, Handbook of Numerical Analysis
-IV, 1996). For von Mises admissible means div v = 0, and D(v) = ∫ γ‖dev ε(v)‖; for elastic bodies
-ε(v) = 0.
+IV, 1996). Bodies that keep their volume ask for div v = 0, and elastic ones for ε(v) = 0.
 
 The increments of a loading come near such a v. From v_k the next one is the flow with the viscosity
-η_k = γ/‖dev ε(v_k)‖ (Kačanov's iteration). It gives no larger bound, as with L₁(v) = 1
+η_k = D(ε_k)/‖ε_k‖², ε_k = ε(v_k), in the norm by which the law says that D(ε) is γ‖ε‖ (Kačanov's
+iteration). It gives no larger bound, as with L₁(v) = 1
 
-    D(v) − L₀(v) ≤ ½ ∫ γ(‖dev ε(v)‖²/‖dev ε(v_k)‖ + ‖dev ε(v_k)‖) − L₀(v),
+    D(v) − L₀(v) ≤ ½ ∫ γ(‖ε(v)‖²/‖ε_k‖ + ‖ε_k‖) − L₀(v),
 
 of which it has the smallest right-hand side.
 """
@@ -107,7 +107,7 @@ class KinematicBound:
         def at_points(value: OfLaw) -> LawExpression:
             return LawExpression(laws, problem.Q, value)
 
-        self._size = at_points(lambda on: ufl.sqrt(ufl.dot(rate, rate)))
+        self._size = at_points(lambda on: ufl.sqrt(on.law.yields.resistance(rate, rate)))
         self._density = at_points(lambda on: on.law.yields.support(rate))
         self._power = Integral(
             problem.comm, integrate(laws, lambda on: on.law.yields.support(rate))

@@ -73,7 +73,7 @@ class ViscousFlow:
 
         def density(on: LawOnCells) -> Expr:
             lost = (on.law.yields.inadmissible(e) for e in (trial, test))
-            return eta * (ufl.dot(trial, test) + PENALTY * ufl.dot(*lost))
+            return eta * (on.law.yields.resistance(trial, test) + PENALTY * ufl.dot(*lost))
 
         self._multipliers = [
             (multiplier, LawExpression([on], multiplier.function_space, risen))

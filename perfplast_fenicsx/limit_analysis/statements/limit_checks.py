@@ -39,7 +39,8 @@ def check_bodies_have_limits(problem: Problem) -> None:
         if carries_any_load(material):
             raise InputError(
                 f"the material of '{name}' hardens, so that bodies carry any load, and there is no"
-                " limit load to be sought; load by given values, or give VonMises in its place."
+                " limit load to be sought; load by given values, or give a law that is perfectly"
+                " plastic."
             )
 
 

@@ -6,8 +6,14 @@ import numpy as np
 from scipy import sparse
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones
+from perfplast_fenicsx.limit_analysis.discrete.stress_frames import StressFrames
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import cell_layout, strain_matrices
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import (
+    cell_layout,
+    components,
+    strain_matrices,
+)
 
 
 class MultiplierStrains:
@@ -27,7 +33,7 @@ class MultiplierStrains:
         facets: FacetVelocities,
         vertices: Floats,
         axes: Floats,
-        cones: tuple[Floats, Floats],
+        cones: BodyCones,
     ) -> None:
         """Compute the matrices.
 
@@ -35,19 +41,45 @@ class MultiplierStrains:
             facets: The facets' unknowns.
             vertices: Of the owned cells, shape (num_cells, d + 1, d).
             axes: Of the facets' components, zero where held, shape (num_cells, d + 1, d, d).
-            cones: γ and α of each cell, shapes (num_cells,).
+            cones: Of the bodies.
         """
         self.num_cells, corners, self.gdim = vertices.shape
         self.facets, self.layout = facets, cell_layout(corners - 1)
         self.matrices, volumes = strain_matrices(vertices, axes)
         points = volumes.shape[1]
         self.count = volumes.size
-        self.size = self.matrices.shape[-1] - 1
         self.weights: Floats = volumes.ravel()
-        self.radii, self.slopes = (np.repeat(of_cells, points) for of_cells in cones)
+        radii, slopes, tilts = cones.at_cells()
+        self.radii, self.slopes = np.repeat(radii, points), np.repeat(slopes, points)
+        self._isotropic = cones.isotropic
+        self._frames = StressFrames(cones, np.repeat(cones.of_cells, points))
+        self.size = self._frames.size
+        self.tilts: Floats | None = None
+        if tilts is not None:
+            tilts = np.pad(tilts, ((0, 0), (0, self.size - tilts.shape[1])))
+            self.tilts = np.repeat(tilts, points, axis=0)
+        if not self._isotropic:
+            self.matrices = self._in_frames(cones)
         self.rows = self.layout.rows.reshape(points, -1)
         places = (np.ones(self.rows.size), (self.rows.ravel(), np.arange(self.rows.size)))
         self._sum = sparse.csr_array(places)
+
+    def _in_frames(self, cones: BodyCones) -> Floats:
+        """The matrices in the coordinates of the cones."""
+        found = np.empty((*self.matrices.shape[:-1], self.size + 1))
+        basis = components(self.gdim)
+        for number, F in enumerate(self._frames.frames):
+            here = cones.of_cells == number
+            to_frame = basis / (basis**2).sum(axis=1, keepdims=True) @ F
+            found[here] = self.matrices[here] @ to_frame
+        return found
+
+    def whole(self, pressure: Floats, deviator: Floats) -> Floats:
+        """σ as Mandel vectors, with the best one out of the plane, shape (count, 4 or 6)."""
+        if self._isotropic:
+            stress = np.column_stack([pressure, deviator]) @ components(self.gdim)
+            return self._frames.whole(stress)
+        return self._frames.whole(self._frames.stresses(pressure, deviator))
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""

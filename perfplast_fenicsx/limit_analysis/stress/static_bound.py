@@ -28,7 +28,6 @@ from perfplast_fenicsx.limit_analysis.facets.facet_conditions import (
     FacetConditions,
     facet_conditions,
 )
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import mandel_vectors
 from perfplast_fenicsx.limit_analysis.statements.bound import TURNED, Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
@@ -89,7 +88,7 @@ def strict_lower_bound(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or a
-            body's yield set is none that bounds know (:func:`point_strains.axial_cone_of`).
+            body's yield set is none that bounds know (:mod:`body_cones`).
     """
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
@@ -224,9 +223,7 @@ def _result(
         told = (f"{share:.2g} of it is kept, for what rounding leaves of its balance",)
         reason = "; ".join([reason, *told, *weak_bodies(problem)])
     tdim, count = strains.gdim, strains.num_cells
-    stress = np.column_stack([pressure, deviator]) @ mandel_vectors(tdim)
-    if tdim == 2:  # what leaves the most room out of the plane
-        stress[:, 2] -= strains.slopes / 2 * np.linalg.norm(deviator, axis=1)
+    stress = strains.whole(pressure, deviator)
     shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
     _, rates = strains.of(iteration.velocity)
     powers = np.zeros(strains.count)
@@ -234,6 +231,9 @@ def _result(
     if program.dilates:
         heads = program.radii - program.slopes * pressure[plastic] / program.stress_unit
     powers[plastic] = program.weights[plastic] * heads * np.linalg.norm(rates[plastic], axis=1)
+    if strains.tilts is not None:
+        along = np.einsum("ni,ni->n", strains.tilts, rates)[plastic]
+        powers[plastic] -= program.weights[plastic] * program.radii * along
     return StaticBound(
         bound=bound,
         verdict=verdict,

@@ -8,6 +8,7 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.cone_functions import yield_ratios
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram
 
@@ -49,7 +50,8 @@ class StaticCertificate:
         left_of_load: The same sum, relative to those of the loads of each kind at λ.
         left_of_strength: The same sum, relative to the least γV^((d − 1)/d) of all cells that can
             yield, V being the volume.
-        overstress: (‖dev σ‖ + αp)/γ − 1 where that is largest; negative in bodies far from yield.
+        overstress: By how much stresses exceed yield, relative, where that is largest; negative in
+            bodies far from yield.
     """
 
     equilibrium: float
@@ -84,8 +86,8 @@ def certify_stress(
 
     Args:
         static: The conditions.
-        pressure: Mean stress, that in the plane in plane strain; shape (count,).
-        deviator: Shape (count, m).
+        pressure: Of the stress in the coordinates of the cones, shape (count,).
+        deviator: The same, shape (count, m).
         load: λ.
         aside: Factor of the loads of any factor.
 
@@ -106,7 +108,6 @@ def certify_stress(
     between = np.abs(on_facets) * of_facets
     others = ~(static.jumps | static.slips)
     radii = strains.radii
-    sizes = np.linalg.norm(deviator, axis=1) + strains.slopes * pressure
     cell_radii = radii.reshape(strains.num_cells, -1)[:, 0]
     largest: Floats = np.array(
         [
@@ -114,7 +115,7 @@ def certify_stress(
             between[others].max(initial=0),
             between[static.slips].max(initial=0),
             on_facets[static.jumps].max(initial=0),
-            (sizes / radii - 1).max(initial=-1),
+            (yield_ratios(strains, pressure, deviator) - 1).max(initial=-1),
             -(cell_radii * sections).min(initial=np.inf),
             -cell_radii.min(initial=np.inf),
         ]

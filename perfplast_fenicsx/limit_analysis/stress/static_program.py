@@ -11,7 +11,7 @@ import numpy.typing as npt
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram, Stress
 from perfplast_fenicsx.limit_analysis.conic.discretisation import Discretisation
-from perfplast_fenicsx.limit_analysis.discrete.point_strains import cones_of_cells
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.facets.facet_conditions import FacetConditions, FacetLoads
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
@@ -170,7 +170,7 @@ def static_program(
     twins[:, :, 0] = at.twins
     facets = FacetVelocities(mesh, at.numbers, twins.ravel())
     axes = np.where(at.held[:, :, None], 0.0, at.axes)[on]
-    strains = MultiplierStrains(facets, at.vertices, axes, cones_of_cells(problem))
+    strains = MultiplierStrains(facets, at.vertices, axes, body_cones(problem))
 
     num_owned = facets.count // size
     everywhere = np.zeros((num_owned, tdim, tdim), dtype=bool)

@@ -72,9 +72,10 @@ def dissipation_of_cells(
     deviator: Floats,
     subdivisions: int = SUBDIVISIONS,
 ) -> Floats:
-    """∫ γ‖dev ε‖ of each cell from above, and ∫ (γ/α) tr ε where it dilates. Not collective.
+    """What cells dissipate, from above, in the coordinates of their cones. Not collective.
 
-    What rounding leaves of a volume change too small for its deviator counts as if it were none.
+    It is ∫ γ(‖dev ε‖ − t·dev ε), or ∫ (γ/α) tr ε where they dilate (:mod:`standard_cones`). What
+    rounding leaves of a volume change too small for its deviator counts as if it were none.
 
     Args:
         problem: The bodies.
@@ -91,6 +92,9 @@ def dissipation_of_cells(
     volumes = strains.weights[points].sum(axis=1)
     scaled = at_vertices(problem, deviator * radii[:, None])
     powers = work_of_cells(volumes, scaled, subdivisions)
+    if strains.tilts is not None:
+        along = (scaled * at_vertices(problem, strains.tilts)).sum(axis=2)
+        powers -= volumes * along.mean(axis=1)
     slopes = strains.slopes[points][:, 0]
     if (dilating := slopes > 0).any():
         growth = at_vertices(problem, trace[:, None])[..., 0]

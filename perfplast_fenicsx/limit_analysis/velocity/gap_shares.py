@@ -37,9 +37,7 @@ def gap_shares(problem: Problem, mechanism: fem.Function, stress: Floats) -> Flo
     try:
         trace, deviator = strains.of_function(mechanism)
         most = dissipation_of_cells(problem, strains, trace, deviator)
-        growth = np.where(strains.slopes > 0, trace, 0.0) / strains.gdim  # others only round
-        deviator[:, : strains.gdim] += growth[:, None]
-        rates = at_vertices(problem, deviator)
+        rates = at_vertices(problem, strains.power_rates(mechanism))
         volumes = strains.weights[points_of_cells(problem)].sum(axis=1)
     finally:
         strains.destroy()

@@ -89,7 +89,7 @@ def _check(tagged_mesh: TaggedMesh, materials: Mapping[str, Material]) -> None:
         if not isinstance(material, Material):
             raise InputError(
                 f"the material of volume '{name}' is {material!r}, which names no law and no"
-                " parameters; give for instance VonMises(young, poisson, yield_stress)."
+                " parameters; give one of perfplast_fenicsx.materials."
             )
     missing = sorted(set(tagged_mesh.volumes) - set(materials))
     if missing:

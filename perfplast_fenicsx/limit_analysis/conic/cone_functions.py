@@ -1,0 +1,64 @@
+"""Gauge and support function of cones in their coordinates, ‖s + γt‖ ≤ γ − αp; NumPy only.
+
+See :mod:`standard_cones`. With ρ² = 1 − ‖t‖², the set of t ≠ 0 (which has α = 0) is that of
+√(‖s‖² + (t·s)²/ρ²) + t·s/ρ ≤ γρ.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+
+
+class ConesAtPoints(Protocol):
+    """The cone of each point.
+
+    Attributes:
+        radii: γ (stress), ∞ where nothing yields, shape (count,).
+        slopes: α, shape (count,).
+        tilts: t, shape (count, m); None where all are zero.
+    """
+
+    radii: Floats
+    slopes: Floats
+    tilts: Floats | None
+
+
+def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Floats:
+    """By how much a stress exceeds yield, shape (count,): it is on the surface where 1 is found.
+
+    Negative where no multiple of the stress yields.
+
+    Args:
+        cones: The cones.
+        pressure: p, shape (count,).
+        deviator: s, shape (count, m).
+    """
+    sizes = np.linalg.norm(deviator, axis=1) + cones.slopes * pressure
+    ratios: Floats = sizes / cones.radii
+    if cones.tilts is not None:
+        tilts = cones.tilts
+        square = 1 - np.einsum("ni,ni->n", tilts, tilts)
+        along = np.einsum("ni,ni->n", tilts, deviator)
+        length2 = np.einsum("ni,ni->n", deviator, deviator)
+        tilted = (np.sqrt(length2 + along**2 / square) + along / np.sqrt(square)) / np.sqrt(square)
+        there = tilts.any(axis=1)
+        ratios[there] = (tilted / cones.radii)[there]
+    return ratios
+
+
+def powers(cones: ConesAtPoints, trace: Floats, deviator: Floats) -> Floats:
+    """What admissible rates dissipate per volume, shape (count,); 0 where nothing yields.
+
+    Args:
+        cones: The cones.
+        trace: ε'₀, shape (count,).
+        deviator: ε'₁, shape (count, m).
+    """
+    rates = np.linalg.norm(deviator, axis=1)
+    np.divide(trace, cones.slopes, out=rates, where=cones.slopes > 0)
+    if cones.tilts is not None:
+        rates -= np.einsum("ni,ni->n", cones.tilts, deviator)
+    found: Floats = np.where(np.isfinite(cones.radii), cones.radii, 0.0) * rates
+    return found

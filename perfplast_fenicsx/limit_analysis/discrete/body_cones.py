@@ -1,0 +1,185 @@
+"""The cones of a problem's bodies, as their laws say them, with the coordinates of each."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.discrete.standard_cones import (
+    PlainCone,
+    Shadow,
+    StandardCone,
+    never_yields,
+    shadow,
+    standard_cone,
+)
+from perfplast_fenicsx.materials.law import Material
+from perfplast_fenicsx.materials.mandel import Expr, mandel_size
+from perfplast_fenicsx.materials.yield_set import Cone, InPlaneCone
+from perfplast_fenicsx.problem.problem import Problem
+
+OUT_OF_PLANE = 2
+"""Number of the component of a Mandel vector that is in no equation in plane strain."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyCone:
+    """What the stresses of a body are bounded by.
+
+    Attributes:
+        plain: Of the components that are in equations; None of what never yields.
+        standard: The same set in its coordinates.
+        shadow: How the stress out of the plane follows, in plane strain.
+    """
+
+    plain: PlainCone | None
+    standard: StandardCone
+    shadow: Shadow | None
+
+    def whole(self, stress: Floats) -> Floats:
+        """Stresses with that out of the plane where it leaves the most room.
+
+        Args:
+            stress: Components in equations, shape (count, n).
+
+        Returns:
+            Mandel vectors, shape (count, m).
+        """
+        if self.shadow is None:
+            return stress
+        free = stress @ self.shadow.along
+        if self.plain is not None:
+            free -= self.shadow.share * np.linalg.norm(stress @ self.plain.matrix.T, axis=1)
+        return np.insert(stress, OUT_OF_PLANE, free, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class BodyCones:
+    """The cones of all bodies.
+
+    Attributes:
+        cones: Each once.
+        of_cells: Number among these of each cell that this rank owns.
+        normal: How many components in equations are normal stresses.
+    """
+
+    cones: Sequence[BodyCone]
+    of_cells: Longs
+    normal: int
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether mean stress and deviator are the coordinates of all."""
+        return all(cone.standard.isotropic for cone in self.cones)
+
+    @property
+    def dilates(self) -> bool:
+        """Whether any has a slope."""
+        return any(cone.standard.slope > 0 for cone in self.cones)
+
+    def at_cells(self) -> tuple[Floats, Floats, Floats | None]:
+        """γ (stress), α and t of the cells; None for t where all are zero."""
+        forms = [cone.standard for cone in self.cones]
+        radii = np.array([form.radius for form in forms])
+        slopes = np.array([form.slope for form in forms])
+        size = max(len(form.tilt) for form in forms)
+        tilts = np.array([np.pad(form.tilt, (0, size - len(form.tilt))) for form in forms])
+        at = self.of_cells
+        return radii[at], slopes[at], tilts[at] if tilts.any() else None
+
+
+def body_cones(problem: Problem) -> BodyCones:
+    """The cones of the bodies. Not collective: materials are the same on all ranks.
+
+    Raises:
+        InputError: If a body's yield set is none that the method knows.
+    """
+    tagged_mesh, materials = problem.tagged_mesh, problem.given.materials
+    topology = tagged_mesh.mesh.topology
+    of_cells = np.zeros(topology.index_map(topology.dim).size_local, dtype=np.int64)
+    flat, size = _components(problem)
+    found: list[BodyCone] = []
+    for name in sorted(tagged_mesh.volumes):
+        cone = _cone_of(materials[name], size, flat)
+        if cone is None:
+            raise InputError(
+                f"the interior point method knows no yield set of"
+                f" {materials[name].law.__name__} here (volume '{name}'); give limit_method ="
+                " 'path', or a law whose yield set is one cone, or none (law = \"elastic\")."
+            )
+        number = next((i for i, it in enumerate(found) if _is_same(it, cone)), len(found))
+        if number == len(found):
+            found.append(cone)
+        cells = tagged_mesh.cells(name)
+        of_cells[cells[cells < len(of_cells)]] = number
+    return BodyCones(tuple(found), of_cells, 2 if flat else 3)
+
+
+def has_cones(problem: Problem) -> bool:
+    """Whether the method knows the yield sets of all bodies."""
+    flat, size = _components(problem)
+    return all(_cone_of(it, size, flat) is not None for it in problem.given.materials.values())
+
+
+def _components(problem: Problem) -> tuple[bool, int]:
+    """Whether the stress out of the plane is in no equation; components of Mandel vectors."""
+    return not problem.kinematics.whole, mandel_size(problem.tagged_mesh.mesh.geometry.dim)
+
+
+def _is_same(one: BodyCone, other: BodyCone) -> bool:
+    if one.plain is None or other.plain is None:
+        return one.plain is other.plain
+    return one.plain.is_same(other.plain)
+
+
+def _cone_of(material: Material, size: int, flat: bool) -> BodyCone | None:
+    """The cone of a body; None if that is not known.
+
+    Args:
+        material: The body's.
+        size: Components of Mandel vectors.
+        flat: Whether that out of the plane is in no equation.
+    """
+    numbers = {name: ufl.as_ufl(value) for name, value in material.parameters().items()}
+    law: Any = material.law(**numbers)
+    cones = None if law.carries_any_load else law.yields.cones(size)
+    normal, n = (2, 3) if flat else (3, size)
+    if cones is None or len(cones) > 1:
+        return None
+    usual = np.array([0.5, 0.5, 0.0])
+    none = Shadow(None, usual, 0.0) if flat else None
+    if not cones:
+        return BodyCone(None, never_yields(n, normal), none)
+    if isinstance(cones[0], InPlaneCone) and not flat:
+        return None
+    plain = _numbers(cones[0])
+    if not plain.is_cone:
+        raise InputError(
+            f"the cone of {type(law).__name__} is none with zero inside: bound ="
+            f" {plain.bound:.6g} has to be positive, and the matrix of full row rank, with a"
+            f" column for each of {size} components of stress; mend what its yields.cones returns."
+        )
+    if flat:
+        none = shadow(plain, OUT_OF_PLANE, usual)
+        if none.cone is None:
+            return BodyCone(None, never_yields(n, normal), none)
+        plain = none.cone
+    plain = plain.normalised()
+    standard = standard_cone(plain, normal)
+    return None if standard is None else BodyCone(plain, standard, none)
+
+
+def _numbers(cone: Cone) -> PlainCone:
+    return PlainCone(float(_value(cone.bound)), _value(cone.slope), _value(cone.matrix))
+
+
+def _value(expression: Expr) -> Floats:
+    """Numbers of an expression of numbers; UFL evaluates scalars."""
+    expression = ufl.as_ufl(expression)
+    shape = expression.ufl_shape
+    entries = [expression[i](()) if i else expression(()) for i in np.ndindex(*shape)]
+    return np.array(entries, dtype=np.float64).reshape(shape)

@@ -1,0 +1,77 @@
+"""Coordinates of stresses and strain rates at a problem's points, and numbers of their cones there.
+
+Where all cones are about the hydrostatic axis these are trace and deviator of Mandel vectors (in
+plane strain of those in the plane, kept as vectors of four); else those of each cone.
+"""
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.discrete.stress_frames import StressFrames
+from perfplast_fenicsx.problem.problem import Problem
+
+
+class PointCoordinates:
+    """(p, s) and the rates that do their work; see :mod:`standard_cones`.
+
+    Attributes:
+        radii: γ (stress) of the points of this rank, ∞ where nothing yields, shape (count,).
+        slopes: α, shape (count,).
+        tilts: t, shape (count, m); None where all are zero.
+        isotropic: Whether they are trace and deviator at all points.
+        dilates: Whether any cone has a slope.
+        normal: Normal stresses in equations, two in plane strain.
+        among: Numbers of the Mandel components in equations.
+        frames: Of the cones.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Ask the laws. Not collective.
+
+        Raises:
+            InputError: If a body's yield set is none that the method knows.
+        """
+        cones = body_cones(problem)
+        self.isotropic, self.dilates, self.normal = cones.isotropic, cones.dilates, cones.normal
+        self._size = problem.S.dofmap.index_map_bs
+        self.among = [0, 1, 3] if cones.normal == 2 else list(range(self._size))
+        points = problem.Q.dofmap.list[: len(cones.of_cells)]
+        numbers = np.zeros(problem.Q.dofmap.index_map.size_local, dtype=np.int64)
+        numbers[points] = cones.of_cells[:, None]
+        forms = [cone.standard for cone in cones.cones]
+        self.radii: Floats = np.array([form.radius for form in forms])[numbers]
+        self.slopes: Floats = np.array([form.slope for form in forms])[numbers]
+        tilts = np.array([np.pad(it.tilt, (0, self._size - len(it.tilt))) for it in forms])
+        self.tilts: Floats | None = tilts[numbers] if tilts.any() else None
+        self.frames = StressFrames(cones, numbers, self._size)
+
+    def rates(self, e: Floats) -> tuple[Floats, Floats]:
+        """ε' of strain rates, shapes (count,) and (count, m).
+
+        Args:
+            e: Mandel vectors, shape (count, m); overwritten.
+        """
+        if not self.isotropic:
+            return self.frames.rates(e[:, self.among])
+        sums = e[:, :3].sum(axis=1)
+        e[:, : self.normal] -= sums[:, None] / self.normal
+        return sums, e
+
+    def working(self, pressure: Floats, deviator: Floats, out: Floats) -> None:
+        """Set ``out``, shape (count, m), to Mandel vectors that do the work of σ on strain rates.
+
+        What is out of the plane does none.
+        """
+        if self.isotropic:
+            out[:] = deviator
+            out[:, :3] += pressure[:, None]
+        else:
+            out[:] = 0.0
+            out[:, self.among] = self.frames.stresses(pressure, deviator)
+
+    def whole(self, pressure: Floats, deviator: Floats) -> Floats:
+        """σ as Mandel vectors, with the best one out of the plane, shape (count, m)."""
+        stress = np.empty((len(pressure), self._size))
+        self.working(pressure, deviator, stress)
+        return self.frames.whole(stress[:, self.among])

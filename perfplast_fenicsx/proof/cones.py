@@ -1,0 +1,188 @@
+"""What bounds the stress of each material: ‖Mσ‖ ≤ c − q·σ, and what flow then dissipates.
+
+Stresses are vectors (σ_xx, σ_yy, √2σ_xy) in the plane, of what is in it, and in space (σ_xx, σ_yy,
+σ_zz, √2σ_yz, √2σ_xz, √2σ_xy); strain rates alike, so that σ:ε is their product. By duality the sup
+of σ:ε is the least cz with ε = Mᵀy + qz, ‖y‖ ≤ z. With y = η − rz for η = M⁺ᵀε and r = M⁺ᵀq it is
+
+- if M has a null vector ν with q·ν > 0: z = ε·ν/(q·ν), which has to be at least ‖η − rz‖;
+- else, where ‖r‖ < 1, z = (√((η·r)² + (1 − ‖r‖²)‖η‖²) − η·r)/(1 − ‖r‖²); and ε·ν has to be zero
+  if there is a null vector.
+
+The first is linear in ε, the second convex.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.proof.plain_arrays import ProofError
+
+Floats = npt.NDArray[np.float64]
+Longs = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+RANK = 1e-6
+"""Least ratio of the singular values of a matrix that are no zeros to the largest."""
+
+ROUNDED = 1e-13
+"""Ratio below which a singular value, or q·ν to ‖q‖, is the rounding of zero."""
+
+STEEPEST = 1 - 1e-9
+"""Largest ‖r‖ of a set that no null vector's slope closes."""
+
+
+def vectors(tensors: Floats) -> Floats:
+    """Vectors of symmetric matrices, shape (..., m) of (..., d, d)."""
+    d = tensors.shape[-1]
+    pairs = [(0, 1)] if d == 2 else [(1, 2), (0, 2), (0, 1)]
+    columns = [tensors[..., i, i] for i in range(d)]
+    root = np.sqrt(0.5)
+    columns += [root * (tensors[..., i, j] + tensors[..., j, i]) for i, j in pairs]
+    return np.stack(columns, axis=-1)
+
+
+@dataclass(frozen=True)
+class Cones:
+    """Those of all materials, by number.
+
+    Attributes:
+        bound: c > 0 (stress), shape (num_cones,).
+        slope: q, shape (num_cones, m).
+        matrix: M, of rank m or m − 1, rows of zeros allowed; shape (num_cones, m, m).
+    """
+
+    bound: Floats
+    slope: Floats
+    matrix: Floats
+
+    def check(self, m: int) -> None:
+        """Make sure that these are cones with zero inside whose admissible rates are known.
+
+        Args:
+            m: Components of a stress.
+
+        Raises:
+            ProofError: If they are not.
+        """
+        n = len(self.bound) if self.bound.ndim == 1 else -1
+        if n < 0 or self.slope.shape != (n, m) or self.matrix.shape != (n, m, m):
+            raise ProofError("the shape of cone_bound, cone_slope or cone_matrix fits nothing.")
+        if not (np.isfinite(self.bound) & (self.bound > 0)).all():
+            raise ProofError("a cone's bound is not positive and finite.")
+        if not (np.isfinite(self.slope).all() and np.isfinite(self.matrix).all()):
+            raise ProofError("a cone's slope or matrix is not finite.")
+        values = np.linalg.svd(self.matrix, compute_uv=False)
+        largest = values[:, :1]
+        if not (values[:, -2:-1] > RANK * largest).all():
+            raise ProofError("a cone's matrix leaves more than one stress free.")
+        last = values[:, -1:]
+        if not ((last <= ROUNDED * largest) | (last > RANK * largest)).all():
+            raise ProofError("a cone's matrix is nearly singular.")
+        pull, size = np.abs(self._pull), np.linalg.norm(self.slope, axis=1)
+        if not (~self.has_null | (pull <= ROUNDED * size) | (pull > RANK * size)).all():
+            raise ProofError("a cone's slope along what its matrix leaves free is nearly zero.")
+        if not (np.linalg.norm(self._tilt, axis=1)[~self.grows] < STEEPEST).all():
+            raise ProofError("a cone is steeper than those whose rates are known.")
+
+    @cached_property
+    def has_null(self) -> Flags:
+        """Whether a stress is left free by the matrix."""
+        values = np.linalg.svd(self.matrix, compute_uv=False)
+        return np.asarray(values[:, -1] <= ROUNDED * values[:, 0])
+
+    @cached_property
+    def _null(self) -> Floats:
+        """Unit vectors ν; zero where there is none."""
+        found = np.linalg.svd(self.matrix)[2][:, -1]
+        return np.asarray(np.where(self.has_null[:, None], found, 0.0))
+
+    @cached_property
+    def _pull(self) -> Floats:
+        """q·ν."""
+        return np.einsum("ni,ni->n", self.slope, self._null)
+
+    @cached_property
+    def grows(self) -> Flags:
+        """Whether the bound falls along what the matrix leaves free: such bodies dilate."""
+        return np.abs(self._pull) > RANK * np.linalg.norm(self.slope, axis=1)
+
+    @cached_property
+    def _back(self) -> Floats:
+        """M⁺ᵀ."""
+        inverse = np.linalg.pinv(self.matrix, rcond=RANK / 2)
+        return np.asarray(inverse.transpose(0, 2, 1), dtype=np.float64)
+
+    @cached_property
+    def _tilt(self) -> Floats:
+        """M⁺ᵀq."""
+        return np.einsum("nij,nj->ni", self._back, self.slope)
+
+    @cached_property
+    def radius(self) -> Floats:
+        """A stress that the material bears: c over the largest singular value."""
+        values = np.linalg.svd(self.matrix, compute_uv=False)
+        return np.asarray(self.bound / values[:, 0], dtype=np.float64)
+
+    def ratios(self, at: Longs, stress: Floats) -> Floats:
+        """(‖Mσ‖ + q·σ)/c: the stress over it keeps to the cone, if it is positive.
+
+        Args:
+            at: Cone of each cell, shape (num_cells,).
+            stress: Vectors at some places of each, shape (num_cells, places, m).
+        """
+        sizes = np.linalg.norm(np.einsum("cij,cvj->cvi", self.matrix[at], stress), axis=2)
+        along = np.einsum("ci,cvi->cv", self.slope[at], stress)
+        found: Floats = (sizes + along) / self.bound[at, None]
+        return found
+
+    def lacking(self, at: Longs, rates: Floats) -> Floats:
+        """What strain rates are inadmissible by, as a change of volume, shape (num_cells, places).
+
+        Args:
+            at: Cone of each cell, shape (num_cells,).
+            rates: Vectors, shape (num_cells, places, m).
+        """
+        root = np.sqrt({3: 2, 6: 3}[rates.shape[2]])
+        free = np.einsum("ci,cvi->cv", self._null[at], rates)
+        heads, sizes = self._at_apex(at, rates)
+        pull = np.abs(self._pull[at])[:, None]
+        short = np.maximum(sizes - heads, 0.0) * pull
+        found: Floats = root * np.where(self.grows[at, None], short, np.abs(free))
+        return found
+
+    def _at_apex(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
+        """Z and ‖y‖ of cells that grow; numbers of no meaning in others."""
+        free = np.einsum("ci,cvi->cv", self._null[at], rates)
+        pull = np.where(self.grows, self._pull, 1.0)[at, None]
+        heads: Floats = free / pull
+        rest = rates - heads[..., None] * self.slope[at][:, None]
+        sizes = np.linalg.norm(np.einsum("cij,cvj->cvi", self._back[at], rest), axis=2)
+        return heads, sizes
+
+    def linear_power(self, at: Longs, rates: Floats) -> Floats:
+        """What cells that grow dissipate per volume at places, those that lack growth as if not."""
+        heads, sizes = self._at_apex(at, rates)
+        found: Floats = self.bound[at, None] * np.maximum(heads, sizes)
+        return found
+
+    def convex_power(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
+        """The same of cells that do not, ‖a‖ + b with a and b linear in the rates.
+
+        Returns:
+            a, shape (num_cells, places, m), and b, shape (num_cells, places).
+        """
+        tilt = self._tilt
+        square = 1 - np.einsum("ni,ni->n", tilt, tilt)
+        share = np.where(square < 1, (1 - np.sqrt(square)) / np.maximum(1 - square, ROUNDED), 0.0)
+        # (η·r)² + (1 − ‖r‖²)‖η‖² is ‖√(1 − ‖r‖²) η + (1 − √(1 − ‖r‖²)) r (r·η)/‖r‖²‖²
+        root = np.sqrt(square)[:, None, None] * np.eye(tilt.shape[1])
+        root = root + share[:, None, None] * tilt[:, :, None] * tilt[:, None]
+        scale = (self.bound / square)[:, None, None]
+        both = scale * (root @ self._back)
+        along = -(scale[:, 0] * np.einsum("ni,nij->nj", tilt, self._back))
+        return (
+            np.einsum("cij,cvj->cvi", both[at], rates),
+            np.einsum("ci,cvi->cv", along[at], rates),
+        )

@@ -1,0 +1,237 @@
+"""The checker's cones: dissipation by sampling, and arrays that are none or of other sets."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import (
+    Contact,
+    Pressure,
+    Problem,
+    ResultFolder,
+    Support,
+    VonMises,
+    stacked_blocks,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.proof import ProofError, check
+from perfplast_fenicsx.proof.cones import Cones, vectors
+from tests.materials.energy_cap import Foam
+from tests.proof.test_forgeries import (
+    Arrays,
+    Forgery,
+    Halves,
+    alone,
+    both,
+    drop,
+    high,
+    in_turn,
+    make,
+    put,
+    times,
+    write,
+)
+
+pytestmark = pytest.mark.serial
+
+AT = np.zeros(1, dtype=np.int64)
+
+
+def cone(k: int, m: int, steep: float, seed: int) -> Cones:
+    """A random one of rank k, with M⁺ᵀq of that size where M bounds all, or q·ν = 0."""
+    random = np.random.default_rng(seed)
+    matrix = np.zeros((m, m))
+    matrix[:k] = random.normal(size=(k, m))
+    inside = random.normal(size=k)
+    slope = steep * matrix[:k].T @ inside / np.linalg.norm(inside)
+    return Cones(np.array([2.0]), slope[None], matrix[None])
+
+
+def best(cones: Cones, rate: np.ndarray, seed: int) -> float:
+    """The most of stresses on the surface at random; those along what is free do no work."""
+    random = np.random.default_rng(seed)
+    stresses = random.normal(size=(200_000, rate.size))
+    ratios = cones.ratios(AT, stresses[None])[0]
+    on = stresses[ratios > 0] / ratios[ratios > 0, None]
+    return float((on @ rate).max())
+
+
+@pytest.mark.parametrize(("k", "steep"), [(3, 0.0), (3, 0.7), (2, 0.0), (2, 0.6)])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_convex_dissipation(k: int, steep: float, seed: int) -> None:
+    cones = cone(k, 3, steep, seed)
+    cones.check(3)
+    assert not cones.grows.any()
+    M, random = cones.matrix[0], np.random.default_rng(10 + seed)
+    for _ in range(3):
+        rate = M.T @ random.normal(size=3)
+        assert cones.lacking(AT, rate[None, None])[0, 0] < 1e-12 * np.linalg.norm(rate)
+        sizes, along = cones.convex_power(AT, rate[None, None])
+        power = float(np.linalg.norm(sizes[0, 0]) + along[0, 0])
+        found = best(cones, rate, seed)
+        assert found <= power * (1 + 1e-12)
+        assert found >= power * (1 - 2e-2)
+    if k < 3:
+        free = np.linalg.svd(M)[2][-1]
+        assert cones.lacking(AT, free[None, None])[0, 0] == pytest.approx(np.sqrt(2))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_dissipation_of_what_grows(seed: int) -> None:
+    """It is work at the apex; less growth is inadmissible."""
+    random = np.random.default_rng(seed)
+    flat = cone(2, 3, 0.5, seed)
+    free = np.linalg.svd(flat.matrix[0])[2][-1]
+    cones = Cones(flat.bound, flat.slope + 0.8 * free, flat.matrix)
+    cones.check(3)
+    assert cones.grows.all()
+    M, q = cones.matrix[0], cones.slope[0]
+    apex = 2.0 * free / (q @ free)
+    assert cones.ratios(AT, apex[None, None])[0, 0] == pytest.approx(1)
+    y = random.normal(size=3)
+    y[2] = 0
+    for head, lacks in ((1.5, False), (0.5, True)):
+        rate = M.T @ y + head * np.linalg.norm(y) * q
+        assert (cones.lacking(AT, rate[None, None])[0, 0] > 1e-3) == lacks
+        power = cones.linear_power(AT, rate[None, None])[0, 0]
+        assert power == pytest.approx(2.0 * max(head, 1.0) * np.linalg.norm(y))
+        if not lacks:
+            assert best(cones, rate, seed) <= power * (1 + 1e-12)
+            assert power == pytest.approx(apex @ rate)
+
+
+def test_vectors_do_the_work_of_tensors() -> None:
+    random = np.random.default_rng(0)
+    for d in (2, 3):
+        a, b = (it + it.T for it in random.normal(size=(2, d, d)))
+        assert vectors(a) @ vectors(b) == pytest.approx((a * b).sum(), rel=1e-14)
+
+
+@pytest.fixture(scope="module")
+def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
+    """Foam under steel, by the program."""
+    path = tmp_path_factory.mktemp("cones")
+    problem = Problem(
+        stacked_blocks(MPI.COMM_SELF, 1),
+        {"lower": Foam(1e4, 0.3, 10.0, 3.0), "upper": VonMises(2e5, 0.3, 100.0)},
+        [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
+        [Pressure("top", 1.0)],
+        [Contact("lower_top", "upper_bottom")],
+        degree=2,
+    )
+    bounds = limit_bounds(problem)
+    folder = ResultFolder(MPI.COMM_SELF, path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
+    checked = check(path / "bounds.h5")
+    assert not any(half.faults for half in checked.values())
+    assert "·σ with M = " in checked["lower"].words[0]
+    with h5py.File(path / "bounds.h5") as file:
+        return {
+            kind: {name: np.asarray(half[name]) for name in half}
+            | {"bound": np.asarray(half.attrs["bound"])}
+            for kind, half in file.items()
+        }
+
+
+def turned(them: Arrays) -> None:
+    """Rows of the matrices turned in themselves: the same sets."""
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(6, 6)))[0]
+    them["cone_matrix"] = turn @ them["cone_matrix"]
+
+
+def flattened(them: Arrays) -> None:
+    """The foam bears any mean stress."""
+    unit = np.array([1.0, 1, 1, 0, 0, 0]) / np.sqrt(3)
+    them["cone_matrix"][0] -= np.outer(them["cone_matrix"][0] @ unit, unit)
+    them["cone_slope"][0] = 0
+
+
+def tiny_slope(them: Arrays) -> None:
+    """The steel dilates next to nothing."""
+    them["cone_slope"][1, :3] = 1e-3
+    them["cone_slope"][1, :2] += [1e3, -1e3]
+    them["cone_slope"][1, 2] = -2e-3 + 1e-6
+
+
+def steeper(them: Arrays) -> None:
+    """The foam's ellipsoid is open."""
+    them["cone_slope"][0] *= 10.0
+
+
+def more_cones(them: Arrays) -> None:
+    """One that no cell has, which is none."""
+    for name in ("cone_bound", "cone_slope", "cone_matrix"):
+        them[name] = np.concatenate([them[name], -them[name][:1]])
+
+
+FORGED: dict[str, tuple[Forgery, str]] = {
+    "no numbers": (both(drop("cone")), "missing"),
+    "no bounds": (both(drop("cone_bound")), "missing"),
+    "no slopes": (both(drop("cone_slope")), "missing"),
+    "no matrices": (both(drop("cone_matrix")), "missing"),
+    "one too few": (both(make("cone_matrix", lambda a: a[1:])), "fits nothing"),
+    "of the plane": (both(make("cone_matrix", lambda a: a[:, :3, :3])), "fits nothing"),
+    "complex": (both(make("cone_matrix", lambda a: a + 0j)), "not made of numbers|real numbers"),
+    "numbers as floats": (both(make("cone", lambda a: a.astype(float))), "whole numbers"),
+    "that there is not": (both(put("cone", 0, 2)), "there are not"),
+    "before the first": (both(put("cone", 0, -2)), "there are not"),
+    "no cell yields": (both(make("cone", lambda a: 0 * a - 1)), "no cell can yield"),
+    "bound zero": (both(put("cone_bound", 0, 0.0)), "not positive"),
+    "bound infinite": (both(put("cone_bound", 0, np.inf)), "not positive"),
+    "slope nan": (both(put("cone_slope", (0, 0), np.nan)), "not finite"),
+    "matrix infinite": (both(put("cone_matrix", (0, 0, 0), np.inf)), "not finite"),
+    "matrix zero": (both(times("cone_matrix", 0.0)), "more than one stress free"),
+    "matrix of rank four": (both(put("cone_matrix", (1, 0), 0.0)), "more than one stress free"),
+    "nearly singular": (
+        both(put("cone_matrix", (1, 5), 1e-9 * np.array([1.0, 1, 1, 0, 0, 0]))),
+        "nearly singular",
+    ),
+    "nearly no slope": (both(tiny_slope), "nearly zero"),
+    "open": (both(steeper), "steeper"),
+    "a negative one of no cell": (both(more_cones), "not positive"),
+    "weaker": (both(times("cone_bound", 0.999)), "times as large"),
+    "a higher bound": (alone("lower", times("bound", 1.001)), "tractions"),
+    "stronger": (alone("upper", times("cone_bound", 1.001)), "only"),
+    "about another pressure": (alone("lower", times("cone_slope", 0.9)), "times as large"),
+    "about another pressure, above": (alone("upper", times("cone_slope", 1.1)), "only"),
+    "that bears any pressure": (alone("upper", flattened), "volume change"),
+    "another shape above": (high(times("cone_slope", 0.9)), "of other shapes|only"),
+    "changed over": (both(make("cone", lambda a: 1 - a)), "times as large|only|volume"),
+    "changed over above": (high(make("cone", lambda a: 1 - a)), "other shapes|only|volume"),
+}
+
+
+@pytest.mark.parametrize("name", list(FORGED))
+def test_a_forged_cone_is_refused(honest: Halves, tmp_path: Path, name: str) -> None:
+    forge, words = FORGED[name]
+    halves = {kind: {k: v.copy() for k, v in half.items()} for kind, half in honest.items()}
+    forge(halves)
+    try:
+        checked = check(write(tmp_path / "forged.h5", halves))
+        said = "; ".join(fault for of in checked.values() for fault in of.faults)
+    except ProofError as error:
+        said = str(error)
+    assert any(word in said for word in words.split("|")), said
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        turned,
+        in_turn(times("cone_bound", 3.0), times("cone_slope", 3.0), times("cone_matrix", 3.0)),
+    ],
+)
+def test_the_same_sets_in_other_words(
+    honest: Halves, tmp_path: Path, change: Callable[[Arrays], object]
+) -> None:
+    """What is on file is a set, not its matrix."""
+    halves = {kind: {k: v.copy() for k, v in half.items()} for kind, half in honest.items()}
+    change(halves["upper"])
+    checked = check(write(tmp_path / "same.h5", halves))
+    assert not any(half.faults for half in checked.values())
