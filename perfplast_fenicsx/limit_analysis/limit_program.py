@@ -3,7 +3,11 @@
 from perfplast_fenicsx.limit_analysis.conic_program import ConicProgram
 from perfplast_fenicsx.limit_analysis.conic_stiffness import ConicStiffness
 from perfplast_fenicsx.limit_analysis.discretisation import Discretisation, Stiffness, Strains
-from perfplast_fenicsx.limit_analysis.friction_points import FrictionStiffness, FrictionStrains
+from perfplast_fenicsx.limit_analysis.friction_points import (
+    FrictionStiffness,
+    FrictionStrains,
+    SlipPlaces,
+)
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.limit_analysis.question import Question
 from perfplast_fenicsx.problem.problem import Problem
@@ -21,7 +25,7 @@ def limit_program(problem: Problem, question: Question, reserve: float) -> Conic
     strains: Strains = points
     stiffness: Stiffness = bodies
     if problem.friction.count:
-        strains = both = FrictionStrains(points, problem.friction)
+        strains = both = FrictionStrains(points, SlipPlaces.of(problem.friction))
         stiffness = FrictionStiffness(bodies, both, points.count)
     live, dead = problem.create_vector(), problem.create_vector()
     problem.basis.T.multTranspose(problem.loads.live, live)

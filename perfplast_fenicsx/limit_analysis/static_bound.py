@@ -224,16 +224,17 @@ def _result(
         told = (f"{share:.2g} of it is kept, for what rounding leaves of its balance",)
         reason = "; ".join([reason, *told, *weak_bodies(problem)])
     tdim, count = strains.gdim, strains.num_cells
+    heads = np.full(program.strains.count, 0.0)
+    heads[program.plastic] = program.radii
+    if program.dilates:
+        heads[program.plastic] -= program.slopes * pressure[program.plastic] / program.stress_unit
+    pressure, deviator = pressure[: strains.count], deviator[: strains.count]
     stress = np.column_stack([pressure, deviator]) @ mandel_vectors(tdim)
     if tdim == 2:  # what leaves the most room out of the plane
         stress[:, 2] -= strains.slopes / 2 * np.linalg.norm(deviator, axis=1)
     shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
     _, rates = strains.of(iteration.velocity)
-    powers = np.zeros(strains.count)
-    plastic, heads = program.plastic, program.radii
-    if program.dilates:
-        heads = program.radii - program.slopes * pressure[plastic] / program.stress_unit
-    powers[plastic] = program.weights[plastic] * heads * np.linalg.norm(rates[plastic], axis=1)
+    powers = (program.weights * heads)[: strains.count] * np.linalg.norm(rates, axis=1)
     return StaticBound(
         bound=bound,
         verdict=verdict,

@@ -43,13 +43,14 @@ class StaticCertificate:
         equilibrium: Largest div σ + λb, times the cell's size; in space also jumps of tractions
             between the parts of a cell.
         traction: Largest jump of tractions between cells, or traction that is not that of the load.
-        shear: Largest tangential traction on surfaces in contact.
+        shear: Largest tangential traction on surfaces in contact that do not rub.
         tension: Largest pull on surfaces in contact.
         forces: The sum of the magnitudes of all forces without balance, a force.
         left_of_load: The same sum, relative to those of the loads of each kind at λ.
         left_of_strength: The same sum, relative to the least γV^((d − 1)/d) of all cells that can
             yield, V being the volume.
-        overstress: (‖dev σ‖ + αp)/γ − 1 where that is largest; negative in bodies far from yield.
+        overstress: (‖dev σ‖ + αp)/γ − 1 where that is largest, negative in bodies far from yield;
+            where surfaces rub the same of the shear traction and what it may be.
     """
 
     equilibrium: float
@@ -84,8 +85,9 @@ def certify_stress(
 
     Args:
         static: The conditions.
-        pressure: Mean stress, that in the plane in plane strain; shape (count,).
-        deviator: Shape (count, m).
+        pressure: Mean stress, that in the plane in plane strain; shape (count,). Zero at places of
+            slip, which follow the points.
+        deviator: Shape (count, m); shear tractions there.
         load: λ.
         aside: Factor of the loads of any factor.
 
@@ -95,7 +97,8 @@ def certify_stress(
     """
     strains, comm = static.strains, static.program.comm
     left = strains.create_vector()
-    strains.forces(pressure, deviator, left)
+    every = static.program.strains
+    every.forces(pressure, deviator, left)
     residual = left.array_r - static.loads(load, aside)
     left.destroy()
     count, tdim = strains.facets.count, strains.gdim
@@ -105,16 +108,15 @@ def certify_stress(
     inside = strains.inner(residual) / sections[:, None] * of_cells[:, None]
     between = np.abs(on_facets) * of_facets
     others = ~(static.jumps | static.slips)
-    radii = strains.radii
-    sizes = np.linalg.norm(deviator, axis=1) + strains.slopes * pressure
-    cell_radii = radii.reshape(strains.num_cells, -1)[:, 0]
+    sizes = np.linalg.norm(deviator, axis=1) + every.slopes * pressure
+    cell_radii = strains.radii.reshape(strains.num_cells, -1)[:, 0]
     largest: Floats = np.array(
         [
             np.abs(inside).max(initial=0),
             between[others].max(initial=0),
             between[static.slips].max(initial=0),
             on_facets[static.jumps].max(initial=0),
-            (sizes / radii - 1).max(initial=-1),
+            (sizes / every.radii - 1).max(initial=-1),
             -(cell_radii * sections).min(initial=np.inf),
             -cell_radii.min(initial=np.inf),
         ]
