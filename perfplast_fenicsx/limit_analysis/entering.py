@@ -18,7 +18,11 @@ from dolfinx import fem, la
 from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
+from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.contact.constraints import stacked
 from perfplast_fenicsx.contact.jump_basis import make_basis
+from perfplast_fenicsx.contact.tangential_rows import tangential_rows
+from perfplast_fenicsx.limit_analysis.stress_cells import gradients
 from perfplast_fenicsx.problem.problem import Problem
 
 SAME = 1e-9
@@ -49,21 +53,21 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
     if not problem.num_pairs:
         return []
     comm = problem.comm
-    faces = _flat_faces(problem)
+    faces = flat_faces(problem)
     if faces is None:
         return [CURVED]
     jumps = problem.constraints.jumps(velocity.x.petsc_vec)
-    nodes = _contact_facets(problem)
-    _, paired = _at_nodes(problem, jumps, np.ones(len(jumps), dtype=bool))
+    nodes, _ = contact_facets(problem)
+    _, paired = at_nodes(problem, jumps, np.ones(len(jumps), dtype=bool))
     seen, entered = ~paired[nodes].any(axis=1), 0.0
     for face in faces:
-        jump, known = _at_nodes(problem, jumps, _rows_of(problem, face))
+        jump, known = at_nodes(problem, jumps, rows_of(problem, face))
         kept = ~paired & (problem.fixed | (np.abs(face[1:]) <= SAME)).all(axis=1)
         here = known[nodes].any(axis=1) & (known | kept)[nodes].all(axis=1)
         seen |= here
         entered = max(entered, float(jump[nodes[here]].max(initial=0)))
         if problem.degree == 2:
-            w = jump[_edges(problem, nodes[here])]
+            w = jump[edges_of(problem, nodes[here])]
             entered = max(entered, float((2 * w[:, 0] - w[:, 1:].mean(axis=1)).max(initial=0)))
     largest = comm.allreduce(float(np.abs(velocity.x.array).max(initial=0)), MPI.MAX)
     why = []
@@ -77,17 +81,18 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
 def without_entering(problem: Problem) -> Problem | None:
     """The same problem with Bernstein's coefficients of jumps bounded, not those at midsides.
 
-    Its mechanisms enter nothing between the nodes of a straight mesh. Collective.
+    Its mechanisms enter nothing between the nodes of a straight mesh, and what resists slip
+    resists the coefficients of slip. Collective.
 
     Args:
         problem: The bodies and their contact.
 
     Returns:
         A problem that shares all but contact with the given one; that one itself if its elements
-        are linear; None where contact is on curved faces, of nodes that do not match, or rubs.
+        are linear; None where contact is on curved faces or of nodes that do not match.
     """
-    in_mean = problem.constraints.in_mean or problem.num_tied or problem.friction.count
-    faces = None if in_mean else _flat_faces(problem)
+    in_mean = problem.constraints.in_mean or problem.num_tied
+    faces = None if in_mean else flat_faces(problem)
     if faces is None:
         return None
     if problem.degree == 1 or not problem.num_pairs:
@@ -96,15 +101,22 @@ def without_entering(problem: Problem) -> Problem | None:
     first = constraints.B.getOwnershipRange()[0]
     count = len(constraints.host)
     numbers = np.arange(first, first + count, dtype=np.float64)
-    nodes = _contact_facets(problem)
+    nodes, areas = contact_facets(problem)
+    num_nodes = len(problem.fixed)
+    area = np.zeros(count)
     combine = PETSc.Mat().createAIJ(((count, None), (count, None)), nnz=4, comm=problem.comm)
     combine.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
     diagonal = combine.createVecRight()
     diagonal.set(1.0)
     diagonal.assemble()
     for face in faces:
-        row, known = _at_nodes(problem, numbers, _rows_of(problem, face))
-        edges = _edges(problem, nodes)
+        chosen = rows_of(problem, face)
+        row, known = at_nodes(problem, numbers, chosen)
+        here = known[nodes].any(axis=1)
+        share = np.repeat(areas[here] / nodes.shape[1], nodes.shape[1])
+        on_nodes = np.bincount(nodes[here].ravel(), weights=share, minlength=num_nodes)
+        area[chosen] = _summed(problem, on_nodes)[constraints.host[chosen]]
+        edges = edges_of(problem, nodes)
         edges = edges[known[edges[:, 0]]]
         middle = np.rint(row[edges[:, 0]]).astype(PETSc.IntType)
         diagonal.setValues(middle, np.full(len(middle), 2.0))
@@ -118,14 +130,25 @@ def without_entering(problem: Problem) -> Problem | None:
     combine.assemble()
     combine.setDiagonal(diagonal)
     better = copy.copy(problem)
-    better.constraints = replace(constraints, B=combine.matMult(constraints.B))
-    better.basis = make_basis(problem.V, better.constraints, problem.fixed)
+    better.constraints = replace(
+        constraints,
+        B=combine.matMult(constraints.B),
+        weights=combine.matMult(constraints.weights),
+        area=area,
+    )
+    told = (problem.given.contacts, problem.given.obstacles, problem.given.ties)
+    better.sliding, friction = tangential_rows(
+        problem.V, better.constraints, *told, problem.fixed
+    )
+    rows = stacked(problem.V, [better.constraints, better.sliding])
+    better.basis = make_basis(problem.V, rows, problem.fixed, 0, len(better.sliding.host))
+    better.friction = friction.at(better.basis.sliding)
     for thing in (combine, diagonal):
         thing.destroy()
     return better
 
 
-def _flat_faces(problem: Problem) -> Floats | None:
+def flat_faces(problem: Problem) -> Floats | None:
     """Rows (number of the contact, normal) that pairs have; None if they are too many to be flat.
 
     Collective.
@@ -136,7 +159,7 @@ def _flat_faces(problem: Problem) -> Floats | None:
     return faces if len(faces) <= MOST_FACES else None
 
 
-def _rows_of(problem: Problem, face: Floats) -> PairFlags:
+def rows_of(problem: Problem, face: Floats) -> PairFlags:
     """Pairs of a flat face."""
     rows = np.column_stack([problem.constraints.surface, problem.constraints.normal])
     return np.asarray((np.abs(rows - face) <= SAME).all(axis=1))
@@ -148,7 +171,7 @@ def _distinct(rows: Floats) -> Floats:
     return rows[first]
 
 
-def _at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats, PairFlags]:
+def at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats, PairFlags]:
     """Jumps of the chosen pairs at all their nodes, and which nodes those are. Collective.
 
     Returns:
@@ -173,8 +196,20 @@ def _at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Float
     return jump, known
 
 
-def _contact_facets(problem: Problem) -> Ints:
-    """Nodes of each facet of this rank on surfaces of contact, vertices first."""
+def _summed(problem: Problem, values: Floats) -> Floats:
+    """Sums over all ranks of values at local nodes, ghosts too. Collective."""
+    sums = la.vector(problem.V.dofmap.index_map, 1)
+    sums.array[:] = values
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    return np.array(sums.array, dtype=np.float64)
+
+
+def contact_facets(problem: Problem) -> tuple[Ints, Floats]:
+    """Nodes of each facet of this rank on surfaces of contact, vertices first, and its area.
+
+    Areas of facets whose cell is another rank's are 0.
+    """
     V, tagged_mesh = problem.V, problem.tagged_mesh
     topology = V.mesh.topology
     tdim = topology.dim
@@ -190,10 +225,15 @@ def _contact_facets(problem: Problem) -> Ints:
     layout = V.dofmap.dof_layout
     closure = np.array([layout.entity_closure_dofs(tdim - 1, i) for i in range(tdim + 1)])
     nodes: Ints = V.dofmap.list[cells[:, None], closure[local]]
-    return nodes
+    vertices = geometry_dofmap(V.mesh)[cells][:, : tdim + 1]
+    slopes, volumes = gradients(V.mesh.geometry.x[vertices][..., :tdim])
+    steepness = np.linalg.norm(slopes[np.arange(len(cells)), local], axis=1)
+    owned = cells < topology.index_map(tdim).size_local
+    areas: Floats = np.where(owned, tdim * volumes * steepness, 0.0)
+    return nodes, areas
 
 
-def _edges(problem: Problem, nodes: Ints) -> Ints:
+def edges_of(problem: Problem, nodes: Ints) -> Ints:
     """Midside and ends of each edge of quadratic facets, shape (num_edges, 3)."""
     tdim = problem.tagged_mesh.mesh.topology.dim
     x = problem.V.tabulate_dof_coordinates()[nodes]

@@ -6,7 +6,7 @@ vertex rule). Where volume changes vanish at the points they vanish everywhere. 
 body that dilates may flow, tr ε ≥ α‖dev ε‖, are a convex cone, so that they are such everywhere
 where they are at the vertices; they dissipate (γ/α) tr ε, which is linear. With contact that
 is not entered anywhere this is an upper bound of the limit load of the body that the mesh fills,
-and not just of the mesh. Strains of strong bodies that rest or move as rigid ones, which are
+and not just of the mesh. What slip dissipates is told by :mod:`slip_work`. Strains of strong bodies that rest or move as rigid ones, which are
 rounding, count with their true strength; volume changes that are left count as work of the loads
 that is none, with mean stresses as large as tractions, so that 1e-12 of them is not taken for a
 bound where loads nearly balance each other.
@@ -38,6 +38,7 @@ from perfplast_fenicsx.limit_analysis.limit_checks import (
 )
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.limit_analysis.question import Question
+from perfplast_fenicsx.limit_analysis.slip_work import slip_work
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import corners
@@ -146,8 +147,8 @@ def strict_upper_bound(
     finally:
         strains.destroy()
     conditions = facet_conditions(problem)
-    if problem.friction.count:
-        dissipation += _rubbed(problem, mechanism)
+    slip = slip_work(problem, mechanism)
+    dissipation += slip.power
     at_one, at_zero, _ = question.of(
         *(_largest_load(problem, of, float(volume)) for of in (conditions.live, conditions.dead))
     )
@@ -159,8 +160,7 @@ def strict_upper_bound(
     if not work > 0:
         return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
     why_not = [] if provable else ["volume changes of the mechanism are more than rounding"]
-    if problem.friction.count:
-        why_not.append("friction is taken at the nodes alone")
+    why_not += slip.why_not
     if has_curved_cells(problem.tagged_mesh.mesh):
         why_not.append("cells are curved")
     why_not += entering_between_nodes(problem, mechanism)
@@ -199,12 +199,3 @@ def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -
     steepest = np.linalg.norm(slopes, axis=2).max(axis=1, initial=0.0)
     added: Floats = ROUNDINGS * np.finfo(np.float64).eps * strengths * fastest * steepest
     return added
-
-
-def _rubbed(problem: Problem, mechanism: fem.Function) -> float:
-    """What friction dissipates at the nodes. Collective."""
-    y = problem.create_vector()
-    problem.basis.M.mult(mechanism.x.petsc_vec, y)
-    mine = problem.friction.energy(problem.friction.jumps(y))
-    y.destroy()
-    return float(problem.comm.allreduce(mine))
