@@ -4,7 +4,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.discretisation import NONE, Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.friction_points import Springs
 from perfplast_fenicsx.limit_analysis.multiplier_strains import MultiplierStrains
@@ -93,7 +93,7 @@ class CondensedStiffness(SprungMatrix):
         """Let K have springs at facet unknowns of a vertex each, from the next assembly on."""
         self._springs = springs
 
-    def _stiffen(self, index: Longs, stiffness: Floats) -> None:
+    def _stiffen(self, index: Ints, stiffness: Floats) -> None:
         """Add the springs to the matrix. Collective."""
         first = self._matrix.getOwnershipRange()[0]
         numbers = np.where(index >= 0, index + first, -1).astype(PETSc.IntType)

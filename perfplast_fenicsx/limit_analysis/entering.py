@@ -8,21 +8,18 @@ the middle enter by 1/8 between).
 
 import copy
 from dataclasses import replace
-from itertools import combinations
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 from dolfinx import fem, la
-from dolfinx.mesh import exterior_facet_indices
 
-from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
-from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.contact.constraints import stacked
 from perfplast_fenicsx.contact.jump_basis import make_basis
 from perfplast_fenicsx.contact.tangential_rows import tangential_rows
-from perfplast_fenicsx.limit_analysis.stress_cells import gradients
+from perfplast_fenicsx.limit_analysis.contact_facets import contact_facets
 from perfplast_fenicsx.problem.problem import Problem
 
 SAME = 1e-9
@@ -57,7 +54,8 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
     if faces is None:
         return [CURVED]
     jumps = problem.constraints.jumps(velocity.x.petsc_vec)
-    nodes, _ = contact_facets(problem)
+    facets = contact_facets(problem)
+    nodes = facets.nodes
     _, paired = at_nodes(problem, jumps, np.ones(len(jumps), dtype=bool))
     seen, entered = ~paired[nodes].any(axis=1), 0.0
     for face in faces:
@@ -67,7 +65,7 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
         seen |= here
         entered = max(entered, float(jump[nodes[here]].max(initial=0)))
         if problem.degree == 2:
-            w = jump[edges_of(problem, nodes[here])]
+            w = jump[facets.edges(here)]
             entered = max(entered, float((2 * w[:, 0] - w[:, 1:].mean(axis=1)).max(initial=0)))
     largest = comm.allreduce(float(np.abs(velocity.x.array).max(initial=0)), MPI.MAX)
     why = []
@@ -101,7 +99,8 @@ def without_entering(problem: Problem) -> Problem | None:
     first = constraints.B.getOwnershipRange()[0]
     count = len(constraints.host)
     numbers = np.arange(first, first + count, dtype=np.float64)
-    nodes, areas = contact_facets(problem)
+    facets = contact_facets(problem)
+    nodes, areas = facets.nodes, facets.areas
     num_nodes = len(problem.fixed)
     area = np.zeros(count)
     combine = PETSc.Mat().createAIJ(((count, None), (count, None)), nnz=4, comm=problem.comm)
@@ -114,9 +113,10 @@ def without_entering(problem: Problem) -> Problem | None:
         row, known = at_nodes(problem, numbers, chosen)
         here = known[nodes].any(axis=1)
         share = np.repeat(areas[here] / nodes.shape[1], nodes.shape[1])
-        on_nodes = np.bincount(nodes[here].ravel(), weights=share, minlength=num_nodes)
+        on_nodes = np.zeros(num_nodes)
+        np.add.at(on_nodes, nodes[here].ravel(), share)
         area[chosen] = _summed(problem, on_nodes)[constraints.host[chosen]]
-        edges = edges_of(problem, nodes)
+        edges = facets.edges()
         edges = edges[known[edges[:, 0]]]
         middle = np.rint(row[edges[:, 0]]).astype(PETSc.IntType)
         diagonal.setValues(middle, np.full(len(middle), 2.0))
@@ -137,9 +137,7 @@ def without_entering(problem: Problem) -> Problem | None:
         area=area,
     )
     told = (problem.given.contacts, problem.given.obstacles, problem.given.ties)
-    better.sliding, friction = tangential_rows(
-        problem.V, better.constraints, *told, problem.fixed
-    )
+    better.sliding, friction = tangential_rows(problem.V, better.constraints, *told, problem.fixed)
     rows = stacked(problem.V, [better.constraints, better.sliding])
     better.basis = make_basis(problem.V, rows, problem.fixed, 0, len(better.sliding.host))
     better.friction = friction.at(better.basis.sliding)
@@ -203,45 +201,3 @@ def _summed(problem: Problem, values: Floats) -> Floats:
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
     return np.array(sums.array, dtype=np.float64)
-
-
-def contact_facets(problem: Problem) -> tuple[Ints, Floats]:
-    """Nodes of each facet of this rank on surfaces of contact, vertices first, and its area.
-
-    Areas of facets whose cell is another rank's are 0.
-    """
-    V, tagged_mesh = problem.V, problem.tagged_mesh
-    topology = V.mesh.topology
-    tdim = topology.dim
-    topology.create_connectivity(tdim - 1, tdim)
-    topology.create_connectivity(tdim, tdim - 1)
-    tags = tagged_mesh.facet_tags
-    facets = tags.indices[np.isin(tags.values, problem.contact_tags)]
-    facets = np.intersect1d(facets, exterior_facet_indices(topology))
-    to_cell = topology.connectivity(tdim - 1, tdim)
-    to_facet = topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
-    cells = to_cell.array[to_cell.offsets[facets]]
-    local = np.argmax(to_facet[cells] == facets[:, None], axis=1)
-    layout = V.dofmap.dof_layout
-    closure = np.array([layout.entity_closure_dofs(tdim - 1, i) for i in range(tdim + 1)])
-    nodes: Ints = V.dofmap.list[cells[:, None], closure[local]]
-    vertices = geometry_dofmap(V.mesh)[cells][:, : tdim + 1]
-    slopes, volumes = gradients(V.mesh.geometry.x[vertices][..., :tdim])
-    steepness = np.linalg.norm(slopes[np.arange(len(cells)), local], axis=1)
-    owned = cells < topology.index_map(tdim).size_local
-    areas: Floats = np.where(owned, tdim * volumes * steepness, 0.0)
-    return nodes, areas
-
-
-def edges_of(problem: Problem, nodes: Ints) -> Ints:
-    """Midside and ends of each edge of quadratic facets, shape (num_edges, 3)."""
-    tdim = problem.tagged_mesh.mesh.topology.dim
-    x = problem.V.tabulate_dof_coordinates()[nodes]
-    found: list[Ints] = [np.zeros((0, 3), dtype=np.int32)]
-    for a, b in combinations(range(tdim), 2):
-        off = x[:, tdim:] - (x[:, a] + x[:, b])[:, None] / 2
-        middle = np.argmin(np.linalg.norm(off, axis=2), axis=1)[:, None]
-        between = np.take_along_axis(nodes[:, tdim:], middle, axis=1)
-        found.append(np.column_stack([between, nodes[:, a], nodes[:, b]]))
-    edges: Ints = np.unique(np.concatenate(found), axis=0)
-    return edges

@@ -10,12 +10,13 @@ import numpy.typing as npt
 from dolfinx import la
 from dolfinx.mesh import exterior_facet_indices
 
-from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.contact.obstacles import Plane
-from perfplast_fenicsx.limit_analysis.entering import CURVED
-from perfplast_fenicsx.limit_analysis.facet_pairs import FacetRows, facet_type, pair_facets
 from perfplast_fenicsx.limit_analysis.contact_strength import strength_of
+from perfplast_fenicsx.limit_analysis.entering import CURVED
+from perfplast_fenicsx.limit_analysis.facet_axes import turned_axes
+from perfplast_fenicsx.limit_analysis.facet_pairs import FacetRows, facet_type, pair_facets
 from perfplast_fenicsx.limit_analysis.facet_velocities import FacetNumbers, facet_numbers
 from perfplast_fenicsx.limit_analysis.stress_cells import gradients
 from perfplast_fenicsx.problem.linear_tractions import ROUNDING, linear_tractions
@@ -24,9 +25,6 @@ from perfplast_fenicsx.problem.problem import Problem
 
 ALONG = 1e-10
 """Part of a unit normal that is rounding."""
-
-DIGITS = 6
-"""Decimals of components of normals that are compared."""
 
 UNMATCHED = "surfaces in contact do not match facet by facet"
 
@@ -168,8 +166,8 @@ def facet_conditions(problem: Problem) -> FacetConditions:
         oblique |= bool((free & (part < 1 - ALONG)).any())
         return free
 
-    def turn(on: Ints | Longs, normal: Floats, aligned: Floats | None = None) -> None:
-        axes[on], held[on] = _turned(normal, held[on], held[on] if aligned is None else aligned)
+    def turn(on: Ints | Longs, normal: Floats, aligned: PairFlags | None = None) -> None:
+        axes[on], held[on] = turned_axes(normal, held[on], held[on] if aligned is None else aligned)
 
     for contact in given.contacts:
         rows = []
@@ -271,29 +269,6 @@ def _held(problem: Problem, facets: _Facets) -> npt.NDArray[np.bool_]:
     flags.scatter_forward()
     held: npt.NDArray[np.bool_] = flags.array.reshape(-1, tdim) > 0
     return held
-
-
-def _turned(
-    normal: Floats, held: npt.NDArray[np.bool_], aligned: npt.NDArray[np.bool_]
-) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """Axes that begin with a normal, and which of them are held.
-
-    Args:
-        normal: Unit vectors that no held component has a part in, shape (n, d). Those that are the
-            same but for rounding get the same axes.
-        held: Cartesian components, shape (n, d).
-        aligned: Others that are to be axes, shape (n, d).
-    """
-    tdim = normal.shape[1]
-    sizes = np.round(1 - np.abs(normal), DIGITS)
-    first = np.where(held, 3.0, np.where(aligned, 2.0, sizes))
-    order = np.argsort(-first, axis=1, kind="stable")
-    columns = np.swapaxes(np.eye(tdim)[order[:, : tdim - 1]], 1, 2)
-    Q, R = np.linalg.qr(np.concatenate([normal[:, :, None], columns], axis=2))
-    Q = Q * np.sign(np.einsum("nii->ni", R))[:, None, :]
-    axes = np.swapaxes(Q, 1, 2)
-    count = held.sum(axis=1)
-    return axes, (np.arange(tdim) > 0) & (np.arange(tdim) <= count[:, None])
 
 
 def _rows(

@@ -12,11 +12,11 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.friction import Friction
 from perfplast_fenicsx.limit_analysis.discretisation import NONE, Moduli, Stiffness, Strains
 
-Springs = tuple[Ints | Longs, Floats]
+Springs = tuple[Ints, Floats]
 """Unknowns of small groups, shape (n, k), −1 for none, and their moduli, shape (n, k, k)."""
 
 
@@ -39,7 +39,7 @@ class SlipPlaces:
         bound: Force c > 0 that slip has to overcome, shape (num_places,).
     """
 
-    index: Ints | Longs
+    index: Ints
     shares: Floats
     area: Floats
     bound: Floats

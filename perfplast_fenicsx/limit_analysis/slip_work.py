@@ -6,24 +6,26 @@ norms with these weights, and ∫c‖w_t‖ at most c times the area times their
 to the cone w_n ≥ μ‖w_t‖ of Coulomb's friction that follows its normal if its coefficients do.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
+from itertools import combinations
 
 from mpi4py import MPI
 
 import numpy as np
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
+from perfplast_fenicsx.limit_analysis.contact_facets import ContactFacets, contact_facets
 from perfplast_fenicsx.limit_analysis.contact_strength import strength_of
 from perfplast_fenicsx.limit_analysis.entering import (
     ROUNDING,
     SAME,
     at_nodes,
-    contact_facets,
-    edges_of,
     flat_faces,
     rows_of,
 )
+from perfplast_fenicsx.limit_analysis.stress_cells import matrices
 from perfplast_fenicsx.problem.problem import Problem
 
 UNKNOWN = "slip of nodes that supports hold along their normal is not known"
@@ -38,31 +40,41 @@ class SlipWork:
     Attributes:
         power: ∫c‖w_t‖ from above, on all ranks together.
         why_not: Why it may be more, or the slip wrong, in words.
+        shares: What the slip at the facets of each owned cell has of the gap between the velocity
+            and a stress, ∫c‖w_t‖ − r·w, half of it at either side; 0 without a stress. Shape
+            (num_cells,).
     """
 
     power: float
     why_not: tuple[str, ...]
+    shares: Floats = field(repr=False)
 
 
-def slip_work(problem: Problem, velocity: fem.Function) -> SlipWork:
+def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = None) -> SlipWork:
     """What a velocity dissipates by slip. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
         velocity: Its ghosts up to date.
+        stress: Mandel vectors at the vertices of the owned cells, shape (num_cells, d + 1, m).
     """
+    topology = problem.tagged_mesh.mesh.topology
+    shares = np.zeros(topology.index_map(topology.dim).size_local)
     strengths = [strength_of(source) for source in problem.constraints.sources]
     faces = flat_faces(problem)
     if faces is None or not any(it.adhesion or it.friction for it in strengths):
-        return SlipWork(0.0, ())
+        return SlipWork(0.0, (), shares)
     comm = problem.comm
-    nodes, areas = contact_facets(problem)
+    facets = contact_facets(problem)
+    nodes, gdim = facets.nodes, facets.normals.shape[1]
     constraints = problem.constraints
     _, paired = at_nodes(
         problem, np.zeros(len(constraints.host)), np.ones(len(constraints.host), dtype=bool)
     )
     jumps = _jump_vectors(problem, velocity)
-    power, lacking, unknown = 0.0, 0.0, False
+    moves = ~paired & ~problem.fixed.all(axis=1)
+    unknown = bool(moves[nodes[_that_rub(problem, facets)]].any())
+    power, lacking = 0.0, 0.0
     for face in faces:
         strength = strengths[int(face[0])]
         if not (strength.adhesion or strength.friction):
@@ -75,12 +87,28 @@ def slip_work(problem: Problem, velocity: fem.Function) -> SlipWork:
         moves = ~known & ~problem.fixed.all(axis=1)
         unknown |= bool(moves[nodes[here]].any())
         if problem.degree == 2:
-            middle, *ends = edges_of(problem, nodes[here]).T
+            middle, *ends = facets.edges(here).T
             w[middle] = 2 * w[middle] - (w[ends[0]] + w[ends[1]]) / 2
         enters = w @ normal
         sizes = np.linalg.norm(w - enters[:, None] * normal, axis=1)
         sides = 2 if constraints.sources[int(face[0])].inner else 1
-        power += strength.adhesion / sides * float(areas[here] @ sizes[nodes[here]].mean(axis=1))
+        owned = np.flatnonzero(here & (facets.areas > 0))
+        area, at = facets.areas[owned] / sides, nodes[owned]
+        lost = strength.adhesion * area * sizes[at].mean(axis=1)
+        power += float(lost.sum())
+        if stress is not None:
+            cells, out = facets.cells[owned], facets.normals[owned]
+            around = _others(gdim)[facets.sides[owned]]
+            tractions = (
+                matrices(stress[cells[:, None], around])[..., :gdim, :gdim] @ out[:, None, :, None]
+            )
+            towards = np.sign(out @ normal)
+            order = np.concatenate(
+                [np.tile(np.arange(gdim), (len(at), 1)), facets.middles[owned]], axis=1
+            )
+            there = w[np.take_along_axis(at, order.astype(np.int64), axis=1)]
+            means = np.einsum("fai,an,fni->f", tractions[..., 0], _means(at.shape[1], gdim), there)
+            np.add.at(shares, cells, lost + towards * area * means)
         if strength.friction:
             short = (strength.friction * sizes + enters)[nodes[here]]
             lacking = max(lacking, float(short.max(initial=0.0)))
@@ -90,7 +118,51 @@ def slip_work(problem: Problem, velocity: fem.Function) -> SlipWork:
         CLOSED: comm.allreduce(lacking, MPI.MAX) > ROUNDING * largest,
     }
     found = tuple(words for words, is_so in why.items() if is_so)
-    return SlipWork(float(comm.allreduce(power)), found)
+    return SlipWork(float(comm.allreduce(power)), found, shares)
+
+
+def _that_rub(problem: Problem, facets: ContactFacets) -> PairFlags:
+    """Facets of surfaces that rub."""
+    names = {
+        name
+        for contact in problem.given.contacts
+        if contact.rubs
+        for name in (contact.primary, contact.secondary)
+    }
+    names |= {obstacle.on for obstacle in problem.given.obstacles if obstacle.rubs}
+    tags = [problem.tagged_mesh.surfaces[name] for name in names]
+    rubs: PairFlags = np.isin(facets.tags, tags)
+    return rubs
+
+
+def _others(gdim: int) -> Ints:
+    """Vertices of the facet opposite each."""
+    every = range(gdim + 1)
+    return np.array([[b for b in every if b != a] for a in every])
+
+
+def _means(num_nodes: int, gdim: int) -> Floats:
+    """Means over a facet of linear functions times Bernstein's polynomials.
+
+    Args:
+        num_nodes: Of a facet, as many as polynomials: those at its vertices, and those of pairs.
+        gdim: Number of its vertices.
+
+    Returns:
+        Shape (gdim, num_nodes).
+    """
+    quadratic = num_nodes > gdim
+    groups = [(a, a) if quadratic else (a,) for a in range(gdim)]
+    groups += list(combinations(range(gdim), 2)) if quadratic else []
+    found = np.zeros((gdim, num_nodes))
+    for a in range(gdim):
+        for column, group in enumerate(groups):
+            factors = [a, *group]
+            count = [factors.count(i) for i in range(gdim)]
+            ways = math.prod(math.factorial(i) for i in count)
+            share = ways * math.factorial(gdim - 1) / math.factorial(gdim - 1 + len(factors))
+            found[a, column] = share * (2 if len(set(group)) > 1 else 1)
+    return found
 
 
 def _jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:

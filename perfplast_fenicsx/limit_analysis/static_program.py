@@ -249,5 +249,5 @@ def _slip_places(at: FacetConditions, areas: Floats) -> SlipPlaces:
     first = (of * tdim + vertices % tdim) * tdim
     shares = np.eye(tdim - 1) * ~at.held[of, None, 1:]
     area: Floats = areas[of]
-    index = first[:, None] + np.arange(1, tdim)
+    index = (first[:, None] + np.arange(1, tdim)).astype(np.int32)
     return SlipPlaces(index, shares, area, at.adhesion[of] * area)
