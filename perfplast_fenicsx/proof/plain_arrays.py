@@ -10,6 +10,7 @@ import numpy.typing as npt
 FLOATS = (
     *("vertices", "yield_radius", "yield_slope", "body_force", "traction", "obstacle_normals"),
     *("constant_body_force", "constant_traction", "any_body_force", "any_traction"),
+    *("contact_adhesion", "contact_friction", "obstacle_adhesion", "obstacle_friction"),
     *("stress", "velocity"),
 )
 LONGS = ("cells", "facets", "surface", "contacts", "obstacles", "nodes")

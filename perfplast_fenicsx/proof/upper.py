@@ -1,7 +1,8 @@
 """Does a velocity prove an upper bound? It is quadratic in each cell, and continuous.
 
 (∫D(ε(v)) − L₀(v))/L(v), with the work L₀(v) of loads that stay, is an upper bound of the limit load
-of the bodies where v = 0 at supports, ε(v) = 0 in elastic bodies, and v enters nothing. In cells of
+of the bodies where v = 0 at supports, ε(v) = 0 in elastic bodies, and v enters nothing. Where
+surfaces rub, ∫D has what slip dissipates (:mod:`entering`). In cells of
 slope α = 0 it asks for div v = 0, with D = γ‖ε‖; in others for tr ε ≥ α‖dev ε‖, where the sup of
 σ:ε over ‖dev σ‖ ≤ γ − αp is that at the apex p = γ/α of the cone, D = (γ/α) tr ε. ε(v) is linear in
 a cell, so that div v vanishes everywhere if it does at the vertices, and tr ε − α‖dev ε‖, which is
@@ -119,13 +120,13 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     trace = np.trace(rates, axis1=2, axis2=3)
     deviator = rates - trace[..., None, None] / d * np.eye(d)
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
-    entering, entered, reason = entering_of(body, at_facets, float(np.abs(v).max(initial=0)))
+    contact = entering_of(body, at_facets, float(np.abs(v).max(initial=0)))
     lacks = body.yield_slope[:, None] * np.linalg.norm(deviator, axis=(2, 3)) - trace
     slopes = np.broadcast_to(body.yield_slope[:, None], trace.shape)
     wrong = np.where(slopes > 0, np.maximum(lacks, 0.0), np.abs(trace))
     keeps, grows = plastic & (body.yield_slope == 0), body.yield_slope > 0
     dissipation = _dissipation(body, keeps, deviator, subdivisions)
-    dissipation += _at_apex(body, grows, (trace + wrong)[grows])
+    dissipation += _at_apex(body, grows, (trace + wrong)[grows]) + contact.slip
     kinds = (body.sought, body.constant, body.others)
     work, constant_work, other_work = (_work(body, of, v, at_facets) for of in kinds)
     volumes = np.where(plastic, wrong.max(axis=1), 0.0) * body.volumes
@@ -135,16 +136,16 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     at_one, at_zero, of_others = (of.stress(body.vertices[body.cells]) for of in kinds)
     factor = abs(dissipation - constant_work) / work if work > 0 else 0.0
     stress = factor * at_one + at_zero
-    left = (float(volumes.sum()), float(strains), entered)
+    left = (float(volumes.sum()), float(strains), contact.volume)
     names = ("volume_change", "elastic_strain", "entering_work")
     size = size_of(dissipation, dissipation - constant_work)
     measured = {name: _share(stress * x, size) for name, x in zip(names, left, strict=True)}
-    measured |= {"moved_supports": _share(moved, fastest), "entering": entering}
+    measured |= {"moved_supports": _share(moved, fastest), "entering": contact.relative}
     if body.others:
         most = body.others.size(body.volumes, body.areas) * fastest
         measured["work_of_others"] = _share(abs(other_work), most)
     others = abs(other_work) + of_others * sum(left)
-    return Flow(measured, dissipation, work, constant_work, others, reason)
+    return Flow(measured, dissipation, work, constant_work, others, contact.reason)
 
 
 def size_of(dissipation: float, excess: float) -> float:

@@ -26,6 +26,7 @@ from perfplast_fenicsx.io.results.global_ordering import (
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.contact_strength import strength_of
 from perfplast_fenicsx.limit_analysis.limit_checks import collapses_by_loads
 from perfplast_fenicsx.limit_analysis.point_strains import cones_of_cells
 from perfplast_fenicsx.limit_analysis.question import Question
@@ -201,6 +202,7 @@ def _body(problem: Problem, question: Question) -> Blocks:
         held[np.ix_(surface == tags[support.on], support.axes(d))] = 1
     contacts = [[tags[contact.primary], tags[contact.secondary]] for contact in given.contacts]
     walls = [obstacle for obstacle in given.obstacles if isinstance(obstacle, Plane)]
+    rubbing = {"contact": given.contacts, "obstacle": walls}
     into = [plane.towards(np.zeros((1, d)))[1][0] for plane in walls]
     loads: Blocks = {}
     for prefix, constant in _kinds(problem, question).items():
@@ -209,6 +211,11 @@ def _body(problem: Problem, question: Question) -> Blocks:
         loads[f"{prefix}body_force"] = block(of_cells, _body_forces(problem, chosen, len(cells)))
         loads[f"{prefix}traction"] = block(of_facets, pushes)
     radii, slopes = cones_of_cells(problem)
+    for kind, ones in rubbing.items():
+        strengths = [strength_of(one) for one in ones]
+        for name in ("adhesion", "friction"):
+            values = [getattr(strength, name) for strength in strengths]
+            loads[f"{kind}_{name}"] = _table(problem, values, (), np.float64)
     return loads | {
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),
         "cells": block(of_cells, numbers[cells]),
