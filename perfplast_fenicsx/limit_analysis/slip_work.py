@@ -39,6 +39,8 @@ class SlipWork:
 
     Attributes:
         power: ∫c‖w_t‖ from above, on all ranks together.
+        squares: ∫(‖w_t‖/h)² of layers that are as thick as a facet is long, h: what ∫‖ε(v)‖² is of
+            cells.
         why_not: Why it may be more, or the slip wrong, in words.
         shares: What the slip at the facets of each owned cell has of the gap between the velocity
             and a stress, ∫c‖w_t‖ − r·w, half of it at either side; 0 without a stress. Shape
@@ -46,6 +48,7 @@ class SlipWork:
     """
 
     power: float
+    squares: float
     why_not: tuple[str, ...]
     shares: Floats = field(repr=False)
 
@@ -63,7 +66,7 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
     strengths = [strength_of(source) for source in problem.constraints.sources]
     faces = flat_faces(problem)
     if faces is None or not any(it.adhesion or it.friction for it in strengths):
-        return SlipWork(0.0, (), shares)
+        return SlipWork(0.0, 0.0, (), shares)
     comm = problem.comm
     facets = contact_facets(problem)
     nodes, gdim = facets.nodes, facets.normals.shape[1]
@@ -74,7 +77,7 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
     jumps = _jump_vectors(problem, velocity)
     moves = ~paired & ~problem.fixed.all(axis=1)
     unknown = bool(moves[nodes[_that_rub(problem, facets)]].any())
-    power, lacking = 0.0, 0.0
+    sums, lacking = np.zeros(2), 0.0
     for face in faces:
         strength = strengths[int(face[0])]
         if not (strength.adhesion or strength.friction):
@@ -95,7 +98,8 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
         owned = np.flatnonzero(here & (facets.areas > 0))
         area, at = facets.areas[owned] / sides, nodes[owned]
         lost = strength.adhesion * area * sizes[at].mean(axis=1)
-        power += float(lost.sum())
+        layers = area * facets.areas[owned] ** (-1 / (gdim - 1))
+        sums += lost.sum(), layers @ (sizes[at] ** 2).mean(axis=1)
         if stress is not None:
             cells, out = facets.cells[owned], facets.normals[owned]
             around = _others(gdim)[facets.sides[owned]]
@@ -118,7 +122,8 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
         CLOSED: comm.allreduce(lacking, MPI.MAX) > ROUNDING * largest,
     }
     found = tuple(words for words, is_so in why.items() if is_so)
-    return SlipWork(float(comm.allreduce(power)), found, shares)
+    power, squares = comm.allreduce(sums)
+    return SlipWork(float(power), float(squares), found, shares)
 
 
 def _that_rub(problem: Problem, facets: ContactFacets) -> PairFlags:

@@ -120,6 +120,8 @@ def strict_upper_bound(
         largest = np.array([v[problem.fixed].max(initial=0), v.max(initial=0)])
         comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
         held = largest[0] <= ADMISSIBLE * largest[1]
+        slip = slip_work(problem, mechanism)
+        whole += slip.squares
         if not problem.loads.is_proportional():  # bodies may part as rigid ones, and strain by none
             total = comm.allreduce(float(weights.sum()))
             usual = largest[1] / total ** (1 / strains.gdim)
@@ -147,7 +149,6 @@ def strict_upper_bound(
     finally:
         strains.destroy()
     conditions = facet_conditions(problem)
-    slip = slip_work(problem, mechanism)
     dissipation += slip.power
     at_one, at_zero, _ = question.of(
         *(_largest_load(problem, of, float(volume)) for of in (conditions.live, conditions.dead))
