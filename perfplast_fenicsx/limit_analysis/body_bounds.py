@@ -9,6 +9,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.associated_slip import with_associated_slip
 from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope, measure_of
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
@@ -196,7 +197,8 @@ def limit_bounds(
     if straight and any(on.law.dilates for on in problem.laws):
         problem = with_points_at_vertices(problem)
     log.info("upper bound: a mechanism on %s", problem)
-    found = interior_point(without_entering(problem) or problem, rtol, monitor)
+    searched = with_associated_slip(without_entering(problem) or problem)
+    found = interior_point(searched, rtol, monitor)
     limit = from_interior_point(found)
     if np.isfinite(limit.lower):  # of pairs, not of coefficients
         limit = replace(limit, contact_forces=contact_forces(problem, found.stress, limit.lower))

@@ -49,7 +49,10 @@ class SlipPlaces:
         """Those where a friction resists."""
         rubs = friction.bound > 0
         index = friction.index[rubs]
-        shares = np.tile(np.eye(index.shape[1]), (len(index), 1, 1))
+        if friction.shares is None:
+            shares = np.tile(np.eye(index.shape[1]), (len(index), 1, 1))
+        else:
+            shares = friction.shares[rubs]
         return cls(index, shares, friction.area[rubs], friction.bound[rubs])
 
     def jumps(self, array: Floats) -> Floats:

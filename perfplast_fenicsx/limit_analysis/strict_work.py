@@ -32,10 +32,7 @@ from perfplast_fenicsx.limit_analysis.facet_conditions import (
     FacetLoads,
     facet_conditions,
 )
-from perfplast_fenicsx.limit_analysis.limit_checks import (
-    check_friction_has_limits,
-    check_loads,
-)
+from perfplast_fenicsx.limit_analysis.limit_checks import check_loads
 from perfplast_fenicsx.limit_analysis.point_strains import PointStrains
 from perfplast_fenicsx.limit_analysis.question import Question
 from perfplast_fenicsx.limit_analysis.slip_work import slip_work
@@ -93,9 +90,8 @@ def strict_upper_bound(
         work, and of the mesh alone where the reasons say so.
 
     Raises:
-        InputError: If ζ moves supports or obstacles, no load grows, or friction is Coulomb's.
+        InputError: If ζ moves supports or obstacles, or there is no load.
     """
-    check_friction_has_limits(problem)
     check_loads(problem)
     if problem.tagged_mesh.axisymmetric:
         return Bound(None, "upper", Scope.MESH, (TURNED,))
