@@ -34,7 +34,7 @@ def with_associated_slip(problem: Problem) -> Problem:
         A problem without Coulomb's friction that shares all but contact with the given one, or that
         one.
     """
-    friction, constraints = problem.friction, problem.constraints
+    constraints = problem.constraints
     coulomb = np.array([source.coulomb or 0.0 for source in constraints.sources])
     follows: PairFlags = coulomb[constraints.surface] > 0
     if not problem.comm.allreduce(bool(follows.any())):

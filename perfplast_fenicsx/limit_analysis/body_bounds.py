@@ -11,6 +11,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.associated_slip import with_associated_slip
 from perfplast_fenicsx.limit_analysis.bound import TURNED, Bound, Scope, measure_of
+from perfplast_fenicsx.limit_analysis.contact_strength import strengths_of
 from perfplast_fenicsx.limit_analysis.discrete_limit import InteriorStep, Verdict, interior_point
 from perfplast_fenicsx.limit_analysis.entering import without_entering
 from perfplast_fenicsx.limit_analysis.gap_shares import gap_shares
@@ -48,6 +49,11 @@ NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("not computed; control = 'bounds'
 STANDING = "no load factor was sought, but how many times constant loads are carried"
 
 NO_MECHANISM = "no admissible mechanism was found"
+
+DRUCKER = (
+    "With Coulomb's friction they are Drucker's pair: frictionless from below, but for adhesion,"
+    " and associated from above, whichever way it slips"
+)
 
 CONFINED = (
     f"{NO_MECHANISM}: bodies that dilate may be confined, so that they carry any load, or cells"
@@ -124,7 +130,14 @@ class BodyBounds:
         if self.static is not None and self.static.verdict is not Verdict.FOUND and lower:
             early.append(f" The lower one is not the best of its mesh: {self.static.reason}.")
         early += [f" {words[0].upper()}{words[1:]}." for words in self.advice]
+        if self.friction is not None and (lower or upper):
+            early.append(f" {self.friction}.")
         return self._proven(lower, upper) + "".join(early)
+
+    @property
+    def friction(self) -> str | None:
+        """What the bounds say of Coulomb's friction, in a sentence; None without it."""
+        return DRUCKER if any(it.friction for it in strengths_of(self.problem)) else None
 
     def _proven(self, lower: bool, upper: bool) -> str:
         """What is proven, in a sentence."""

@@ -18,6 +18,7 @@ no less than any tractions of the set with μ = 0 do, so that the lower bound of
 from dataclasses import dataclass
 
 from perfplast_fenicsx.contact.friction_terms import FrictionTerms
+from perfplast_fenicsx.problem.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -36,3 +37,8 @@ class ContactStrength:
 def strength_of(terms: FrictionTerms) -> ContactStrength:
     """What a contact or an obstacle says of it."""
     return ContactStrength(terms.tresca or 0.0, terms.coulomb or 0.0)
+
+
+def strengths_of(problem: Problem) -> list[ContactStrength]:
+    """Those of all contacts and obstacles."""
+    return [strength_of(it) for it in (*problem.given.contacts, *problem.given.obstacles)]

@@ -113,12 +113,12 @@ def write_proof(
         if half is not None:
             _check(half.problem)
     if lower is not None:
-        blocks |= _named("lower", _body(lower.problem, lower.question) | _stress(lower))
+        blocks |= _named("lower", _body(lower.problem, lower.question, False) | _stress(lower))
         numbers["lower"] = {"bound": lower.bound}
         if lower.question is Question.STANDS:
             numbers["lower"]["any_factor"] = lower.aside
     if upper is not None:
-        blocks |= _named("upper", _body(upper.problem, upper.question) | _velocity(upper))
+        blocks |= _named("upper", _body(upper.problem, upper.question, True) | _velocity(upper))
         numbers["upper"] = {"bound": upper.bound}
 
     def describe(file: h5py.File) -> None:
@@ -178,8 +178,14 @@ def _velocity(proof: VelocityProof) -> Blocks:
     }
 
 
-def _body(problem: Problem, question: Question) -> Blocks:
-    """The bodies with loads, supports and contact. Collective."""
+def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
+    """The bodies with loads, supports and contact. Collective.
+
+    Args:
+        problem: The bodies.
+        question: Of which loads λ is the factor.
+        follows: Whether slip follows the normal of friction's cone; else there is adhesion alone.
+    """
     tagged_mesh, given = problem.tagged_mesh, problem.given
     mesh = tagged_mesh.mesh
     d, topology = mesh.topology.dim, mesh.topology
@@ -214,7 +220,8 @@ def _body(problem: Problem, question: Question) -> Blocks:
     for kind, ones in rubbing.items():
         strengths = [strength_of(one) for one in ones]
         for name in ("adhesion", "friction"):
-            values = [getattr(strength, name) for strength in strengths]
+            none = name == "friction" and not follows
+            values = [0.0 if none else getattr(strength, name) for strength in strengths]
             loads[f"{kind}_{name}"] = _table(problem, values, (), np.float64)
     return loads | {
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),

@@ -188,6 +188,7 @@ def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
         "strict": body.strict,
         "standing": standing,
         "why_not": body.why_not,
+        "friction": body.friction,
         "certificates": dict(body.certificates),
         "meshes": [asdict(round_) for round_ in adaptive.rounds] if adaptive else [],
     }
