@@ -24,9 +24,9 @@ def check_friction_has_limits(problem: Problem) -> None:
     if problem.friction.follows_pressure:
         raise InputError(
             "with Coulomb's friction (coulomb = ...) no limit theorem holds, which the interior"
-            " point method rests on; search along a loading path (control = 'work', until = 'limit',"
-            " limit_method = 'path'), bound it by Drucker's pair (control = 'bounds'), or give"
-            " tresca = ... in its place."
+            " point method rests on; search along a loading path (control = 'work', until ="
+            " 'limit', limit_method = 'path'), bound it by Drucker's pair (control = 'bounds'), or"
+            " give tresca = ... in its place."
         )
 
 

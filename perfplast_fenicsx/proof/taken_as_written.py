@@ -76,8 +76,8 @@ def _contacts(body: Body) -> str:
 
 
 def _friction(adhesion: float, friction: float) -> str:
-    parts = [f"{adhesion:.6g}"] * (adhesion > 0)
-    parts += [f"{friction:.6g} times the pressure"] * (friction > 0)
+    parts = [f"{adhesion:.6g}"] * bool(adhesion > 0)
+    parts += [f"{friction:.6g} times the pressure"] * bool(friction > 0)
     return f"with a shear stress of up to {' and '.join(parts)}" if parts else "without friction"
 
 
