@@ -196,7 +196,8 @@ class Recorder:
             effort = Effort(self._run.problem.bodies.gdim, mesh["cells"], solve, ended)
             steps = next_steps(body, effort)
             self._run.terminal.body(body, steps)
-        self._run.terminal.limit(limit, last=adaptive is not None)
+        follows = body is not None and body.friction is not None
+        self._run.terminal.limit(limit, last=adaptive is not None, associated=follows)
         self._run.journal.limit(limit, body)
         if not self.results.reports:  # without levels nothing else has counted it
             self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}

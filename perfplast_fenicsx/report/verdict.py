@@ -69,6 +69,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     lower, upper = limit.body.get("lower"), limit.body.get("upper")
     estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
     mesh = "the last mesh" if limit.body.get("meshes") else "this mesh"
+    mesh += " with associated friction" if limit.body.get("friction") else ""
     known = f"The limit load of {mesh} is {estimate.in_words('ζ = ')}."
     reasons = [f"{why[:1].upper()}{why[1:]}." for why in limit.body.get("why_not", [])]
     beside = [f"{words}." for words in [limit.body.get("friction")] if words]

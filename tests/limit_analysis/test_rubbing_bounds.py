@@ -157,6 +157,14 @@ def test_drucker_up_and_down_a_slope(slope: float) -> None:
     assert bounds.upper.value == pytest.approx(exact, rel=1e-6)
 
 
+def test_a_path_knows_adhesion_beside_friction() -> None:
+    """Statics, μN + cA, by Coulomb's rounds."""
+    path = limit_load(pushed(2, coulomb=0.3, tresca=1.0), 1e-5)
+    assert path.lower == pytest.approx(4.0, rel=2e-5)
+    assert path.upper is not None
+    assert path.lower < path.upper < 4.0 * (1 + 2e-5)
+
+
 @pytest.mark.serial
 def test_the_path_lies_between_druckers_pair() -> None:
     """A block between platens with Coulomb's friction: frictionless ≤ path ≤ associated ≤ glued."""

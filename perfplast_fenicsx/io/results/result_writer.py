@@ -172,7 +172,8 @@ def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:
     if not limit.theorem:
         return f"This path {PathBracket(limit.lower, limit.upper).in_words()}."
     estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
-    return f"Limit load of this mesh: {estimate.in_words()}."
+    friction = " with associated friction" if body is not None and body.friction else ""
+    return f"Limit load of this mesh{friction}: {estimate.in_words()}."
 
 
 def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
