@@ -24,6 +24,7 @@ from perfplast_fenicsx.limit_analysis.limit_checks import (
 from perfplast_fenicsx.limit_analysis.limit_methods import LimitLoad, from_interior_point
 from perfplast_fenicsx.limit_analysis.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.natural_units import UNLIMITED
+from perfplast_fenicsx.limit_analysis.parts_of_cells import of_parents, on_parts
 from perfplast_fenicsx.limit_analysis.question import Question
 from perfplast_fenicsx.limit_analysis.standing import Standing
 from perfplast_fenicsx.limit_analysis.standing_stress import with_standing_stress
@@ -36,7 +37,7 @@ from perfplast_fenicsx.limit_analysis.static_certificate import beside_mechanism
 from perfplast_fenicsx.limit_analysis.strength_contrast import NOTICED, strong_bodies
 from perfplast_fenicsx.limit_analysis.strict_work import strict_upper_bound
 from perfplast_fenicsx.limit_analysis.vertex_points import with_points_at_vertices
-from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
+from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.certificate import contact_forces
 from perfplast_fenicsx.problem.loads import check_bounded
@@ -231,10 +232,10 @@ def limit_bounds(
     stress = shares = None
     # parts of a tetrahedron that is not split for the mechanism are no cells of any mesh
     if static.bound.value is not None and (split is not None or problem.bodies.gdim == 2):
-        stress = static.stress if split is None else _on_parts(static.stress, split)
+        stress = static.stress if split is None else on_parts(static.stress, split)
         if bounds.upper.value is not None:
             shares = gap_shares(problem, bounds.mechanism, stress)
-            shares = shares if split is None else _of_parents(shares, split)
+            shares = shares if split is None else of_parents(shares, split)
     return replace(
         bounds,
         lower=lower,
@@ -295,17 +296,3 @@ def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str |
         return None
     stands = limit.standing
     return f"This mesh {stands.verdict}: {stands.in_words()}; no proof of the body."
-
-
-def _on_parts(stress: Floats, split: AlfeldSplit) -> Floats:
-    """The stress of the parts of cells, as that of the cells of the split mesh."""
-    part = np.asarray(split.mesh.topology.original_cell_index) % stress.shape[1]
-    chosen: Floats = stress[split.parents, part]
-    return chosen
-
-
-def _of_parents(values: Floats, split: AlfeldSplit) -> Floats:
-    """Sums over the parts of each cell."""
-    sums: Floats = np.zeros(len(values) // (split.mesh.topology.dim + 1))
-    np.add.at(sums, split.parents, values)
-    return sums

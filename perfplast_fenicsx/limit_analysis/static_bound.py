@@ -148,7 +148,9 @@ def _search(
         if not limited:
             found = no_stress(conditions, Verdict.UNBOUNDED, UNLIMITED)
             return found, next_start(start, program, None, found.verdict, rtol)
-        none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
+        none = None  # beside dead loads no stress is none of a load factor of 0 either
+        if not program.has_dead:
+            none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
         if not static.can_carry():
             return no_stress(conditions, Verdict.NO_RESISTANCE, CORNERS, none), None
         iteration = StaticIteration(static)
