@@ -13,13 +13,10 @@ from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
 from perfplast_fenicsx.limit_analysis.body.adaptation import AdaptiveBounds, Round
-from perfplast_fenicsx.limit_analysis.body.body_bounds import (
-    NOT_SOUGHT,
-    BodyBounds,
-    standing_in_words,
-)
+from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.body.next_step import Effort, next_steps
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety, times_in_words
+from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
@@ -198,7 +195,8 @@ class Recorder:
             effort = Effort(self._run.problem.bodies.gdim, mesh["cells"], solve, ended)
             steps = next_steps(body, effort)
             self._run.terminal.body(body, steps)
-        self._run.terminal.limit(limit, last=adaptive is not None)
+        follows = body is not None and body.friction is not None
+        self._run.terminal.limit(limit, last=adaptive is not None, associated=follows)
         self._run.journal.limit(limit, body)
         if not self.results.reports:  # without levels nothing else has counted it
             self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}

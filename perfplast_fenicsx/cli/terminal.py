@@ -15,7 +15,8 @@ from mpi4py import MPI
 from perfplast_fenicsx.cli.remaining import clock, next_level
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.adaptation import Round
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, standing_in_words
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
@@ -167,8 +168,15 @@ class Terminal:
         if not report.converged:
             self.say(f"No solution at zeta = {report.zeta:.6g}: {report.reason}.")
 
-    def limit(self, limit: LimitLoad, last: bool = False) -> None:
-        """Say what is known of the limit load of the mesh, the last one of several if so."""
+    def limit(self, limit: LimitLoad, last: bool = False, associated: bool = False) -> None:
+        """Say what is known of the limit load of the mesh, the last one of several if so.
+
+        Args:
+            limit: What is known.
+            last: Whether it is that of the last of several meshes.
+            associated: Whether slip follows the normal of friction's cone, as of Coulomb's it need
+                not.
+        """
         if not limit.theorem:
             self._path_bracket(limit)
             return
@@ -178,7 +186,8 @@ class Terminal:
         estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
         met = limit.levelled_off and limit.upper is not None
         self.say(
-            f"Limit load of {'the last' if last else 'this'} mesh: {estimate.in_words()}"
+            f"Limit load of {'the last' if last else 'this'} mesh"
+            f"{' with associated friction' if associated else ''}: {estimate.in_words()}"
             f" ({effort(limit)}{'' if met else f': {limit.reason}'})."
         )
 

@@ -20,6 +20,7 @@ def variant(
     materials: Mapping[str, Material] | None = None,
     points: Spaces | None = None,
     constraints: Constraints | None = None,
+    sliding: Constraints | None = None,
     basis: JumpBasis | None = None,
     friction: Friction | None = None,
 ) -> Problem:
@@ -34,6 +35,7 @@ def variant(
         materials: Of each volume, as of a new problem.
         points: Spaces at other quadrature points, with the displacements of the problem.
         constraints: The contact inequalities.
+        sliding: The rows of jumps along surfaces that rub.
         basis: The basis in which they are bounds; rows that are no pairs in it are glued.
         friction: What resists slip, with rows as of the problem's.
 
@@ -51,6 +53,7 @@ def variant(
         told = (tagged_mesh, spaces, given.materials, other.laws, given.initial)
         other.initial_strain = initial_strain(*told)
     other.constraints = constraints or problem.constraints
+    other.sliding = sliding or problem.sliding
     if basis is not None:
         other.basis = basis
         other.num_pairs = problem.comm.allreduce(len(basis.index))

@@ -10,6 +10,8 @@ import numpy.typing as npt
 from perfplast_fenicsx.proof.cones import Cones
 from perfplast_fenicsx.proof.load_kinds import ANY, CONSTANT, SOUGHT, Loads, with_all
 from perfplast_fenicsx.proof.plain_arrays import ProofError, checked
+from perfplast_fenicsx.proof.rubbing import OF as RUBBING
+from perfplast_fenicsx.proof.rubbing import fault_of, with_rubbing
 
 Floats = npt.NDArray[np.float64]
 Longs = npt.NDArray[np.int64]
@@ -42,8 +44,12 @@ class Body:
         constant_traction: The same of loads that stay as they are.
         any_traction: The same of loads that may have any factor, of factor 1.
         contacts: Tags of two surfaces that cannot enter each other, shape (num_contacts, 2).
+        contact_adhesion: Shear stress c that slip has to overcome without pressure, of each.
+        contact_friction: μ ≥ 0 of each: the shear may be larger by μ times the pressure.
         obstacles: Tags of surfaces that cannot enter a half space.
         obstacle_normals: Unit vectors into these, shape (num_obstacles, d).
+        obstacle_adhesion: As of contacts.
+        obstacle_friction: The same.
     """
 
     vertices: Floats
@@ -62,8 +68,12 @@ class Body:
     constant_traction: Floats
     any_traction: Floats
     contacts: Longs
+    contact_adhesion: Floats
+    contact_friction: Floats
     obstacles: Longs
     obstacle_normals: Floats
+    obstacle_adhesion: Floats
+    obstacle_friction: Floats
 
     def __post_init__(self) -> None:
         n, d = self.vertices.shape if self.vertices.ndim == 2 else (0, 0)
@@ -82,6 +92,7 @@ class Body:
             "contacts": (pairs, 2),
             "obstacles": (k,),
             "obstacle_normals": (k, d),
+            **{name: (pairs if of == "contacts" else k,) for name, of in RUBBING.items()},
         }
         wrong = [name for name, shape in shapes.items() if getattr(self, name).shape != shape]
         if d not in (2, 3) or wrong:
@@ -101,6 +112,9 @@ class Body:
             raise ProofError("cone names cones that there are not.")
         if not (np.abs(np.linalg.norm(self.obstacle_normals, axis=1) - 1) <= 1e-12).all():
             raise ProofError("a normal of an obstacle is no unit vector.")
+        for name in RUBBING:
+            if (fault := fault_of(getattr(self, name))) is not None:
+                raise ProofError(f"{name} {fault}.")
         if not self.plastic.any():
             raise ProofError("no cell can yield, so that nothing limits the load.")
         if not self.sought:
@@ -126,7 +140,7 @@ class Body:
         Raises:
             ProofError: If one is missing or of another kind, or they do not fit together.
         """
-        values = checked(with_all(arrays), tuple(cls.__dataclass_fields__))
+        values = checked(with_rubbing(with_all(arrays)), tuple(cls.__dataclass_fields__))
         same = known is not None and all(
             np.array_equal(getattr(known, name), value) for name, value in values.items()
         )
@@ -240,6 +254,11 @@ class Body:
     def others(self) -> Loads:
         """Loads that may have any factor."""
         return Loads(self.any_body_force, self.any_traction)
+
+    @property
+    def contact_pairs(self) -> list[tuple[np.int64, np.int64]]:
+        """Tags of both surfaces of each contact."""
+        return [(pair[0], pair[1]) for pair in self.contacts]
 
     def on(self, tag: np.int64) -> Longs:
         """Numbers of the facets of a surface."""

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.proof.body import Body
-from perfplast_fenicsx.proof.halves import differences
+from perfplast_fenicsx.proof.halves import differences, pair_of_drucker
 from perfplast_fenicsx.proof.lower import measure_stress
 from perfplast_fenicsx.proof.overlap import overlapping
 from perfplast_fenicsx.proof.plain_arrays import (
@@ -37,20 +37,32 @@ LIMITS: Mapping[str, float] = {
     "outer_tractions": 1e-10,
     "tension": 1e-10,
     "unequal_pressures": 1e-10,
+    "shear": 1e-10,
+    "unequal_shears": 1e-10,
     "left_of_load": 1e-10,
     "left_of_strength": 1e-7,
     "entering": 1e-12,
     "work_of_others": 1e-6,
     "yield_ratio": 1 + 1e-9,
+    "shear_ratio": 1 + 1e-9,
 }
 """What may be left of conditions. Symmetry and rest at supports are exact, as a program can write
 them. Rows of a stress have the rounding of mean stresses that may be 1e5 yield radii; all forces
 together are a millionth of the least distance at which bounds are sought, 1e-4, and a ten-millionth
 of what the weakest cell could bear. Jumps have the rounding of a few sums of velocities."""
 
+RATIOS = {"yield_ratio": "stresses", "shear_ratio": "shear tractions of contact"}
+"""Conditions that a stress keeps to when it is divided by what is measured."""
+
 ON_MECHANISM = 1e-6
 """What forces without balance may change of a bound by their work on the other half's mechanism,
 relative to the distance of both bounds, or to 1e-4 of the bound where these are nearer."""
+
+DRUCKER = (
+    "Drucker's pair: with less friction from below, and friction whose slip follows its normal from"
+    " above; Coulomb's friction lies between, whichever way it slips."
+)
+"""What two halves tell of friction that they do not share."""
 
 SUBDIVISIONS = 3
 """How often a cell's edges are halved to integrate the dissipation from above."""
@@ -172,7 +184,7 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
         raise ProofError("the stress does not fit the cells.")
     left = measure_stress(body, stress, (claimed * body.sought, body.constant, other * body.others))
     faults = (*_reasons(overlaps, left.reason), *_left(left.measured))
-    over = left.measured["yield_ratio"]
+    over = max(left.measured.get(name, 0.0) for name in RATIOS)
     if body.constant and not over <= 1:  # such a stress cannot be made smaller
         faults = (*faults, f"stresses are {over:.17g} times as large as they may be")
     proven = None if faults else claimed / max(1.0, over)
@@ -228,7 +240,10 @@ def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
     if not change <= ON_MECHANISM * max(high - low, 1e-4 * upper.power):
         faults.append(f"forces without balance change the bound by {change:.1e}")
     words = f"On the mechanism they change the bound by {change:.1e} at most; bounds are"
-    return faults, f"{words} {high - low:.3g} apart."
+    words = f"{words} {high - low:.3g} apart."
+    if not faults and pair_of_drucker(lower.body, upper.body):
+        words = f"{words} {DRUCKER}"
+    return faults, words
 
 
 def _with(half: Checked, faults: list[str]) -> Checked:
@@ -255,9 +270,10 @@ def _left(measured: Mapping[str, float]) -> list[str]:
     faults = [
         f"{name.replace('_', ' ')} of {value:.1e} is left"
         for name, value in measured.items()
-        if name != "yield_ratio" and not value <= LIMITS.get(name, ROUNDING)
+        if name not in RATIOS and not value <= LIMITS.get(name, ROUNDING)
     ]
-    ratio = measured.get("yield_ratio", 0.0)
-    if not ratio <= LIMITS["yield_ratio"]:
-        faults.append(f"stresses are {ratio:.9g} times as large as they may be")
+    for name, what in RATIOS.items():
+        ratio = measured.get(name, 0.0)
+        if not ratio <= LIMITS[name]:
+            faults.append(f"{what} are {ratio:.9g} times as large as they may be")
     return faults

@@ -1,5 +1,11 @@
-"""What a quadratic velocity enters on facets of contact: Bernstein's coefficients of its jumps."""
+"""What a quadratic velocity enters on facets of contact: Bernstein's coefficients of its jumps.
 
+Where contact rubs it enters by what it parts too little for its slip, μ‖w_t‖ − w_n, as this is a
+convex function of the jump; and ∫c‖w_t‖ is at most c times the area times the mean of the
+coefficients' norms.
+"""
+
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -12,8 +18,25 @@ SLOWEST = 1e-8
 rounding of a body at rest, however slow it is itself."""
 
 
-def entering_of(body: Body, at_facets: Floats, fastest: float) -> tuple[float, float, str | None]:
-    """What enters on facets of contact: relative to their velocities, as a volume, and a reason.
+@dataclass(frozen=True)
+class Entering:
+    """What a velocity does on facets of contact.
+
+    Attributes:
+        relative: What enters, relative to their velocities.
+        volume: The same times the area, all added up.
+        slip: What slip dissipates, from above.
+        reason: Why the conditions of contact cannot be told, or None.
+    """
+
+    relative: float
+    volume: float
+    slip: float
+    reason: str | None
+
+
+def entering_of(body: Body, at_facets: Floats, fastest: float) -> Entering:
+    """What enters on facets of contact, and slips.
 
     Args:
         body: The bodies.
@@ -21,9 +44,10 @@ def entering_of(body: Body, at_facets: Floats, fastest: float) -> tuple[float, f
         fastest: The largest velocity of all.
     """
     d, reason = body.dim, None
-    relative, volume = 0.0, 0.0
+    relative, volume, slip = 0.0, 0.0, 0.0
     speeds = np.maximum(np.abs(at_facets).max(axis=(1, 2), initial=0), SLOWEST * fastest)
-    for one, other in body.contacts:
+    contacts = zip(body.contact_pairs, body.contact_adhesion, body.contact_friction, strict=True)
+    for (one, other), adhesion, friction in contacts:
         pair = touching(body, one, other)
         if pair.apart:
             reason = f"{pair.apart} facets of contact or more match none of those opposite"
@@ -34,16 +58,28 @@ def entering_of(body: Body, at_facets: Floats, fastest: float) -> tuple[float, f
             place[a, b] = node
         order = np.concatenate([pair.order, place[ends[..., 0], ends[..., 1]]], axis=1)
         opposite = np.take_along_axis(at_facets[pair.second], order[..., None], axis=1)
-        enters = _bernstein(at_facets[pair.first] - opposite, body.normals[pair.first])
+        enters, slips = _bernstein(
+            at_facets[pair.first] - opposite, body.normals[pair.first], float(friction)
+        )
         faster = np.maximum(speeds[pair.first], speeds[pair.second])
         relative = max(relative, _largest_share(enters, faster))
         volume += float(enters @ body.areas[pair.first])
-    for tag, normal in zip(body.obstacles, body.obstacle_normals, strict=True):
+        slip += float(adhesion * (slips @ body.areas[pair.first]))
+    obstacles = zip(
+        body.obstacles,
+        body.obstacle_normals,
+        body.obstacle_adhesion,
+        body.obstacle_friction,
+        strict=True,
+    )
+    for tag, normal, adhesion, friction in obstacles:
         facets = body.on(tag)
-        enters = _bernstein(at_facets[facets], np.tile(normal, (len(facets), 1)))
+        normals = np.tile(normal, (len(facets), 1))
+        enters, slips = _bernstein(at_facets[facets], normals, float(friction))
         relative = max(relative, _largest_share(enters, speeds[facets]))
         volume += float(enters @ body.areas[facets])
-    return relative, volume, reason
+        slip += float(adhesion * (slips @ body.areas[facets]))
+    return Entering(relative, volume, slip, reason)
 
 
 def _largest_share(parts: Floats, wholes: Floats) -> float:
@@ -51,11 +87,22 @@ def _largest_share(parts: Floats, wholes: Floats) -> float:
     return float((parts / np.where(wholes > 0, wholes, 1.0)).max(initial=0))
 
 
-def _bernstein(jump: Floats, normals: Floats) -> Floats:
-    """Largest Bernstein coefficient of each quadratic jump along n; 0 if none is positive."""
+def _bernstein(jump: Floats, normals: Floats, friction: float) -> tuple[Floats, Floats]:
+    """Of the Bernstein coefficients of quadratic jumps, along n and across.
+
+    Args:
+        jump: At the nodes of facets, shape (n, num_nodes, d); along n positive where it enters.
+        normals: Shape (n, d).
+        friction: μ.
+
+    Returns:
+        The largest that enters or parts too little, 0 if none does; the mean norm across n.
+    """
     d = normals.shape[1]
-    w = np.einsum("fni,fi->fn", jump, normals)
+    w = jump.copy()
     for node, (a, b) in enumerate(combinations(range(d), 2), start=d):
-        w[:, node] = 2 * w[:, node] - (w[:, a] + w[:, b]) / 2
-    largest: Floats = np.maximum(w.max(axis=1, initial=0), 0)
-    return largest
+        w[:, node] = 2 * jump[:, node] - (jump[:, a] + jump[:, b]) / 2
+    along = np.einsum("fni,fi->fn", w, normals)
+    across = np.linalg.norm(w - along[:, :, None] * normals[:, None], axis=2)
+    largest: Floats = np.maximum((along + friction * across).max(axis=1, initial=0), 0)
+    return largest, across.mean(axis=1)

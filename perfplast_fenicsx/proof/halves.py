@@ -15,8 +15,8 @@ DIGITS = 11
 def differences(lower: Body, upper: Body) -> list[str]:
     """What differs between the bodies of two halves, in words.
 
-    Those of the upper half may be stronger: what is a bound from above of the stronger bodies is
-    one of the others.
+    Those of the upper half may be stronger, and rub more: what is a bound from above of the
+    stronger bodies is one of the others.
 
     Args:
         lower: The bodies of the lower half.
@@ -44,8 +44,8 @@ def differences(lower: Body, upper: Body) -> list[str]:
         for one, other in kinds
     ):
         found.append("the halves have different loads")
-    if _contacts(lower) != _contacts(upper) or not _same_obstacles(lower, upper):
-        found.append("the halves have different contacts")
+    if not _same_contacts(lower, upper):
+        found.append("the halves have different contacts, or the upper one rubs less")
     return found
 
 
@@ -178,17 +178,35 @@ def _resultants(body: Body, loads: Loads, tags: np.ndarray) -> Floats:
     return np.concatenate([found[0], found[1] / extent, [[whole]]])
 
 
-def _contacts(body: Body) -> set[tuple[int, ...]]:
-    return {tuple(sorted(map(int, pair))) for pair in body.contacts}
-
-
-def _same_obstacles(lower: Body, upper: Body) -> bool:
-    if len(lower.obstacles) != len(upper.obstacles):
-        return False
-    one, other = (
-        np.column_stack([body.obstacles.astype(np.float64), body.obstacle_normals])[
-            np.argsort(body.obstacles)
-        ]
-        for body in (lower, upper)
+def _contacts(body: Body) -> Floats:
+    """Rows of each contact: its tags in order, adhesion and friction."""
+    rows = np.column_stack(
+        [np.sort(body.contacts, axis=1), body.contact_adhesion, body.contact_friction]
     )
-    return _alike(one, other)
+    return np.asarray(rows[np.lexsort(rows.T[::-1])], dtype=np.float64)
+
+
+def _obstacles(body: Body) -> Floats:
+    """Rows of each obstacle: its tag and normal, adhesion and friction."""
+    rows = np.column_stack(
+        [body.obstacles, body.obstacle_normals, body.obstacle_adhesion, body.obstacle_friction]
+    )
+    return np.asarray(rows[np.argsort(body.obstacles, kind="stable")], dtype=np.float64)
+
+
+def _same_contacts(lower: Body, upper: Body) -> bool:
+    """Whether contacts and obstacles are the same, and nowhere rub less in the upper half."""
+    for rows in (_contacts, _obstacles):
+        one, other = rows(lower), rows(upper)
+        if len(one) != len(other) or not _alike(one[:, :-2], other[:, :-2]):
+            return False
+        if not (one[:, -2:] <= other[:, -2:]).all():
+            return False
+    return True
+
+
+def pair_of_drucker(lower: Body, upper: Body) -> bool:
+    """Whether anything has no friction beside adhesion in the lower half, and some in the upper."""
+    sums = (body.contact_friction.sum() + body.obstacle_friction.sum() for body in (lower, upper))
+    less, more = sums
+    return bool(less < more)

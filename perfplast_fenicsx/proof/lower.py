@@ -2,11 +2,11 @@
 
 λ is a lower bound of the limit load of the bodies where div σ + b = 0 in each cell for the force b
 per volume of all loads at λ, tractions are equal on both sides of inner facets and those of the
-loads on outer ones, contact pushes and has no shear, and ‖Mσ‖ ≤ c − q·σ at each vertex with the
-cone of the cell (:mod:`cones`), and so everywhere, as the stresses that keep to it are a convex set
-(static theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). What is left by
-rounding is a load of its own: it is measured by what the weakest could bear of it, each row by
-itself and all together.
+loads on outer ones, contact pushes with the pressure q and has no shear, or where it rubs one of
+‖τ‖ ≤ c + μq at most, and ‖Mσ‖ ≤ c − q·σ at each vertex with the cone of the cell (:mod:`cones`),
+and so everywhere, as the stresses that keep to it are a convex set (static theorem, W. Prager,
+P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). What is left by rounding is a load of its
+own: it is measured by what the weakest could bear of it, each row by itself and all together.
 """
 
 from collections.abc import Sequence
@@ -14,9 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perfplast_fenicsx.proof.body import Body, Floats
+from perfplast_fenicsx.proof.body import Body, Flags, Floats
 from perfplast_fenicsx.proof.cones import vectors
 from perfplast_fenicsx.proof.load_kinds import Loads
+from perfplast_fenicsx.proof.rubbing import excess, unheld
 from perfplast_fenicsx.proof.touching import Touching, touching
 
 UNDETERMINED = 1e-12
@@ -35,7 +36,9 @@ class Left:
             ``asymmetry``, relative to the least of all; ``left_of_load``, the sum of all forces
             without balance relative to those of the loads at λ, and ``left_of_strength``, relative
             to the least γV^((d − 1)/d) of a cell of volume V; ``yield_ratio``, the largest
-            (‖Mσ‖ + q·σ)/c: the stress divided by it keeps to the cone, as 0 is inside.
+            (‖Mσ‖ + q·σ)/c: the stress divided by it keeps to the cone, as 0 is inside. With
+            contact that rubs also ``unequal_shears``, ``shear``, beyond μq where nothing adheres,
+            and ``shear_ratio``, the largest (‖τ‖ − μq)/c elsewhere.
         forces: The sum of the magnitudes of all forces without balance.
         loads: That of the loads at λ.
         reason: Why the conditions of contact cannot be told, or None.
@@ -127,25 +130,42 @@ def _outer(body: Body, stress: Floats, loads: Loads) -> tuple[dict[str, Floats],
     free = ~body.held
     into = np.zeros_like(body.normals)  # where contact pushes from: σn = λt − p into
     times = np.zeros(len(into), dtype=int)
+    adhesion, friction = np.zeros(len(into)), np.zeros(len(into))
     radii = body.yield_radius[cells]
     pairs: list[Touching] = [touching(body, one, other) for one, other in body.contacts]
-    for pair in pairs:
+    reason = None
+    for pair, c, mu in zip(pairs, body.contact_adhesion, body.contact_friction, strict=True):
         weaker = np.minimum(radii[pair.first], radii[pair.second])
         for facets in (pair.first, pair.second):
             into[facets] = body.normals[facets]
             radii[facets] = weaker
             times[facets] += 1
-    for tag, normal in zip(body.obstacles, body.obstacle_normals, strict=True):
-        into[body.on(tag)] = normal
-        times[body.on(tag)] += 1
-    reason = "a facet touches two others" if (times > 1).any() else None
+            adhesion[facets], friction[facets] = c, mu
+        held_at_first, at_second = body.held[pair.first], body.held[pair.second]
+        if (c or mu) and (held_at_first.any(axis=1) & at_second.any(axis=1)).any():
+            reason = "supports hold both sides of facets that rub"
+    obstacles = zip(
+        body.obstacles,
+        body.obstacle_normals,
+        body.obstacle_adhesion,
+        body.obstacle_friction,
+        strict=True,
+    )
+    for tag, normal, c, mu in obstacles:
+        facets = body.on(tag)
+        into[facets] = normal
+        times[facets] += 1
+        adhesion[facets], friction[facets] = c, mu
+    if (times > 1).any():
+        reason = "a facet touches two others"
     radii = _finite(radii, float(body.yield_radius.min()))[:, None]
     share = np.where(free, into, 0.0)
     square = np.einsum("fi,fi->f", share, share)
     told = square > UNDETERMINED
     pressure = np.zeros(rest.shape[:2])
     pressure[told] = -np.einsum("fvi,fi->fv", rest[told], share[told]) / square[told, None]
-    wrong = np.linalg.norm((rest + pressure[..., None] * into[:, None]) * free[:, None], axis=2)
+    shears = (rest + pressure[..., None] * into[:, None]) * free[:, None]
+    wrong = np.linalg.norm(shears, axis=2)
     tension = np.maximum(-pressure, 0.0)
     unequal = np.zeros_like(pressure)
     for pair in pairs:
@@ -153,5 +173,32 @@ def _outer(body: Body, stress: Floats, loads: Loads) -> tuple[dict[str, Floats],
         opposite = np.take_along_axis(pressure[pair.second], pair.order, axis=1)
         unequal[pair.first] = np.abs(pressure[pair.first] - opposite) * both[:, None]
     left = {"outer_tractions": wrong, "tension": tension, "unequal_pressures": unequal}
-    forces = float(body.areas @ (wrong + tension + unequal).mean(axis=1))
-    return {name: values / radii for name, values in left.items()}, forces, reason
+    ratios = {}
+    rubs = (adhesion > 0) | (friction > 0)
+    if rubs.any():
+        apart = _unequal_shears(body, pairs, shears, rubs)
+        rubs &= told  # what is not free to push has no shear that is known
+        told_of = (wrong[rubs], pressure[rubs], adhesion[rubs], friction[rubs])
+        beyond = np.zeros_like(wrong)
+        beyond[rubs] = unheld(*told_of)
+        wrong[rubs] = 0.0
+        left |= {"shear": beyond, "unequal_shears": apart}
+        ratios["shear_ratio"] = excess(*told_of)
+    forces = float(body.areas @ sum(left.values()).mean(axis=1))
+    return {name: values / radii for name, values in left.items()} | ratios, forces, reason
+
+
+def _unequal_shears(body: Body, pairs: Sequence[Touching], shears: Floats, rubs: Flags) -> Floats:
+    """What shear tractions of both sides of contact differ by where it rubs.
+
+    Those of components that supports hold are not known of that side, and are what balances the
+    other's.
+    """
+    found = np.zeros(shears.shape[:2])
+    for pair in pairs:
+        both = rubs[pair.first] & rubs[pair.second]
+        free = ~body.held[pair.first] & ~body.held[pair.second]
+        opposite = np.take_along_axis(shears[pair.second], pair.order[..., None], axis=1)
+        off = np.linalg.norm((shears[pair.first] + opposite) * free[:, None], axis=2)
+        found[pair.first] = off * both[:, None]
+    return found

@@ -11,6 +11,7 @@ FLOATS = (
     *("vertices", "cone_bound", "cone_slope", "cone_matrix", "obstacle_normals"),
     *("body_force", "traction"),
     *("constant_body_force", "constant_traction", "any_body_force", "any_traction"),
+    *("contact_adhesion", "contact_friction", "obstacle_adhesion", "obstacle_friction"),
     *("stress", "velocity"),
 )
 LONGS = ("cells", "cone", "facets", "surface", "contacts", "obstacles", "nodes")

@@ -74,11 +74,24 @@ def _supports(body: Body) -> str:
 
 
 def _contacts(body: Body) -> str:
-    words = [f"surfaces {one} and {other}" for one, other in body.contacts]
-    for tag, normal in zip(body.obstacles, body.obstacle_normals, strict=True):
+    words: dict[str, list[str]] = {}
+    rubs = zip(body.contact_adhesion, body.contact_friction, strict=True)
+    for (one, other), terms in zip(body.contact_pairs, rubs, strict=True):
+        words.setdefault(_friction(*terms), []).append(f"surfaces {one} and {other}")
+    rubs = zip(body.obstacle_adhesion, body.obstacle_friction, strict=True)
+    obstacles = zip(body.obstacles, body.obstacle_normals, rubs, strict=True)
+    for tag, normal, terms in obstacles:
         along = ", ".join(f"{part:.4g}" for part in np.atleast_1d(normal))
-        words.append(f"surface {tag} and a plane towards ({along})")
-    return f"contact without friction of {_listed(words)}" if words else "no contact"
+        here = f"surface {tag} and a plane towards ({along})"
+        words.setdefault(_friction(*terms), []).append(here)
+    kinds = [f"contact {friction} of {_listed(some)}" for friction, some in words.items()]
+    return "; ".join(kinds) if kinds else "no contact"
+
+
+def _friction(adhesion: float, friction: float) -> str:
+    parts = [f"{adhesion:.6g}"] * bool(adhesion > 0)
+    parts += [f"{friction:.6g} times the pressure"] * bool(friction > 0)
+    return f"with a shear stress of up to {' and '.join(parts)}" if parts else "without friction"
 
 
 def _loads(body: Body, loads: Loads) -> str:

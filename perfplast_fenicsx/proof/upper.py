@@ -3,11 +3,12 @@
 (∫D(ε(v)) − L₀(v))/L(v), with the work L₀(v) of loads that stay, is an upper bound of the limit load
 of the bodies where v = 0 at supports, ε(v) = 0 in elastic bodies, and v enters nothing. D is the
 sup of σ:ε over the cone of each cell (:mod:`cones`), and where it is finite ε is admissible: if the
-cone leaves a stress free, that does no work, and in cells that grow there is enough of that. ε(v)
-is linear in a cell, so that a rate that vanishes at the vertices does so everywhere, and what
-growth lacks, which is convex, is nowhere positive if it is not there. The integral of a convex D is
-at most that of its linear interpolation on any subdivision, and that of a linear one is the mean of
-the vertices (kinematic theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951).
+cone leaves a stress free, that does no work, and in cells that grow there is enough of that. Where
+surfaces rub, ∫D has what slip dissipates (:mod:`entering`). ε(v) is linear in a cell, so that a
+rate that vanishes at the vertices does so everywhere, and what growth lacks, which is convex, is
+nowhere positive if it is not there. The integral of a convex D is at most that of its linear
+interpolation on any subdivision, and that of a linear one is the mean of the vertices (kinematic
+theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951).
 """
 
 from dataclasses import dataclass
@@ -119,7 +120,8 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     rates = strain_rates(body, v)
     wrong, dissipation = _dissipated(body, vectors(rates), subdivisions)
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
-    entering, entered, reason = entering_of(body, at_facets, float(np.abs(v).max(initial=0)))
+    contact = entering_of(body, at_facets, float(np.abs(v).max(initial=0)))
+    dissipation += contact.slip
     kinds = (body.sought, body.constant, body.others)
     work, constant_work, other_work = (_work(body, of, v, at_facets) for of in kinds)
     volumes = wrong.max(axis=1) * body.volumes
@@ -129,16 +131,16 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     at_one, at_zero, of_others = (of.stress(body.vertices[body.cells]) for of in kinds)
     factor = abs(dissipation - constant_work) / work if work > 0 else 0.0
     stress = factor * at_one + at_zero
-    left = (float(volumes.sum()), float(strains), entered)
+    left = (float(volumes.sum()), float(strains), contact.volume)
     names = ("volume_change", "elastic_strain", "entering_work")
     size = size_of(dissipation, dissipation - constant_work)
     measured = {name: _share(stress * x, size) for name, x in zip(names, left, strict=True)}
-    measured |= {"moved_supports": _share(moved, fastest), "entering": entering}
+    measured |= {"moved_supports": _share(moved, fastest), "entering": contact.relative}
     if body.others:
         most = body.others.size(body.volumes, body.areas) * fastest
         measured["work_of_others"] = _share(abs(other_work), most)
     others = abs(other_work) + of_others * sum(left)
-    return Flow(measured, dissipation, work, constant_work, others, reason)
+    return Flow(measured, dissipation, work, constant_work, others, contact.reason)
 
 
 def size_of(dissipation: float, excess: float) -> float:

@@ -99,6 +99,7 @@ class _Body(TypedDict):
     lower: float | None
     upper: float | None
     why_not: list[str]
+    friction: NotRequired[str | None]
     meshes: list[_Round]
 
 

@@ -95,8 +95,10 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     lower, upper = limit.body.get("lower"), limit.body.get("upper")
     estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
     mesh = "the last mesh" if limit.body.get("meshes") else "this mesh"
+    mesh += " with associated friction" if limit.body.get("friction") else ""
     known = f"The limit load of {mesh} is {estimate.in_words('ζ = ')}."
     reasons = [f"{why[:1].upper()}{why[1:]}." for why in limit.body.get("why_not", [])]
+    beside = [f"{words}." for words in [limit.body.get("friction")] if words]
     met = table["levelled_off"] and limit.upper is not None
     ended = [] if met else [f"How the search on {mesh} ended: {table['reason']}."]
     ended += [f"{step[:1].upper()}{step[1:]}." for step in table.get("next_steps", [])]
@@ -108,6 +110,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             [
                 "Both bounds are strict: they hold for the bodies that the mesh fills, and not just"
                 " for the mesh, but for rounding of the numbers.",
+                *beside,
                 known,
                 *ended,
             ],
@@ -119,6 +122,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             [
                 "This bound is strict. No load that they carry for certain is proven:",
                 *reasons,
+                *beside,
                 known,
                 *ended,
             ],
@@ -130,6 +134,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             [
                 "This bound is strict. No load at which they collapse for certain is proven:",
                 *reasons,
+                *beside,
                 known,
                 *ended,
             ],

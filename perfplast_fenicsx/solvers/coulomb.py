@@ -1,4 +1,4 @@
-"""Coulomb's friction as a fixed point of Tresca's: c ← μ λ, with the contact forces λ.
+"""Coulomb's friction as a fixed point of Tresca's: c ← c₀ + μ λ, with the contact forces λ.
 
 Each round is a convex problem with the bounds of the round before, and is certified as one. The
 fixed point is not the minimum of anything: there may be none, or several, and neither duality gap
@@ -108,10 +108,11 @@ def _rounds(
 
 
 def _bounds(problem: Problem, forces: Floats) -> Floats:
-    """μ λ where friction is Coulomb's."""
+    """c₀ + μ λ where friction is Coulomb's, with the adhesion c₀."""
     friction = problem.friction
     follows = friction.coulomb > 0
     bounds: Floats = friction.coulomb[follows] * np.maximum(forces[friction.pair[follows]], 0.0)
+    bounds += friction.adhesion[follows]
     return bounds
 
 

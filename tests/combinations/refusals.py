@@ -12,7 +12,6 @@ REFUSALS: Mapping[str, str] = {
     "is a formula": f"{STAYS}: stresses are linear in cells, and balance linear tractions",
     "is a pore pressure": f"{TO_COME}: its body force and tractions",
     "is rigid, and of such surfaces": f"{TO_COME}: resultants as conditions",
-    "friction is taken at the nodes": f"{TO_COME}: cones of slip on facets",
     "no limit theorem holds": (
         f"{STAYS} of limit theorems; where a path loses equilibrium is found, with Drucker's pair"
         " beside it"

@@ -66,7 +66,6 @@ REFUSED = {
     ),
     "shear stress": (CONTACT + "tresca = -1.0\n", "tresca = -1.0 is no friction"),
     "coefficient": (CONTACT + "coulomb = -0.1\n", "coulomb = -0.1 is no friction"),
-    "both": (CONTACT + "coulomb = 0.1\ntresca = 1.0\n", "two laws of friction"),
     "name": (CONTACT + FLOOR + "coulomb = 0.1\n", "has friction but no name"),
     "tied": (
         CONTACT + "tresca = 1.0\n" + TIE.format("lower_top", "upper_bottom"),

@@ -198,7 +198,7 @@ def second_copy(them: Arrays, shift: float) -> None:
     """All bodies once more, moved along x."""
     vertices, nodes = len(them["vertices"]), len(them.get("velocity", ()))
     for name in them:
-        if name in ("bound", "contacts", "obstacles", "obstacle_normals") or "cone_" in name:
+        if name == "bound" or name.startswith(("contact", "obstacle")) or "cone_" in name:
             continue
         more = them[name].copy()
         if name in ("cells", "facets"):
@@ -266,9 +266,9 @@ def without(tag_of: str) -> Callable[[Arrays], None]:
     """No contact or no obstacle."""
 
     def forge(them: Arrays) -> None:
-        them[tag_of] = them[tag_of][:0]
-        if tag_of == "obstacles":
-            them["obstacle_normals"] = them["obstacle_normals"][:0]
+        for name in them:
+            if name.startswith(tag_of[:-1]):
+                them[name] = them[name][:0]
 
     return forge
 

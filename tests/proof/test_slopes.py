@@ -85,7 +85,8 @@ def sucked(them: Arrays) -> None:
     """All stresses turned, and the loads with them: the pressure becomes a tension."""
     for name in ("stress", "traction", "body_force"):
         them[name] = -them[name]
-    them["contacts"] = them["contacts"][:0]
+    for name in ("contacts", "contact_adhesion", "contact_friction"):
+        them[name] = them[name][:0]
 
 
 def negative_strength(them: Arrays) -> None:

@@ -150,7 +150,6 @@ def test_a_rough_obstacle_carries_its_share(comm: MPI.Intracomm) -> None:
     [
         (lambda: Contact("a", "b", tresca=-1.0), ["tresca = -1.0", "zero or more"]),
         (lambda: Contact("a", "b", coulomb=math.nan), ["coulomb = nan", "zero or more"]),
-        (lambda: Contact("a", "b", tresca=1.0, coulomb=0.1), ["two laws", "one of them"]),
         (
             lambda: Plane("bottom", (0.0, 0.0), (0.0, 1.0), tresca=1.0),
             ["'bottom'", "no name", "name = "],

@@ -9,7 +9,7 @@ from perfplast_fenicsx.errors import InputError
 
 @dataclass(frozen=True)
 class Contact(FrictionTerms):
-    """Contact of two surfaces, without friction unless one of its two laws is given.
+    """Contact of two surfaces, without friction unless it is given.
 
     They may touch or be apart, flat, curved or with edges, and their nodes need not match.
 
@@ -29,12 +29,12 @@ class Contact(FrictionTerms):
             the one that the other covers, or that with smaller facets.
         tresca: Friction of Tresca: the shear stress, not negative, that slip has to overcome,
             whatever the pressure, and where the surfaces are apart, too.
-        coulomb: Friction of Coulomb: its coefficient μ, not negative.
+        coulomb: Friction of Coulomb: its coefficient μ, not negative. Beside it ``tresca`` is an
+            adhesion, the shear stress that is to be overcome without pressure.
         name: What stages call an overlap that grows; that of the primary surface without it.
 
     Raises:
-        InputError: If friction is negative, or of both kinds, or if nothing overlaps that could
-            grow.
+        InputError: If friction is negative, or if nothing overlaps that could grow.
     """
 
     primary: str

@@ -9,8 +9,8 @@ class FrictionTerms:
     """What a contact or an obstacle says of its friction.
 
     Attributes:
-        tresca: Shear stress that slip has to overcome.
-        coulomb: Coefficient of friction.
+        tresca: Shear stress that slip has to overcome, whatever the pressure.
+        coulomb: Coefficient of friction: so many times the pressure comes to it.
     """
 
     tresca: float | None
@@ -20,18 +20,13 @@ class FrictionTerms:
         """Refuse friction that is none.
 
         Raises:
-            InputError: If friction is negative or not finite, or of both kinds.
+            InputError: If friction is negative or not finite.
         """
         for key, value in (("tresca", self.tresca), ("coulomb", self.coulomb)):
             if value is not None and not (math.isfinite(value) and value >= 0):
                 raise InputError(
                     f"{key} = {value} is no friction; give zero or more, or leave it out for none."
                 )
-        if self.tresca is not None and self.coulomb is not None:
-            raise InputError(
-                f"tresca = {self.tresca} and coulomb = {self.coulomb} are two laws of friction for"
-                " one surface; give one of them."
-            )
 
     @property
     def rubs(self) -> bool:

@@ -33,7 +33,8 @@ class Plane(_NamedFriction):
         normal: Points out of the obstacle, towards the body; of any length but 0.
         move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
         tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
-        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Beside it
+            ``tresca`` is an adhesion.
         name: What its force is called in results; that of its surface without it.
     """
 
@@ -73,7 +74,8 @@ class Sphere(_NamedFriction):
         hollow: Whether the body is inside.
         move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
         tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
-        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Beside it
+            ``tresca`` is an adhesion.
         name: What its force is called in results; that of its surface without it.
     """
 
@@ -103,7 +105,8 @@ class Cylinder(_NamedFriction):
         hollow: Whether the body is inside.
         move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
         tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
-        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Beside it
+            ``tresca`` is an adhesion.
         name: What its force is called in results; that of its surface without it.
     """
 

@@ -97,6 +97,7 @@ def tangential_rows(
         direction=directions,
         area=area,
         coulomb=coulomb,
+        adhesion=tresca * area,
         bound=tresca * area,
         origin=np.zeros(number.shape),
         count=comm.allreduce(len(place)),

@@ -32,11 +32,15 @@ class Friction:
             gdim − 1, gdim).
         area: What each place stands for of its surface (length, area), shape (num_places,).
         coulomb: Coefficient of friction where it is Coulomb's, 0 elsewhere, shape (num_places,).
+        adhesion: Force that slip has to overcome without pressure, shape (num_places,).
         bound: Force c that slip has to overcome, shape (num_places,). Coulomb's follows from that
             of contact, and is brought up to date in place.
         origin: s₀ (length), shape of ``index``; brought up to date in place.
         count: Places on all ranks together.
         follows_pressure: Whether any friction is Coulomb's.
+        shares: Where jumps are combinations of k unknowns each, ``index`` is of shape (num_places,
+            k) and these are the coefficients, shape (num_places, gdim − 1, k); else None. Only the
+            interior point method knows such.
     """
 
     pair: Ints
@@ -44,10 +48,12 @@ class Friction:
     direction: Floats
     area: Floats
     coulomb: Floats
+    adhesion: Floats
     bound: Floats
     origin: Floats
     count: int
     follows_pressure: bool
+    shares: Floats | None = None
 
     def __repr__(self) -> str:
         return f"Friction({self.count} places)"
@@ -59,7 +65,7 @@ class Friction:
     def smooth(self) -> "Friction":
         """The same places without any resistance."""
         none = np.zeros_like(self.bound)
-        return replace(self, coulomb=none, bound=none, follows_pressure=False)
+        return replace(self, coulomb=none, adhesion=none, bound=none, follows_pressure=False)
 
     def nowhere(self) -> "Friction":
         """The same without any place."""
@@ -69,6 +75,7 @@ class Friction:
             direction=self.direction[:0],
             area=self.area[:0],
             coulomb=self.coulomb[:0],
+            adhesion=self.adhesion[:0],
             bound=self.bound[:0],
             origin=self.origin[:0],
             count=0,

@@ -27,6 +27,7 @@ from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_array
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.facets.contact_strength import strength_of
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import matrices
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
 from perfplast_fenicsx.limit_analysis.statements.question import Question
@@ -112,12 +113,12 @@ def write_proof(
         if half is not None:
             _check(half.problem)
     if lower is not None:
-        blocks |= _named("lower", _body(lower.problem, lower.question) | _stress(lower))
+        blocks |= _named("lower", _body(lower.problem, lower.question, False) | _stress(lower))
         numbers["lower"] = {"bound": lower.bound}
         if lower.question is Question.STANDS:
             numbers["lower"]["any_factor"] = lower.aside
     if upper is not None:
-        blocks |= _named("upper", _body(upper.problem, upper.question) | _velocity(upper))
+        blocks |= _named("upper", _body(upper.problem, upper.question, True) | _velocity(upper))
         numbers["upper"] = {"bound": upper.bound}
 
     def describe(file: h5py.File) -> None:
@@ -177,8 +178,14 @@ def _velocity(proof: VelocityProof) -> Blocks:
     }
 
 
-def _body(problem: Problem, question: Question) -> Blocks:
-    """The bodies with loads, supports and contact. Collective."""
+def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
+    """The bodies with loads, supports and contact. Collective.
+
+    Args:
+        problem: The bodies.
+        question: Of which loads λ is the factor.
+        follows: Whether slip follows the normal of friction's cone; else there is adhesion alone.
+    """
     tagged_mesh, given = problem.tagged_mesh, problem.given
     mesh = tagged_mesh.mesh
     d, topology = mesh.topology.dim, mesh.topology
@@ -201,6 +208,7 @@ def _body(problem: Problem, question: Question) -> Blocks:
         held[np.ix_(surface == tags[support.on], support.axes(d))] = 1
     contacts = [[tags[contact.primary], tags[contact.secondary]] for contact in given.contacts]
     walls = [obstacle for obstacle in given.obstacles if isinstance(obstacle, Plane)]
+    rubbing = {"contact": given.contacts, "obstacle": walls}
     into = [plane.towards(np.zeros((1, d)))[1][0] for plane in walls]
     loads: Blocks = {}
     for prefix, constant in _kinds(problem, question).items():
@@ -208,6 +216,12 @@ def _body(problem: Problem, question: Question) -> Blocks:
         pushes = _tractions(chosen, outer, points[facets], surface, tags)
         loads[f"{prefix}body_force"] = block(of_cells, _body_forces(problem, chosen, len(cells)))
         loads[f"{prefix}traction"] = block(of_facets, pushes)
+    for kind, ones in rubbing.items():
+        strengths = [strength_of(one) for one in ones]
+        for name in ("adhesion", "friction"):
+            none = name == "friction" and not follows
+            values = [0.0 if none else getattr(strength, name) for strength in strengths]
+            loads[f"{kind}_{name}"] = _table(problem, values, (), np.float64)
     return loads | {
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),
         "cells": block(of_cells, numbers[cells]),

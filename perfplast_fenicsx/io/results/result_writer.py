@@ -20,8 +20,9 @@ from perfplast_fenicsx.io.results.proof_file import (
 from perfplast_fenicsx.io.results.result_files import FALLS, PROOF, STANDS
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.limit_analysis.body.adaptation import AdaptiveBounds
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, standing_in_words
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
+from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
 from perfplast_fenicsx.limit_analysis.limit_forces import limit_forces
 from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
@@ -204,7 +205,8 @@ def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:
     if not limit.theorem:
         return f"This path {PathBracket(limit.lower, limit.upper).in_words()}."
     estimate = MeshEstimate(limit.lower, limit.estimate, limit.upper)
-    return f"Limit load of this mesh: {estimate.in_words()}."
+    friction = " with associated friction" if body is not None and body.friction else ""
+    return f"Limit load of this mesh{friction}: {estimate.in_words()}."
 
 
 def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
@@ -220,6 +222,7 @@ def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
         "strict": body.strict,
         "standing": standing,
         "why_not": body.why_not,
+        "friction": body.friction,
         "certificates": dict(body.certificates),
         "meshes": [asdict(round_) for round_ in adaptive.rounds] if adaptive else [],
     }

@@ -9,6 +9,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.body.parts_of_cells import of_parents, on_parts
 from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import (
@@ -18,11 +19,20 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import (
 )
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, from_interior_point
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED, strong_bodies
+from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_associated_slip
+from perfplast_fenicsx.limit_analysis.facets.contact_strength import strengths_of
 from perfplast_fenicsx.limit_analysis.facets.entering import without_entering
 from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
 from perfplast_fenicsx.limit_analysis.facets.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
-from perfplast_fenicsx.limit_analysis.statements.bound import TURNED, Bound, Scope, measure_of
+from perfplast_fenicsx.limit_analysis.statements.bound import (
+    CONFINED,
+    NO_MECHANISM,
+    TURNED,
+    Bound,
+    Scope,
+    measure_of,
+)
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
     check_loads,
@@ -39,7 +49,7 @@ from perfplast_fenicsx.limit_analysis.stress.static_bound import (
 from perfplast_fenicsx.limit_analysis.stress.static_certificate import beside_mechanism
 from perfplast_fenicsx.limit_analysis.velocity.gap_shares import gap_shares
 from perfplast_fenicsx.limit_analysis.velocity.strict_work import strict_upper_bound
-from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
+from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.declared.loads import check_bounded
 from perfplast_fenicsx.problem.judged.certificate import contact_forces
@@ -51,11 +61,9 @@ NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("not computed; control = 'bounds'
 
 STANDING = "no load factor was sought, but how many times constant loads are carried"
 
-NO_MECHANISM = "no admissible mechanism was found"
-
-CONFINED = (
-    f"{NO_MECHANISM}: bodies that dilate may be confined, so that they carry any load, or cells"
-    " are too large to let them grow; leave them room, or refine the mesh"
+DRUCKER = (
+    "With Coulomb's friction they are Drucker's pair: frictionless from below, but for adhesion,"
+    " and associated from above, whichever way it slips"
 )
 
 
@@ -128,7 +136,14 @@ class BodyBounds:
         if self.static is not None and self.static.verdict is not Verdict.FOUND and lower:
             early.append(f" The lower one is not the best of its mesh: {self.static.reason}.")
         early += [f" {words[0].upper()}{words[1:]}." for words in self.advice]
+        if self.friction is not None and (lower or upper):
+            early.append(f" {self.friction}.")
         return self._proven(lower, upper) + "".join(early)
+
+    @property
+    def friction(self) -> str | None:
+        """What the bounds say of Coulomb's friction, in a sentence; None without it."""
+        return DRUCKER if any(it.friction for it in strengths_of(self.problem)) else None
 
     def _proven(self, lower: bool, upper: bool) -> str:
         """What is proven, in a sentence."""
@@ -201,7 +216,8 @@ def limit_bounds(
     if straight and body_cones(problem).dilates:
         problem = with_points_at_vertices(problem)
     log.info("upper bound: a mechanism on %s", problem)
-    found = interior_point(without_entering(problem) or problem, rtol, monitor)
+    searched = with_associated_slip(without_entering(problem) or problem)
+    found = interior_point(searched, rtol, monitor)
     limit = from_interior_point(found)
     if np.isfinite(limit.lower):  # of pairs, not of coefficients
         limit = replace(limit, contact_forces=contact_forces(problem, found.stress, limit.lower))
@@ -221,10 +237,10 @@ def limit_bounds(
     stress = shares = None
     # parts of a tetrahedron that is not split for the mechanism are no cells of any mesh
     if static.bound.value is not None and (split is not None or problem.bodies.gdim == 2):
-        stress = static.stress if split is None else _on_parts(static.stress, split)
+        stress = static.stress if split is None else on_parts(static.stress, split)
         if bounds.upper.value is not None:
             shares = gap_shares(problem, bounds.mechanism, stress)
-            shares = shares if split is None else _of_parents(shares, split)
+            shares = shares if split is None else of_parents(shares, split)
     return replace(
         bounds,
         lower=lower,
@@ -269,33 +285,3 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
         advice=advice,
         question=question,
     )
-
-
-def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str | None:
-    """Whether constant loads alone are carried, in a sentence; None where more is known.
-
-    Args:
-        limit: Of the mesh.
-        body: What is proven.
-    """
-    known = body is not None and (body.lower.strict or body.upper.strict)
-    if body is not None and known and body.question is Question.STANDS:
-        return body.in_words()
-    if known or limit.standing is None or limit.question is Question.LIMIT:
-        return None
-    stands = limit.standing
-    return f"This mesh {stands.verdict}: {stands.in_words()}; no proof of the body."
-
-
-def _on_parts(stress: Floats, split: AlfeldSplit) -> Floats:
-    """The stress of the parts of cells, as that of the cells of the split mesh."""
-    part = np.asarray(split.mesh.topology.original_cell_index) % stress.shape[1]
-    chosen: Floats = stress[split.parents, part]
-    return chosen
-
-
-def _of_parents(values: Floats, split: AlfeldSplit) -> Floats:
-    """Sums over the parts of each cell."""
-    sums: Floats = np.zeros(len(values) // (split.mesh.topology.dim + 1))
-    np.add.at(sums, split.parents, values)
-    return sums

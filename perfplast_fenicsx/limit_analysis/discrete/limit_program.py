@@ -6,6 +6,7 @@ from perfplast_fenicsx.limit_analysis.discrete.conic_stiffness import ConicStiff
 from perfplast_fenicsx.limit_analysis.discrete.friction_points import (
     FrictionStiffness,
     FrictionStrains,
+    SlipPlaces,
 )
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.limit_analysis.statements.question import Question
@@ -24,7 +25,7 @@ def limit_program(problem: Problem, question: Question, reserve: float) -> Conic
     strains: Strains = points
     stiffness: Stiffness = bodies
     if problem.friction.count:
-        strains = both = FrictionStrains(points, problem.friction)
+        strains = both = FrictionStrains(points, SlipPlaces.of(problem.friction))
         stiffness = FrictionStiffness(bodies, both, points.count)
     live, dead = problem.create_vector(), problem.create_vector()
     problem.basis.T.multTranspose(problem.loads.live, live)

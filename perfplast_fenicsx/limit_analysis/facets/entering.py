@@ -7,17 +7,18 @@ the middle enter by 1/8 between).
 """
 
 from dataclasses import replace
-from itertools import combinations
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 from dolfinx import fem, la
-from dolfinx.mesh import exterior_facet_indices
 
-from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
+from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.contact.formulations.tangential_rows import tangential_rows
+from perfplast_fenicsx.contact.rows.constraints import stacked
 from perfplast_fenicsx.contact.rows.jump_basis import make_basis
+from perfplast_fenicsx.limit_analysis.facets.contact_facets import contact_facets
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 
@@ -49,21 +50,22 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
     if not problem.num_pairs:
         return []
     comm = problem.comm
-    faces = _flat_faces(problem)
+    faces = flat_faces(problem)
     if faces is None:
         return [CURVED]
     jumps = problem.constraints.jumps(velocity.x.petsc_vec)
-    nodes = _contact_facets(problem)
-    _, paired = _at_nodes(problem, jumps, np.ones(len(jumps), dtype=bool))
+    facets = contact_facets(problem)
+    nodes = facets.nodes
+    _, paired = at_nodes(problem, jumps, np.ones(len(jumps), dtype=bool))
     seen, entered = ~paired[nodes].any(axis=1), 0.0
     for face in faces:
-        jump, known = _at_nodes(problem, jumps, _rows_of(problem, face))
+        jump, known = at_nodes(problem, jumps, rows_of(problem, face))
         kept = ~paired & (problem.fixed | (np.abs(face[1:]) <= SAME)).all(axis=1)
         here = known[nodes].any(axis=1) & (known | kept)[nodes].all(axis=1)
         seen |= here
         entered = max(entered, float(jump[nodes[here]].max(initial=0)))
         if problem.degree == 2:
-            w = jump[_edges(problem, nodes[here])]
+            w = jump[facets.edges(here)]
             entered = max(entered, float((2 * w[:, 0] - w[:, 1:].mean(axis=1)).max(initial=0)))
     largest = comm.allreduce(float(np.abs(velocity.x.array).max(initial=0)), MPI.MAX)
     why = []
@@ -77,17 +79,18 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
 def without_entering(problem: Problem) -> Problem | None:
     """The same problem with Bernstein's coefficients of jumps bounded, not those at midsides.
 
-    Its mechanisms enter nothing between the nodes of a straight mesh. Collective.
+    Its mechanisms enter nothing between the nodes of a straight mesh, and what resists slip
+    resists the coefficients of slip. Collective.
 
     Args:
         problem: The bodies and their contact.
 
     Returns:
         A problem that shares all but contact with the given one; that one itself if its elements
-        are linear; None where contact is on curved faces, of nodes that do not match, or rubs.
+        are linear; None where contact is on curved faces or of nodes that do not match.
     """
-    in_mean = problem.constraints.in_mean or problem.num_tied or problem.friction.count
-    faces = None if in_mean else _flat_faces(problem)
+    in_mean = problem.constraints.in_mean or problem.num_tied
+    faces = None if in_mean else flat_faces(problem)
     if faces is None:
         return None
     if problem.degree == 1 or not problem.num_pairs:
@@ -96,15 +99,24 @@ def without_entering(problem: Problem) -> Problem | None:
     first = constraints.B.getOwnershipRange()[0]
     count = len(constraints.host)
     numbers = np.arange(first, first + count, dtype=np.float64)
-    nodes = _contact_facets(problem)
+    facets = contact_facets(problem)
+    nodes, areas = facets.nodes, facets.areas
+    num_nodes = len(problem.fixed)
+    area = np.zeros(count)
     combine = PETSc.Mat().createAIJ(((count, None), (count, None)), nnz=4, comm=problem.comm)
     combine.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
     diagonal = combine.createVecRight()
     diagonal.set(1.0)
     diagonal.assemble()
     for face in faces:
-        row, known = _at_nodes(problem, numbers, _rows_of(problem, face))
-        edges = _edges(problem, nodes)
+        chosen = rows_of(problem, face)
+        row, known = at_nodes(problem, numbers, chosen)
+        here = known[nodes].any(axis=1)
+        share = np.repeat(areas[here] / nodes.shape[1], nodes.shape[1])
+        on_nodes = np.zeros(num_nodes)
+        np.add.at(on_nodes, nodes[here].ravel(), share)
+        area[chosen] = _summed(problem, on_nodes)[constraints.host[chosen]]
+        edges = facets.edges()
         edges = edges[known[edges[:, 0]]]
         middle = np.rint(row[edges[:, 0]]).astype(PETSc.IntType)
         diagonal.setValues(middle, np.full(len(middle), 2.0))
@@ -117,14 +129,28 @@ def without_entering(problem: Problem) -> Problem | None:
     diagonal.assemble()
     combine.assemble()
     combine.setDiagonal(diagonal)
-    rows = replace(constraints, B=combine.matMult(constraints.B))
+    touching = replace(
+        constraints,
+        B=combine.matMult(constraints.B),
+        weights=combine.matMult(constraints.weights),
+        area=area,
+    )
+    told = (problem.given.contacts, problem.given.obstacles, problem.given.ties)
+    sliding, friction = tangential_rows(problem.V, touching, *told, problem.fixed)
     for thing in (combine, diagonal):
         thing.destroy()
-    basis = make_basis(problem.V, rows, problem.fixed)
-    return variant(problem, constraints=rows, basis=basis)
+    rows = stacked(problem.V, [touching, sliding])
+    basis = make_basis(problem.V, rows, problem.fixed, 0, len(sliding.host))
+    return variant(
+        problem,
+        constraints=touching,
+        sliding=sliding,
+        basis=basis,
+        friction=friction.at(basis.sliding),
+    )
 
 
-def _flat_faces(problem: Problem) -> Floats | None:
+def flat_faces(problem: Problem) -> Floats | None:
     """Rows (number of the contact, normal) that pairs have; None if they are too many to be flat.
 
     Collective.
@@ -135,7 +161,7 @@ def _flat_faces(problem: Problem) -> Floats | None:
     return faces if len(faces) <= MOST_FACES else None
 
 
-def _rows_of(problem: Problem, face: Floats) -> PairFlags:
+def rows_of(problem: Problem, face: Floats) -> PairFlags:
     """Pairs of a flat face."""
     rows = np.column_stack([problem.constraints.surface, problem.constraints.normal])
     return np.asarray((np.abs(rows - face) <= SAME).all(axis=1))
@@ -147,7 +173,7 @@ def _distinct(rows: Floats) -> Floats:
     return rows[first]
 
 
-def _at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats, PairFlags]:
+def at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats, PairFlags]:
     """Jumps of the chosen pairs at all their nodes, and which nodes those are. Collective.
 
     Returns:
@@ -172,35 +198,10 @@ def _at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Float
     return jump, known
 
 
-def _contact_facets(problem: Problem) -> Ints:
-    """Nodes of each facet of this rank on surfaces of contact, vertices first."""
-    V, tagged_mesh = problem.V, problem.tagged_mesh
-    topology = V.mesh.topology
-    tdim = topology.dim
-    topology.create_connectivity(tdim - 1, tdim)
-    topology.create_connectivity(tdim, tdim - 1)
-    tags = tagged_mesh.facet_tags
-    facets = tags.indices[np.isin(tags.values, problem.contact_tags)]
-    facets = np.intersect1d(facets, exterior_facet_indices(topology))
-    to_cell = topology.connectivity(tdim - 1, tdim)
-    to_facet = topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
-    cells = to_cell.array[to_cell.offsets[facets]]
-    local = np.argmax(to_facet[cells] == facets[:, None], axis=1)
-    layout = V.dofmap.dof_layout
-    closure = np.array([layout.entity_closure_dofs(tdim - 1, i) for i in range(tdim + 1)])
-    nodes: Ints = V.dofmap.list[cells[:, None], closure[local]]
-    return nodes
-
-
-def _edges(problem: Problem, nodes: Ints) -> Ints:
-    """Midside and ends of each edge of quadratic facets, shape (num_edges, 3)."""
-    tdim = problem.tagged_mesh.mesh.topology.dim
-    x = problem.V.tabulate_dof_coordinates()[nodes]
-    found: list[Ints] = [np.zeros((0, 3), dtype=np.int32)]
-    for a, b in combinations(range(tdim), 2):
-        off = x[:, tdim:] - (x[:, a] + x[:, b])[:, None] / 2
-        middle = np.argmin(np.linalg.norm(off, axis=2), axis=1)[:, None]
-        between = np.take_along_axis(nodes[:, tdim:], middle, axis=1)
-        found.append(np.column_stack([between, nodes[:, a], nodes[:, b]]))
-    edges: Ints = np.unique(np.concatenate(found), axis=0)
-    return edges
+def _summed(problem: Problem, values: Floats) -> Floats:
+    """Sums over all ranks of values at local nodes, ghosts too. Collective."""
+    sums = la.vector(problem.V.dofmap.index_map, 1)
+    sums.array[:] = values
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    return np.array(sums.array, dtype=np.float64)

@@ -10,10 +10,12 @@ import numpy.typing as npt
 from dolfinx import la
 from dolfinx.mesh import exterior_facet_indices
 
-from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.contact.declared.obstacles import Plane
+from perfplast_fenicsx.limit_analysis.facets.contact_strength import strength_of
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED
+from perfplast_fenicsx.limit_analysis.facets.facet_axes import turned_axes
 from perfplast_fenicsx.limit_analysis.facets.facet_pairs import FacetRows, facet_type, pair_facets
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetNumbers, facet_numbers
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
@@ -39,6 +41,8 @@ TWICE = "a surface is in contact with more than one other"
 RIGID = "a surface is rigid, of which resultants are known and no tractions"
 
 TIED = "surfaces are glued together in the mean alone"
+
+HELD = "supports hold surfaces that rub, of both sides or along their normal"
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +71,11 @@ class FacetConditions:
         live: Loads that ζ multiplies, at ζ = 1.
         dead: Those that it does not.
         hosts: Owned facets whose first component is a jump.
-        twins: Unknowns that the jumps are relative to, −1 for none, shape (num_facets, d); of the
-            first component at each vertex.
+        twins: Unknowns that the jumps are relative to, −1 for none, shape (num_facets, d, d); of
+            the components at each vertex, of the first one alone where nothing rubs.
         in_contact: Owned facets of surfaces in contact.
+        adhesion: Shear stress that slip has to overcome on a host facet, shape (num_facets,).
+        rubbing: Owned facets whose shear tractions are those of such a resistance, both sides.
         why_not: Why what is found does not hold for the body.
         prevents: Why nothing can be found.
     """
@@ -83,6 +89,8 @@ class FacetConditions:
     hosts: Longs
     twins: Longs
     in_contact: Longs
+    adhesion: Floats
+    rubbing: Longs
     why_not: tuple[str, ...]
     prevents: str | None
 
@@ -143,11 +151,13 @@ def facet_conditions(problem: Problem) -> FacetConditions:
     varies = not unknown and len(known) < len(given.loads)
 
     axes = np.tile(np.eye(tdim), (facets.num, 1, 1))
-    twins = np.full((facets.num, tdim), -1)
+    twins = np.full((facets.num, tdim, tdim), -1)
+    adhesion = np.zeros(facets.num)
     why_not: list[str] = []
     hosts: list[Longs] = [np.zeros(0, dtype=np.int64)]
     touching: list[Ints] = [np.zeros(0, dtype=np.int32)]
-    oblique, matched = False, True
+    rubbing: list[Longs] = [np.zeros(0, dtype=np.int64)]
+    oblique, matched, both_held = False, True, False
 
     def is_free(on: Ints, normal: Floats) -> npt.NDArray[np.bool_]:
         nonlocal oblique
@@ -156,23 +166,29 @@ def facet_conditions(problem: Problem) -> FacetConditions:
         oblique |= bool((free & (part < 1 - ALONG)).any())
         return free
 
-    def turn(on: Ints | Longs, normal: Floats) -> None:
-        axes[on], held[on] = _turned(normal, held[on])
+    def turn(on: Ints | Longs, normal: Floats, aligned: PairFlags | None = None) -> None:
+        axes[on], held[on] = turned_axes(normal, held[on], held[on] if aligned is None else aligned)
 
     for contact in given.contacts:
         rows = []
         for surface in (contact.primary, contact.secondary):
             on = facets.of(problem, surface)
             touching.append(on)
-            rows.append(_rows(problem, facets, on, is_free(on, facets.normals(on))))
+            rows.append(_rows(problem, facets, on, held[on], is_free(on, facets.normals(on))))
         pairs = pair_facets(problem.comm, *rows)
         if pairs is None:
             matched = False
             continue
         hosts.append(pairs.host)
-        twins[pairs.host] = pairs.guest
-        turn(pairs.host, facets.normals(pairs.host))
-        turn(pairs.turned, -facets.normals(pairs.turned))
+        twins[pairs.host, :, 0] = pairs.guest
+        resists = strength_of(contact).adhesion
+        if resists > 0:
+            adhesion[pairs.host] = resists
+            rubbing += [pairs.host, pairs.turned]
+            twins[pairs.host] = pairs.guest[:, :, None] + np.arange(tdim)
+            both_held |= pairs.both_held or bool((pairs.guest < 0).any())
+        turn(pairs.host, facets.normals(pairs.host), pairs.aligned)
+        turn(pairs.turned, -facets.normals(pairs.turned), pairs.turned_aligned)
     for obstacle in given.obstacles:
         on = facets.of(problem, obstacle.on)
         touching.append(on)
@@ -180,6 +196,10 @@ def facet_conditions(problem: Problem) -> FacetConditions:
         free = is_free(on, into)
         hosts.append(on[free].astype(np.int64))
         turn(on[free], into[free])
+        resists = strength_of(obstacle).adhesion
+        if resists > 0:
+            adhesion[on[free]] = resists
+            rubbing.append(on[free].astype(np.int64))
         if not isinstance(obstacle, Plane):
             why_not.append(CURVED)
     every = np.concatenate(touching)
@@ -191,6 +211,7 @@ def facet_conditions(problem: Problem) -> FacetConditions:
         f"the load on '{bent}' is {BENT}": bent is not None,
         UNMATCHED: not matched,
         OBLIQUE: oblique,
+        HELD: both_held,
         TWICE: len(np.unique(every)) < len(every),
     }
     found = [words for words, is_so in faults.items() if problem.comm.allreduce(is_so)]
@@ -204,6 +225,8 @@ def facet_conditions(problem: Problem) -> FacetConditions:
         hosts=np.concatenate(hosts),
         twins=twins,
         in_contact=every.astype(np.int64),
+        adhesion=adhesion,
+        rubbing=np.concatenate(rubbing),
         why_not=tuple(dict.fromkeys(why_not)),
         prevents=found[0] if found else None,
     )
@@ -248,24 +271,13 @@ def _held(problem: Problem, facets: _Facets) -> npt.NDArray[np.bool_]:
     return held
 
 
-def _turned(normal: Floats, held: npt.NDArray[np.bool_]) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """Axes that begin with a normal, and which of them are held.
-
-    Args:
-        normal: Unit vectors that no held component has a part in, shape (n, d).
-        held: Cartesian components, shape (n, d).
-    """
-    tdim = normal.shape[1]
-    order = np.argsort(-np.where(held, 2.0, 1 - np.abs(normal)), axis=1, kind="stable")
-    columns = np.swapaxes(np.eye(tdim)[order[:, : tdim - 1]], 1, 2)
-    Q, R = np.linalg.qr(np.concatenate([normal[:, :, None], columns], axis=2))
-    Q = Q * np.sign(np.einsum("nii->ni", R))[:, None, :]
-    axes = np.swapaxes(Q, 1, 2)
-    count = held.sum(axis=1)
-    return axes, (np.arange(tdim) > 0) & (np.arange(tdim) <= count[:, None])
-
-
-def _rows(problem: Problem, facets: _Facets, on: Ints, free: npt.NDArray[np.bool_]) -> FacetRows:
+def _rows(
+    problem: Problem,
+    facets: _Facets,
+    on: Ints,
+    held: npt.NDArray[np.bool_],
+    free: npt.NDArray[np.bool_],
+) -> FacetRows:
     """Facets that travel to be matched."""
     rows = np.zeros(len(on), dtype=facet_type(facets.tdim))
     rows["corners"] = facets.corners(on)
@@ -273,5 +285,5 @@ def _rows(problem: Problem, facets: _Facets, on: Ints, free: npt.NDArray[np.bool
     rows["normal"] = facets.normals(on)
     rows["rank"], rows["facet"] = problem.comm.rank, on
     rows["number"] = facets.index_map.local_to_global(on)
-    rows["free"] = free
+    rows["held"], rows["free"] = held, free
     return rows

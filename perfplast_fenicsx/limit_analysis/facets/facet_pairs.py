@@ -18,6 +18,8 @@ TOUCHING = 1e-6
 SAME = 1e-8
 """Distance of vertices, relative to the facet, and difference of normals that are rounding."""
 
+Flags = npt.NDArray[np.bool_]
+
 FacetRows = npt.NDArray[np.void]
 """Facets of a surface, rows of :func:`facet_type`."""
 
@@ -27,7 +29,8 @@ def facet_type(gdim: int) -> np.dtype:
 
     Its fields are the middle ``x`` (3 numbers), the outward unit ``normal``, the ``corners`` in the
     order of their global numbers, the ``rank`` that owns the facet, its local and its global number
-    ``facet`` and ``number``, and whether supports leave it ``free`` along the normal.
+    ``facet`` and ``number``, the components that supports hold of it, ``held``, and whether they
+    leave it ``free`` along the normal.
     """
     return np.dtype(
         [
@@ -37,6 +40,7 @@ def facet_type(gdim: int) -> np.dtype:
             ("rank", np.int32),
             ("facet", np.int32),
             ("number", np.int64),
+            ("held", np.bool_, gdim),
             ("free", np.bool_),
         ]
     )
@@ -50,12 +54,18 @@ class FacetPairs:
         host: Owned facets whose velocity along the normal is to be a jump, shape (num_pairs,).
         guest: Unknown along the normal that the jump is relative to, at each of the host's
             vertices; −1 where supports hold the other side. Shape (num_pairs, d).
+        aligned: Components that supports hold of either side, by host, shape (num_pairs, d).
         turned: Owned facets that are guests, whose normal is to be the host's.
+        turned_aligned: The same components, by guest.
+        both_held: Whether supports hold components of both sides of any pair of this rank.
     """
 
     host: Longs
     guest: Longs
+    aligned: Flags
     turned: Longs
+    turned_aligned: Flags
+    both_held: bool
 
 
 def pair_facets(comm: MPI.Intracomm, primary: FacetRows, secondary: FacetRows) -> FacetPairs | None:
@@ -87,17 +97,34 @@ def pair_facets(comm: MPI.Intracomm, primary: FacetRows, secondary: FacetRows) -
 
 
 def _to_owners(comm: MPI.Intracomm, a: FacetRows, b: FacetRows, order: Longs) -> FacetPairs:
-    """Tell the owners of both facets. Collective."""
+    """Tell the owners of both facets. Collective.
+
+    Host is the first facet, but where supports hold components of it and fewer of the other.
+    """
     gdim = order.shape[1]
-    hosts = np.empty(
-        len(a), dtype=[("facet", np.int64), ("guest", np.int64, gdim), ("rank", np.int64)]
-    )
-    on_a, both = a["free"], a["free"] & b["free"]
-    hosts["facet"] = np.where(on_a, a["facet"], b["facet"])
-    hosts["rank"] = np.where(on_a, a["rank"], b["rank"])
-    guest = (b["number"][:, None] * gdim + order) * gdim
-    hosts["guest"] = np.where(both[:, None], guest, -1)
-    hosts = hosts[on_a | b["free"]]
+    flags = ("aligned", np.bool_, gdim)
+    host_type = [("facet", np.int64), ("guest", np.int64, gdim), flags, ("rank", np.int64)]
+    both = a["free"] & b["free"]
+    swapped = np.where(both, b["held"].sum(axis=1) < a["held"].sum(axis=1), ~a["free"])
+    back = np.argsort(order, axis=1)
+    host, guest = (np.where(swapped, *pair) for pair in ((b, a), (a, b)))
+    aligned = np.where(both[:, None], a["held"] | b["held"], host["held"])
+    order = np.where(swapped[:, None], back, order)
+    hosts = np.empty(len(a), dtype=np.dtype(host_type))
+    hosts["facet"], hosts["rank"], hosts["aligned"] = host["facet"], host["rank"], aligned
+    numbers = (guest["number"][:, None] * gdim + order) * gdim
+    hosts["guest"] = np.where(both[:, None], numbers, -1)
+    hosts = hosts[a["free"] | b["free"]]
+    guests = np.empty(len(a), dtype=np.dtype([("facet", np.int64), flags]))
+    guests["facet"], guests["aligned"] = guest["facet"], aligned
     mine = send_rows(comm, hosts, hosts["rank"])
-    turned = send_rows(comm, b[both], b["rank"][both])
-    return FacetPairs(mine["facet"], mine["guest"], turned["facet"].astype(np.int64))
+    turned = send_rows(comm, guests[both], guest["rank"][both])
+    both_held = bool((a["held"].any(axis=1) & b["held"].any(axis=1)).any())
+    return FacetPairs(
+        host=mine["facet"],
+        guest=mine["guest"],
+        aligned=mine["aligned"],
+        turned=turned["facet"],
+        turned_aligned=turned["aligned"],
+        both_held=both_held,
+    )

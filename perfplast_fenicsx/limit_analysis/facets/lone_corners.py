@@ -82,6 +82,7 @@ def lone_corners(problem: Problem, conditions: FacetConditions) -> Ints:
     axes, told = conditions.axes[here], ~conditions.held[here]
     pressed = np.isin(here, conditions.in_contact)
     told[..., 0] &= ~pressed  # by a pressure that is not known
+    told[np.isin(here, conditions.rubbing)] = False  # by no shear that is, either
     every = np.einsum("nfai,nfj,mij->nfam", axes, normal, COMPONENTS)
     rows = (every * told[..., None]).reshape(-1, 4, 3)
     beside = corner[:, None] - (side < corner[:, None])  # the corner among the facet's vertices

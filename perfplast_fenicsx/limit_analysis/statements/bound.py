@@ -34,6 +34,14 @@ class Scope(StrEnum):
     MESH = "mesh"
 
 
+NO_MECHANISM = "no admissible mechanism was found"
+
+CONFINED = (
+    f"{NO_MECHANISM}: bodies that dilate may be confined, so that they carry any load, or cells"
+    " are too large to let them grow; leave them room, or refine the mesh"
+)
+
+
 @dataclass(frozen=True)
 class Bound:
     """A bound of a limit load, and what it is worth.

@@ -7,6 +7,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
+from perfplast_fenicsx.limit_analysis.discrete.friction_points import Springs
 from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
@@ -46,6 +47,7 @@ class CondensedStiffness(SprungMatrix):
         facets, layout = strains.facets, strains.layout
         size = layout.outer + layout.inner
         self._chunk = max(1, AT_ONCE // size**2)
+        self._springs: Springs | None = None
         matrix = PETSc.Mat().create(facets.vector.comm)
         matrix.setType(PETSc.Mat.Type.AIJ)
         super().__init__(facets.vector.comm, matrix, jumps, UNPIVOTED)
@@ -87,6 +89,17 @@ class CondensedStiffness(SprungMatrix):
             matrix.setValuesRCV(rows, columns, there, addv=add)
         matrix.assemble()
 
+    def add_springs(self, springs: Springs) -> None:
+        """Let K have springs at facet unknowns of a vertex each, from the next assembly on."""
+        self._springs = springs
+
+    def _stiffen(self, index: Ints, stiffness: Floats) -> None:
+        """Add the springs to the matrix. Collective."""
+        first = self._matrix.getOwnershipRange()[0]
+        numbers = np.where(index >= 0, index + first, -1).astype(PETSc.IntType)
+        self._matrix.setValuesRCV(numbers, numbers, stiffness, addv=PETSc.InsertMode.ADD)
+        self._matrix.assemble()
+
     def check_memory(self) -> None:
         """Refuse K if its factors do not fit into memory, whatever its values. Collective.
 
@@ -127,6 +140,8 @@ class CondensedStiffness(SprungMatrix):
             raise SingularStiffness("the equilibrium of a cell cannot be solved for its stress")
         self._matrix.zeroEntries()
         self._fill(self._matrix, values)
+        if self._springs is not None:
+            self._stiffen(*self._springs)
         diagonal = self._matrix.getDiagonal()
         diagonal.scale(1 + RIDGE)
         diagonal.array[self._held] = 1.0

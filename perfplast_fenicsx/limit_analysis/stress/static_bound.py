@@ -147,7 +147,9 @@ def _search(
         if not limited:
             found = no_stress(conditions, Verdict.UNBOUNDED, UNLIMITED)
             return found, next_start(start, program, None, found.verdict, rtol)
-        none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
+        none = None  # beside dead loads no stress is none of a load factor of 0 either
+        if not program.has_dead:
+            none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
         if not static.can_carry():
             return no_stress(conditions, Verdict.NO_RESISTANCE, CORNERS, none), None
         iteration = StaticIteration(static)
@@ -223,17 +225,19 @@ def _result(
         told = (f"{share:.2g} of it is kept, for what rounding leaves of its balance",)
         reason = "; ".join([reason, *told, *weak_bodies(problem)])
     tdim, count = strains.gdim, strains.num_cells
+    radii, slopes = np.zeros(program.strains.count), np.zeros(program.strains.count)
+    radii[program.plastic] = program.radii
+    if program.dilates:
+        slopes[program.plastic] = program.slopes
+    heads = (radii - slopes * pressure / program.stress_unit)[: strains.count]
+    pressure, deviator = pressure[: strains.count], deviator[: strains.count]
     stress = strains.whole(pressure, deviator)
     shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
     _, rates = strains.of(iteration.velocity)
-    powers = np.zeros(strains.count)
-    plastic, heads = program.plastic, program.radii
-    if program.dilates:
-        heads = program.radii - program.slopes * pressure[plastic] / program.stress_unit
-    powers[plastic] = program.weights[plastic] * heads * np.linalg.norm(rates[plastic], axis=1)
+    powers = heads * np.linalg.norm(rates, axis=1)
     if strains.tilts is not None:
-        along = np.einsum("ni,ni->n", strains.tilts, rates)[plastic]
-        powers[plastic] -= program.weights[plastic] * program.radii * along
+        powers -= radii[: strains.count] * np.einsum("ni,ni->n", strains.tilts, rates)
+    powers *= program.weights[: strains.count]
     return StaticBound(
         bound=bound,
         verdict=verdict,

@@ -44,14 +44,15 @@ class StaticCertificate:
         equilibrium: Largest div σ + λb, times the cell's size; in space also jumps of tractions
             between the parts of a cell.
         traction: Largest jump of tractions between cells, or traction that is not that of the load.
-        shear: Largest tangential traction on surfaces in contact.
+        shear: Largest tangential traction on surfaces in contact that do not rub.
         tension: Largest pull on surfaces in contact.
         forces: The sum of the magnitudes of all forces without balance, a force.
         left_of_load: The same sum, relative to those of the loads of each kind at λ.
         left_of_strength: The same sum, relative to the least γV^((d − 1)/d) of all cells that can
             yield, V being the volume.
-        overstress: By how much stresses exceed yield, relative, where that is largest; negative in
-            bodies far from yield.
+        overstress: By how much stresses exceed yield, relative, where that is largest, negative in
+            bodies far from yield; where surfaces rub the same of the shear traction and what it may
+            be.
     """
 
     equilibrium: float
@@ -86,8 +87,9 @@ def certify_stress(
 
     Args:
         static: The conditions.
-        pressure: Of the stress in the coordinates of the cones, shape (count,).
-        deviator: The same, shape (count, m).
+        pressure: Of the stress in the coordinates of the cones, shape (count,). Zero at places of
+            slip, which follow the points.
+        deviator: The same, shape (count, m); shear tractions there.
         load: λ.
         aside: Factor of the loads of any factor.
 
@@ -97,7 +99,8 @@ def certify_stress(
     """
     strains, comm = static.strains, static.program.comm
     left = strains.create_vector()
-    strains.forces(pressure, deviator, left)
+    every = static.program.strains
+    every.forces(pressure, deviator, left)
     residual = left.array_r - static.loads(load, aside)
     left.destroy()
     count, tdim = strains.facets.count, strains.gdim
@@ -115,7 +118,7 @@ def certify_stress(
             between[others].max(initial=0),
             between[static.slips].max(initial=0),
             on_facets[static.jumps].max(initial=0),
-            (yield_ratios(strains, pressure, deviator) - 1).max(initial=-1),
+            (yield_ratios(every, pressure, deviator) - 1).max(initial=-1),
             -(cell_radii * sections).min(initial=np.inf),
             -cell_radii.min(initial=np.inf),
         ]

@@ -12,6 +12,11 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram, Stress
 from perfplast_fenicsx.limit_analysis.conic.discretisation import Discretisation
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.discrete.friction_points import (
+    FrictionStiffness,
+    FrictionStrains,
+    SlipPlaces,
+)
 from perfplast_fenicsx.limit_analysis.facets.facet_conditions import FacetConditions, FacetLoads
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
@@ -37,15 +42,15 @@ class StaticProgram:
 
     Attributes:
         program: Its velocities are the multipliers of the equilibrium of stresses.
-        strains: The same as the program's.
-        stiffness: The same as the program's.
+        strains: Of the cells, whose points are the program's first ones; places of slip follow.
+        stiffness: Of the cells; the program's has places of slip too.
         areas: Area that a vertex of an owned facet stands for, shape (num_facets,).
         volumes: Of the cells.
         load: L before it was scaled, in the user's units.
         dead: L₀, the same.
         free: Loads of any factor, the same.
         jumps: Whether an owned facet unknown is a jump of contact, shape (num_unknowns,).
-        slips: Whether it is a tangential one on a surface in contact.
+        slips: Whether it is a tangential one on a surface in contact that does not rub.
     """
 
     program: ConicProgram
@@ -119,7 +124,7 @@ class StaticProgram:
             aside: Factor of the loads of any factor.
         """
         left = self.strains.create_vector()
-        self.strains.forces(*stress, left)
+        self.program.strains.forces(*stress, left)
         forces = left.array_r - self.loads(load, aside)
         left.destroy()
         on_jumps = np.append(self.jumps, np.zeros(len(forces) - len(self.jumps), dtype=bool))
@@ -166,9 +171,7 @@ def static_program(
     mesh, at = problem.tagged_mesh.mesh, conditions
     tdim, on = mesh.topology.dim, conditions.numbers.facets
     size = tdim**2
-    twins = np.full((len(at.held), tdim, tdim), -1)
-    twins[:, :, 0] = at.twins
-    facets = FacetVelocities(mesh, at.numbers, twins.ravel())
+    facets = FacetVelocities(mesh, at.numbers, at.twins.ravel())
     axes = np.where(at.held[:, :, None], 0.0, at.axes)[on]
     strains = MultiplierStrains(facets, at.vertices, axes, body_cones(problem))
 
@@ -177,6 +180,7 @@ def static_program(
     jumps, slips, held = everywhere.copy(), everywhere.copy(), everywhere
     jumps[at.hosts, :, 0] = True
     slips[at.in_contact, :, 1:] = True
+    slips[at.rubbing] = False
     held[:] = at.held[:num_owned, None]
     stiffness = CondensedStiffness(
         strains,
@@ -188,6 +192,9 @@ def static_program(
     shares = np.linalg.norm(slopes, axis=2) * volumes[:, None]  # area / d
     areas = np.zeros(len(at.held))
     areas[on] = shares
+    places = _slip_places(at, areas)
+    both = FrictionStrains(strains, places)
+    rubs = problem.comm.allreduce(len(places.area)) > 0
     layout = strains.layout
     parts = layout.rows[:, 0, 0] - layout.outer
 
@@ -207,8 +214,8 @@ def static_program(
         program=ConicProgram(
             Discretisation(
                 problem.comm,
-                strains,
-                stiffness,
+                both if rubs else strains,
+                FrictionStiffness(stiffness, both, strains.count) if rubs else stiffness,
                 load,
                 dead,
                 free,
@@ -226,3 +233,21 @@ def static_program(
         jumps=jumps.ravel(),
         slips=slips.ravel() & ~held.ravel(),
     )
+
+
+def _slip_places(at: FacetConditions, areas: Floats) -> SlipPlaces:
+    """Vertices of the host facets that adhere, whose shear tractions the adhesion bounds.
+
+    Args:
+        at: Conditions on facets.
+        areas: What a vertex of each stands for.
+    """
+    tdim = at.held.shape[1]
+    facets = at.hosts[at.adhesion[at.hosts] > 0]
+    vertices = np.arange(len(facets) * tdim)
+    of = np.repeat(facets, tdim)
+    first = (of * tdim + vertices % tdim) * tdim
+    shares = np.eye(tdim - 1) * ~at.held[of, None, 1:]
+    area: Floats = areas[of]
+    index = (first[:, None] + np.arange(1, tdim)).astype(np.int32)
+    return SlipPlaces(index, shares, area, at.adhesion[of] * area)

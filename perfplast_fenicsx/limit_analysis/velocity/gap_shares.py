@@ -5,7 +5,8 @@ With an admissible mechanism of L(v) = 1 and a stress in equilibrium with λ⁻,
     λ⁺ − λ⁻ = Σ_T η_T + W,   η_T = ∫_T D(ε(v)) − σ:ε(v) ≥ 0,
 
 where D is the dissipation, γ‖dev ε‖ or, of bodies that dilate, (γ/α) tr ε, and W ≥ 0
-is the work of contact pressures on gaps that open.
+is the work of contact pressures on gaps that open. Where surfaces rub, what they dissipate less the
+work of their tractions is shared by the cells of both sides (:mod:`slip_work`).
 """
 
 import numpy as np
@@ -18,6 +19,7 @@ from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
     dissipation_of_cells,
     points_of_cells,
 )
+from perfplast_fenicsx.limit_analysis.velocity.slip_work import slip_work
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -45,4 +47,5 @@ def gap_shares(problem: Problem, mechanism: fem.Function, stress: Floats) -> Flo
     sums = np.einsum("ci,ci->c", stress.sum(axis=1), rates.sum(axis=1))
     power = volumes * (np.einsum("cvi,cvi->c", stress, rates) + sums) / (count * (count + 1))
     shares: Floats = most - power
+    shares += slip_work(problem, mechanism, stress).shares
     return shares

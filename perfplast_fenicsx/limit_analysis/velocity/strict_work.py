@@ -6,10 +6,10 @@ vertex rule). Where volume changes vanish at the points they vanish everywhere. 
 body that dilates may flow, tr ε ≥ α‖dev ε‖, are a convex cone, so that they are such everywhere
 where they are at the vertices; they dissipate (γ/α) tr ε, which is linear. With contact that
 is not entered anywhere this is an upper bound of the limit load of the body that the mesh fills,
-and not just of the mesh. Strains of strong bodies that rest or move as rigid ones, which are
-rounding, count with their true strength; volume changes that are left count as work of the loads
-that is none, with mean stresses as large as tractions, so that 1e-12 of them is not taken for a
-bound where loads nearly balance each other.
+and not just of the mesh. What slip dissipates is told by :mod:`slip_work`. Strains of strong bodies
+that rest or move as rigid ones, which are rounding, count with their true strength; volume changes
+that are left count as work of the loads that is none, with mean stresses as large as tractions, so
+that 1e-12 of them is not taken for a bound where loads nearly balance each other.
 """
 
 from mpi4py import MPI
@@ -27,10 +27,7 @@ from perfplast_fenicsx.limit_analysis.facets.facet_conditions import (
 )
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
 from perfplast_fenicsx.limit_analysis.statements.bound import TURNED, Bound, Scope, measure_of
-from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
-    check_friction_has_limits,
-    check_loads,
-)
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_loads
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
     SUBDIVISIONS,
@@ -39,6 +36,7 @@ from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
     missing_growth,
     points_of_cells,
 )
+from perfplast_fenicsx.limit_analysis.velocity.slip_work import slip_work
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.problem import Problem
@@ -92,9 +90,8 @@ def strict_upper_bound(
         work, and of the mesh alone where the reasons say so.
 
     Raises:
-        InputError: If ζ moves supports or obstacles, no load grows, or friction is Coulomb's.
+        InputError: If ζ moves supports or obstacles, or there is no load.
     """
-    check_friction_has_limits(problem)
     check_loads(problem)
     if problem.tagged_mesh.axisymmetric:
         return Bound(None, "upper", Scope.MESH, (TURNED,))
@@ -119,6 +116,8 @@ def strict_upper_bound(
         largest = np.array([v[problem.fixed].max(initial=0), v.max(initial=0)])
         comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
         held = largest[0] <= ADMISSIBLE * largest[1]
+        slip = slip_work(problem, mechanism)
+        whole += slip.squares
         if not problem.loads.is_proportional():  # bodies may part as rigid ones, and strain by none
             total = comm.allreduce(float(weights.sum()))
             usual = largest[1] / total ** (1 / strains.gdim)
@@ -146,8 +145,7 @@ def strict_upper_bound(
     finally:
         strains.destroy()
     conditions = facet_conditions(problem)
-    if problem.friction.count:
-        dissipation += _rubbed(problem, mechanism)
+    dissipation += slip.power
     at_one, at_zero, _ = question.of(
         *(_largest_load(problem, of, float(volume)) for of in (conditions.live, conditions.dead))
     )
@@ -159,8 +157,7 @@ def strict_upper_bound(
     if not work > 0:
         return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
     why_not = [] if provable else ["volume changes of the mechanism are more than rounding"]
-    if problem.friction.count:
-        why_not.append("friction is taken at the nodes alone")
+    why_not += slip.why_not
     if has_curved_cells(problem.tagged_mesh.mesh):
         why_not.append("cells are curved")
     why_not += entering_between_nodes(problem, mechanism)
@@ -199,12 +196,3 @@ def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -
     steepest = np.linalg.norm(slopes, axis=2).max(axis=1, initial=0.0)
     added: Floats = ROUNDINGS * np.finfo(np.float64).eps * strengths * fastest * steepest
     return added
-
-
-def _rubbed(problem: Problem, mechanism: fem.Function) -> float:
-    """What friction dissipates at the nodes. Collective."""
-    y = problem.create_vector()
-    problem.basis.M.mult(mechanism.x.petsc_vec, y)
-    mine = problem.friction.energy(problem.friction.jumps(y))
-    y.destroy()
-    return float(problem.comm.allreduce(mine))

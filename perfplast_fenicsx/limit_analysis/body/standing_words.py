@@ -1,0 +1,21 @@
+"""Whether constant loads alone are carried, in words."""
+
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
+from perfplast_fenicsx.limit_analysis.statements.question import Question
+
+
+def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str | None:
+    """Whether constant loads alone are carried, in a sentence; None where more is known.
+
+    Args:
+        limit: Of the mesh.
+        body: What is proven.
+    """
+    known = body is not None and (body.lower.strict or body.upper.strict)
+    if body is not None and known and body.question is Question.STANDS:
+        return body.in_words()
+    if known or limit.standing is None or limit.question is Question.LIMIT:
+        return None
+    stands = limit.standing
+    return f"This mesh {stands.verdict}: {stands.in_words()}; no proof of the body."

@@ -1,0 +1,150 @@
+"""Coulomb's friction whose slip follows the normal of its cone, as bounds of the jumps alone.
+
+Surfaces that slip so part by w_n ≥ μ‖w_t‖, and dissipate nothing beside what adhesion does. In the
+plane that is two bounds, with the jump s = −w_n along the normal,
+
+    a = s + μ w_t ≤ 0,   b = s − μ w_t ≤ 0,
+
+and a and b take the places of s and w_t as unknowns. In space, where the cone is no wedge, the
+mechanisms that are looked for neither slip there nor part: they are fewer, and the least load of
+any of them is an upper bound all the same.
+"""
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
+from perfplast_fenicsx.contact.rows.friction import Friction
+from perfplast_fenicsx.contact.rows.sparse_rows import (
+    Entries,
+    entries_of,
+    matrix_of_entries,
+    unknowns,
+)
+from perfplast_fenicsx.problem.problem import Problem
+
+
+def with_associated_slip(problem: Problem) -> Problem:
+    """A problem whose mechanisms slip like that where friction is Coulomb's. Collective.
+
+    It is one for :func:`discrete_limit.interior_point` alone, as its unknowns are its own.
+
+    Args:
+        problem: The bodies and their contact; where friction is to be that of the coefficients of
+            slip, the problem of :func:`entering.without_entering`.
+
+    Returns:
+        A problem without Coulomb's friction that shares all but contact with the given one, or that
+        one.
+    """
+    constraints = problem.constraints
+    coulomb = np.array([source.coulomb or 0.0 for source in constraints.sources])
+    follows: PairFlags = coulomb[constraints.surface] > 0
+    if not problem.comm.allreduce(bool(follows.any())):
+        return problem
+    if problem.bodies.gdim == 3:
+        return _glued(problem, follows)
+    _, of, counts = np.unique(constraints.host, return_inverse=True, return_counts=True)
+    rubs = np.bincount(of[follows], minlength=len(counts)) > 0
+    return _wedged(_glued(problem, (rubs & (counts > 1))[of]))
+
+
+def _glued(problem: Problem, rows: PairFlags) -> Problem:
+    """The problem in which chosen pairs neither part nor slip. Collective."""
+    basis, friction = problem.basis, problem.friction
+    places = ~rows[friction.pair]
+    held = np.concatenate([basis.index[rows], friction.unknowns(~places)])
+    T = basis.T.copy()
+    moving = T.createVecRight()
+    moving.set(1.0)
+    moving.array[held] = 0.0
+    T.diagonalScale(None, moving)
+    moving.destroy()
+    glued = copy.copy(problem)
+    glued.basis = replace(
+        basis,
+        T=T,
+        index=basis.index[~rows],
+        gap=basis.gap[~rows],
+        tied=np.concatenate([basis.tied, held]),
+        sliding=np.setdiff1d(basis.sliding, held),
+    )
+    glued.friction = _some(friction, places, np.cumsum(~rows) - 1, problem)
+    counts = problem.comm.allreduce(np.array([np.sum(~rows), len(held)]))
+    glued.num_pairs = int(counts[0])
+    glued.num_tied = problem.num_tied + int(counts[1])
+    return glued
+
+
+def _some(friction: Friction, places: PairFlags, numbers: Ints, problem: Problem) -> Friction:
+    """Chosen places of friction, with new numbers of pairs. Collective."""
+    coulomb = friction.coulomb[places]
+    return Friction(
+        pair=numbers[friction.pair[places]].astype(np.int32),
+        index=friction.index[places],
+        direction=friction.direction[places],
+        area=friction.area[places],
+        coulomb=coulomb,
+        adhesion=friction.adhesion[places],
+        bound=friction.bound[places],
+        origin=friction.origin[places],
+        count=problem.comm.allreduce(int(places.sum())),
+        follows_pressure=bool(problem.comm.allreduce(float(coulomb.sum())) > 0),
+    )
+
+
+def _wedged(problem: Problem) -> Problem:
+    """The plane problem with the unknowns a and b where friction is Coulomb's. Collective."""
+    basis, friction, comm = problem.basis, problem.friction, problem.comm
+    places = np.flatnonzero((friction.coulomb > 0) & (friction.index[:, 0] >= 0))
+    normal, along = basis.index[friction.pair[places]], friction.index[places, 0]
+    mu = friction.coulomb[places]
+    sizes = unknowns(problem.V)
+    first = problem.V.dofmap.index_map.local_range[0] * problem.V.dofmap.index_map_bs
+    others = np.setdiff1d(np.arange(sizes[0]), np.concatenate([normal, along]))
+    same: Entries = (others, others + first, np.ones(len(others)))
+    half, one = np.full(len(mu), 0.5), np.ones(len(mu))
+
+    def block(*rows: tuple[Floats, Floats]) -> list[Entries]:
+        """Entries of 2×2 matrices whose rows are those of s and w_t."""
+        return [
+            (row, column + first, value)
+            for row, values in zip((normal, along), rows, strict=True)
+            for column, value in zip((normal, along), values, strict=True)
+        ]
+
+    to_jumps = matrix_of_entries(
+        comm, sizes, sizes, [same, *block((half, half), (half / mu, -half / mu))], 2
+    )
+    from_jumps = matrix_of_entries(comm, sizes, sizes, [same, *block((one, mu), (one, -mu))], 2)
+    changed = []
+    for product in (basis.T.matMult(to_jumps), from_jumps.matMult(basis.M)):
+        changed.append(matrix_of_entries(comm, sizes, sizes, [entries_of(product)], 2))
+        product.destroy()
+    for matrix in (to_jumps, from_jumps):
+        matrix.destroy()
+    wedged = copy.copy(problem)
+    wedged.basis = replace(
+        basis,
+        T=changed[0],
+        M=changed[1],
+        index=np.concatenate([basis.index, along]),
+        gap=np.append(basis.gap, np.zeros(len(along))),
+        sliding=np.setdiff1d(basis.sliding, along),
+    )
+    index = np.column_stack([friction.index, np.full(len(friction.index), -1, dtype=np.int32)])
+    shares = np.tile([[[1.0, 0.0]]], (len(index), 1, 1))
+    index[places] = np.column_stack([normal, along])
+    shares[places, 0] = np.column_stack([half / mu, -half / mu])
+    wedged.friction = replace(
+        friction,
+        index=index,
+        shares=shares,
+        coulomb=np.zeros_like(friction.coulomb),
+        bound=friction.adhesion,
+        follows_pressure=False,
+    )
+    wedged.num_pairs = problem.num_pairs + comm.allreduce(len(along))
+    return wedged

@@ -1,0 +1,44 @@
+"""What tractions a contact can bear, as strict bounds see it: a yield set of zero thickness.
+
+A surface bears the tractions r = (r_n, r_t) of
+
+    r_n ≤ 0,   ‖r_t‖ ≤ c − μ r_n,
+
+with the adhesion c (stress), Tresca's constant shear stress, and the coefficient of friction μ. If
+slip followed the normal of that set, the jump w = v_b − v_a along the normal out of a would keep to
+w_n ≥ μ‖w_t‖ and dissipate c‖w_t‖: the set is the sum of the cone ‖r_t‖ ≤ −μ r_n, whose support
+function is 0 there and ∞ elsewhere, and the disc ‖r_t‖ ≤ c.
+
+With μ = 0 slip does follow it, and both limit theorems hold. With Coulomb's friction, μ > 0, it
+does not, and Drucker's two theorems do (J. Appl. Mech. 21 (1954), 71). True tractions are in the
+set, so that its upper bound is one of whatever slips. And true friction dissipates (c + μp)‖w_t‖,
+no less than any tractions of the set with μ = 0 do, so that the lower bound of c alone is one too.
+"""
+
+from dataclasses import dataclass
+
+from perfplast_fenicsx.contact.declared.friction_terms import FrictionTerms
+from perfplast_fenicsx.problem.problem import Problem
+
+
+@dataclass(frozen=True)
+class ContactStrength:
+    """The set of one contact or obstacle.
+
+    Attributes:
+        adhesion: C (stress), at least 0.
+        friction: μ, at least 0.
+    """
+
+    adhesion: float
+    friction: float
+
+
+def strength_of(terms: FrictionTerms) -> ContactStrength:
+    """What a contact or an obstacle says of it."""
+    return ContactStrength(terms.tresca or 0.0, terms.coulomb or 0.0)
+
+
+def strengths_of(problem: Problem) -> list[ContactStrength]:
+    """Those of all contacts and obstacles."""
+    return [strength_of(it) for it in (*problem.given.contacts, *problem.given.obstacles)]

@@ -1,0 +1,62 @@
+"""Contacts and obstacles that rub, as they are on file: adhesion c (stress) and friction μ of each.
+
+Tractions of a contact that push with the pressure p ≥ 0 may have the shear ‖τ‖ ≤ c + μp. These are
+a convex set, the sum of a disc ‖τ‖ ≤ c and a cone ‖τ‖ ≤ μp. If slip w_t follows its normal, the
+surfaces part by w_n ≥ μ‖w_t‖, and c‖w_t‖ is dissipated.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+OF = {
+    "contact_adhesion": "contacts",
+    "contact_friction": "contacts",
+    "obstacle_adhesion": "obstacles",
+    "obstacle_friction": "obstacles",
+}
+"""Arrays with a number for each of others; a file without them has zeros."""
+
+
+def with_rubbing(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
+    """Arrays with zeros for what does not rub."""
+    none = {
+        name: np.zeros(np.asarray(arrays[of]).shape[:1])
+        for name, of in OF.items()
+        if name not in arrays and of in arrays
+    }
+    return {**arrays, **none}
+
+
+def fault_of(values: Floats) -> str | None:
+    """What is wrong with numbers of adhesion or friction, in words."""
+    fine = (values >= 0) & np.isfinite(values)
+    return None if fine.all() else "is negative or not finite"
+
+
+def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) -> Floats:
+    """What shear tractions have beyond the pressure's friction, relative to the adhesion.
+
+    At most 1 where they may be so large. A stress divided by the largest of these keeps to the set,
+    as 0 is inside. Where there is no adhesion it is no number, and :func:`unheld` tells.
+
+    Args:
+        shear: ‖τ‖ at the vertices of facets, shape (n, d).
+        pressure: The same.
+        adhesion: Of each facet, shape (n,).
+        friction: The same.
+    """
+    beyond = shear - friction[:, None] * pressure
+    adheres = adhesion > 0
+    ratios: Floats = np.zeros_like(beyond)
+    ratios[adheres] = np.maximum(beyond[adheres], 0.0) / adhesion[adheres, None]
+    return ratios
+
+
+def unheld(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) -> Floats:
+    """Shear tractions beyond the pressure's friction where nothing adheres; shapes as above."""
+    beyond = np.maximum(shear - friction[:, None] * pressure, 0.0)
+    return np.where(adhesion[:, None] > 0, 0.0, beyond)

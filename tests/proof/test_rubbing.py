@@ -1,0 +1,170 @@
+"""Proofs of bodies that rub are found without faults, and forged ones are refused."""
+
+import copy
+from collections.abc import Callable
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from perfplast_fenicsx import (
+    Contact,
+    Plane,
+    Pressure,
+    Problem,
+    ResultFolder,
+    Support,
+    Traction,
+    limit_bounds,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.proof import ProofError, check
+from perfplast_fenicsx.proof.checker import DRUCKER
+from tests.contact.blocks_apart import blocks_apart
+from tests.models import STEEL
+
+pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is serial")
+
+Halves = dict[str, dict[str, npt.NDArray]]
+
+
+def stacked(gdim: int, **friction: float) -> Problem:
+    """Two blocks on a plane, all of which rubs."""
+    down = [0.0] * (gdim - 1)
+    return Problem(
+        blocks_apart(MPI.COMM_WORLD, [3] * gdim, [3] * gdim, moved_by=0.0),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("x0", "x")],
+        [Pressure("top", 1.0), Traction("top", [0.05, *down])],
+        [Contact("lower_top", "upper_bottom", **friction)],  # type: ignore[arg-type]
+        [Plane("bottom", [*down, 0.0], [*down, 1.0], name="floor", **friction)],  # type: ignore[arg-type]
+        degree=2,
+    )
+
+
+def written(path: Path, problem: Problem) -> Halves:
+    """The halves of a proof, which is one."""
+    bounds = limit_bounds(problem, 1e-3)
+    assert bounds.strict
+    folder = ResultFolder(MPI.COMM_WORLD, path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
+    found = check(path / "bounds.h5")
+    assert not any(half.faults for half in found.values())
+    assert found["upper"].proven == pytest.approx(bounds.upper.value, rel=1e-3)
+    assert found["lower"].proven == pytest.approx(bounds.lower.value, rel=1e-9)
+    with h5py.File(path / "bounds.h5") as file:
+        return {
+            kind: {name: np.asarray(half[name]) for name in half}
+            | {"bound": np.asarray(half.attrs["bound"])}
+            for kind, half in file.items()
+        }
+
+
+def judged(path: Path, halves: Halves) -> list[str]:
+    """Faults and words of a file with these halves."""
+    with h5py.File(path, "w") as file:
+        for kind, arrays in halves.items():
+            group = file.create_group(kind)
+            for name, values in arrays.items():
+                if name == "bound":
+                    group.attrs[name] = values
+                else:
+                    group[name] = values
+    try:
+        found = check(path)
+    except ProofError as fault:
+        return [str(fault)]
+    return [word for half in found.values() for word in half.faults]
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
+    """The halves of a proof with Tresca's friction."""
+    folder = tmp_path_factory.mktemp("rubbing")
+    return written(folder, stacked(request.param, tresca=10.0))
+
+
+def times(kind: str, name: str, factor: float) -> Callable[[Halves], None]:
+    """Multiplies an array of a half."""
+    return lambda halves: halves[kind].update({name: halves[kind][name] * factor})
+
+
+def both(name: str, factor: float) -> Callable[[Halves], None]:
+    """The same of both."""
+    return lambda halves: [times(kind, name, factor)(halves) for kind in halves] and None
+
+
+def more_shear(halves: Halves) -> None:
+    """Shear all over that is in equilibrium, but for what the loads and contact may bear."""
+    halves["lower"]["stress"][..., 0, -1] += 1.0
+    halves["lower"]["stress"][..., -1, 0] += 1.0
+
+
+def slips(halves: Halves) -> None:
+    """The upper half says that something rubs whose slip does not part the surfaces."""
+    for half in halves.values():
+        half["contact_friction"] = np.full_like(half["contact_friction"], 0.5)
+
+
+def alone(kind: str, change: Callable[[Halves], None]) -> Callable[[Halves], None]:
+    """Leaves the other half out, so that nothing can be compared."""
+
+    def forge(halves: Halves) -> None:
+        change(halves)
+        del halves["upper" if kind == "lower" else "lower"]
+
+    return forge
+
+
+FORGERIES = {
+    "less adhesion, contact": (both("contact_adhesion", 0.5), "shear tractions of contact are"),
+    "less adhesion, plane": (both("obstacle_adhesion", 1e-6), "shear tractions of contact are"),
+    "none": (alone("lower", times("lower", "contact_adhesion", 0.0)), "tractions"),
+    "more adhesion above": (times("upper", "contact_adhesion", 2.0), "only"),
+    "less adhesion above": (times("upper", "contact_adhesion", 0.5), "rubs less"),
+    "less on the plane above": (times("upper", "obstacle_adhesion", 0.5), "rubs less"),
+    "negative": (both("contact_adhesion", -1.0), "contact_adhesion is negative"),
+    "infinite": (both("obstacle_adhesion", np.inf), "obstacle_adhesion is negative or not finite"),
+    "no number": (both("contact_friction", np.nan), "contact_friction is negative or not finite"),
+    "more shear": (alone("lower", more_shear), "tractions"),
+    "friction without parting": (alone("upper", slips), "entering"),
+    "too few": (
+        lambda halves: halves["lower"].update(contact_adhesion=np.zeros(0)),
+        "contact_adhesion",
+    ),
+    "upper bound lowered": (times("upper", "bound", 0.99), "only"),
+    "lower bound raised": (times("lower", "bound", 1.001), "tractions"),
+}
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_forgeries_are_refused(honest: Halves, name: str, tmp_path: Path) -> None:
+    forge, why = FORGERIES[name]
+    halves = copy.deepcopy(honest)
+    forge(halves)
+    faults = judged(tmp_path / "forged.h5", halves)
+    assert any(why in fault for fault in faults), faults
+
+
+def test_files_without_friction_have_none(honest: Halves, tmp_path: Path) -> None:
+    """What a file does not say is zero, so that shear is too much and slip costs nothing."""
+    halves = copy.deepcopy(honest)
+    for half in halves.values():
+        for name in [name for name in half if "adhesion" in name or "friction" in name]:
+            del half[name]
+    assert any("outer tractions" in fault for fault in judged(tmp_path / "old.h5", halves))
+
+
+def test_druckers_pair_is_told(tmp_path: Path) -> None:
+    halves = written(tmp_path, stacked(2, coulomb=0.1, tresca=10.0))
+    assert not halves["lower"]["contact_friction"].any()
+    assert halves["upper"]["contact_friction"].all()
+    found = check(tmp_path / "bounds.h5")
+    assert DRUCKER in found["lower"].words[-1]
+    assert "10 and 0.1 times the pressure" in found["upper"].words[0]
+    halves["upper"]["contact_friction"] *= 1.05
+    assert any("entering" in fault for fault in judged(tmp_path / "forged.h5", halves))
