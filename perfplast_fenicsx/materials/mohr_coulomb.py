@@ -67,9 +67,7 @@ class Principal:
     def turned(self) -> Expr:
         """Unit deviator by which the directions turn, shape (4,)."""
         k = self.direction
-        return ufl.as_vector(
-            [-k[3] / math.sqrt(2), k[3] / math.sqrt(2), 0, math.sqrt(2) * k[0]]
-        )
+        return ufl.as_vector([-k[3] / math.sqrt(2), k[3] / math.sqrt(2), 0, math.sqrt(2) * k[0]])
 
     def vector(self, v: Sequence[Expr]) -> Expr:
         """Mandel vector with these principal values in the order of size, shape (4,)."""

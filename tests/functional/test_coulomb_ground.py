@@ -1,0 +1,88 @@
+"""Mohr and Coulomb's material, and Tresca's, in all four algorithms with contact, by the path."""
+
+import math
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx import (
+    AugmentedLagrangian,
+    BorderedNewton,
+    Contact,
+    InputError,
+    MohrCoulomb,
+    Newton,
+    NewtonOptions,
+    Pressure,
+    Problem,
+    Support,
+    Tresca,
+    WorkNewton,
+    limit_load,
+    stacked_blocks,
+)
+from tests.functional.test_ground import solved
+from tests.models import Read
+
+COHESION = 10.0
+
+
+def tube(read: Read, angle: float, outside: float = 0.0, size: float = 0.3) -> Problem:
+    """Two tubes, one in the other, that press on each other; b/a = 2."""
+    tagged_mesh = read(write_thick_tube, outer=2.0, interface=1.4, size=size, order=2)
+    ground = MohrCoulomb(1e5, 0.3, COHESION, angle) if angle else Tresca(1e5, 0.3, COHESION)
+    loads = [Pressure("inner", 1.0), Pressure("outer", outside, constant=True)]
+    return Problem(
+        tagged_mesh,
+        {"inner_tube": ground, "outer_tube": ground},
+        [Support("x0", "x"), Support("y0", "y")],
+        loads[: 2 if outside else 1],
+        [Contact("inner_tube_seam", "outer_tube_seam")],
+        degree=2,
+    )
+
+
+def exact(angle: float, outside: float) -> float:
+    """(p + c cot φ)(b/a)^(2s/(1 + s)) − c cot φ, or p + 2c ln(b/a)."""
+    if not angle:
+        return outside + 2 * COHESION * math.log(2)
+    s, tip = math.sin(math.radians(angle)), COHESION / math.tan(math.radians(angle))
+    return float((outside + tip) * 2 ** (2 * s / (1 + s)) - tip)
+
+
+@pytest.mark.parametrize(
+    ("angle", "outside"), [(0.0, 0.0), (10.0, 0.0), (30.0, 0.0), (40.0, 0.0), (20.0, 20.0)]
+)
+def test_tubes_burst_at_the_exact_pressure(read: Read, angle: float, outside: float) -> None:
+    found = limit_load(tube(read, angle, outside), 1e-4, method="path")
+    assert found.estimate == pytest.approx(exact(angle, outside), rel=2e-3)
+
+
+def test_the_four_algorithms_agree(read: Read) -> None:
+    zeta, sharp = 9.5, NewtonOptions(tolerance=1e-11)
+    newton = solved(Newton(tube(read, 30.0), sharp).solve(zeta))
+    assert newton.report.plastic_fraction > 0.3
+    alpha, displacement = newton.report.alpha, newton.state.u.x.array.copy()
+    work = solved(WorkNewton(tube(read, 30.0), sharp).solve(alpha))
+    assert work.report.zeta == pytest.approx(zeta, rel=1e-7)
+    uzawa = solved(AugmentedLagrangian(tube(read, 30.0)).solve(zeta))
+    scale = np.abs(displacement).max(initial=0)
+    assert np.abs(uzawa.state.u.x.array - displacement).max(initial=0) <= 1e-5 * scale
+    bordered = solved(BorderedNewton(tube(read, 30.0), sharp).solve(alpha))
+    assert bordered.report.zeta == pytest.approx(zeta, rel=1e-7)
+
+
+def test_cones_are_not_known_and_space_is_refused(read: Read) -> None:
+    with pytest.raises(InputError):
+        limit_load(tube(read, 30.0), 1e-4, method="interior-point")
+    mesh = stacked_blocks(MPI.COMM_WORLD, 1)
+    with pytest.raises(InputError, match="plane strain and axisymmetry"):
+        Problem(
+            mesh,
+            dict.fromkeys(mesh.volumes, Tresca(1.0, 0.3, 1.0)),
+            [Support("bottom")],
+            [Pressure("top", 1.0)],
+        )
