@@ -22,6 +22,8 @@ from .limit_analysis.body.safety_factor import FactorOfSafety as FactorOfSafety
 from .limit_analysis.body.safety_factor import factor_of_safety as factor_of_safety
 from .limit_analysis.discrete.limit_methods import LimitLoad as LimitLoad
 from .limit_analysis.limit_search import limit_load as limit_load
+from .materials.coulomb_ground import MohrCoulomb as MohrCoulomb
+from .materials.coulomb_ground import Tresca as Tresca
 from .materials.drucker_prager import DruckerPrager as DruckerPrager
 from .materials.elastic import Elastic as Elastic
 from .materials.hardening import Hardening as Hardening

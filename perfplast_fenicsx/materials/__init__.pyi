@@ -1,5 +1,7 @@
 from .coulomb_cone import CoulombInPlane as CoulombInPlane
 from .coulomb_cone import TrescaInPlane as TrescaInPlane
+from .coulomb_ground import MohrCoulomb as MohrCoulomb
+from .coulomb_ground import Tresca as Tresca
 from .drucker_prager import DruckerPrager as DruckerPrager
 from .drucker_prager import DruckerPragerLaw as DruckerPragerLaw
 from .drucker_prager import DruckerPragerSet as DruckerPragerSet
@@ -21,6 +23,8 @@ from .mandel import mandel_size as mandel_size
 from .mandel import spherical as spherical
 from .mandel import tensor as tensor
 from .mandel import trace as trace
+from .mohr_coulomb import MohrCoulombLaw as MohrCoulombLaw
+from .mohr_coulomb import TrescaLaw as TrescaLaw
 from .plastic_flow import Flow as Flow
 from .plastic_flow import FlowLaw as FlowLaw
 from .plastic_flow import HardeningFlowLaw as HardeningFlowLaw

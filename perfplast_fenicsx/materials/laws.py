@@ -1,5 +1,6 @@
 """The laws that a case file may name."""
 
+from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb, Tresca
 from perfplast_fenicsx.materials.drucker_prager import DruckerPrager
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.hardening import Hardening
@@ -12,6 +13,8 @@ MATERIALS: dict[str, type[Material]] = {
     "von-mises-hardening": Hardening,
     "drucker-prager": DruckerPrager,
     "hill": Hill,
+    "mohr-coulomb": MohrCoulomb,
+    "tresca": Tresca,
     "elastic": Elastic,
 }
 """Materials by the name of their law in case files."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import ufl
 
-from perfplast_fenicsx import DruckerPrager, Elastic, Hill, VonMises
+from perfplast_fenicsx import DruckerPrager, Elastic, Hill, MohrCoulomb, Tresca, VonMises
 from perfplast_fenicsx.materials import (
     MATERIALS,
     Cone,
@@ -15,6 +15,7 @@ from perfplast_fenicsx.materials import (
     Expr,
     Flow,
     Hardening,
+    InPlaneCone,
     Material,
     VonMisesSet,
     YieldSet,
@@ -45,6 +46,13 @@ LAWS: dict[str, Sequence[Material]] = {
     "elastic": (Elastic(2e5, 0.3),),
 }
 """Materials by the names of case files."""
+
+
+IN_PLANE: dict[str, Sequence[Material]] = {
+    "mohr-coulomb": (MohrCoulomb(1e4, 0.3, 10.0, 20.0), MohrCoulomb(1e4, 0.3, 0.1, 42.0)),
+    "tresca": (Tresca(1e4, 0.3, 10.0),),
+}
+"""Those whose set is one cone in plane strain alone."""
 
 
 def value(expression: Expr) -> Array:
@@ -123,8 +131,35 @@ def _rest(cone: Cone) -> tuple[Expr, Expr]:
 
 
 def test_each_law_of_case_files_is_here() -> None:
-    assert set(LAWS) == set(MATERIALS)
-    assert all(type(given[0]) is MATERIALS[name] for name, given in LAWS.items())
+    assert set(LAWS) | set(IN_PLANE) == set(MATERIALS)
+    for name, given in (LAWS | IN_PLANE).items():
+        assert type(given[0]) is MATERIALS[name]
+
+
+@pytest.mark.parametrize("material", [m for given in IN_PLANE.values() for m in given])
+def test_sets_whose_cone_is_of_the_plane(material: Material) -> None:
+    """The stress out of the plane is between the others, and there is no strain along it."""
+    numbers = {name: ufl.as_ufl(value) for name, value in material.parameters().items()}
+    yields = material.law(**numbers).yields
+    (cone,) = yields.cones(4)
+    assert isinstance(cone, InPlaneCone)
+    bound, slope, matrix = (value(ufl.as_ufl(a)) for a in (cone.bound, *_rest(cone)))
+    random = np.random.default_rng(5)
+    surface = []
+    for stress in random.normal(size=(200, 4)) * bound:
+        stress[2] = stress[:2].mean()
+        t = float(value(yields.gauge(ufl.as_vector(list(stress)))))
+        if t > 0:
+            surface.append(stress / t)
+            room = bound - slope @ surface[-1] - np.linalg.norm(matrix @ surface[-1])
+            assert abs(room) < EXACT * (bound + np.linalg.norm(surface[-1]))
+    assert len(surface) > 20
+    for z in random.normal(size=(50, 2)):
+        rate = matrix.T @ z + np.linalg.norm(z) * slope
+        power = float(value(yields.support(ufl.as_vector(list(rate)))))
+        assert power == pytest.approx(bound * np.linalg.norm(z), rel=EXACT)
+        sizes = np.linalg.norm(surface, axis=1) * np.linalg.norm(rate)
+        assert (np.array(surface) @ rate <= power + EXACT * sizes).all()
 
 
 OTHERS = (Foam(1e4, 0.3, 10.0), Foam(1e4, 0.3, 10.0, 4.0), Foam(1e4, 0.45, 10.0, -1.0))

@@ -1,0 +1,244 @@
+r"""Perfect plasticity with the condition of Mohr and Coulomb or of Tresca, associated (Hencky).
+
+The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ 2c cos φ, with s = sin φ and σ₁ ≥ σ₂ ≥ σ₃; of φ = 0 it is
+that of Tresca. Stresses are projections of Ce in the norm of C⁻¹: they return to a face, to one of
+two edges or to the apex (S. Sysala, M. Čermák, T. Ligurský, ZAMM 97 (2017), 1502). Strains have
+four components: one principal direction is known, the others are of a circle.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import ufl
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.materials.coulomb_cone import CoulombInPlane, TrescaInPlane
+from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
+from perfplast_fenicsx.materials.law import Law, Old
+from perfplast_fenicsx.materials.mandel import Expr, spherical, trace
+
+TINY = 1e-150
+"""Smallest divisor; avoids 0/0 where two principal strains are equal. Its square is no zero."""
+
+
+@dataclass(frozen=True)
+class Principal:
+    """Principal values of a Mandel vector of four components, and their directions."""
+
+    e: Expr
+
+    @property
+    def radius(self) -> Expr:
+        """Half of the difference of the two in the plane."""
+        return ufl.sqrt((self.e[0] - self.e[1]) ** 2 / 4 + self.e[3] ** 2 / 2)
+
+    @property
+    def in_plane(self) -> tuple[Expr, Expr]:
+        """The two in the plane, the larger first."""
+        mean = (self.e[0] + self.e[1]) / 2
+        return mean + self.radius, mean - self.radius
+
+    @property
+    def ordered(self) -> tuple[Expr, Expr, Expr]:
+        """All three, the largest first."""
+        (p, q), z = self.in_plane, self.e[2]
+        middle = ufl.max_value(q, ufl.min_value(p, z))
+        return ufl.max_value(p, z), middle, ufl.min_value(q, z)
+
+    def placed(self, v: Sequence[Expr]) -> tuple[Expr, Expr, Expr]:
+        """Of three values in the order of size: those of the two in the plane and across it."""
+        (p, q), z = self.in_plane, self.e[2]
+        above, below = ufl.gt(z, p), ufl.lt(z, q)
+        across = ufl.conditional(above, v[0], ufl.conditional(below, v[2], v[1]))
+        first = ufl.conditional(above, v[1], v[0])
+        return first, ufl.conditional(below, v[1], v[2]), across
+
+    @property
+    def direction(self) -> Expr:
+        """Unit deviator of the plane, shape (4,); any one where the two are equal."""
+        size = ufl.max_value(math.sqrt(2) * self.radius, TINY)
+        round_ = ufl.le(self.radius, TINY)
+        a = ufl.conditional(round_, 1 / math.sqrt(2), (self.e[0] - self.e[1]) / 2 / size)
+        b = ufl.conditional(round_, 0.0, self.e[3] / size)
+        return ufl.as_vector([a, -a, 0, b])
+
+    @property
+    def turned(self) -> Expr:
+        """Unit deviator by which the directions turn, shape (4,)."""
+        k = self.direction
+        return ufl.as_vector([-k[3] / math.sqrt(2), k[3] / math.sqrt(2), 0, math.sqrt(2) * k[0]])
+
+    def vector(self, v: Sequence[Expr]) -> Expr:
+        """Mandel vector with these principal values in the order of size, shape (4,)."""
+        first, second, across = self.placed(v)
+        mean = (first + second) / 2
+        flat = ufl.as_vector([mean, mean, across, 0])
+        return flat + (first - second) / math.sqrt(2) * self.direction
+
+
+@dataclass(frozen=True)
+class MohrCoulombLaw(Law):
+    """(1 + s)σ₁ − (1 − s)σ₃ ≤ b; see :class:`Law` for the methods.
+
+    Args:
+        bulk: κ (stress).
+        shear: μ (stress).
+        sine: Of the angle of friction, s.
+        strength: b = 2c cos φ (stress).
+    """
+
+    bulk: Expr
+    shear: Expr
+    sine: Expr
+    strength: Expr
+    projects: ClassVar[bool] = True
+    dilates: ClassVar[bool] = True
+
+    @property
+    def elastic(self) -> IsotropicElasticity:
+        """C."""
+        return IsotropicElasticity(self.bulk, self.shear)
+
+    def history(self, m: int) -> Mapping[str, tuple[int, ...]]:
+        """None.
+
+        Raises:
+            InputError: In space.
+        """
+        if m != 4:
+            raise InputError(
+                "laws 'mohr-coulomb' and 'tresca' are for plane strain and axisymmetry, and this"
+                " mesh is of space; take law = 'drucker-prager', or 'von-mises' without friction."
+            )
+        return {}
+
+    @property
+    def _lame(self) -> Expr:
+        return self.bulk - 2 * self.shear / 3
+
+    def excess(self, e: Expr) -> Expr:
+        """(1 + s)σ₁ − (1 − s)σ₃ − b of Ce (stress)."""
+        most, _, least = Principal(e).ordered
+        sheared = (1 + self.sine) * most - (1 - self.sine) * least
+        return 2 * self.shear * sheared + 2 * self._lame * self.sine * trace(e) - self.strength
+
+    def _normals(self) -> tuple[Sequence[Expr], ...]:
+        """Mean normals of face, left edge σ₁ = σ₂ and right edge σ₂ = σ₃, by size."""
+        up, down = 1 + self.sine, self.sine - 1
+        return (up, 0.0, down), (up / 2, up / 2, down), (up, down / 2, down / 2)
+
+    def _by_branch(self, e: Expr, values: Sequence[Expr]) -> Expr:
+        """One of five scalars: elastic, face, left edge, right edge, apex."""
+        e1, e2, e3 = Principal(e).ordered
+        to_left, to_right = (e1 - e2) / (1 + self.sine), (e2 - e3) / (1 - self.sine)
+        face, left, right = (self._flow(e, i) for i in range(3))
+        past_left = ufl.gt(left, (e1 + e2 - 2 * e3) / (3 - self.sine))
+        past_right = ufl.gt(right, (2 * e1 - e2 - e3) / (3 + self.sine))
+        edge = ufl.conditional(
+            ufl.lt(to_left, to_right),
+            ufl.conditional(past_left, values[4], values[2]),
+            ufl.conditional(past_right, values[4], values[3]),
+        )
+        near = ufl.le(face, ufl.min_value(to_left, to_right))
+        flows = ufl.conditional(near, values[1], edge)
+        return ufl.conditional(ufl.gt(self.excess(e), 0.0), flows, values[0])
+
+    def _steepness(self, i: int) -> Expr:
+        """n·Cn of a mean normal."""
+        squares = sum(n**2 for n in self._normals()[i])
+        return 4 * self._lame * self.sine**2 + 2 * self.shear * squares
+
+    def _flow(self, e: Expr, i: int) -> Expr:
+        """How far along a mean normal the strain flows."""
+        along = sum(n * w for n, w in zip(self._normals()[i], Principal(e).ordered, strict=True))
+        trial = 2 * self.shear * along + 2 * self._lame * self.sine * trace(e)
+        return (trial - self.strength) / self._steepness(i)
+
+    def _returned(self, e: Expr) -> list[Expr]:
+        """Principal stresses by size."""
+        w = Principal(e).ordered
+        merged = w, ((w[0] + w[1]) / 2,) * 2 + (w[2],), (w[0],) + ((w[1] + w[2]) / 2,) * 2
+        mean, tip = self._lame * trace(e), self.strength / (2 * ufl.max_value(self.sine, TINY))
+        found = []
+        for k in range(3):
+            values = [mean + 2 * self.shear * w[k]]
+            for i, n in enumerate(self._normals()):
+                push = 2 * self._lame * self.sine + 2 * self.shear * n[k]
+                values.append(mean + 2 * self.shear * merged[i][k] - self._flow(e, i) * push)
+            found.append(self._by_branch(e, [*values, tip]))
+        return found
+
+    def plastic(self, e: Expr, old: Old) -> Expr:
+        """1 where e lies outside the elastic range, else 0."""
+        return ufl.conditional(ufl.gt(self.excess(e), 0.0), 1.0, 0.0)
+
+    def stress(self, e: Expr, old: Old) -> Expr:
+        """Σ(e), the derivative of ψ."""
+        flowing = Principal(e).vector(self._returned(e))
+        return ufl.conditional(ufl.gt(self.excess(e), 0.0), flowing, self.elastic.hooke(e))
+
+    def potential(self, e: Expr, old: Old) -> Expr:
+        """ψ(e) = Σ(e):e − ½ Σ(e):C⁻¹Σ(e)."""
+        s = self.stress(e, old)
+        return ufl.dot(s, e) - self.conjugate(s, old)
+
+    def conjugate(self, s: Expr, old: Old) -> Expr:
+        """½ s:C⁻¹s."""
+        return ufl.dot(self.elastic.compliance(s), s) / 2
+
+    def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
+        """What :meth:`tangent` adds up: lame, a, shape (), and three vectors, shape (4,).
+
+        U is the difference of the two directions that an edge makes equal, W that by which the
+        principal directions in the plane turn, M the normal of what flows.
+        """
+        on, share = Principal(e), 1 - rho
+        first, second, _ = on.placed(self._returned(e))
+        turns = (first - second) / ufl.max_value(2 * on.radius, TINY)
+        turns = ufl.min_value(ufl.max_value(turns, 0.0), 2 * self.shear)
+        lost = 2 * self.shear - ufl.conditional(ufl.le(on.radius, TINY), 0.0, turns)
+        lost = self._by_branch(e, [0.0, lost, lost, lost, 0.0])
+        left, right = (self._by_branch(e, one) for one in ([0.0, 0, 1, 0, 0], [0.0, 0, 0, 1, 0]))
+        keeps = self._by_branch(e, [1.0, 1.0, 1.0, 1.0, 0.0])
+        normal = []
+        for k in range(3):
+            pushes = [
+                (2 * self._lame * self.sine + 2 * self.shear * n[k]) / ufl.sqrt(self._steepness(i))
+                for i, n in enumerate(self._normals())
+            ]
+            normal.append(self._by_branch(e, [0.0, *pushes, 0.0]))
+        merged = on.vector([left, right - left, -right])
+        return {
+            "lame": self._lame * (rho + share * keeps),
+            "a": 2 * self.shear * (rho + share * keeps),
+            "U": ufl.sqrt(share * self.shear) * merged,
+            "W": ufl.sqrt(share * lost) * on.turned,
+            "M": ufl.sqrt(share) * on.vector(normal),
+        }
+
+    def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
+        """Σ^{o,ρ}(e)[d]."""
+        result = spherical(stored["lame"] * trace(d), len(d)) + stored["a"] * d
+        for name in ("U", "W", "M"):
+            result = result - ufl.dot(stored[name], d) * stored[name]
+        return result
+
+    @property
+    def yields(self) -> CoulombInPlane:
+        """(1 + s)σ₁ − (1 − s)σ₃ ≤ b."""
+        cosine = ufl.sqrt(1 - ufl.as_ufl(self.sine) ** 2)
+        return CoulombInPlane(self.strength / (2 * cosine), self.sine)
+
+
+@dataclass(frozen=True)
+class TrescaLaw(MohrCoulombLaw):
+    """σ₁ − σ₃ ≤ b: s = 0; see :class:`Law` for the methods."""
+
+    dilates: ClassVar[bool] = False
+
+    @property
+    def yields(self) -> TrescaInPlane:
+        """σ₁ − σ₃ ≤ b."""
+        return TrescaInPlane(self.strength / 2)
