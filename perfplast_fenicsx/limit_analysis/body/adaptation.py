@@ -21,6 +21,7 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorSte
 from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
 from perfplast_fenicsx.limit_analysis.facets.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
+from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
 from perfplast_fenicsx.mesh.refinement import check_refinable, fan, refine
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.problem import Problem
@@ -97,6 +98,7 @@ class AdaptiveBounds:
         high: What was found on the mesh with the best upper bound.
         last: What was found on the last mesh.
         problem: On the last mesh; in space its cells are not split.
+        sources: The same on the meshes of ``low`` and ``high``.
         rounds: All meshes.
         reason: Why it is the last one.
     """
@@ -105,6 +107,7 @@ class AdaptiveBounds:
     high: BodyBounds
     last: BodyBounds
     problem: Problem
+    sources: tuple[Problem, Problem]
     rounds: list[Round]
     reason: str
 
@@ -176,6 +179,7 @@ def adaptive_bounds(
     began, rounds = time.perf_counter(), list[Round]()
     found = limit_bounds(problem, rtol, steps)
     low = high = found
+    of_low = of_high = problem
     while True:
         gap = low.lower.apart(high.upper)
         round_ = Round(
@@ -207,10 +211,10 @@ def adaptive_bounds(
         problem = finer_problem
         other = found.question is not low.question  # bounds of other loads are no better ones
         if other or _better(found.lower, low.lower, 1):
-            low = found
+            low, of_low = found, problem
         if other or _better(found.upper, high.upper, -1):
-            high = found
-    return AdaptiveBounds(low, high, found, problem, rounds, reason)
+            high, of_high = found, problem
+    return AdaptiveBounds(low, high, found, problem, (of_low, of_high), rounds, reason)
 
 
 def _count(tagged_mesh: TaggedMesh) -> int:
@@ -276,6 +280,7 @@ def refined(problem: Problem, marked: npt.NDArray[np.bool_]) -> TaggedMesh:
     if problem.bodies.gdim == 3:
         return finer
     points = singular_points(finer, given, VALENCE)
-    if problem.comm.allreduce(len(points)) == 0:
-        return finer
-    return fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
+    if problem.comm.allreduce(len(points)):
+        finer = fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
+    bend_crossings(finer)
+    return finer

@@ -105,17 +105,20 @@ def factor_of_safety(
     """
     check_tolerance(tolerance)
     _check(problem)
-    curve = _Curve(problem, tolerance, monitor, steps)
-    curve.start(adaptation)
-    lower, upper = curve.root("lower"), curve.root("upper")
+    below, above = _curves(problem, tolerance, monitor, steps, adaptation)
+    lower, upper = below.root("lower"), above.root("upper")
+    rows: dict[float, tuple[float | None, float | None]] = {}
+    for curve in (below,) if below is above else (below, above):
+        for factor, bounds in curve.found.items():
+            rows[factor] = _better_of(_strict(bounds), rows.get(factor, (None, None)))
     return FactorOfSafety(
         lower=lower,
         upper=upper,
-        stands=None if lower is None else curve.found[lower],
-        falls=None if upper is None else curve.found[upper],
-        last=list(curve.found.values())[-1],
-        curve=tuple(sorted((factor, *_strict(it)) for factor, it in curve.found.items())),
-        searches=curve.searches,
+        stands=None if lower is None else below.found[lower],
+        falls=None if upper is None else above.found[upper],
+        last=list(above.found.values())[-1],
+        curve=tuple(sorted((factor, *sides) for factor, sides in rows.items())),
+        searches=above.searches + (0 if below is above else below.searches),
     )
 
 
@@ -134,6 +137,16 @@ def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:
     """Both bounds, as far as they hold for the body."""
     lower, upper = (it.value if it.strict else None for it in (bounds.lower, bounds.upper))
     return lower, upper
+
+
+def _better_of(
+    one: tuple[float | None, float | None], other: tuple[float | None, float | None]
+) -> tuple[float | None, float | None]:
+    """The larger lower bound and the smaller upper one, of those that there are."""
+    lowers, uppers = (
+        [it for it in pair if it is not None] for pair in zip(one, other, strict=True)
+    )
+    return max(lowers, default=None), min(uppers, default=None)
 
 
 def weakened(problem: Problem, factor: float) -> Problem:
@@ -179,6 +192,31 @@ def check_staying(loads: Sequence[Load]) -> None:
             )
 
 
+def _curves(
+    problem: Problem,
+    tolerance: float,
+    monitor: Callable[[float, Bound, Bound], None] | None,
+    steps: Callable[[InteriorStep], None] | None,
+    adaptation: Adaptation | None,
+) -> tuple["_Curve", "_Curve"]:
+    """Where a lower and an upper root are sought; the same where one mesh is best. Collective."""
+    curve = _Curve(problem, tolerance, monitor, steps)
+    first = curve.of_mesh()
+    if adaptation is None:
+        curve.at(first)
+        return curve, curve
+    log.info("adapted meshes at F = %.6g", first)
+    adapted = adaptive_bounds(weakened(problem, first), adaptation, steps=steps)
+    curves: list[_Curve] = []
+    for source, bounds in zip(adapted.sources, (adapted.low, adapted.high), strict=True):
+        if not curves or bounds is not adapted.low:
+            source = variant(source, materials=problem.given.materials)
+            curves.append(_Curve(source, tolerance, monitor, steps))
+            curves[-1].keep(first, bounds)
+    curves[0].searches += len(adapted.rounds)
+    return curves[0], curves[-1]
+
+
 @dataclass
 class _Curve:
     """Bounds of μ at some F."""
@@ -190,19 +228,7 @@ class _Curve:
     found: dict[float, BodyBounds] = field(default_factory=dict)
     searches: int = 0
 
-    def start(self, adaptation: Adaptation | None) -> None:
-        """Find the factor of the mesh about, and finer meshes there. Collective."""
-        first = self._of_mesh()
-        if adaptation is None:
-            self._at(first)
-            return
-        log.info("adapted meshes at F = %.6g", first)
-        adapted = adaptive_bounds(weakened(self.problem, first), adaptation, steps=self.steps)
-        self.searches += len(adapted.rounds)
-        self.problem = variant(adapted.problem, materials=self.problem.given.materials)
-        self._keep(first, adapted.last)
-
-    def _of_mesh(self) -> float:
+    def of_mesh(self) -> float:
         """Where the mesh carries the loads once, about. Collective."""
         known: dict[float, float] = {}
         factor = 1.0
@@ -242,15 +268,15 @@ class _Curve:
                 factor = math.sqrt(factor * min(known, key=lambda it: abs(math.log(it / factor))))
             if factor in self.found:
                 break
-            self._at(factor)
+            self.at(factor)
         return best
 
-    def _at(self, factor: float) -> None:
+    def at(self, factor: float) -> None:
         rtol = FINER * self.tolerance
         self.searches += 1
-        self._keep(factor, limit_bounds(weakened(self.problem, factor), rtol, self.steps))
+        self.keep(factor, limit_bounds(weakened(self.problem, factor), rtol, self.steps))
 
-    def _keep(self, factor: float, bounds: BodyBounds) -> None:
+    def keep(self, factor: float, bounds: BodyBounds) -> None:
         self.found[factor] = bounds
         if self.monitor is not None:
             self.monitor(factor, bounds.lower, bounds.upper)

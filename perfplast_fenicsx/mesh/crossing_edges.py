@@ -1,0 +1,75 @@
+"""Inner vertices of a plane mesh at which two straight lines nearly cross.
+
+Where four triangles meet whose edges are two straight lines, one condition on a stress that is
+linear in each of them follows from the others. Where the lines are nearly straight, by rounding of
+what a mesh generator has written, it nearly does, and no factorisation tells what is left of it.
+"""
+
+import numpy as np
+from dolfinx import la
+from dolfinx.mesh import exterior_facet_indices
+
+from perfplast_fenicsx.compat import entity_nodes
+from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
+EXACT = 1e-13
+"""Sum of the four unit vectors along lines that do cross, at most: rounding."""
+
+CLEAR = 1e-3
+"""The same sum where edges are no lines for the computer either, at least."""
+
+MOVED = 0.05
+"""Way of a vertex, over the harmonic mean of the lengths of its edges."""
+
+ALONG = np.array([0.8, 0.6])
+"""Direction of the way; whichever it is, it bends one of the lines."""
+
+
+def bend_crossings(tagged_mesh: TaggedMesh) -> int:
+    """Move such vertices a little, in the mesh itself. Collective.
+
+    Surfaces and the shapes of bodies stay: what is on one of them is not moved.
+
+    Args:
+        tagged_mesh: Of straight triangles.
+
+    Returns:
+        How many were moved, on all ranks together.
+    """
+    mesh = tagged_mesh.mesh
+    topology, comm = mesh.topology, mesh.comm
+    vertices, points = corners(mesh)
+    index_map = topology.index_map(0)
+    count = index_map.size_local + index_map.num_ghosts
+    owned = topology.index_map(2).size_local
+    sums = la.vector(index_map, 7, dtype=np.float64)
+    table = sums.array.reshape(count, 7)
+    x = points[vertices[:owned]][..., :2]
+    tags = np.zeros(owned)
+    here = tagged_mesh.cell_tags.indices < owned
+    tags[tagged_mesh.cell_tags.indices[here]] = tagged_mesh.cell_tags.values[here]
+    for shift in (1, 2):
+        ways = np.roll(x, -shift, axis=1) - x
+        lengths = np.linalg.norm(ways, axis=2)
+        at = vertices[:owned].ravel()
+        np.add.at(table[:, :2], at, (ways / lengths[..., None]).reshape(-1, 2))
+        np.add.at(table[:, 2], at, 1 / lengths.ravel())
+    for column, values in enumerate((np.ones(owned), tags, tags**2), start=3):
+        np.add.at(table[:, column], vertices[:owned].ravel(), np.repeat(values, 3))
+    topology.create_connectivity(1, 2)
+    topology.create_connectivity(1, 0)
+    facets = np.union1d(exterior_facet_indices(topology), tagged_mesh.facet_tags.indices)
+    ends = topology.connectivity(1, 0).array.reshape(-1, 2)[facets]
+    table[ends.ravel(), 6] = 1.0
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    cells = table[:, 3]
+    alike = np.abs(cells * table[:, 5] - table[:, 4] ** 2) < 0.5
+    bend = np.linalg.norm(table[:, :2], axis=1) / 2  # each edge is one of two triangles
+    nearly = (cells == 4) & alike & (table[:, 6] == 0) & (EXACT < bend) & (bend < CLEAR)
+    step = np.where(nearly, MOVED * 8 / np.maximum(table[:, 2], 1e-300), 0.0)
+    nodes = entity_nodes(mesh, 0, np.arange(count, dtype=np.int32)).reshape(-1)
+    mesh.geometry.x[nodes, :2] += step[:, None] * ALONG
+    moved: int = comm.allreduce(int(nearly[: index_map.size_local].sum()))
+    return moved
