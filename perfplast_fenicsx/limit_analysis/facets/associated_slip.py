@@ -33,7 +33,8 @@ def with_associated_slip(problem: Problem) -> Problem:
 
     Args:
         problem: The bodies and their contact; where friction is to be that of the coefficients of
-            slip, the problem of :func:`entering.without_entering`.
+            slip, the problem of
+            :func:`~perfplast_fenicsx.limit_analysis.facets.entering.without_entering`.
 
     Returns:
         A problem without Coulomb's friction that shares all but contact with the given one, or that
