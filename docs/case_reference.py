@@ -22,7 +22,7 @@ from perfplast_fenicsx.io.case import support_tables, tables
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
-from perfplast_fenicsx.io.case.loading_options import LOADINGS
+from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.io.case.schema import described, shown
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.materials.laws import MATERIALS
@@ -183,7 +183,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "model": ("[model]", _single(tables.ModelOptions)),
     "element": ("[element]", _single(tables.ElementOptions)),
     "solve": ("[solve]", _solve),
-    "loading": ("[loading]", _chosen("control", LOADINGS, "load", "What is prescribed.")),
+    "loading": ("[loading]", _chosen("control", CONTROLS, "load", "What is prescribed.")),
     "stage": ("[[stage]]", _single(Stage)),
     "output": ("[output]", _single(tables.OutputOptions)),
     "units": ("[units]", _single(Units)),

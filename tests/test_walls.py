@@ -62,8 +62,10 @@ BELOW: dict[str, set[str]] = {
         *("problem", "solvers", "limit_analysis.discrete", "limit_analysis.path"),
         "limit_analysis.statements",
     },
+    "controls": {"contact", "limit_analysis", "problem", "solvers"},
     "io.case": {
-        *("geometry", "mesh", "materials", "contact", "problem", "solvers", "limit_analysis")
+        *("controls", "geometry", "mesh", "materials", "contact", "problem", "solvers"),
+        "limit_analysis",
     },
     "proof": set(),
     "io.results": {
@@ -74,7 +76,7 @@ BELOW: dict[str, set[str]] = {
     "geometry": {"mesh", "materials"},
     "models": {"geometry", "materials"},
     "cli": {
-        *("geometry", "models", "pictures", "report", "io.case", "io.results"),
+        *("controls", "geometry", "models", "pictures", "report", "io.case", "io.results"),
         *("limit_analysis", "solvers", "problem", "materials"),
     },
 }

@@ -3,7 +3,6 @@
 import logging
 import shlex
 import time
-from dataclasses import replace
 from typing import Any
 
 from mpi4py import MPI
@@ -15,29 +14,21 @@ from perfplast_fenicsx.cli.recorder import Recorder, RunContext
 from perfplast_fenicsx.cli.run_log import RunLog, kept_warnings
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
+from perfplast_fenicsx.controls.control import Run
 from perfplast_fenicsx.io.case.case import Case, read_case
 from perfplast_fenicsx.io.case.load_words import meaning
-from perfplast_fenicsx.io.case.loading_options import (
-    BoundsControl,
-    DisplacementControl,
-    StrengthControl,
-)
 from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.case.units_table import odd_magnitudes
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.run_lock import INTERRUPTED
-from perfplast_fenicsx.limit_analysis.body.adaptation import adaptive_bounds
-from perfplast_fenicsx.limit_analysis.body.body_bounds import bounds_of_mesh, limit_bounds
-from perfplast_fenicsx.limit_analysis.body.safety_factor import factor_of_safety
 from perfplast_fenicsx.limit_analysis.discrete.drucker import drucker_bounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import (
     LimitLoad,
     LimitMethod,
     method_for,
 )
-from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import ignored
 from perfplast_fenicsx.pictures.drawing_process import draw
 from perfplast_fenicsx.problem.halved import halved
@@ -45,9 +36,6 @@ from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.left_out import left_out
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.report.report_file import report_on
-from perfplast_fenicsx.solvers.load_stepping import load_path, rests_first
-from perfplast_fenicsx.solvers.stage_stepping import stage_path
-from perfplast_fenicsx.solvers.stroke import stroke
 
 SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
 """Exit statuses of the command line; an interrupted run has that of :class:`Interrupted`."""
@@ -177,28 +165,34 @@ def _on_friction(problem: Problem, searched: bool) -> list[str]:
     return told
 
 
+def _asked(
+    context: RunContext, solver: Any, stages: LoadingHistory | None, recorder: Recorder
+) -> Run:
+    """What the control of a case works with."""
+    saved = context.saved
+    return Run(
+        problem=context.problem,
+        solver=solver,
+        record=recorder,
+        adapt=context.case.adapt,
+        history=stages,
+        start=saved.level.state if saved.level else None,
+        before=saved.before,
+        done=len(saved.reports),
+        search=saved.search,
+        reached=saved.reached,
+    )
+
+
 def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> int:
-    case, saved, recorder = context.case, context.saved, Recorder(context)
-    limit = None
-    if case.loading.limit_tolerance is not None:
+    case, recorder = context.case, Recorder(context)
+    try:
         with at(case.path.name):
-            limit = _limit(context, solver, recorder, case.loading.limit_tolerance)
-    elif stages is not None:
-        start = saved.level.state if saved.level else None
-        recorder.plan(sum(stage.steps for stage in stages.stages) + stages.rests_first())
-        for level in stage_path(solver, stages, recorder.iteration, start):
-            recorder.level(level)
-    else:
-        values = case.loading.values or []
-        if isinstance(case.loading, DisplacementControl) and case.loading.until is not None:
-            values = stroke(solver, case.loading.until)
-        start = saved.level.state if saved.level else None
-        rests = rests_first(solver, values)
-        recorder.plan(len(values) + rests)
-        if start is not None:
-            values = values[len(saved.reports) - rests :]
-        for level in load_path(solver, values, recorder.iteration, start, saved.before):
-            recorder.level(level)
+            limit = case.loading.find(_asked(context, solver, stages, recorder))
+    except Interrupted as interrupted:
+        if isinstance(interrupted.found, LimitLoad):
+            recorder.limit(interrupted.found)
+        raise
     results = recorder.results
     if case.output.pictures and (recorder.last is not None or (limit and limit.collapses)):
         context.terminal.status("drawing pictures")
@@ -215,45 +209,3 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
     context.terminal.results(context.folder)
     solved = all(report.converged for report in results.reports)
     return SOLVED if solved and (limit is None or limit.levelled_off) else NO_SOLUTION
-
-
-def _limit(context: RunContext, solver: Any, recorder: Recorder, rtol: float) -> LimitLoad:
-    """Find a limit load, and what its mechanism proves of the body. Collective."""
-    problem, saved = context.problem, context.saved
-    if isinstance(context.case.loading, StrengthControl):
-        told = (context.case.adapt, recorder.factor, recorder.interior)
-        safety = factor_of_safety(problem, rtol, *told)
-        recorder.safety(safety)
-        known = safety.lower is not None and safety.upper is not None
-        return replace(safety.last.mesh, levelled_off=known)
-    if isinstance(context.case.loading, BoundsControl):
-        adaptation = context.case.adapt
-        if adaptation is None:
-            body = limit_bounds(problem, rtol, recorder.interior)
-            recorder.limit(body.mesh, body)
-            return body.mesh
-        found = adaptive_bounds(problem, adaptation, rtol, recorder.mesh, recorder.interior)
-        recorder.limit(found.best.mesh, found.body, found)
-        return found.best.mesh
-    if solver is None:
-        try:
-            limit = limit_load(
-                problem, rtol, method=LimitMethod.INTERIOR_POINT, monitor=recorder.interior
-            )
-        except Interrupted as interrupted:
-            if isinstance(interrupted.found, LimitLoad):
-                recorder.limit(interrupted.found)
-            raise
-        recorder.limit(limit, bounds_of_mesh(problem, limit))
-        return limit
-    limit = limit_load(
-        problem,
-        rtol,
-        solver,
-        monitor=recorder.iteration,
-        on_level=recorder.level,
-        search=saved.search,
-        reached=saved.reached,
-    )
-    recorder.limit(limit)
-    return limit

@@ -15,13 +15,13 @@ from docs.repository import LINK
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.declared.tie import Tie
+from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import support_tables
 from perfplast_fenicsx.io.case import tables as schemas
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
-from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
@@ -54,7 +54,7 @@ TABLES = {
     "[model]": [schemas.ModelOptions],
     "[element]": [schemas.ElementOptions],
     "[solve]": [entry.options for entry in METHODS.values()],
-    "[loading]": [*LOADINGS.values()],
+    "[loading]": [*CONTROLS.values()],
     "[[stage]]": [Stage],
     "[output]": [schemas.OutputOptions],
     "[units]": [Units],
@@ -90,7 +90,7 @@ def test_every_field_is_documented(heading: str) -> None:
 
 def test_choices_are_documented() -> None:
     text = case_reference.reference()
-    choices: list[Any] = [MATERIALS, METHODS, OBSTACLES, LOADINGS, BUILDERS]
+    choices: list[Any] = [MATERIALS, METHODS, OBSTACLES, CONTROLS, BUILDERS]
     for name in [name for mapping in choices for name in mapping]:
         assert f'`"{name}"`' in text
 

@@ -7,6 +7,7 @@ or ``[[stage]]``, ``[output]`` and ``[units]``; see
 ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,18 +17,13 @@ from mpi4py import MPI
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.contact.declared.tie import Tie
+from perfplast_fenicsx.controls.control import Control
+from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import read_load
-from perfplast_fenicsx.io.case.loading_checks import check_loading
-from perfplast_fenicsx.io.case.loading_options import (
-    Control,
-    DisplacementControl,
-    OfBodies,
-    StageControl,
-)
-from perfplast_fenicsx.io.case.loading_table import moved_by, read_loading, remembering
+from perfplast_fenicsx.io.case.loading_table import read_loading, remembering
 from perfplast_fenicsx.io.case.mesh_table import load_mesh, read_adaptation, read_mesh
 from perfplast_fenicsx.io.case.method_table import read_method
 from perfplast_fenicsx.io.case.scene import Scene
@@ -103,13 +99,13 @@ class Case:
             self.obstacles,
             self.units,
             axisymmetric=self.model.kind == "axisymmetric",
-            driven=isinstance(self.loading, DisplacementControl),
+            driven=self.loading.drives,
         )
 
     @property
-    def stages(self) -> list[Stage]:
+    def stages(self) -> Sequence[Stage]:
         """Of a loading history; none where there is a [loading]."""
-        return self.loading.stages if isinstance(self.loading, StageControl) else []
+        return self.loading.in_turn()
 
     def __repr__(self) -> str:
         values = self.loading.values
@@ -231,7 +227,7 @@ def _case(path: Path, text: str) -> Case:
         _, shape, rest = choose(obstacle, "shape", OBSTACLES, place)
         obstacles.append(convert(rest, shape, place))
     loading = read_loading(top, name)
-    place = f"{name}, {'[[stage]]' if isinstance(loading, StageControl) else '[loading]'}"
+    place = f"{name}, {'[[stage]]' if top.stage else '[loading]'}"
     coulomb = any(surface.get("coulomb") for surface in (*top.contact, *top.obstacle))
     method, options = read_method(top.solve, loading, f"{name}, [solve]", coulomb)
     kinds: dict[str, tuple[list[Table], type[Initial]]] = {
@@ -242,7 +238,7 @@ def _case(path: Path, text: str) -> Case:
     for kind, (tables, schema_of) in kinds.items():
         for where, entry in _numbered(tables, f"{name}, [[{kind}]]"):
             initial.append(convert(entry, schema_of, where))
-    moved = moved_by(loading, loads, initial)
+    moved = loading.moved(loads, initial)
     held, rigid = [], []
     for where, support in supports:
         base = convert(support, SupportTable, where)
@@ -256,13 +252,13 @@ def _case(path: Path, text: str) -> Case:
     strained = bool(initial) or any(a.interference and a.constant for a in touching)
     with at(name):
         materials = remembering(materials, loading)
-        if isinstance(loading, StageControl):
-            check_stages(loading.stages, loads, initial, [*held, *rigid, *obstacles, *touching])
+        if stages := loading.in_turn():
+            check_stages(stages, loads, initial, [*held, *rigid, *obstacles, *touching])
     with at(place):
-        check_loading(loading, loads, [*held, *rigid], obstacles, touching, strained)
+        loading.check(Given(loads, [*held, *rigid], obstacles, touching, strained))
     mesh = read_mesh(top.mesh, top.geometry, name)
     model = convert(top.model, ModelOptions, f"{name}, [model]")
-    if model.kind == "axisymmetric" and isinstance(loading, OfBodies):
+    if model.kind == "axisymmetric" and loading.of_body:
         raise InputError(
             f"{name}, [model]: control = 'bounds' or 'strength' is for plane strain and space; give"
             " control = 'work' and until = 'limit' for the limit load of the mesh."
@@ -282,7 +278,7 @@ def _case(path: Path, text: str) -> Case:
         ties=[convert(tie, Tie, place) for place, tie in _numbered(top.tie, f"{name}, [[tie]]")],
         model=model,
         rigid=rigid,
-        element=convert(loading.element | top.element, ElementOptions, f"{name}, [element]"),
+        element=convert({**loading.element, **top.element}, ElementOptions, f"{name}, [element]"),
         method=method,
         options=options,
         loading=loading,

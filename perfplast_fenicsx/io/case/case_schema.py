@@ -16,12 +16,12 @@ from typing import Any, Literal
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.declared.tie import Tie
+from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.docstrings import arguments, summary
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
-from perfplast_fenicsx.io.case.loading_options import LOADINGS
 from perfplast_fenicsx.io.case.support_tables import RigidSurfaceTable, SupportTable
 from perfplast_fenicsx.io.case.tables import (
     Document,
@@ -98,7 +98,7 @@ def _tables() -> dict[str, Schema]:
         "model": _table(ModelOptions),
         "element": _table(ElementOptions),
         "solve": _choice("method", methods, required=False),
-        "loading": _choice("control", LOADINGS, default="load"),
+        "loading": _choice("control", CONTROLS, default="load"),
         "stage": _table(Stage),
         "output": _table(OutputOptions),
         "units": _table(Units),

@@ -1,22 +1,17 @@
 """The loading of a case file: ``[loading]``, or ``[[stage]]`` with bodies that remember."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 
+from perfplast_fenicsx.controls.control import Control
+from perfplast_fenicsx.controls.controls import CONTROLS
+from perfplast_fenicsx.controls.stage_control import StageControl
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.case.loading_options import (
-    LOADINGS,
-    Control,
-    DisplacementControl,
-    StageControl,
-)
 from perfplast_fenicsx.io.case.schema import choose, convert
 from perfplast_fenicsx.io.case.tables import Document
 from perfplast_fenicsx.materials.law import carries_any_load
 from perfplast_fenicsx.materials.laws import Material
 from perfplast_fenicsx.materials.plastic_flow import with_memory
-from perfplast_fenicsx.problem.declared.initial import Initial, Temperature
-from perfplast_fenicsx.problem.declared.loads import Load
-from perfplast_fenicsx.problem.declared.stage import Stage, called
+from perfplast_fenicsx.problem.declared.stage import Stage
 
 
 def read_loading(top: Document, name: str) -> Control:
@@ -39,7 +34,7 @@ def read_loading(top: Document, name: str) -> Control:
             f"{name}: 'loading' is missing; give a table, headed [loading], or [[stage]] tables."
         )
     place = f"{name}, [loading]"
-    _, schema, rest = choose(top.loading, "control", LOADINGS, place, default="load")
+    _, schema, rest = choose(top.loading, "control", CONTROLS, place, default="load")
     loading: Control = convert(rest, schema, place)
     return loading
 
@@ -57,7 +52,7 @@ def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str
             f"the material of '{hard[0]}' hardens, so that bodies carry any load, and there is no"
             " limit load to be sought; give values or stages, or law = 'von-mises'."
         )
-    if not isinstance(loading, StageControl):
+    if not loading.in_turn():
         return dict(materials)
     found: dict[str, Material] = {}
     for name in sorted(materials):
@@ -70,19 +65,3 @@ def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str
             " values of the load factor, or law = 'von-mises'."
         )
     return found
-
-
-def moved_by(
-    loading: Control, loads: Sequence[Load], initial: Sequence[Initial]
-) -> Callable[[str, str], bool]:
-    """Whether the loading moves what has a name, which may be empty, and a surface.
-
-    Stages move what they name. Without a name of its own that is the surface, unless a load or a
-    temperature is called so.
-    """
-    if not isinstance(loading, StageControl):
-        return lambda name, on: isinstance(loading, DisplacementControl)
-    named = {name for stage in loading.stages for name in stage.factors}
-    taken = {called(load) for load in loads}
-    taken |= {called(one) for one in initial if isinstance(one, Temperature)}
-    return lambda name, on: name in named or (not name and on in named - taken)

@@ -7,9 +7,9 @@ from pathlib import Path
 from mpi4py import MPI
 
 from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.controls.control import Control
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile, read_geometry
-from perfplast_fenicsx.io.case.loading_options import Control, OfBodies
 from perfplast_fenicsx.io.case.schema import Table, convert
 from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
@@ -85,7 +85,7 @@ def read_adaptation(table: Table | None, loading: Control, place: str) -> Adapta
     """
     if table is None:
         return None
-    if not isinstance(loading, OfBodies):
+    if not loading.of_body:
         raise InputError(
             f"{place}: meshes are adapted to bounds, but there are none without control = 'bounds'"
             " or 'strength' under [loading]; choose it, or leave adapt out."

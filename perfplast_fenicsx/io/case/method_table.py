@@ -2,8 +2,9 @@
 
 from typing import Any
 
+from perfplast_fenicsx.controls.control import Control
+from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.case.loading_options import LOADINGS, Control, StageControl
 from perfplast_fenicsx.io.case.schema import Table, choose, convert
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitMethod
 from perfplast_fenicsx.limit_analysis.limit_search import limit_options
@@ -32,15 +33,15 @@ def read_method(
     wanted = loading.prescribes
     fitting = [name for name, entry in METHODS.items() if entry.solver.prescribes is wanted]
     method, algorithm, rest = choose(table, "method", METHODS, place, default=fitting[0])
-    if method not in fitting and isinstance(loading, StageControl):
+    if method not in fitting and loading.in_turn():
         raise InputError(
             f"{place}: method = '{method}' prescribes the work, but stages prescribe loads; use"
             f" method = {' or '.join(map(repr, fitting))}."
         )
     if method not in fitting:
-        control = {schema.prescribes: name for name, schema in reversed(LOADINGS.items())}
+        control = {schema.prescribes: name for name, schema in reversed(CONTROLS.items())}
         other = control[algorithm.solver.prescribes]
-        chosen = next(name for name, schema in LOADINGS.items() if isinstance(loading, schema))
+        chosen = next(name for name, schema in CONTROLS.items() if isinstance(loading, schema))
         raise InputError(
             f"{place}: method = '{method}' prescribes the {other}, but [loading] has control ="
             f" '{chosen}'; use method = {' or '.join(map(repr, fitting))}, or"

@@ -10,9 +10,10 @@ import pytest
 
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import Plane
+from perfplast_fenicsx.controls.load_control import LoadControl
+from perfplast_fenicsx.controls.work_control import WorkControl
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case import Case, read_case
-from perfplast_fenicsx.io.case.loading_options import LoadControl, WorkControl
 from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile, OutputOptions
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.materials.elastic import Elastic

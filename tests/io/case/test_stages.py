@@ -106,7 +106,7 @@ def test_what_moves_follows_the_stage_that_names_it(read: Read) -> None:
 def test_without_stages_nothing_is_remembered(read: Read) -> None:
     case = read(BASE + "[loading]\nvalues = [1.0]\n")
     assert case.materials["lower"] == VonMises(2e5, 0.3, 300.0)
-    assert case.stages == []
+    assert not case.stages
 
 
 def test_elastic_bodies_have_nothing_to_remember(read: Read) -> None:

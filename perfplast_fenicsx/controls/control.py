@@ -1,0 +1,195 @@
+"""What a control is: keys of ``[loading]``, what goes with them, and how the answer is found.
+
+A control is a frozen dataclass whose fields are the keys beside ``control``. It follows levels, as
+``control = "load"`` does, or looks for a limit; what it finds it hands to the :class:`Record` of
+the run, which writes and shows it. :class:`OfLevels` and :class:`OfBody` have what most of either
+kind have in common.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation, AdaptiveBounds, Round
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound
+from perfplast_fenicsx.problem.declared.initial import Initial
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.stage import Stage
+from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
+from perfplast_fenicsx.problem.judged.report import Iteration
+from perfplast_fenicsx.problem.judged.state import Level, State
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.next_work import Reached
+
+Moved = Callable[[str, str], bool]
+"""Whether the loading moves what has a name, which may be empty, and a surface."""
+
+
+class Record(Protocol):
+    """Where a control hands on what it finds: written, shown and logged. All are collective.
+
+    Each but ``plan`` may end the run by an exception where a signal has come.
+    """
+
+    def plan(self, levels: int) -> None:
+        """How many levels there will be."""
+
+    def iteration(self, record: Iteration) -> None:
+        """A step of an algorithm within a level."""
+
+    def level(self, level: Level, search: Search | None = None) -> None:
+        """A level, and what is known of a limit load that is looked for."""
+
+    def interior(self, step: InteriorStep) -> None:
+        """A step of the interior point method."""
+
+    def mesh(self, round_: Round) -> None:
+        """The bounds on a mesh of several."""
+
+    def factor(self, factor: float, lower: Bound, upper: Bound) -> None:
+        """Bounds with strengths that are divided by a factor."""
+
+    def limit(
+        self,
+        limit: LimitLoad,
+        body: BodyBounds | None = None,
+        adaptive: AdaptiveBounds | None = None,
+    ) -> None:
+        """A limit load, and what is proven of the body; of several meshes the best."""
+
+    def safety(self, found: FactorOfSafety) -> None:
+        """A factor of safety."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a control works with.
+
+    Attributes:
+        problem: What is solved.
+        solver: The algorithm of ``[solve]``; None where the interior point method is to answer.
+        record: Where results go.
+        adapt: How the mesh is adapted; None where it is not.
+        history: What leads the problem through stages; None without them.
+        start: The state that the run goes on from; None where it begins anew.
+        before: The state of the level before that, where there is one.
+        done: Levels that are on file.
+        search: What is known of a limit load from these.
+        reached: How far a loading by chosen steps has come with these.
+    """
+
+    problem: Problem
+    solver: Any
+    record: Record
+    adapt: Adaptation | None = None
+    history: LoadingHistory | None = None
+    start: State | None = None
+    before: State | None = None
+    done: int = 0
+    search: Search | None = None
+    reached: Reached | None = None
+
+
+class Control(Protocol):
+    """What ``[loading]`` asks for.
+
+    Attributes:
+        prescribes: What levels prescribe, or multiplies the loads.
+        element: Defaults of ``[element]``.
+        drives: ζ multiplies motions of supports and obstacles, and not loads.
+        of_body: What holds for the bodies is asked for, not for their mesh alone.
+    """
+
+    prescribes: ClassVar[Prescribed]
+    element: ClassVar[Mapping[str, Any]]
+    drives: ClassVar[bool]
+    of_body: ClassVar[bool]
+
+    @property
+    def values(self) -> Sequence[float] | None:
+        """Of the levels, where they are given."""
+
+    @property
+    def limit_tolerance(self) -> float | None:
+        """Of a limit that is looked for; None where none is."""
+
+    @property
+    def limit_method(self) -> str | None:
+        """How a limit load is found; None leaves it to the problem."""
+
+    @property
+    def design(self) -> float | None:
+        """Load factor of the design load, if given."""
+
+    def in_turn(self) -> Sequence[Stage]:
+        """The stages of a loading history; none elsewhere."""
+
+    def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
+        """Which motions follow the loading."""
+
+    def check(self, given: Given) -> None:
+        """Refuse what does not go with it.
+
+        Raises:
+            InputError: Naming what does not fit.
+        """
+
+    def find(self, run: Run) -> LimitLoad | None:
+        """Find the answer, and hand it on. Collective.
+
+        Returns:
+            The limit load; None of levels, each of which says by itself whether it is solved.
+
+        Raises:
+            InputError: If the problem is none that it can answer.
+        """
+
+
+class OfLevels:
+    """What controls have in common that follow levels."""
+
+    element: ClassVar[Mapping[str, Any]] = {}
+    of_body: ClassVar[bool] = False
+    limit_tolerance: ClassVar[None] = None
+    limit_method: ClassVar[None] = None
+    design: ClassVar[None] = None
+
+    def in_turn(self) -> Sequence[Stage]:
+        """None."""
+        return ()
+
+
+class OfBody:
+    """What controls have in common that ask for bounds of the bodies."""
+
+    prescribes: ClassVar[Prescribed] = Prescribed.WORK  # L(v) = 1
+    element: ClassVar[Mapping[str, Any]] = {"degree": 2}  # linear ones lock
+    drives: ClassVar[bool] = False
+    of_body: ClassVar[bool] = True
+    values: ClassVar[None] = None
+    limit_method: ClassVar[LimitMethod] = LimitMethod.INTERIOR_POINT
+
+    def in_turn(self) -> Sequence[Stage]:
+        """None."""
+        return ()
+
+    def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
+        """None."""
+        return none_moved
+
+
+def none_moved(name: str, on: str) -> bool:
+    """Nothing is moved by the loading."""
+    return False
+
+
+def all_moved(name: str, on: str) -> bool:
+    """All that moves follows the loading."""
+    return True

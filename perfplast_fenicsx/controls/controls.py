@@ -1,0 +1,17 @@
+"""The controls that case files may name."""
+
+from perfplast_fenicsx.controls.bounds_control import BoundsControl
+from perfplast_fenicsx.controls.control import Control
+from perfplast_fenicsx.controls.displacement_control import DisplacementControl
+from perfplast_fenicsx.controls.load_control import LoadControl
+from perfplast_fenicsx.controls.strength_control import StrengthControl
+from perfplast_fenicsx.controls.work_control import WorkControl
+
+CONTROLS: dict[str, type[Control]] = {
+    "load": LoadControl,
+    "displacement": DisplacementControl,
+    "work": WorkControl,
+    "bounds": BoundsControl,
+    "strength": StrengthControl,
+}
+"""Dataclasses whose fields are the keys of ``[loading]`` beside ``control``."""

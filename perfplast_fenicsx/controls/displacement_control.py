@@ -1,0 +1,68 @@
+"""Loading by given motions."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from perfplast_fenicsx.controls.control import Moved, OfLevels, Run, all_moved
+from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.controls.level_values import check_values, follow
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.problem.declared.initial import Initial
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.solvers.stroke import stroke
+
+
+@dataclass(frozen=True)
+class DisplacementControl(OfLevels):
+    """Loading by given motions: ζ multiplies what supports and obstacles are moved by.
+
+    Args:
+        values: Load factors, all increasing or all decreasing.
+        until: The last load factor, not 0: those before it are chosen, from first yield on.
+
+    Raises:
+        InputError: Not exactly one of ``values`` and ``until``, or values out of their range.
+    """
+
+    prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
+    drives: ClassVar[bool] = True
+
+    values: list[float] | None = None
+    until: float | None = None
+
+    def __post_init__(self) -> None:
+        if (self.values is None) == (self.until is None):
+            what = "neither values nor until" if self.values is None else "both values and until"
+            raise InputError(f"there is {what}; give either values = [...] or until = 1.0.")
+        if self.values is not None:
+            check_values(self.values, "load factors", "or all decrease")
+        elif self.until == 0 or not math.isfinite(self.until or 0.0):
+            raise InputError(
+                f"until = {self.until} is no load factor to go to; give a finite number but 0."
+            )
+
+    def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
+        """All."""
+        return all_moved
+
+    def check(self, given: Given) -> None:
+        """Refuse loads that grow, and motions of which there are none."""
+        for load in given.loads:
+            if not load.constant:
+                raise InputError(
+                    f"control = 'displacement' moves supports and obstacles, but the load on"
+                    f" '{load.on}' is to grow; give it constant = true, or control = 'load'."
+                )
+        if not given.moving:
+            raise InputError(
+                "control = 'displacement' moves nothing; give a [[support]] a value, an"
+                " [[obstacle]] a move, a [[rigid_surface]] a displacement or rotation, or a"
+                " [[contact]] with interference constant = false."
+            )
+
+    def find(self, run: Run) -> None:
+        """Solve for each load factor. Collective."""
+        follow(run, self.values or stroke(run.solver, self.until or 0.0))

@@ -1,0 +1,51 @@
+"""Loading by stages."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from perfplast_fenicsx.controls.control import Moved, OfLevels, Run
+from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.problem.declared.initial import Initial, Temperature
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.declared.prescribed import Prescribed
+from perfplast_fenicsx.problem.declared.stage import Stage, called
+from perfplast_fenicsx.solvers.stage_stepping import stage_path
+
+
+@dataclass(frozen=True)
+class StageControl(OfLevels):
+    """Loading by stages, in place of [loading]."""
+
+    prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
+    drives: ClassVar[bool] = False
+    values: ClassVar[None] = None
+
+    stages: list[Stage]
+
+    def in_turn(self) -> Sequence[Stage]:
+        """The stages."""
+        return self.stages
+
+    def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
+        """What stages name; without a name of its own that is the surface.
+
+        That holds unless a load or a temperature is called as the surface is.
+        """
+        named = {name for stage in self.stages for name in stage.factors}
+        taken = {called(load) for load in loads}
+        taken |= {called(one) for one in initial if isinstance(one, Temperature)}
+        return lambda name, on: name in named or (not name and on in named - taken)
+
+    def check(self, given: Given) -> None:
+        """Refuse bodies that nothing loads."""
+        given.require_load(given.strained or given.moving)
+
+    def find(self, run: Run) -> None:
+        """Solve the levels of all stages in turn. Collective."""
+        history = run.history
+        if history is None:  # made of the same stages
+            raise RuntimeError("stages without what leads through them")
+        run.record.plan(sum(stage.steps for stage in history.stages) + history.rests_first())
+        for level in stage_path(run.solver, history, run.record.iteration, run.start):
+            run.record.level(level)

@@ -1,0 +1,47 @@
+"""Bounds of a factor of safety on strengths."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from perfplast_fenicsx.controls.control import OfBody, Run
+from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.limit_analysis.body.safety_factor import check_staying, factor_of_safety
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
+
+
+@dataclass(frozen=True)
+class StrengthControl(OfBody):
+    """No loading: bounds of the factor by which strengths may fall until the bodies fall.
+
+    Yield stresses, cohesions and slopes of friction are divided by it alike; the loads stay, and
+    all of them are constant.
+
+    Args:
+        limit_tolerance: How near each factor comes to the root of its bound, relative, between 0
+            and 1.
+
+    Raises:
+        InputError: A tolerance that is none.
+    """
+
+    design: ClassVar[None] = None
+
+    limit_tolerance: float = 1e-3
+
+    def __post_init__(self) -> None:
+        check_tolerance(self.limit_tolerance)
+
+    def check(self, given: Given) -> None:
+        """Refuse bodies without loads, loads that grow, and obstacles that move."""
+        given.require_load()
+        given.refuse_moves()
+        check_staying(given.loads)
+
+    def find(self, run: Run) -> LimitLoad:
+        """Find both factors. Collective."""
+        told = (run.adapt, run.record.factor, run.record.interior)
+        safety = factor_of_safety(run.problem, self.limit_tolerance, *told)
+        run.record.safety(safety)
+        known = safety.lower is not None and safety.upper is not None
+        return replace(safety.last.mesh, levelled_off=known)
