@@ -13,16 +13,16 @@ from typing import Any
 
 from docs.marks import replace_mark
 from perfplast_fenicsx import docstrings
-from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.interfaces import INTERFACES
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.declared.tie import Tie
+from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import support_tables, tables
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
-from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.io.case.schema import described, shown
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.materials.laws import MATERIALS
@@ -176,7 +176,10 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "gravity": ("[gravity]", _single(GravityTable)),
     "temperature": ("[[temperature]]", _single(Temperature)),
     "initial_stress": ("[[initial_stress]]", _single(InitialStress)),
-    "contact": ("[[contact]]", _single(Contact)),
+    "contact": (
+        "[[contact]]",
+        _chosen("interface", INTERFACES, "friction", "What acts between the surfaces."),
+    ),
     "obstacle": ("[[obstacle]]", _chosen("shape", OBSTACLES, None, "What it is.")),
     "rigid_surface": ("[[rigid_surface]]", _single(support_tables.RigidSurfaceTable)),
     "tie": ("[[tie]]", _single(Tie)),

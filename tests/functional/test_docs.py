@@ -145,7 +145,7 @@ def test_outputs_are_compared(shown: str, printed: str, equal: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "count"), [("tutorial.md", 6), ("extending.md", 5), ("howto/loading.md", 2)]
+    ("name", "count"), [("tutorial.md", 6), ("extending.md", 7), ("howto/loading.md", 2)]
 )
 def test_pages_do_what_they_show(tmp_path: Path, name: str, count: int) -> None:
     page = DOCS / name

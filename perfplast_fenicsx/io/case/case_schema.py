@@ -13,7 +13,7 @@ import typing
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
-from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.interfaces import INTERFACES
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.controls.controls import CONTROLS
@@ -91,7 +91,7 @@ def _tables() -> dict[str, Schema]:
         "gravity": _table(GravityTable),
         "temperature": _table(Temperature),
         "initial_stress": _table(InitialStress),
-        "contact": _table(Contact),
+        "contact": _choice("interface", INTERFACES, default="friction"),
         "obstacle": _choice("shape", OBSTACLES),
         "tie": _table(Tie),
         "rigid_surface": _table(RigidSurfaceTable),

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.interfaces import INTERFACES
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.problem.declared.loads import LOADS, Load
@@ -73,11 +74,14 @@ def write_scene(scene: Scene, tagged_mesh: "TaggedMesh", path: Path) -> None:
     """Write ``scene.json``. Not collective."""
     loads = {load: kind for kind, load in LOADS.items()}
     shapes = {shape: name for name, shape in OBSTACLES.items()}
+    interfaces = {interface: name for name, interface in INTERFACES.items()}
     table = asdict(scene)
     for entry, load in zip(table["loads"], scene.loads, strict=True):
         entry["kind"] = loads[type(load)]
     for entry, obstacle in zip(table["obstacles"], scene.obstacles, strict=True):
         entry["shape"] = shapes[type(obstacle)]
+    for entry, contact in zip(table["contacts"], scene.contacts, strict=True):
+        entry["interface"] = interfaces[type(contact)]
     names = {"volumes": tagged_mesh.volumes, "surfaces": tagged_mesh.surfaces}
     text = json.dumps(names | table, indent=2, ensure_ascii=False, default=list)
     replace(path, f"{text}\n".encode())
@@ -119,10 +123,12 @@ def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
     """
     top = convert(dict(table), _Document, place)
 
-    def chosen(tables: list[Table], key: str, kinds: Mapping[str, type[Any]]) -> list[Any]:
+    def chosen(
+        tables: list[Table], key: str, kinds: Mapping[str, type[Any]], default: str | None = None
+    ) -> list[Any]:
         found = []
         for entry in tables:
-            _, kind, rest = choose(entry, key, kinds, place)
+            _, kind, rest = choose(entry, key, kinds, place, default=default)
             found.append(convert(rest, kind, place))
         return found
 
@@ -130,7 +136,7 @@ def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
         scene = Scene(
             top.title,
             chosen(top.loads, "kind", LOADS),
-            [convert(contact, Contact, place) for contact in top.contacts],
+            chosen(top.contacts, "interface", INTERFACES, "friction"),
             chosen(top.obstacles, "shape", OBSTACLES),
             convert(top.units, Units, place),
             top.axisymmetric,

@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.interfaces import INTERFACES
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.case.schema import Table, at, convert
+from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, Turn
 from perfplast_fenicsx.problem.declared.supports import AXES, Support
 
@@ -86,13 +87,14 @@ def read_contact(table: Table, moved: Callable[[str, str], bool], place: str) ->
 
     Args:
         table: Its keys.
-        moved: See :func:`loading_table.moved_by`.
+        moved: See :meth:`~perfplast_fenicsx.controls.control.Control.moved`.
         place: Where it stands, for messages.
 
     Raises:
         InputError: If keys are wrong, or it is to follow where none does.
     """
-    contact = convert(table, Contact, place)
+    _, kind, rest = choose(table, "interface", INTERFACES, place, default="friction")
+    contact = convert(rest, kind, place)
     with at(place):
         what = f"the contact of '{contact.primary}' and '{contact.secondary}'"
         _stays(contact.constant, moved(contact.name, contact.on), what)
