@@ -3,12 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from perfplast_fenicsx.rounding import rounded_down, rounded_up
+from perfplast_fenicsx.rounding import ROUNDING, rounded_down, rounded_up
 
 Row = tuple[str, list[float]]
-
-ROUNDING = 1e-9
-"""What of a force or moment is no larger, relative to the largest of its table, is told as 0."""
 
 
 def force_rows(

@@ -1,8 +1,16 @@
-"""Bounds in a few digits, so that what is shown is a bound as well."""
+"""What rounding is: what counts as none, and bounds in a few digits that are bounds as well."""
 
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
+ROUNDING = 1e-9
+"""Share of the largest of its kind below which a number counts as none, where sums of doubles are
+compared: far above their rounding, far below what anybody means."""
+
+TINY = 1e-300
+"""Smallest divisor; avoids 0/0."""
+
 DIGITS = 6
+"""Significant digits in which bounds are shown."""
 
 
 def rounded_up(value: float) -> str:

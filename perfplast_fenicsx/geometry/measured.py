@@ -13,9 +13,7 @@ from perfplast_fenicsx.geometry.free_faces import FaceGroup, round_of, shape_of
 from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.seams import Seam
 from perfplast_fenicsx.geometry.survey import Body, Face, Joint
-
-ROUNDING = 1e-9
-"""Coordinates below this share of a body's size are zero."""
+from perfplast_fenicsx.rounding import ROUNDING
 
 
 def measured_body(dim: int, part: Part) -> Body:

@@ -24,6 +24,7 @@ from perfplast_fenicsx.limit_analysis.path.limit_judge import Search, collapse_m
 from perfplast_fenicsx.limit_analysis.path.plateau import Points
 from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.load_stepping import Reached, work_path
 from perfplast_fenicsx.solvers.newton import Newton
 from perfplast_fenicsx.solvers.verdicts import SLIDES
@@ -47,9 +48,6 @@ LEAST = 1e-8
 
 WIDER = 0.1
 """How far beyond the last load the next one is tried, relative, where ζ has not levelled off."""
-
-ROUNDING = 1e-9
-"""By so much, relative, a bracket may be wider than its tolerance."""
 
 OnLevel = Callable[[Level, Search], None]
 """Called on every rank after each level that carries its load, with what is known by then."""

@@ -27,9 +27,7 @@ from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
 from perfplast_fenicsx.materials.yield_set import Cone, axial_cone
-
-TINY = 1e-300
-"""Smallest divisor; avoids 0/0 where a strain has no deviator."""
+from perfplast_fenicsx.rounding import TINY
 
 Match = Literal["plane-strain", "compression", "extension"]
 """Where the cone has the strength of Mohr and Coulomb: limit loads in plane strain, or triaxial

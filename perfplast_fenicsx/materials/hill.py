@@ -30,13 +30,11 @@ from perfplast_fenicsx.materials.hill_set import HillForm, HillSet
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, spherical, trace
+from perfplast_fenicsx.rounding import TINY
 
 STEPS = 10
 """Newton steps of a return: they leave rounding alone at ratios of shear stresses of 9 and strains
 of 3e6 times those at yield."""
-
-TINY = 1e-300
-"""Smallest divisor; avoids 0/0 where a strain has no deviator."""
 
 LEAST = 1e-6
 """Ratio of the smaller h of normal stresses to the larger one, below which it counts as none."""

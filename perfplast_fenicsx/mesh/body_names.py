@@ -8,9 +8,7 @@ from dolfinx import fem
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
-
-ROUNDING = 1e-9
-"""Coordinates of a middle, relative to the size of the body, that are told as 0."""
+from perfplast_fenicsx.rounding import ROUNDING
 
 
 def body_names(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, bodies: Bodies) -> list[str]:

@@ -6,13 +6,11 @@ from html import escape
 from typing import Any
 
 from perfplast_fenicsx.problem.judged.report import LevelReport
+from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 
 TIGHT = 1e-6
 """A certificate that is no larger is met but for rounding, for all that an engineer asks."""
-
-ROUNDING = 1e-9
-"""What of a force is no larger, in relation to the largest one, is told as 0."""
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,7 @@ from perfplast_fenicsx.report.packing import pack_integers, pack_numbers, size_o
 from perfplast_fenicsx.report.skin_fields import SkinState, read_state
 from perfplast_fenicsx.report.skin_lines import skin_lines
 from perfplast_fenicsx.report.view_marks import view_marks
-
-ROUNDING = 1e-9
-"""Negative numbers of a field that are no larger, relative to its largest, begin its scale at 0."""
+from perfplast_fenicsx.rounding import ROUNDING
 
 ROOM = 18_000_000
 """Characters of packed arrays that a page may have; with all else it stays below 20 MB."""

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.rounding import TINY
 
 NEAR = 0.1
 """Products between this share of what they should be and its inverse are left as they are."""
-
-TINY = 1e-300
 
 
 @dataclass(frozen=True)

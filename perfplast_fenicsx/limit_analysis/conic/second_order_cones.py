@@ -8,9 +8,9 @@ quadratic optimization, Math. Program. 95 (2003), 249.
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from perfplast_fenicsx.rounding import TINY
 
-TINY = 1e-300
+Floats = npt.NDArray[np.float64]
 
 
 def determinant(a: Floats) -> Floats:

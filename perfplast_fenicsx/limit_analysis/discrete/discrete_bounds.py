@@ -17,6 +17,7 @@ from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli, Singul
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.conic.rebalancing import rebalance
 from perfplast_fenicsx.limit_analysis.statements.bound import measure_of
+from perfplast_fenicsx.rounding import ROUNDING
 
 IN_BALANCE = 1e-8
 """Largest force without balance, relative to the largest load, that counts as none."""
@@ -28,9 +29,6 @@ MOST_CORRECTIONS = 3
 
 EXACT = 1e-10
 """Volume change (and strain of elastic bodies) that counts as none, relative to ‖ε(v)‖."""
-
-ROUNDING = 1e-9
-"""Entering, relative to the largest velocity, that counts as none."""
 
 STIFF = 1e3
 """Regions that flow less than the mean are at most so many times stiffer in the projection."""

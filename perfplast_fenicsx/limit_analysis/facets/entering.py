@@ -21,15 +21,13 @@ from perfplast_fenicsx.contact.rows.jump_basis import make_basis
 from perfplast_fenicsx.limit_analysis.facets.contact_facets import contact_facets
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.rounding import ROUNDING
 
 SAME = 1e-9
 """Normals whose components differ by less are the same."""
 
 MOST_FACES = 64
 """Directions of contact beyond which surfaces count as curved."""
-
-ROUNDING = 1e-9
-"""Entering, relative to the largest velocity, that is rounding."""
 
 CURVED = "on curved contact surfaces normals are averaged, or are those of a curved obstacle"
 

@@ -28,11 +28,9 @@ from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.refinement import fan
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import ROUNDING
 
 log = logging.getLogger(__name__)
-
-ROUNDING = 1e-9
-"""Part of the largest traction, and of a unit normal, that is none."""
 
 OTHERS = np.array([[1, 2], [0, 2], [0, 1]])
 """Facets at each vertex of a triangle, those opposite the others."""

@@ -29,6 +29,7 @@ from perfplast_fenicsx.problem.assembled.integrals import Integral
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, OfLaw, integrate
 from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import ROUNDING, TINY
 
 MOST_FLOWS = 6
 """From a velocity to a mechanism."""
@@ -40,14 +41,8 @@ STIFF = (1e4, 1e2)
 """What flows less than the mean is at most so many times more viscous; the next one where rounding
 spoils a flow."""
 
-TINY = 1e-300
-"""What nothing is divided by less of."""
-
 MOST_HOLDS = 4
 """So many times pairs that a mechanism would close are held as well."""
-
-ROUNDING = 1e-9
-"""Jumps below this share of the largest velocity count as none."""
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from perfplast_fenicsx.problem.assembled.integrals import Integral, assemble_for
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, LawOnCells, integrate
 from perfplast_fenicsx.problem.fields.stiffness import create_stiffness
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
@@ -30,9 +31,6 @@ EXACT = 1e-11
 """A strain rate that is inadmissible counts as none below this share of ‖ε(v)‖."""
 
 MOST_ITERATIONS = 30
-
-ROUNDING = 1e-9
-"""Work below this share of what it is made of counts as none."""
 
 LARGE = 60_000
 """From so many unknowns on the factors may use no more memory than there is to spare."""

@@ -10,6 +10,7 @@ from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
 from perfplast_fenicsx.limit_analysis.discrete.friction_points import Springs
 from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains
 from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.rounding import TINY
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
 
@@ -19,8 +20,6 @@ AT_ONCE = 3_000_000
 RIDGE = 1e-13
 """Share of the diagonal that is added: rows of equilibrium may depend on each other where facets
 meet at right angles or cross."""
-
-TINY = 1e-300
 
 PATTERN = 1.0
 """Value of entries of which only it matters that they are there."""

@@ -18,9 +18,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.declared.supports import AXES, Support
-
-ROUNDING = 1e-9
-"""Movements along a normal below this share of u_D count as none."""
+from perfplast_fenicsx.rounding import ROUNDING
 
 SAME = 1e-12
 """Displacements that differ by this share of the largest are one."""

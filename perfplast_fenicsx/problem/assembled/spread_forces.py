@@ -13,8 +13,7 @@ from perfplast_fenicsx.problem.assembled.bearing import cosine_pressure
 from perfplast_fenicsx.problem.assembled.total_loads import per_area
 from perfplast_fenicsx.problem.declared.loads import Bearing, Force, Load, Traction
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, fitting
-
-AXES = "xyz"
+from perfplast_fenicsx.problem.declared.supports import AXES
 
 
 def on_this_mesh(

@@ -26,9 +26,7 @@ from perfplast_fenicsx.problem.declared.initial import Initial, Temperature
 from perfplast_fenicsx.problem.declared.stage import Stage, called, check_stages
 from perfplast_fenicsx.problem.history.staged_motion import in_stage, named_motions
 from perfplast_fenicsx.problem.problem import Problem
-
-ROUNDING = 1e-9
-"""A time so near to the end of a stage is its end."""
+from perfplast_fenicsx.rounding import ROUNDING
 
 
 class LoadingHistory:

@@ -17,6 +17,7 @@ from perfplast_fenicsx.problem.fields.energy_norms import RIGID
 from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.judged.resultants import Resultants, resultants
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import TINY
 
 ROUNDING = 1e-13
 """Slip below this share of the largest displacement is none."""
@@ -24,9 +25,6 @@ ROUNDING = 1e-13
 LEAST_PUSH = 1e-6
 """Surfaces that push and rub by less than this share of the forces that stress leaves at nodes are
 judged as if they did by so much: what rounding leaves to them decides nothing."""
-
-SMALLEST = 1e-300
-"""What nothing is divided by less of."""
 
 
 @dataclass(frozen=True)
@@ -99,13 +97,13 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     dual = fields.conjugate() + fields.initial_work() + resisted - moved.work
     least = RIGID**2 * fields.jagged_norm2()
     size = fields.size()
-    scale = max(size + rubbed.energy, least, SMALLEST)
+    scale = max(size + rubbed.energy, least, TINY)
     free = r.copy()
     free.array[basis.index] = 0
     free.array[basis.sliding] = 0
     least_force = RIGID * fields.gross_force() if size <= least else fields.inner_force()
     pushing = math.sqrt(comm.allreduce(float(forces @ forces)))
-    norm = max(problem.loads.norm(zeta), moved.norm, pushing, least_force, SMALLEST)
+    norm = max(problem.loads.norm(zeta), moved.norm, pushing, least_force, TINY)
     certificate = Certificate(
         forces,
         max_penetration=comm.allreduce(max(0.0, float((-room).max(initial=0))), MPI.MAX),
