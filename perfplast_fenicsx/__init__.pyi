@@ -15,7 +15,7 @@ from .io.results.result_folder import ResultFolder as ResultFolder
 from .io.results.result_folder import Results as Results
 from .io.results.result_writer import ResultWriter as ResultWriter
 from .limit_analysis.body.adaptation import Adaptation as Adaptation
-from .limit_analysis.body.adaptation import adaptive_bounds as adaptive_bounds
+from .limit_analysis.body.adaptive_meshes import adaptive_bounds as adaptive_bounds
 from .limit_analysis.body.body_bounds import BodyBounds as BodyBounds
 from .limit_analysis.body.body_bounds import limit_bounds as limit_bounds
 from .limit_analysis.body.safety_factor import FactorOfSafety as FactorOfSafety

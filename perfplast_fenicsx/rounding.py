@@ -13,16 +13,16 @@ DIGITS = 6
 """Significant digits in which bounds are shown."""
 
 
-def rounded_up(value: float) -> str:
-    """The value in six significant digits, not less than it is."""
-    return _rounded(value, ROUND_CEILING)
+def rounded_up(value: float, digits: int = DIGITS) -> str:
+    """The value in some significant digits, not less than it is."""
+    return _rounded(value, ROUND_CEILING, digits)
 
 
-def rounded_down(value: float) -> str:
-    """The value in six significant digits, not more than it is."""
-    return _rounded(value, ROUND_FLOOR)
+def rounded_down(value: float, digits: int = DIGITS) -> str:
+    """The value in some significant digits, not more than it is."""
+    return _rounded(value, ROUND_FLOOR, digits)
 
 
-def _rounded(value: float, way: str) -> str:
-    digits = Context(prec=DIGITS, rounding=way).create_decimal_from_float(value)
-    return f"{float(digits):.{DIGITS}g}"
+def _rounded(value: float, way: str, digits: int) -> str:
+    few = Context(prec=digits, rounding=way).create_decimal_from_float(value)
+    return f"{float(few):.{digits}g}"

@@ -12,7 +12,7 @@ from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
-from perfplast_fenicsx.limit_analysis.body.adaptation import AdaptiveBounds, Round
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.body.next_step import Effort, next_steps
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety, times_in_words

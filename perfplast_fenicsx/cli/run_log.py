@@ -19,7 +19,7 @@ from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.run_lock import BEGUN, ENDED, hold
-from perfplast_fenicsx.limit_analysis.body.adaptation import Round
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad

@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.cli.remaining import clock, next_level
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.limit_analysis.body.adaptation import Round
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from perfplast_fenicsx.controls.control import OfBody, Run
 from perfplast_fenicsx.controls.given import Given
-from perfplast_fenicsx.limit_analysis.body.adaptation import adaptive_bounds
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.design_factor import check_design
@@ -45,6 +45,6 @@ class BoundsControl(OfBody):
             record.limit(body.mesh, body)
             return body.mesh
         told = (record.mesh, record.interior)
-        found = adaptive_bounds(problem, run.adapt, self.limit_tolerance, *told)
+        found = adaptive_bounds(problem, run.adapt, self.limit_tolerance, *told, self.design)
         record.limit(found.best.mesh, found.body, found)
         return found.best.mesh

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 from perfplast_fenicsx.controls.given import Given
-from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation, AdaptiveBounds, Round
+from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep

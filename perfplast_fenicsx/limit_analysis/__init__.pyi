@@ -1,7 +1,7 @@
 from .body.adaptation import Adaptation as Adaptation
-from .body.adaptation import AdaptiveBounds as AdaptiveBounds
-from .body.adaptation import Round as Round
-from .body.adaptation import adaptive_bounds as adaptive_bounds
+from .body.adaptive_meshes import AdaptiveBounds as AdaptiveBounds
+from .body.adaptive_meshes import Round as Round
+from .body.adaptive_meshes import adaptive_bounds as adaptive_bounds
 from .body.body_bounds import BodyBounds as BodyBounds
 from .body.body_bounds import bounds_of_mesh as bounds_of_mesh
 from .body.body_bounds import limit_bounds as limit_bounds

@@ -40,8 +40,10 @@ def verdict_on(reader: ResultReader) -> Verdict:
         table = reader.summary.limit or {}
         found = _of_limit(reader.limit, table)
         if design := table.get("design"):
+            decided = (design["lower"] or 0.0) >= 1 or (design["upper"] or 1.0) < 1
             words = design["in_words"].replace("zeta", "ζ")
-            found = replace(found, details=[words, *found.details])
+            mark: Mark = "proven" if decided else "open"
+            found = Verdict(mark, words, [found.sentence, *found.details])
         solved = [report.zeta for report in reader.reports if report.converged]
         if not solved:
             return found

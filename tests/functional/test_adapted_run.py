@@ -15,6 +15,7 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.proof import check
+from perfplast_fenicsx.report.verdict import verdict_on
 from tests.models import STEEL, case_text, write_case
 
 CASE = """
@@ -74,6 +75,42 @@ def test_adapted_run(
         assert "Limit load of the last mesh: " in out
 
 
+@pytest.mark.parametrize(
+    ("design", "says", "mark", "meshes"),
+    [
+        (1000.0, "is carried for certain", "proven", 2),
+        (1500.0, "is not carried: the bodies collapse at", "proven", 1),
+        (1180.0, "is not decided by this mesh", "open", 3),
+    ],
+)
+def test_until_decided(
+    design: float,
+    says: str,
+    mark: str,
+    meshes: int,
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+    shared_tmp_path: Path,
+) -> None:
+    """The verdict on the design load is told in the terminal, and first on the page."""
+    if comm.rank == 0:
+        write_strip_footing(shared_tmp_path / "ground.msh", size=1.0, grading=1.0)
+    text = CASE.replace("{ until = 0.2, cells = 800 }", '{ until = "decided", cells = 150 }')
+    text = text.replace('control = "bounds"', f'control = "bounds"\ndesign = {design}')
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
+    results = shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results), "--report"]) == SOLVED
+    out, _ = capsys.readouterr()
+    if comm.rank == 0:
+        assert says in out
+        table = json.loads((results / "summary.json").read_text(encoding="utf-8"))["limit"]
+        assert len(table["body"]["meshes"]) == meshes
+        verdict = verdict_on(ResultReader(results))
+        assert says in verdict.sentence
+        assert verdict.mark == mark
+        assert says in (results / "report.html").read_text(encoding="utf-8")
+
+
 ADAPT = "adapt = { until = 0.2, cells = 800 }"
 BOUNDS = '[loading]\ncontrol = "bounds"\n'
 CONTACT = '[[contact]]\nprimary = "lower_top"\nsecondary = "upper_bottom"\n'
@@ -102,6 +139,12 @@ REFUSED = {
         stacked(ROLLERS).replace("pressure = 1.0", "pressure = -1.0"),
         "no stress can carry the loads: they move bodies off what holds them",
     ),
+    "no design load": (
+        CASE.replace("until = 0.2", 'until = "decided"'),
+        '[mesh], adapt: until = "decided" goes with a design load; give design',
+    ),
+    "no gap": (CASE.replace("until = 0.2", "until = 2.0"), "until = 2.0 is not between 0 and 1"),
+    "no word": (CASE.replace("until = 0.2", 'until = "narrow"'), "until"),
     "curved cells": (TUBE, "[mesh]: adapt: cells are curved, and only straight ones can be"),
 }
 

@@ -1,6 +1,7 @@
 """Bounds on meshes that find the mechanism: exact limit loads, fans, contact, what is refused."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,8 +36,9 @@ from perfplast_fenicsx.limit_analysis import (
     limit_bounds,
     strict_lower_bound,
 )
-from perfplast_fenicsx.limit_analysis.body import adaptation
-from perfplast_fenicsx.limit_analysis.body.adaptation import refined
+from perfplast_fenicsx.limit_analysis.body import adaptive_meshes
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import refined
+from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
 from tests.limit_analysis.test_interior_point import COMM, RIGID, SOIL, K, footing, made
 from tests.models import two_blocks_problem
 
@@ -49,6 +51,39 @@ def count(tagged_mesh: TaggedMesh) -> int:
     topology = tagged_mesh.mesh.topology
     number: int = topology.index_map(topology.dim).size_global
     return number
+
+
+@pytest.mark.parametrize(
+    ("share", "carried", "refused"),
+    [(0.95, True, False), (1.05, False, True), (0.999, False, False)],
+)
+def test_until_decided(share: float, carried: bool, refused: bool, shared_tmp_path: Path) -> None:
+    """A decision takes fewer cells than a narrow bracket; near the limit it is left open."""
+    design = share * PRANDTL * K
+    mesh = made(shared_tmp_path, write_strip_footing, size=1.0, grading=1.0)
+    supports = [Support("x0", "x"), Support("side", "x"), Support("bottom")]
+    load = [Pressure("footing", 1.0)]
+    problem = Problem(mesh, {"ground": SOIL}, supports, load, degree=2)
+    adaptation = Adaptation(until="decided", cells=300)
+    found = adaptive_bounds(problem, adaptation, rtol=1e-3, design=design)
+    assert found.lower.strict
+    assert found.upper.strict
+    told = DesignFactor.of(design, found.lower.value, found.upper.value, None)
+    assert (told.carried, told.refused) == (carried, refused)
+    assert (found.reason == "it is decided whether the design load is carried") == told.decided
+    assert not decided(found.rounds[:-1], design), "it went on though it was decided"
+
+
+def decided(rounds: Sequence[Round], design: float) -> bool:
+    """Whether one of the meshes decides it."""
+    lows = [round_.lower for round_ in rounds if round_.lower is not None]
+    highs = [round_.upper for round_ in rounds if round_.upper is not None]
+    return max(lows, default=0.0) >= design or min(highs, default=math.inf) < design
+
+
+def test_nothing_to_decide_on(shared_tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r'^until = "decided" goes with a design load'):
+        adaptive_bounds(footing(shared_tmp_path), Adaptation(until="decided"))
 
 
 @pytest.mark.parametrize("punch", [False, True])
@@ -89,7 +124,7 @@ def test_a_round_that_worsens_bounds_does_not_count(
         meshes.append(found)
         return found
 
-    monkeypatch.setattr(adaptation, "limit_bounds", worse_and_worse)
+    monkeypatch.setattr(adaptive_meshes, "limit_bounds", worse_and_worse)
     found = adaptive_bounds(footing(shared_tmp_path), Adaptation(until=0.01, cells=600))
     assert len(meshes) > 2
     assert found.last is meshes[-1]

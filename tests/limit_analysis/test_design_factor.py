@@ -13,12 +13,27 @@ pytestmark = pytest.mark.serial
 @pytest.mark.parametrize(
     ("lower", "upper", "estimate", "words"),
     [
-        (3.0, 4.0, 3.9, "is carried 1.5 times for certain, and at most 2 times."),
-        (3.0, None, 3.9, "is carried 1.5 times for certain."),
+        (
+            3.0,
+            4.0,
+            3.9,
+            "is carried for certain, 1.5 times: the proof leaves 50 % to spare; 2 times it is not.",
+        ),
+        (3.0, None, 3.9, "is carried for certain, 1.5 times: the proof leaves 50 % to spare."),
         (1.0, 1.5, 1.4, "is not carried: the bodies collapse at 0.75 times it at the latest."),
-        (1.0, 3.0, 2.9, "is carried is open: 0.5 times it is carried; 1.5 times it is not"),
-        (None, None, 2.9, "open: nothing is proven of the bodies (estimate: 1.45 times)."),
-        (None, 4.0, None, "open: 2 times it is not."),
+        (
+            1.0,
+            3.0,
+            2.9,
+            "is not decided by this mesh: 0.5 times it is carried; 1.5 times it is not",
+        ),
+        (
+            None,
+            None,
+            2.9,
+            "not decided by this mesh: nothing is proven of the bodies (estimate: 1.45 times).",
+        ),
+        (None, 4.0, None, "not decided by this mesh: 2 times it is not."),
     ],
 )
 def test_words(
@@ -29,7 +44,9 @@ def test_words(
 
 def test_rounding_is_to_the_safe_side() -> None:
     words = DesignFactor.of(3.0, 4.0, 5.0, None).in_words()
-    assert "1.33333 times for certain, and at most 1.66667 times" in words
+    assert "1.33333 times: the proof leaves 33 % to spare; 1.66667 times it is not" in words
+    assert "leaves 9.9 % to spare" in DesignFactor.of(1.0, 1.0999, None, None).in_words()
+    assert "leaves 0 % to spare" in DesignFactor.of(2.0, 2.0, None, None).in_words()
 
 
 @pytest.mark.parametrize("design", [0.0, -1.0, math.inf, math.nan])

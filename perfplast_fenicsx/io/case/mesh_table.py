@@ -10,7 +10,7 @@ from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.controls.control import Control
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile, read_geometry
-from perfplast_fenicsx.io.case.schema import Table, convert
+from perfplast_fenicsx.io.case.schema import Table, at, convert
 from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.mesh.overlapping_bodies import check_bodies
@@ -90,4 +90,7 @@ def read_adaptation(table: Table | None, loading: Control, place: str) -> Adapta
             f"{place}: meshes are adapted to bounds, but there are none without control = 'bounds'"
             " or 'strength' under [loading]; choose it, or leave adapt out."
         )
-    return convert(table, Adaptation, place)
+    adaptation = convert(table, Adaptation, place)
+    with at(place):
+        adaptation.check_design(loading.design)
+    return adaptation

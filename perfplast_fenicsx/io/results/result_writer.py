@@ -19,7 +19,7 @@ from perfplast_fenicsx.io.results.proof_file import (
 )
 from perfplast_fenicsx.io.results.result_files import FALLS, PROOF, STANDS
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
-from perfplast_fenicsx.limit_analysis.body.adaptation import AdaptiveBounds
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words

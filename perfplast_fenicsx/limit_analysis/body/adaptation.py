@@ -1,41 +1,16 @@
-"""Bounds of the limit load on meshes that are refined where the bounds say.
+"""How meshes are adapted to bounds, and when that ends."""
 
-The difference of both bounds is the sum of shares of the cells, none below zero, and shows where
-the mechanism is poor; the dissipation of the lower bound's multipliers shows where the stress is.
-Cells that have most of either are refined. M. Ciria, J. Peraire and J. Bonet, doi:10.1002/nme.2310.
-"""
+from dataclasses import dataclass
+from typing import Literal
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-
-import numpy as np
-import numpy.typing as npt
-
-from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, limit_bounds
-from perfplast_fenicsx.limit_analysis.body.marking import largest_shares
-from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
-from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, Verdict
-from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
-from perfplast_fenicsx.limit_analysis.facets.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
-from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
-from perfplast_fenicsx.mesh.refinement import check_refinable, fan, refine
+from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
+from perfplast_fenicsx.mesh.refinement import check_refinable
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
 
-PART = {2: 0.4, 3: 0.2}
-"""Part of the gap, and of the dissipation, that the cells have which are refined, by dimension: in
-space their neighbours are divided as well, and theirs."""
-
-VALENCE = 24
-"""Cells that meet at least, in the end, at points where the stress depends on the direction."""
-
-FEWER = 6
-"""How often the part is halved where the finer mesh would have too many cells."""
+DECIDED = "decided"
+"""End of adapting where it is proven what becomes of the design load, in place of a gap."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +18,9 @@ class Adaptation:
     """Meshes that are refined where the bounds of the limit load say, and when that ends.
 
     Args:
-        until: Gap of the bounds at which it ends, relative to the lower one, between 0 and 1.
+        until: Gap of the bounds at which it ends, relative to the lower one, between 0 and 1; or
+            "decided", for the end as soon as it is proven that the design load is carried, or that
+            it is not.
         cells: Cells that a finer mesh may have at most; the first one may have more, and is the
             only one then.
 
@@ -51,12 +28,49 @@ class Adaptation:
         InputError: A gap that is none.
     """
 
-    until: float = 0.01
+    until: float | Literal["decided"] = 0.01
     cells: int = 50000
 
     def __post_init__(self) -> None:
-        if not 0 < self.until < 1:
-            raise InputError(f"until = {self.until} is not between 0 and 1; try 0.01.")
+        if not isinstance(self.until, str) and not 0 < self.until < 1:
+            raise InputError(
+                f'until = {self.until} is not between 0 and 1; try 0.01, or "decided".'
+            )
+
+    def check_design(self, design: float | None) -> None:
+        """Refuse a decision on nothing.
+
+        Args:
+            design: Load factor of the design load, if one is given.
+
+        Raises:
+            InputError: If there is none to decide on.
+        """
+        if self.until == DECIDED and design is None:
+            raise InputError(
+                'until = "decided" goes with a design load; give design, its load factor, often'
+                " design = 1.0 under [loading] with control = 'bounds', or a gap such as"
+                " until = 0.01."
+            )
+
+    def ends(self, lower: Bound, upper: Bound, design: float | None) -> str | None:
+        """Why bounds are good enough; None where they are not.
+
+        Args:
+            lower: The best lower bound so far.
+            upper: The best upper one.
+            design: As :meth:`check_design` takes it.
+        """
+        if design is not None and self.until == DECIDED:
+            low, high = (bound.value if bound.strict else None for bound in (lower, upper))
+            found = DesignFactor.of(design, low, high, None)
+            return "it is decided whether the design load is carried" if found.decided else None
+        gap = lower.apart(upper)
+        if gap is None or isinstance(self.until, str) or gap > self.until:
+            return None
+        strict = lower.strict and upper.strict
+        what = "bounds" if strict else "values, which are no bounds of the body,"
+        return f"the {what} are within {self.until:g} of each other"
 
     def check(self, tagged_mesh: TaggedMesh) -> None:
         """Refuse a first mesh that cannot be adapted. Collective.
@@ -65,222 +79,3 @@ class Adaptation:
             InputError: If it has curved cells.
         """
         check_refinable(tagged_mesh)
-
-
-@dataclass(frozen=True)
-class Round:
-    """Bounds on one mesh.
-
-    Attributes:
-        number: From 1.
-        cells: Of the mesh.
-        lower: The lower bound found on it; None where there is none.
-        upper: The upper bound.
-        gap: What the best upper bound so far exceeds the best lower one by, relative; None where
-            one of them is missing.
-        seconds: Wall time so far.
-    """
-
-    number: int
-    cells: int
-    lower: float | None
-    upper: float | None
-    gap: float | None
-    seconds: float
-
-
-@dataclass(frozen=True)
-class AdaptiveBounds:
-    """Bounds on a sequence of meshes.
-
-    Attributes:
-        low: What was found on the mesh with the best lower bound.
-        high: What was found on the mesh with the best upper bound.
-        last: What was found on the last mesh.
-        problem: On the last mesh; in space its cells are not split.
-        sources: The same on the meshes of ``low`` and ``high``.
-        rounds: All meshes.
-        reason: Why it is the last one.
-    """
-
-    low: BodyBounds
-    high: BodyBounds
-    last: BodyBounds
-    problem: Problem
-    sources: tuple[Problem, Problem]
-    rounds: list[Round]
-    reason: str
-
-    @property
-    def lower(self) -> Bound:
-        """The best lower bound of all meshes."""
-        return self.low.lower
-
-    @property
-    def upper(self) -> Bound:
-        """The best upper bound of all meshes."""
-        return self.high.upper
-
-    @property
-    def best(self) -> BodyBounds:
-        """What was found on the mesh of the best bounds.
-
-        Where the lower one is of another mesh than the upper one, that of the two whose own bounds
-        are nearer to each other.
-        """
-        gaps = [it.lower.apart(it.upper) for it in (self.low, self.high)]
-        low, high = (np.inf if gap is None else gap for gap in gaps)
-        return self.low if low < high else self.high
-
-    @property
-    def body(self) -> BodyBounds:
-        """What was found on the mesh of the best bounds, with these in place of its own."""
-        certificates = dict(self.low.certificates)
-        certificates |= {k: v for k, v in self.high.certificates.items() if k == "inadmissible"}
-        return replace(
-            self.best,
-            lower=self.lower,
-            upper=self.upper,
-            static=self.low.static,
-            certificates=certificates,
-            advice=self.high.advice,
-        )
-
-    def __repr__(self) -> str:
-        return (
-            f"AdaptiveBounds({self.lower!r}, {self.upper!r}; {len(self.rounds)} meshes;"
-            f" {self.reason})"
-        )
-
-
-def adaptive_bounds(
-    problem: Problem,
-    adaptation: Adaptation | None = None,
-    rtol: float = 1e-4,
-    monitor: Callable[[Round], None] | None = None,
-    steps: Callable[[InteriorStep], None] | None = None,
-) -> AdaptiveBounds:
-    """Bound the limit load on finer and finer meshes, as far as memory goes. Collective.
-
-    Args:
-        problem: The bodies and their loads, on the first mesh.
-        adaptation: When to end.
-        rtol: How near each bound comes to the best of its kind on its mesh, relative.
-        monitor: Called on every rank after each mesh.
-        steps: Called on every rank after each step of the interior point method.
-
-    Raises:
-        InputError: If the mesh cannot be adapted, and for what :func:`body_bounds.limit_bounds`
-            refuses.
-    """
-    adaptation = adaptation or Adaptation()
-    adaptation.check(problem.tagged_mesh)
-    problem = with_divided_corners(with_matching_facets(problem))
-    began, rounds = time.perf_counter(), list[Round]()
-    found = limit_bounds(problem, rtol, steps)
-    low = high = found
-    of_low = of_high = problem
-    while True:
-        gap = low.lower.apart(high.upper)
-        round_ = Round(
-            number=len(rounds) + 1,
-            cells=_count(problem.tagged_mesh),
-            lower=found.lower.value,
-            upper=found.upper.value,
-            gap=gap,
-            seconds=time.perf_counter() - began,
-        )
-        rounds.append(round_)
-        if monitor is not None:
-            monitor(round_)
-        if gap is not None and gap <= adaptation.until:
-            strict = low.lower.strict and high.upper.strict
-            what = "bounds" if strict else "values, which are no bounds of the body,"
-            reason = f"the {what} are within {adaptation.until:g} of each other"
-            break
-        finer = _finer(problem, found, adaptation.cells)
-        if isinstance(finer, str):
-            reason = finer
-            break
-        finer_problem = problem.on(finer)
-        try:
-            found = limit_bounds(finer_problem, rtol, steps)
-        except TooLarge as fault:
-            reason = f"the next mesh has {_count(finer)} cells: {fault}"
-            break
-        problem = finer_problem
-        other = found.question is not low.question  # bounds of other loads are no better ones
-        if other or _better(found.lower, low.lower, 1):
-            low, of_low = found, problem
-        if other or _better(found.upper, high.upper, -1):
-            high, of_high = found, problem
-    return AdaptiveBounds(low, high, found, problem, (of_low, of_high), rounds, reason)
-
-
-def _count(tagged_mesh: TaggedMesh) -> int:
-    topology = tagged_mesh.mesh.topology
-    count: int = topology.index_map(topology.dim).size_global
-    return count
-
-
-def _better(new: Bound, old: Bound, sign: int) -> bool:
-    """Whether a bound is the better one of the body: of those of meshes alone the new one.
-
-    Args:
-        new: Of the new mesh.
-        old: The best one so far.
-        sign: 1 of lower bounds, −1 of upper ones.
-    """
-    if new.value is None or old.value is None:
-        return new.value is not None
-    if new.strict and old.strict:
-        return sign * new.value > sign * old.value
-    return new.strict or not old.strict
-
-
-def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
-    """The next mesh, or why there is none. Collective."""
-    part, too_many = PART[problem.bodies.gdim], f"a finer mesh would have more than {cells} cells"
-    if _count(problem.tagged_mesh) >= cells:
-        return too_many
-    if found.static is not None and found.static.verdict is Verdict.NO_RESISTANCE:
-        part = 1.0  # what carries nothing has no shares: cells are too large anywhere
-    for _ in range(FEWER):
-        marked = _marked(problem, found, part)
-        if not problem.comm.allreduce(int(marked.sum())):
-            return "nothing was found that says where to refine"
-        finer = refined(problem, marked)
-        if _count(finer) <= cells:
-            return finer
-        part /= 2
-    return too_many
-
-
-def _marked(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.bool_]:
-    """Cells with a part of the gap or of the dissipation of the multipliers. Collective."""
-    dissipation = None if found.static is None else found.static.dissipation
-    topology = problem.tagged_mesh.mesh.topology
-    marked = np.full(topology.index_map(topology.dim).size_local, part >= 1.0)
-    for shares in (found.shares, dissipation):
-        if shares is not None:
-            marked |= largest_shares(problem.comm, shares, part)
-    return marked
-
-
-def refined(problem: Problem, marked: npt.NDArray[np.bool_]) -> TaggedMesh:
-    """The mesh of a problem, finer where it is marked, with fans where it needs them. Collective.
-
-    Args:
-        problem: The bodies with their loads.
-        marked: Of the cells that this rank owns.
-    """
-    given, tagged_mesh = problem.given, problem.tagged_mesh
-    pairs = opposite_vertices(tagged_mesh, given.contacts)
-    finer = refine(tagged_mesh, marked, pairs).tagged_mesh
-    if problem.bodies.gdim == 3:
-        return finer
-    points = singular_points(finer, given, VALENCE)
-    if problem.comm.allreduce(len(points)):
-        finer = fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
-    bend_crossings(finer)
-    return finer

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation, adaptive_bounds
+from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound

@@ -31,13 +31,32 @@ class DesignFactor:
         over = [None if value is None else value / zeta for value in (lower, upper, estimate)]
         return DesignFactor(zeta, *over)
 
+    @property
+    def carried(self) -> bool:
+        """Whether the design load is carried for certain."""
+        return self.lower is not None and bool(self.lower >= 1)
+
+    @property
+    def refused(self) -> bool:
+        """Whether it is for certain not carried."""
+        return self.upper is not None and bool(self.upper < 1)
+
+    @property
+    def decided(self) -> bool:
+        """Whether one of both is proven."""
+        return self.carried or self.refused
+
     def in_words(self) -> str:
         """What it says, in a sentence."""
         load = f"The design load (zeta = {self.zeta:.6g})"
-        if self.lower is not None and self.lower >= 1:
-            beyond = "" if self.upper is None else f", and at most {rounded_up(self.upper)} times"
-            return f"{load} is carried {rounded_down(self.lower)} times for certain{beyond}."
-        if self.upper is not None and self.upper < 1:
+        if self.carried and self.lower is not None:
+            beyond = "" if self.upper is None else f"; {rounded_up(self.upper)} times it is not"
+            spare = rounded_down(100 * (self.lower - 1), 2)
+            return (
+                f"{load} is carried for certain, {rounded_down(self.lower)} times: the proof leaves"
+                f" {spare} % to spare{beyond}."
+            )
+        if self.refused and self.upper is not None:
             return (
                 f"{load} is not carried: the bodies collapse at {rounded_up(self.upper)} times it"
                 " at the latest."
@@ -48,7 +67,8 @@ class DesignFactor:
         ]
         known = "; ".join(filter(None, proven)) or "nothing is proven of the bodies"
         guess = "" if self.estimate is None else f" (estimate: {self.estimate:.3g} times)"
-        return f"Whether {load[0].lower()}{load[1:]} is carried is open: {known}{guess}."
+        open_ = f"Whether {load[0].lower()}{load[1:]} is carried is not decided by this mesh"
+        return f"{open_}: {known}{guess}{'; refine it' if all(proven) else ''}."
 
 
 def check_design(design: float | None) -> None:
