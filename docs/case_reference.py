@@ -20,6 +20,7 @@ from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import support_tables, tables
+from perfplast_fenicsx.io.case.combinations import Combination, DesignTable
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
@@ -174,6 +175,8 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "support": ("[[support]]", _single(support_tables.SupportTable)),
     "load": ("[[load]]", _single(load_table())),
     "gravity": ("[gravity]", _single(GravityTable)),
+    "combination": ("[[combination]]", _single(Combination)),
+    "design": ("[design]", _single(DesignTable)),
     "temperature": ("[[temperature]]", _single(Temperature)),
     "initial_stress": ("[[initial_stress]]", _single(InitialStress)),
     "contact": (

@@ -14,6 +14,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.cli.combined_run import run_combined
 from perfplast_fenicsx.cli.follow import Follower
 from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, meshing_options
 from perfplast_fenicsx.cli.model_command import is_model, mesh_model
@@ -26,7 +27,7 @@ from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.glued import Glued
-from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.case_schema import case_schema
 from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.pictures.drawing_process import animate, plot
@@ -206,6 +207,9 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
                 if chosen.refine:
                     flags = (chosen.log_level, chosen.report, chosen.trust)
                     return run_refined(comm, *where, terminal, *flags)
+                case = read_case(chosen.case, comm, chosen.trust)
+                if case.combinations:
+                    return run_combined(comm, case, *where[1:], terminal, *how)
                 return run(comm, *where, terminal, *how)
             finally:
                 terminal.clear()

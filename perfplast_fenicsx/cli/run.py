@@ -3,6 +3,7 @@
 import logging
 import shlex
 import time
+from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -15,7 +16,10 @@ from perfplast_fenicsx.cli.run_log import RunLog, kept_warnings
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.controls.control import Run
-from perfplast_fenicsx.io.case.case import Case, read_case
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.case import Case
+from perfplast_fenicsx.io.case.case_reader import read_case
+from perfplast_fenicsx.io.case.combinations import Combination
 from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.case.units_table import odd_magnitudes
@@ -35,6 +39,7 @@ from perfplast_fenicsx.problem.halved import halved
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.left_out import left_out
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.report.report_file import report_on
 
 SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
@@ -54,6 +59,8 @@ def run(
     report: bool = False,
     trust: bool = False,
     finer: bool = False,
+    combination: Combination | None = None,
+    bodies: Problem | None = None,
 ) -> int:
     """Solve a case and write its results. Collective.
 
@@ -68,6 +75,8 @@ def run(
         report: Write ``report.html`` at the end, also where a signal is what ends the run.
         trust: Run a script that the mesh is made of.
         finer: With elements of half the size.
+        combination: The one of the case that is solved; None where it has none.
+        bodies: The problem of the whole case, whose mesh and contact it shares.
 
     Returns:
         :data:`SOLVED`, :data:`NO_SOLUTION` where a level has none, or the status of an interrupt.
@@ -78,11 +87,18 @@ def run(
     began, date = time.perf_counter(), time.strftime("%Y-%m-%d %H:%M %Z")
     with Interrupts(comm) as interrupts, kept_warnings(comm) as warnings:
         case = read_case(path, comm, trust)
+        if combination is not None:
+            case = case.combined(combination)
+        elif case.combinations:
+            raise InputError(
+                f"{case.path.name}: it has combinations, and --refine solves one case; leave out"
+                " one of them."
+            )
         folder = ResultFolder(comm, output, force, restart)
         if restart:
             check_case(folder, case.table, case.path.name)
         terminal.status("setting up the problem")
-        problem = case.problem(comm)
+        problem = case.problem(comm) if bodies is None else _on(bodies, case)
         if finer:
             with at(f"{case.path.name}, --refine"):
                 problem = halved(problem)
@@ -94,8 +110,11 @@ def run(
         if not restart:
             folder.create()
             checkpoints.write(saved)
+        # what belongs to all combinations together is begun in the folder above
+        whole = output if combination is None else str(Path(output).parent)
         with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
-            said = _on_friction(problem, case.loading.limit_tolerance is not None)
+            said = [*case.remarks]
+            said += _on_friction(problem, case.loading.limit_tolerance is not None)
             if method == LimitMethod.INTERIOR_POINT:
                 said += ignored(problem)
             for remark in said:
@@ -115,7 +134,7 @@ def run(
                 interrupts=interrupts,
                 began=began,
                 date=comm.bcast(date),
-                command=_command(path, output, report, trust),
+                command=_command(path, whole, report, trust),
                 remarks=remarks,
                 warnings=warnings,
             )
@@ -127,12 +146,18 @@ def run(
                 )
                 log.warning(
                     "%s %s, %s with: perfplast run %s --restart %s",
-                    *(INTERRUPTED, interrupted, told, path, output),
+                    *(INTERRUPTED, interrupted, told, path, whole),
                 )
                 status = interrupted.status
             if report and (page := report_on(folder)) is not None:
                 terminal.say(f"Report: {page}")
             return status
+
+
+def _on(bodies: Problem, case: Case) -> Problem:
+    """The problem of a case on bodies that are there already. Collective."""
+    with at(f"{case.path.name}, {case.remarks[-1]}"):
+        return variant(bodies, loads=case.loads)
 
 
 def _command(path: str, output: str, report: bool, trust: bool) -> str:

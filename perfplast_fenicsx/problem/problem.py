@@ -92,7 +92,7 @@ class Problem:
         first_active: Pairs that an active set begins with, so that no body is free to move.
         basis: Basis in which contact is a bound. What u_D and moving obstacles close of a gap, at
             that ζ, is taken from it.
-        loads: L₀ and L₁.
+        loads, declared: L₀ and L₁, and the same as they were declared.
     """
 
     def __init__(
@@ -150,7 +150,7 @@ class Problem:
         stays = self.initial_strain is not None or self.interferes or self.motion.moves_supports
         told = (self.motion.driven, stays)
         self.loads: LoadCase = declared_loads(self.V, tagged_mesh, loads, self.bcs, rigid, *told)
-        self._declared = self.loads
+        self.declared = self.loads
         self.free.check([self.loads.dead, self.loads.live])
 
     def __repr__(self) -> str:
@@ -187,7 +187,7 @@ class Problem:
     @property
     def as_declared(self) -> bool:
         """Whether ``loads`` are those that were declared, and not others put in their place."""
-        return self.loads is self._declared
+        return self.loads is self.declared
 
     @property
     def num_dofs(self) -> int:

@@ -1,16 +1,19 @@
-"""Other data on the same bodies: other materials, other rows of contact, other points."""
+"""Other data on the same bodies: other materials, loads, rows of contact or points."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from perfplast_fenicsx.contact.rows.constraints import Constraints
 from perfplast_fenicsx.contact.rows.friction import Friction
 from perfplast_fenicsx.contact.rows.jump_basis import JumpBasis
 from perfplast_fenicsx.materials.law import Material
+from perfplast_fenicsx.problem.assembled.declared_loads import declared_loads
 from perfplast_fenicsx.problem.assembled.initial_strain import initial_strain
 from perfplast_fenicsx.problem.assembled.law_on_cells import lay_out
 from perfplast_fenicsx.problem.assembled.spaces import Spaces
+from perfplast_fenicsx.problem.assembled.spread_forces import on_this_mesh
+from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -23,11 +26,12 @@ def variant(
     sliding: Constraints | None = None,
     basis: JumpBasis | None = None,
     friction: Friction | None = None,
+    loads: Sequence[Load] | None = None,
 ) -> Problem:
     """The same bodies with other data, those that are None as they were. Collective.
 
-    It shares mesh, displacements, supports, loads and the search for contact with the given
-    problem, and nothing that levels change: supports, obstacles and slip move for each by itself,
+    It shares mesh, displacements, supports and the search for contact with the given problem, and
+    nothing that levels change: supports, obstacles and slip move for each by itself,
     and so does the history of its laws, which begins anew.
 
     Args:
@@ -38,9 +42,10 @@ def variant(
         sliding: The rows of jumps along surfaces that rub.
         basis: The basis in which they are bounds; rows that are no pairs in it are glued.
         friction: What resists slip, with rows as of the problem's.
+        loads: What acts, as of a new problem.
 
     Raises:
-        InputError: If materials do not fit.
+        InputError: If materials or loads do not fit.
     """
     other = copy.copy(problem)
     spaces = points or Spaces(problem.degree, problem.V, problem.S, problem.Q, problem.dx)
@@ -62,4 +67,18 @@ def variant(
     bound, origin = resisting.bound.copy(), resisting.origin.copy()
     other.friction = replace(resisting, bound=bound, origin=origin)
     other.prescribed = problem.prescribed.copy()
+    if loads is not None:
+        _load(other, loads)
     return other
+
+
+def _load(problem: Problem, loads: Sequence[Load]) -> None:
+    """Put other loads in the place of a problem's. Collective."""
+    tagged_mesh, rigid = problem.tagged_mesh, problem.given.rigid
+    found = on_this_mesh(tagged_mesh, loads, rigid)
+    problem.given = replace(problem.given, loads=found)
+    moved = problem.interferes or problem.motion.moves_supports
+    stays = problem.initial_strain is not None or moved
+    told = (problem.bcs, rigid, problem.motion.driven, stays)
+    problem.loads = problem.declared = declared_loads(problem.V, tagged_mesh, found, *told)
+    problem.free.check([problem.loads.dead, problem.loads.live])

@@ -12,7 +12,7 @@ import pytest
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import SOLVED
-from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.solvers.newton import Newton
 from perfplast_fenicsx.solvers.stroke import GROWTH, stroke
 from tests.functional.test_restart import ended_after as ended_after  # a fixture

@@ -20,6 +20,7 @@ from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import support_tables
 from perfplast_fenicsx.io.case import tables as schemas
+from perfplast_fenicsx.io.case.combinations import Combination, DesignTable
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
 from perfplast_fenicsx.io.results import field_series
@@ -51,6 +52,8 @@ TABLES = {
     "[[obstacle]]": [*OBSTACLES.values()],
     "[[rigid_surface]]": [support_tables.RigidSurfaceTable],
     "[[tie]]": [Tie],
+    "[[combination]]": [Combination],
+    "[design]": [DesignTable],
     "[model]": [schemas.ModelOptions],
     "[element]": [schemas.ElementOptions],
     "[solve]": [entry.options for entry in METHODS.values()],

@@ -28,7 +28,7 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.child_process import environment_apart
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.errors import LONGEST_MESSAGE, InputError
-from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.toml_reader import LARGEST_FILE, parse
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import read_gmsh

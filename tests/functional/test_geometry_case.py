@@ -10,7 +10,7 @@ import pytest
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.case_reader import read_case
 from tests.geometry.files import write
 
 CASE = """

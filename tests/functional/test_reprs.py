@@ -7,7 +7,7 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx import AugmentedLagrangian, BorderedNewton, Newton, limit_load
-from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.case_reader import read_case
 from tests.models import l_plate_problem, punch_problem
 
 SOLVERS = (Newton, BorderedNewton, AugmentedLagrangian)

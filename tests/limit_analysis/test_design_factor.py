@@ -46,6 +46,7 @@ def test_rounding_is_to_the_safe_side() -> None:
     words = DesignFactor.of(3.0, 4.0, 5.0, None).in_words()
     assert "1.33333 times: the proof leaves 33 % to spare; 1.66667 times it is not" in words
     assert "leaves 9.9 % to spare" in DesignFactor.of(1.0, 1.0999, None, None).in_words()
+    assert "leaves 640 % to spare" in DesignFactor.of(1.0, 7.49998, None, None).in_words()
     assert "leaves 0 % to spare" in DesignFactor.of(2.0, 2.0, None, None).in_words()
 
 

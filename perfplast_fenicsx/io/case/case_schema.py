@@ -20,6 +20,7 @@ from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.docstrings import arguments, summary
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.io.case.combinations import Combination, DesignTable
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
 from perfplast_fenicsx.io.case.support_tables import RigidSurfaceTable, SupportTable
@@ -89,6 +90,8 @@ def _tables() -> dict[str, Schema]:
         "support": _table(SupportTable),
         "load": _table(load_table()),
         "gravity": _table(GravityTable),
+        "combination": _table(Combination),
+        "design": _table(DesignTable),
         "temperature": _table(Temperature),
         "initial_stress": _table(InitialStress),
         "contact": _choice("interface", INTERFACES, default="friction"),

@@ -28,6 +28,9 @@ class Document:
         model: What the coordinates of a mesh in the plane mean.
         title: For people; the name of the file where it is missing.
         gravity: The weight of bodies, by their densities.
+        combination: Loads that act together with factors, each solved by itself; a table of
+            results, the worst one first.
+        design: Partial factors on strengths.
         support: What holds the bodies.
         temperature: Where the temperature changes.
         initial_stress: Where bodies have stress before they are deformed.
@@ -50,6 +53,8 @@ class Document:
     title: str = ""
     load: list[Table] = field(default_factory=list)
     gravity: Table | None = None
+    combination: list[Table] = field(default_factory=list)
+    design: Table = field(default_factory=dict)
     support: list[Table] = field(default_factory=list)
     temperature: list[Table] = field(default_factory=list)
     initial_stress: list[Table] = field(default_factory=list)

@@ -51,10 +51,10 @@ class DesignFactor:
         load = f"The design load (zeta = {self.zeta:.6g})"
         if self.carried and self.lower is not None:
             beyond = "" if self.upper is None else f"; {rounded_up(self.upper)} times it is not"
-            spare = rounded_down(100 * (self.lower - 1), 2)
+            spare = float(rounded_down(100 * (self.lower - 1), 2))
             return (
                 f"{load} is carried for certain, {rounded_down(self.lower)} times: the proof leaves"
-                f" {spare} % to spare{beyond}."
+                f" {spare:g} % to spare{beyond}."
             )
         if self.refused and self.upper is not None:
             return (

@@ -13,7 +13,8 @@ from perfplast_fenicsx.contact.declared.obstacles import Plane
 from perfplast_fenicsx.controls.load_control import LoadControl
 from perfplast_fenicsx.controls.work_control import WorkControl
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.case.case import Case, read_case
+from perfplast_fenicsx.io.case.case import Case
+from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile, OutputOptions
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.materials.elastic import Elastic

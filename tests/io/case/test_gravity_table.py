@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import BodyForce, InputError, Problem, Support, Traction
-from perfplast_fenicsx.io.case.case import read_case
+from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_words import load_in_words
 from perfplast_fenicsx.mesh.sample_meshes import two_blocks

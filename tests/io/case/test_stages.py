@@ -8,7 +8,8 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx import Elastic, Flow, Hardening, InputError, Stage, VonMises
-from perfplast_fenicsx.io.case.case import Case, read_case
+from perfplast_fenicsx.io.case.case import Case
+from perfplast_fenicsx.io.case.case_reader import read_case
 from tests.io.case.test_case import assert_one_sentence
 from tests.models import write_case
 

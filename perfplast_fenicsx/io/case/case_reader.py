@@ -1,0 +1,159 @@
+"""Reading case files."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES, Obstacle
+from perfplast_fenicsx.contact.declared.tie import Tie
+from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.errors import InputError, on_rank0
+from perfplast_fenicsx.io.case.case import Case
+from perfplast_fenicsx.io.case.combinations import (
+    designed_for,
+    read_combinations,
+    reduced,
+)
+from perfplast_fenicsx.io.case.gravity_table import GravityTable
+from perfplast_fenicsx.io.case.load_table import read_load
+from perfplast_fenicsx.io.case.loading_table import read_loading, remembering
+from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
+from perfplast_fenicsx.io.case.method_table import read_method
+from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
+from perfplast_fenicsx.io.case.support_tables import (
+    RigidSurfaceTable,
+    SupportTable,
+    read_contact,
+)
+from perfplast_fenicsx.io.case.tables import (
+    Document,
+    ElementOptions,
+    ModelOptions,
+    OutputOptions,
+)
+from perfplast_fenicsx.io.case.toml_reader import parse, read_text
+from perfplast_fenicsx.io.case.units_table import read_units
+from perfplast_fenicsx.materials.laws import MATERIALS, Material
+from perfplast_fenicsx.problem.declared.initial import Initial, InitialStress, Temperature
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.declared.stage import check_stages
+
+
+def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD, trust: bool = False) -> Case:
+    """Read a case file on rank 0 and check it on every rank alike. Collective.
+
+    Args:
+        path: The TOML file.
+        comm: The ranks that need the case.
+        trust: Let gmsh run the script that the mesh is made of, if it is one.
+
+    Raises:
+        InputError: A file that cannot be read or is not TOML, unknown or missing keys, or values of
+            a wrong type or outside their range.
+    """
+    path = Path(path)
+    text: str = comm.bcast(on_rank0(comm, lambda: read_text(path)))
+    case = replace(_case(path, text), trust=trust)
+    for combination in case.combinations:
+        case.combined(combination)
+    return case
+
+
+def _case(path: Path, text: str) -> Case:
+    name = path.name
+    table = parse(text, name)
+    top = convert(table, Document, name)
+    materials: dict[str, Material] = {}
+    for body, properties in top.material.items():
+        place = f"{name}, [material.{body}]"
+        _, law, rest = choose(properties, "law", MATERIALS, place)
+        materials[body] = convert(rest, law, place)
+    units = read_units(top.units, materials, name)
+    materials, weaker = reduced(materials, top.design, f"{name}, [design]")
+    loads: list[Load] = []
+    for place, load in _numbered(top.load, f"{name}, [[load]]"):
+        loads.append(read_load(load, place))
+    if top.gravity is not None:
+        place = f"{name}, [gravity]"
+        weight = convert(top.gravity, GravityTable, place)
+        with at(place):
+            loads += weight.loads(materials)
+    supports = _numbered(top.support, f"{name}, [[support]]")
+    contacts = _numbered(top.contact, f"{name}, [[contact]]")
+    obstacles: list[Obstacle] = []
+    for place, obstacle in _numbered(top.obstacle, f"{name}, [[obstacle]]"):
+        _, shape, rest = choose(obstacle, "shape", OBSTACLES, place)
+        obstacles.append(convert(rest, shape, place))
+    loading = read_loading(top, name)
+    combinations = read_combinations(_numbered(top.combination, f"{name}, [[combination]]"))
+    if combinations:
+        loading = designed_for(loading, f"{name}, [[combination]]")
+    place = f"{name}, {'[[stage]]' if top.stage else '[loading]'}"
+    coulomb = any(surface.get("coulomb") for surface in (*top.contact, *top.obstacle))
+    method, options = read_method(top.solve, loading, f"{name}, [solve]", coulomb)
+    kinds: dict[str, tuple[list[Table], type[Initial]]] = {
+        "temperature": (top.temperature, Temperature),
+        "initial_stress": (top.initial_stress, InitialStress),
+    }
+    initial: list[Initial] = []
+    for kind, (tables, schema_of) in kinds.items():
+        for where, entry in _numbered(tables, f"{name}, [[{kind}]]"):
+            initial.append(convert(entry, schema_of, where))
+    moved = loading.moved(loads, initial)
+    held, rigid = [], []
+    for where, support in supports:
+        base = convert(support, SupportTable, where)
+        with at(where):
+            held.append(base.support(moved(base.name, base.on)))
+    for where, surface in _numbered(top.rigid_surface, f"{name}, [[rigid_surface]]"):
+        plate = convert(surface, RigidSurfaceTable, where)
+        with at(where):
+            rigid.append(plate.surface(moved(plate.name, plate.on)))
+    touching = [read_contact(contact, moved, where) for where, contact in contacts]
+    strained = bool(initial) or any(a.interference and a.constant for a in touching)
+    with at(name):
+        materials = remembering(materials, loading)
+        if stages := loading.in_turn():
+            check_stages(stages, loads, initial, [*held, *rigid, *obstacles, *touching])
+    with at(place):
+        loading.check(Given(loads, [*held, *rigid], obstacles, touching, strained))
+    mesh = read_mesh(top.mesh, top.geometry, name)
+    model = convert(top.model, ModelOptions, f"{name}, [model]")
+    if model.kind == "axisymmetric" and loading.of_body:
+        raise InputError(
+            f"{name}, [model]: control = 'bounds' or 'strength' is for plane strain and space; give"
+            " control = 'work' and until = 'limit' for the limit load of the mesh."
+        )
+    return Case(
+        path=path,
+        text=text,
+        table=table,
+        title=top.title or path.stem,
+        mesh=mesh,
+        adapt=read_adaptation(mesh.adapt, loading, f"{name}, [mesh], adapt"),
+        materials=materials,
+        supports=held,
+        loads=loads,
+        contacts=touching,
+        obstacles=obstacles,
+        ties=[convert(tie, Tie, place) for place, tie in _numbered(top.tie, f"{name}, [[tie]]")],
+        model=model,
+        rigid=rigid,
+        element=convert({**loading.element, **top.element}, ElementOptions, f"{name}, [element]"),
+        method=method,
+        options=options,
+        loading=loading,
+        output=convert(top.output, OutputOptions, f"{name}, [output]"),
+        units=units,
+        initial=initial,
+        combinations=combinations,
+        remarks=(weaker,) if weaker else (),
+    )
+
+
+def _numbered(tables: list[Table], place: str) -> list[tuple[str, Table]]:
+    """Tables of an array with their places; the number is left out where there is one."""
+    if len(tables) == 1:
+        return [(place, tables[0])]
+    return [(f"{place} number {i}", table) for i, table in enumerate(tables, start=1)]

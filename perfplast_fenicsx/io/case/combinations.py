@@ -1,0 +1,152 @@
+"""``[[combination]]`` and ``[design]``: loads times factors, strengths divided by others."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from perfplast_fenicsx.controls.control import Control
+from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.io.case.schema import Table, at, convert
+from perfplast_fenicsx.materials.laws import Material
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.declared.scaled_load import scaled
+from perfplast_fenicsx.problem.declared.stage import called
+
+WRONG = '/\\:*?"<>|\n\t\0'
+"""Characters that no folder may have in its name, on whatever system."""
+
+
+@dataclass(frozen=True)
+class Combination:
+    """Loads that act together, each times a factor.
+
+    It is solved by itself, on the mesh and with the contact of all: what loads it does not name do
+    not act in it, and ζ multiplies those that are not constant. Without ``design`` under [loading]
+    the combination itself is the design load, ζ = 1.
+
+    Args:
+        name: Of the combination, and of the folder of its results.
+        factors: Of loads, by their names, or by their surfaces or volumes where they have none.
+    """
+
+    name: str
+    factors: dict[str, float]
+
+    def __post_init__(self) -> None:
+        if not self.name.strip() or set(self.name) & set(WRONG):
+            raise InputError(
+                f"name = '{self.name}' is no name of a folder; give one without {WRONG[:9]}."
+            )
+        for load, factor in self.factors.items():
+            if not (factor >= 0 and math.isfinite(factor)):
+                raise InputError(
+                    f"the factor of '{load}' is {factor:g}; give a number from 0 on, and a load the"
+                    " other way where that is meant."
+                )
+        if not any(self.factors.values()):
+            raise InputError(f"'{self.name}' has no factor above 0; give one, or leave it out.")
+
+    def of(self, loads: Sequence[Load]) -> list[Load]:
+        """The loads that act in it.
+
+        Raises:
+            InputError: If there is none that is called as a factor is.
+        """
+        known = [called(load) for load in loads]
+        for name in self.factors:
+            if name not in known:
+                raise InputError(f"there is no load '{name}'; {nearest(name, known)}")
+        factors = [self.factors.get(name, 0.0) for name in known]
+        return [scaled(load, f) for load, f in zip(loads, factors, strict=True) if f > 0]
+
+    def in_words(self) -> str:
+        """What it is made of."""
+        parts = [f"{factor:g} × {name}" for name, factor in self.factors.items() if factor > 0]
+        return f"combination '{self.name}': {' + '.join(parts)}"
+
+
+@dataclass(frozen=True)
+class DesignTable:
+    """What strengths are divided by before anything is computed.
+
+    Args:
+        strength: Partial factor on yield stresses, cohesions and slopes of friction: a number for
+            all bodies, or one for each, by its name; those that are not named keep theirs.
+    """
+
+    strength: float | dict[str, float] = 1.0
+
+
+def read_combinations(tables: Sequence[tuple[str, Table]]) -> list[Combination]:
+    """The combinations of a case.
+
+    Args:
+        tables: With their places.
+
+    Raises:
+        InputError: If keys are wrong, or two have one name.
+    """
+    found: list[Combination] = []
+    for place, table in tables:
+        one = convert(table, Combination, place)
+        if one.name.casefold() in [other.name.casefold() for other in found]:
+            raise InputError(f"{place}: there are two combinations '{one.name}'; rename one.")
+        found.append(one)
+    return found
+
+
+def designed_for(loading: Control, place: str) -> Control:
+    """A control whose design load is the combination itself, where it names none.
+
+    Raises:
+        InputError: If no limit load is sought, or none by the interior point method.
+    """
+    known: Any = loading
+    if not hasattr(known, "design") or loading.limit_tolerance is None or loading.in_turn():
+        raise InputError(
+            f"{place}: combinations are for limit loads and bounds; give control = 'bounds', or"
+            " 'work' with until = 'limit', under [loading]."
+        )
+    try:
+        found: Control = known if loading.design else replace(known, design=1.0)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{place}: this control seeks no load factor, which is what combinations are compared"
+            " by; give control = 'bounds', or 'work' with until = 'limit', under [loading]."
+        ) from None
+    return found
+
+
+def reduced(
+    materials: Mapping[str, Material], table: Table, place: str
+) -> tuple[dict[str, Material], str]:
+    """Materials with strengths that are divided by partial factors, and what is said of it.
+
+    Raises:
+        InputError: If a body is unknown, a factor none, or a material has no reduced strength.
+    """
+    strength = convert(table, DesignTable, place).strength
+    factors = strength if isinstance(strength, dict) else dict.fromkeys(materials, strength)
+    found: dict[str, Material] = dict(materials)
+    with at(place):
+        for body, factor in factors.items():
+            if body not in materials:
+                raise InputError(f"strength names '{body}', no body; {nearest(body, materials)}")
+            if not (factor > 0 and math.isfinite(factor)):
+                raise InputError(f"strength = {factor:g} divides no strength; give one above 0.")
+            if factor == 1:
+                continue
+            weaker = getattr(materials[body], "reduced", None)
+            if weaker is None:
+                raise InputError(
+                    f"the material of '{body}' has no reduced strength; leave it out of strength."
+                )
+            found[body] = weaker(factor)
+    changed = {body: factor for body, factor in factors.items() if factor != 1}
+    if not changed:
+        return found, ""
+    if len(set(changed.values())) == 1 and len(changed) == len(materials):
+        return found, f"all strengths are divided by {next(iter(changed.values())):g}"
+    parts = [f"of '{body}' by {factor:g}" for body, factor in changed.items()]
+    return found, f"strengths are divided: {', '.join(parts)}"

@@ -1,0 +1,168 @@
+"""Combinations of loads in a case file: each as if it were alone, a table, and what is refused."""
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx import (
+    BodyForce,
+    Contact,
+    Pressure,
+    Problem,
+    Support,
+    Traction,
+    VonMises,
+    stacked_blocks,
+)
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.proof import check
+from tests.models import case_text, write_case
+
+ROLLERS = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
+TOUCHING = [Contact("lower_top", "upper_bottom")]
+WEIGHT, LIVE = (0.0, 0.0, -40.0), 100.0
+LOADS = f"""[[load]]
+name = "weight"
+on = "upper"
+body_force = {list(WEIGHT)}
+[[load]]
+name = "live"
+on = "top"
+pressure = "{LIVE} + 0*x"
+"""
+COMBINED = {
+    "G": {"weight": 1.0},
+    "1.35 G + 1.5 Q": {"weight": 1.35, "live": 1.5},
+    "G + 1.5 Q": {"weight": 1.0, "live": 1.5},
+    "1.35 G": {"weight": 1.35, "live": 0.0},
+    "3.3 Q": {"live": 3.3},
+}
+BOUNDS = '[loading]\ncontrol = "bounds"\n'
+
+
+def text_of(more: str) -> str:
+    """Two blocks under loads that are combined."""
+    text = case_text(
+        {"builder": "stacked_blocks", "n": 1},
+        {"lower": VonMises(2e5, 0.3, 330.0), "upper": VonMises(2e5, 0.3, 440.0)},
+        ROLLERS,
+        contacts=TOUCHING,
+        more="[element]\ndegree = 2\n[output]\npictures = false\n" + more,
+    )
+    head, _, rest = text.partition("[[load]]")
+    return head + LOADS + rest[rest.index("\n[") :]
+
+
+def tables(combined: dict[str, dict[str, float]]) -> str:
+    """Combinations as tables of a case file."""
+    text = ""
+    for name, factors in combined.items():
+        inside = ", ".join(f"{load} = {factor}" for load, factor in factors.items())
+        text += f'[[combination]]\nname = "{name}"\nfactors = {{ {inside} }}\n'
+    return text
+
+
+def alone(comm: MPI.Intracomm, factors: dict[str, float], divided: float) -> Any:
+    """Bounds of one combination as a problem of its own. Collective."""
+    weight, live = factors.get("weight", 0.0), factors.get("live", 0.0)
+    loads: list[Any] = [Pressure("top", live * LIVE)] if live else []
+    loads += [BodyForce("upper", tuple(weight * g for g in WEIGHT))] if weight else []
+    strengths = {"lower": 330.0, "upper": 440.0}
+    steels = {body: VonMises(2e5, 0.3, given / divided) for body, given in strengths.items()}
+    problem = Problem(stacked_blocks(comm, 1), steels, ROLLERS, loads, TOUCHING, degree=2)
+    return limit_bounds(problem)
+
+
+def test_each_is_as_if_it_were_alone(
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    text = text_of(tables(COMBINED) + "[design]\nstrength = 1.1\n" + BOUNDS)
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
+    results = shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results), "--report"]) == SOLVED
+    out = comm.bcast(capsys.readouterr().out)
+    assert "all strengths are divided by 1.1." in out
+    for name, factors in COMBINED.items():
+        told = comm.bcast(
+            json.loads((results / name / "summary.json").read_text()) if comm.rank == 0 else None
+        )
+        body, expected = told["limit"]["body"], alone(comm, factors, 1.1)
+        assert body["lower"] == pytest.approx(expected.lower.value, rel=1e-10)
+        assert body["upper"] == pytest.approx(expected.upper.value, rel=1e-10)
+        if comm.rank == 0:
+            proven = check(results / name / "bounds.h5")
+            assert not any(half.faults for half in proven.values())
+            assert (results / name / "report.html").exists()
+    if comm.rank == 0:
+        with (results / "combinations.csv").open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert [row["combination"] for row in rows[:2]] == ["3.3 Q", "1.35 G + 1.5 Q"]
+        lowers = [float(row["lower"]) for row in rows]
+        assert lowers == sorted(lowers)
+        assert [row["design load"] for row in rows] == ["not carried", *["carried"] * 4]
+        assert "The worst is '3.3 Q'. The design load (zeta = 1) is not carried" in out
+    assert main(["run", str(case), "--restart", str(results)]) == SOLVED
+    again = comm.bcast(capsys.readouterr().out)
+    assert again.count("is solved already") == len(COMBINED)
+    assert out.splitlines()[-1] == again.splitlines()[-1]
+
+
+GOOD = tables({"A": {"weight": 1.0}})
+
+
+@pytest.mark.parametrize(
+    ("more", "part"),
+    {
+        tables({"A": {"wieght": 1.0}}) + BOUNDS: "there is no load 'wieght'; did you mean 'weight'",
+        tables({"A": {"weight": -1.0}}) + BOUNDS: "the factor of 'weight' is -1; give a number",
+        tables({"A": {"weight": 0.0}}) + BOUNDS: "'A' has no factor above 0",
+        tables({"A/B": {"weight": 1.0}}) + BOUNDS: "is no name of a folder",
+        GOOD + GOOD + BOUNDS: "number 2: there are two combinations 'A'",
+        GOOD + "[loading]\nvalues = [1.0]\n": "combinations are for limit loads and bounds",
+        GOOD + '[loading]\ncontrol = "strength"\n': "this control seeks no load factor",
+        "[design]\nstrength = 0.0\n" + BOUNDS: "strength = 0 divides no strength",
+        "[design]\nstrength = { uper = 1.1 }\n" + BOUNDS: "strength names 'uper', no body",
+    }.items(),
+)
+def test_refused_in_one_sentence(
+    more: str,
+    part: str,
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    case = write_case(comm, shared_tmp_path / "case.toml", text_of(more))
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == BAD_INPUT
+    err = comm.bcast(capsys.readouterr().err)
+    assert part in err
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_one_that_is_not_refined(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = write_case(comm, shared_tmp_path / "case.toml", text_of(GOOD + BOUNDS))
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "r"), "--refine"]) == BAD_INPUT
+    assert "--refine solves one case" in comm.bcast(capsys.readouterr().err)
+
+
+def test_loads_that_are_scaled() -> None:
+    """Numbers, formulas, and all that a load is given by."""
+    from perfplast_fenicsx.problem.declared.loads import Force
+    from perfplast_fenicsx.problem.declared.scaled_load import scaled
+
+    assert scaled(Pressure("top", "2*x"), 1.5).value == "1.5*(2*x)"
+    assert scaled(Traction("top", (1.0, "z")), 2.0).value == [2.0, "2.0*(z)"]
+    force = Force("top", (1.0, 2.0), moment=3.0, point=(1.0, 1.0))
+    found = scaled(force, 2.0)
+    assert isinstance(found, Force)
+    assert (found.value, found.moment, found.point) == ([2.0, 4.0], 6.0, (1.0, 1.0))
