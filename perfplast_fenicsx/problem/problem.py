@@ -66,8 +66,7 @@ class Problem:
         S: Mandel vectors (strain, stress) at the quadrature points (:class:`spaces.Spaces`).
         Q: Scalars at the quadrature points.
         dx: Integrates over these points; around the axis in axisymmetry.
-        cells: All cells of this rank, ghosts too; what is interpolated often names them, since
-            DOLFINx makes such an array each time and leaves it to Python's cyclic collector.
+        cells: All local cells, ghosts too, for `interpolate`, which else makes such an array anew.
         bodies: Connected components and their rigid motions.
         laws: The material laws, each on the cells of its bodies.
         initial_strain: e₀, which the laws do not see of ε(u); None for none.
@@ -92,7 +91,8 @@ class Problem:
         first_active: Pairs that an active set begins with, so that no body is free to move.
         basis: Basis in which contact is a bound. What u_D and moving obstacles close of a gap, at
             that ζ, is taken from it.
-        loads, declared: L₀ and L₁, and the same as they were declared.
+        loads: L₀ and L₁.
+        declared: The same, as they were declared.
     """
 
     def __init__(
