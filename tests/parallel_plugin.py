@@ -1,7 +1,8 @@
 """Tests on several ranks: what fails on one fails on all, and nothing waits for long.
 
 Of a test with many cases one runs there, and all where ``PERFPLAST_EVERY_CASE`` is set: what
-ranks exchange is the same in each, and what cases differ in is asserted on one rank.
+ranks exchange is the same in each, and what cases differ in is asserted on one rank. Of those that
+are marked ``costly`` one case runs on one rank as well.
 
 After each phase of a test (set-up, call, tear-down) the ranks tell each other how it went, on a
 communicator of their own. Where it failed on some, it fails on all, with every traceback, and the
@@ -36,6 +37,8 @@ GRACE = 20.0
 STUCK = 10.0
 """How long after its limit a test ends that lets no Python run, as inside of PETSc (s)."""
 
+EVERY_CASE = bool(os.environ.get("PERFPLAST_EVERY_CASE"))
+
 PASSED, SKIPPED, FAILED = range(3)
 NAMES = ("passed", "skipped", "failed")
 
@@ -43,6 +46,7 @@ NAMES = ("passed", "skipped", "failed")
 def pytest_configure(config: pytest.Config) -> None:
     """Register marks, and the hooks, most of which one rank alone does not need."""
     config.addinivalue_line("markers", "mpi3: also runs on three ranks")
+    config.addinivalue_line("markers", "costly: one of its cases runs, all with make verify")
     config.addinivalue_line("markers", "serial: cannot depend on ranks; runs on one alone")
     if config.pluginmanager.has_plugin("watchdog"):
         return
@@ -88,10 +92,7 @@ class Together:
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """What cannot depend on ranks has its turn on one, and so have most cases of one test."""
         parallel = [item for item in items if not item.get_closest_marker("serial")]
-        kept = parallel if os.environ.get("PERFPLAST_EVERY_CASE") else one_of_each(parallel)
-        here = {item.nodeid for item in kept}
-        self._config.hook.pytest_deselected(items=[it for it in items if it.nodeid not in here])
-        items[:] = kept
+        keep(self._config, items, parallel if EVERY_CASE else one_of_each(parallel))
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_finish(self, session: pytest.Session) -> None:
@@ -198,6 +199,23 @@ class Together:
 
     def _stack_of(self, rank: int) -> Path:
         return self._folder / f"stack{rank}"
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """On one rank one case of each costly test is enough."""
+    if EVERY_CASE or MPI.COMM_WORLD.size > 1:
+        return
+    chosen = one_of_each([item for item in items if item.get_closest_marker("costly")])
+    here = {item.nodeid for item in chosen}
+    kept = [it for it in items if it.nodeid in here or not it.get_closest_marker("costly")]
+    keep(config, items, kept)
+
+
+def keep(config: pytest.Config, items: list[pytest.Item], kept: list[pytest.Item]) -> None:
+    """Run these alone, and count the others as deselected."""
+    here = {item.nodeid for item in kept}
+    config.hook.pytest_deselected(items=[item for item in items if item.nodeid not in here])
+    items[:] = kept
 
 
 def one_of_each(items: list[pytest.Item]) -> list[pytest.Item]:

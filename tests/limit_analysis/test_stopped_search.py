@@ -97,6 +97,7 @@ def pinned(read: Read, seed: int) -> Problem:
     return Problem(tagged_mesh, materials, supports, [BodyForce(on, force)], contacts, degree=2)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", SEEDS)
 def test_assemblies_in_which_something_may_turn_have_a_bracket(read: Read, seed: int) -> None:
     problem = pinned(read, seed)

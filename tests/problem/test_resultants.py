@@ -90,6 +90,7 @@ def solved(method: type) -> Level:
     return level
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("method", [Newton, AugmentedLagrangian, WorkNewton])
 def test_levels_balance(method: type) -> None:
     level = solved(method)

@@ -15,6 +15,7 @@ from tests.solvers.levels import PLATE_LIMIT, SERIAL, TIGHT, converged, stress_d
 FIXED = (0.1, 1.0, 10.0)
 
 
+@pytest.mark.costly
 @SERIAL
 @pytest.mark.parametrize("acceleration", ["none", "anderson"])
 @pytest.mark.parametrize("name", ["punch", "plate"])

@@ -60,6 +60,7 @@ def moved(before: Level, after: Level) -> Any:
     return after.state.u.x.array - before.state.u.x.array
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("gdim", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_elastic_bodies_unload_as_masing_says(comm: MPI.Intracomm, gdim: int, degree: int) -> None:
     """A change of the push by −ΔF moves them by −2 times what ΔF/2 did, with Tresca's friction."""
@@ -80,6 +81,7 @@ def test_elastic_bodies_unload_as_masing_says(comm: MPI.Intracomm, gdim: int, de
     assert largest(comm, moved(pressed, back)) > 1e-2 * scale
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("friction", [{"tresca": 20.0}, {"coulomb": 0.2}])
 def test_many_small_steps_remember_slip(comm: MPI.Intracomm, friction: dict[str, float]) -> None:
     """Nothing slips back where the push rests, and the step that is left alone changes nothing."""
@@ -121,6 +123,7 @@ def dragged(comm: MPI.Intracomm, by: str, distance: float, tresca: float) -> Pro
     )
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("zeta", "slides"), [(0.05, False), (1.0, True)])
 def test_floor_and_support_drag_alike(comm: MPI.Intracomm, zeta: float, slides: bool) -> None:
     """Whichever moves, stress is the same, and at last the floor exerts τ̄A."""

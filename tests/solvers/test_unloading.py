@@ -15,6 +15,7 @@ from tests.contact.blocks_apart import blocks_apart
 from tests.models import STEEL
 
 
+@pytest.mark.costly
 @pytest.mark.mpi3
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("friction", [{"coulomb": 0.3}, {"tresca": 5.0}, {}])

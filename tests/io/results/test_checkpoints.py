@@ -73,6 +73,7 @@ def stress(problem: Problem, state: State) -> fem.Function:
     return fields.stress
 
 
+@pytest.mark.costly
 @pytest.mark.mpi3
 @pytest.mark.parametrize("seat", SEATS)
 @pytest.mark.parametrize(("dim", "degree"), [(2, 1), (3, 2)])

@@ -23,6 +23,7 @@ from tests.solvers.linear.systems import (
 TIGHT = NewtonOptions(tolerance=1e-10)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("make", "levels", "most"),
     [

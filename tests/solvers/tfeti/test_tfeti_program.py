@@ -66,6 +66,7 @@ CASES: dict[str, tuple[Callable[[], Problem], float]] = {
 }
 
 
+@pytest.mark.costly
 @pytest.mark.mpi3
 @pytest.mark.parametrize(("make", "zeta"), CASES.values(), ids=CASES.keys())
 def test_as_with_active_sets(make: Callable[[], Problem], zeta: float) -> None:
