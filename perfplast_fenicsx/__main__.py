@@ -23,6 +23,7 @@ from perfplast_fenicsx.cli.refined_run import run_refined
 from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED, run, warn_of
 from perfplast_fenicsx.cli.run_log import logged_to_console
 from perfplast_fenicsx.cli.signals import leave_pipes_to_python
+from perfplast_fenicsx.cli.sweep_command import sweep
 from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.errors import InputError, on_rank0
@@ -195,7 +196,7 @@ def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) ->
 
 def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
     chosen = read_arguments(comm, arguments)
-    if chosen.command == "run":
+    if chosen.command in ("run", "sweep"):
         steps_shown = chosen.log_level in ("debug", "info")  # and no live line between them
         live = False if steps_shown else None
         terminal = Terminal(comm, live=live, quiet=chosen.quiet)
@@ -204,6 +205,8 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
             restart = chosen.restart is not None
             how = (chosen.log_level, restart, chosen.report, chosen.trust)
             try:
+                if chosen.command == "sweep":
+                    return sweep(comm, *where, terminal, chosen.vary, *how)
                 if chosen.refine:
                     flags = (chosen.log_level, chosen.report, chosen.trust)
                     return run_refined(comm, *where, terminal, *flags)

@@ -65,7 +65,7 @@ def run_combined(
             terminal.say(f"'{one.name}' is solved already.")
             continue
         told = (path, folders[one.name], force, terminal, log_level, False, report, trust, False)
-        statuses.append(run(comm, *told, one, bodies))
+        statuses.append(run(comm, *told, case.combined(one), bodies))
         terminal.say()
         if statuses[-1] not in (SOLVED, NO_SOLUTION):
             return statuses[-1]

@@ -44,7 +44,7 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
         raise InputError(f"perfplast {chosen.command} has no argument '{first}'; {remedy}")
     if petsc and chosen.command not in SOLVING:
         raise InputError(f"perfplast {chosen.command} takes no PETSc options; leave out '--'.")
-    if chosen.command == "run" and chosen.restart and chosen.force:
+    if chosen.command in ("run", "sweep") and chosen.restart and chosen.force:
         raise InputError("--restart goes on from results and --force replaces them; give one.")
     if chosen.command == "run" and chosen.restart and chosen.refine:
         raise InputError("--restart goes on with one run and --refine begins two; give one.")
@@ -54,7 +54,7 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
     return chosen
 
 
-SOLVING = ("run", "check")
+SOLVING = ("run", "sweep", "check")
 """Commands that take PETSc options."""
 
 
@@ -107,6 +107,28 @@ class _Parser(argparse.ArgumentParser):
             super()._print_message(message, file)  # type: ignore[arg-type]
 
 
+def _add_results(command: argparse.ArgumentParser) -> None:
+    """What to solve, and where its results go."""
+    command.add_argument("case", metavar="CASE.toml", help="what to solve")
+    where = command.add_mutually_exclusive_group(required=True)
+    where.add_argument("-o", "--output", metavar="DIR", help="folder for results")
+    where.add_argument(
+        "--restart", metavar="DIR", help="go on from the last level that is solved in this folder"
+    )
+    command.add_argument("--force", action="store_true", help="replace results in DIR")
+    command.add_argument("--report", action="store_true", help="write DIR/report.html at the end")
+    command.add_argument(
+        "--log-level",
+        choices=LEVELS,
+        default="warning",
+        help="show what is at least as serious on standard error; info shows every Newton step"
+        " (DIR/run.log always has them; default: warning)",
+    )
+    command.add_argument(
+        "--quiet", action="store_true", help="nothing on standard output; warnings are still shown"
+    )
+
+
 def make_parser(comm: MPI.Intracomm) -> _Parser:
     """The parser of all commands."""
     parser = _Parser(
@@ -135,28 +157,28 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         epilog="PETSc options follow two dashes: -- -perfplast_ksp_rtol 1e-10 for the linear"
         " solver, -perfplast_vi_... for the contact set.",
     )
-    run.add_argument("case", metavar="CASE.toml", help="what to solve")
-    where = run.add_mutually_exclusive_group(required=True)
-    where.add_argument("-o", "--output", metavar="DIR", help="folder for results")
-    where.add_argument(
-        "--restart", metavar="DIR", help="go on from the last level that is solved in this folder"
-    )
-    run.add_argument("--force", action="store_true", help="replace results in DIR")
+    _add_results(run)
     run.add_argument(
         "--refine",
         action="store_true",
         help="solve it again with elements of half the size, in DIR/half, and compare in a table",
     )
-    run.add_argument("--report", action="store_true", help="write DIR/report.html at the end")
-    run.add_argument(
-        "--log-level",
-        choices=LEVELS,
-        default="warning",
-        help="show what is at least as serious on standard error; info shows every Newton step"
-        " (DIR/run.log always has them; default: warning)",
+
+    sweep = commands.add_parser(
+        "sweep",
+        parents=[scripts],
+        help="solve a case with other values, and put all results into one table",
+        description="Solve a case once for each value, or each pair of values and so on, in folders"
+        " of their own, DIR/0001 and so on; DIR/sweep.csv and DIR/sweep.png have all.",
     )
-    run.add_argument(
-        "--quiet", action="store_true", help="nothing on standard output; warnings are still shown"
+    _add_results(sweep)
+    sweep.add_argument(
+        "--vary",
+        metavar="KEY=VALUES",
+        action="append",
+        required=True,
+        help="a key of the case with values FROM:TO:NUMBER or A,B,C, as in"
+        " material.block.yield_stress=200:300:5 or load.top.pressure=1,2; may be given again",
     )
 
     add_mesh(commands, scripts)

@@ -19,7 +19,6 @@ from perfplast_fenicsx.controls.control import Run
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import read_case
-from perfplast_fenicsx.io.case.combinations import Combination
 from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.case.units_table import odd_magnitudes
@@ -59,8 +58,9 @@ def run(
     report: bool = False,
     trust: bool = False,
     finer: bool = False,
-    combination: Combination | None = None,
+    prepared: Case | None = None,
     bodies: Problem | None = None,
+    command: str = "",
 ) -> int:
     """Solve a case and write its results. Collective.
 
@@ -75,8 +75,9 @@ def run(
         report: Write ``report.html`` at the end, also where a signal is what ends the run.
         trust: Run a script that the mesh is made of.
         finer: With elements of half the size.
-        combination: The one of the case that is solved; None where it has none.
-        bodies: The problem of the whole case, whose mesh and contact it shares.
+        prepared: The case, where it is one of several that are made of the file.
+        bodies: Another problem whose mesh and contact it shares.
+        command: What makes the several cases anew.
 
     Returns:
         :data:`SOLVED`, :data:`NO_SOLUTION` where a level has none, or the status of an interrupt.
@@ -86,10 +87,8 @@ def run(
     """
     began, date = time.perf_counter(), time.strftime("%Y-%m-%d %H:%M %Z")
     with Interrupts(comm) as interrupts, kept_warnings(comm) as warnings:
-        case = read_case(path, comm, trust)
-        if combination is not None:
-            case = case.combined(combination)
-        elif case.combinations:
+        case = prepared or read_case(path, comm, trust)
+        if case.combinations:
             raise InputError(
                 f"{case.path.name}: it has combinations, and --refine solves one case; leave out"
                 " one of them."
@@ -110,8 +109,7 @@ def run(
         if not restart:
             folder.create()
             checkpoints.write(saved)
-        # what belongs to all combinations together is begun in the folder above
-        whole = output if combination is None else str(Path(output).parent)
+        whole = str(Path(output).parent) if prepared else output
         with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
             said = [*case.remarks]
             said += _on_friction(problem, case.loading.limit_tolerance is not None)
@@ -134,7 +132,7 @@ def run(
                 interrupts=interrupts,
                 began=began,
                 date=comm.bcast(date),
-                command=_command(path, whole, report, trust),
+                command=command or _command(path, whole, report, trust),
                 remarks=remarks,
                 warnings=warnings,
             )

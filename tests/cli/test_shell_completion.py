@@ -25,6 +25,7 @@ LINES = {
         "materials",
         "info",
         "schema",
+        "sweep",
     },
     "perfplast re": {"report"},
     "perfplast run --l": {"--log-level"},

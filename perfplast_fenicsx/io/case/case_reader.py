@@ -54,15 +54,24 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD, trust: boo
     """
     path = Path(path)
     text: str = comm.bcast(on_rank0(comm, lambda: read_text(path)))
-    case = replace(_case(path, text), trust=trust)
+    case = replace(case_of(path, text, parse(text, path.name)), trust=trust)
     for combination in case.combinations:
         case.combined(combination)
     return case
 
 
-def _case(path: Path, text: str) -> Case:
+def case_of(path: Path, text: str, table: Table) -> Case:
+    """A case as its file has it, or with other values. Not collective.
+
+    Args:
+        path: The file.
+        text: What it says.
+        table: The same as TOML; where it says something else, that counts.
+
+    Raises:
+        InputError: As :func:`read_case`.
+    """
     name = path.name
-    table = parse(text, name)
     top = convert(table, Document, name)
     materials: dict[str, Material] = {}
     for body, properties in top.material.items():

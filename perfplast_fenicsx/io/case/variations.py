@@ -1,0 +1,142 @@
+"""Values in place of those of a case file, as a sweep has them."""
+
+import copy
+import itertools
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.io.case.schema import Table
+
+MOST = 10_000
+"""Cases of a sweep; more are taken for a slip of the pen."""
+
+NAMED_BY = ("name", "on", "primary")
+"""Keys by which an entry of an array of tables is known."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A key of a case file, and the values that it has in turn.
+
+    Attributes:
+        key: Dotted, such as ``material.block.yield_stress`` or ``load.live.pressure``: tables by
+            their names, entries of an array of tables by their name or surface, or their number.
+        values: What TOML may have there.
+    """
+
+    key: str
+    values: tuple[Any, ...]
+
+
+def read_variation(text: str) -> Variation:
+    """The variation that is written as KEY=VALUES.
+
+    Args:
+        text: Values are FROM:TO:NUMBER, evenly apart with both ends, or a list with commas.
+
+    Raises:
+        InputError: If it is not of this form.
+    """
+    key, equals, values = (part.strip() for part in text.partition("="))
+    if not (key and equals and values):
+        raise InputError(
+            f"--vary {text} is not KEY=VALUES; write material.block.yield_stress=200:300:5, or"
+            " load.live.pressure=1.0,1.5,2.0."
+        )
+    parts = values.split(":")
+    if len(parts) == 1:
+        return Variation(key, tuple(_value(part, text) for part in values.split(",")))
+    try:
+        first, last, number = float(parts[0]), float(parts[1]), int(parts[2])
+    except (ValueError, IndexError):
+        first, last, number = math.nan, math.nan, 0
+    if len(parts) != 3 or not (math.isfinite(first) and math.isfinite(last) and number >= 2):
+        raise InputError(
+            f"--vary {text}: '{values}' is not FROM:TO:NUMBER with a NUMBER of 2 or more; write for"
+            " instance 200:300:5."
+        )
+    step = (last - first) / (number - 1)
+    inner = (first + i * step for i in range(1, number - 1))
+    return Variation(key, (first, *inner, last))
+
+
+def _value(text: str, whole: str) -> Any:
+    """A value as TOML has it; a word without quotes is a text."""
+    if not text.strip():
+        raise InputError(f"--vary {whole}: there is an empty value; leave out the comma.")
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text.strip()
+
+
+def grid(variations: Sequence[Variation]) -> list[dict[str, Any]]:
+    """All cases of a sweep: a value for each key, the last key going fastest.
+
+    Raises:
+        InputError: If a key is given twice, or there are very many cases.
+    """
+    keys = [variation.key for variation in variations]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise InputError(f"--vary gives '{key}' twice; give all its values at once.")
+    if math.prod(len(variation.values) for variation in variations) > MOST:
+        raise InputError(f"the sweep has more than {MOST} cases; give fewer values.")
+    product = itertools.product(*(variation.values for variation in variations))
+    return [dict(zip(keys, values, strict=True)) for values in product]
+
+
+def varied(table: Table, values: Mapping[str, Any]) -> Table:
+    """A case file's content with other values.
+
+    Args:
+        table: As TOML has it.
+        values: By their keys, of :class:`Variation`.
+
+    Raises:
+        InputError: If there is no table that a key names.
+    """
+    found = copy.deepcopy(table)
+    for key, value in values.items():
+        *tables, last = key.split(".")
+        place: Any = found
+        for part in tables:
+            place = _inside(place, part, key)
+        if isinstance(place, list):
+            place[_index(place, last, key)] = value
+        elif isinstance(place, dict):
+            place[last] = value
+        else:
+            raise InputError(f"--vary {key}: '{tables[-1]}' is a value, and no table.")
+    return found
+
+
+def _inside(place: Any, part: str, key: str) -> Any:
+    """What a part of a key names."""
+    if isinstance(place, list):
+        return place[_index(place, part, key)]
+    if not isinstance(place, dict) or part not in place:
+        known = list(place) if isinstance(place, dict) else []
+        raise InputError(f"--vary {key}: there is no '{part}' in the case; {nearest(part, known)}")
+    return place[part]
+
+
+def _index(entries: Sequence[Any], part: str, key: str) -> int:
+    """The number of an entry that is called so, or has this number."""
+    names = [
+        [entry[name] for name in NAMED_BY if name in entry] if isinstance(entry, dict) else []
+        for entry in entries
+    ]
+    called = [number for number, known in enumerate(names) if part in known]
+    if len(called) == 1:
+        return called[0]
+    if part.isdecimal() and int(part) < len(entries):
+        return int(part)
+    if called:
+        raise InputError(f"--vary {key}: several entries are called '{part}'; give its number.")
+    known = [name for all_ in names for name in all_] or [str(i) for i in range(len(entries))]
+    raise InputError(f"--vary {key}: there is no '{part}' in the case; {nearest(part, known)}")

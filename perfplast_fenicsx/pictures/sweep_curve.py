@@ -1,0 +1,64 @@
+"""What a sweep has found, over the first of the values that are varied. Single-process."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from perfplast_fenicsx.pictures.heading import heading
+from perfplast_fenicsx.pictures.picture_file import replace_picture
+
+LINES = {
+    "lower": ("^-", "lower bound, proven"),
+    "estimate": (".:", "estimate of the mesh"),
+    "upper": ("v-", "upper bound, proven"),
+    "zeta": ("o-", "last level that is solved"),
+}
+"""Columns that are drawn, with their marks and what they are."""
+
+
+def save_sweep(
+    rows: Sequence[Mapping[str, Any]], keys: Sequence[str], title: str, path: Path
+) -> bool:
+    """Draw what was found over the first key, a line for each value of the others.
+
+    Args:
+        rows: Of the sweep's table.
+        keys: That were varied.
+        title: Heading.
+        path: The png file.
+
+    Returns:
+        Whether it is drawn, as it is where the first key has numbers alone.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    first, *others = keys
+    if not all(isinstance(row[first], int | float) for row in rows):
+        return False
+    figure = Figure(figsize=(7, 5), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    groups = list(dict.fromkeys(tuple(row[key] for key in others) for row in rows))
+    for number, group in enumerate(groups):
+        told = ", ".join(f"{key} = {value}" for key, value in zip(others, group, strict=True))
+        for column, (mark, says) in LINES.items():
+            points = [
+                (row[first], row[column])
+                for row in rows
+                if tuple(row[key] for key in others) == group and row.get(column) is not None
+            ]
+            if points:
+                label = f"{says}{': ' if told else ''}{told}"
+                xy = zip(*sorted(points), strict=True)
+                axes.plot(*xy, mark, color=f"C{number % 10}", markersize=5, label=label)
+    axes.set_xlabel(first, parse_math=False)
+    axes.set_ylabel("load factor ζ, or factor of safety F")
+    axes.set_title(heading(title), parse_math=False)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="best", fontsize="small")
+    replace_picture(path, figure)
+    return True
