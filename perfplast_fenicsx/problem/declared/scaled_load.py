@@ -12,7 +12,7 @@ def scaled(load: Load, factor: float) -> Load:
 
     Args:
         load: A dataclass, as all loads are; numbers are multiplied, and so are formulas.
-        factor: Positive: a pin in its bore can press, and not pull.
+        factor: Of any sign; the pressure of a pin in its bore is another one if it is negative.
     """
     given: Any = load
     names = [field.name for field in fields(given) if field.name in load.quantities]
