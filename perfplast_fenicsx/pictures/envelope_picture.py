@@ -18,7 +18,7 @@ def save_envelope(
     """Draw both polygons, and between them where the edge of what is carried runs.
 
     Args:
-        rows: Of :meth:`envelope.Envelope.table`.
+        rows: Of :meth:`~perfplast_fenicsx.limit_analysis.body.interaction.Envelope.table`.
         names: Of the two loads.
         title: Heading.
         path: The png file.

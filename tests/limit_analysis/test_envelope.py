@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 
 from perfplast_fenicsx import InputError, Pressure, Problem, Support, Traction, VonMises
 from perfplast_fenicsx.limit_analysis import Envelope, envelope
-from perfplast_fenicsx.limit_analysis.body.envelope import _inner
+from perfplast_fenicsx.limit_analysis.body.interaction import _inner
 from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from perfplast_fenicsx.pictures.envelope_picture import save_envelope
 
