@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.cli.run import NO_SOLUTION, SOLVED, run
+from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.io.case.case import Case
@@ -59,7 +60,12 @@ def run_combined(
     solved: list[str] = comm.bcast(done) if restart else []
     for name, folder in folders.items():
         ResultFolder(comm, folder, force or name in solved)
-    bodies = case.problem(comm)
+    try:
+        with Interrupts(comm) as interrupts:
+            bodies = case.problem(comm)
+            interrupts.check()
+    except Interrupted as interrupted:
+        return interrupted.status
     for one in case.combinations:
         if one.name in solved:
             terminal.say(f"'{one.name}' is solved already.")

@@ -142,10 +142,9 @@ def run(
                 told = (
                     "what is solved is on file; go on" if solver else "nothing is lost; begin anew"
                 )
-                log.warning(
-                    "%s %s, %s with: perfplast run %s --restart %s",
-                    *(INTERRUPTED, interrupted, told, path, whole),
-                )
+                again = command.replace(" -o ", " --restart ", 1)
+                again = again or f"perfplast run {path} --restart {whole}"
+                log.warning("%s %s, %s with: %s", INTERRUPTED, interrupted, told, again)
                 status = interrupted.status
             if report and (page := report_on(folder)) is not None:
                 terminal.say(f"Report: {page}")

@@ -147,6 +147,19 @@ def test_refused_in_one_sentence(
     assert len(err.strip().splitlines()) == 1
 
 
+def test_one_in_which_nothing_grows(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Refused before another one is solved."""
+    more = tables({"B": {"live": 1.0}}) + GOOD + '[loading]\ncontrol = "work"\nuntil = "limit"\n'
+    text = text_of(more).replace('on = "upper"\nbody', 'on = "upper"\nconstant = true\nbody')
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == BAD_INPUT
+    err = comm.bcast(capsys.readouterr().err)
+    assert "[[combination]] 'A': control = 'work' goes with a load that grows" in err
+    assert not (shared_tmp_path / "r").exists()
+
+
 def test_one_that_is_not_refined(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

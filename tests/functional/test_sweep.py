@@ -90,6 +90,9 @@ def test_what_is_stopped_goes_on(
         statuses.append(main(["sweep", str(case), "--restart", str(folder), *vary]))
     assert statuses == [128 + signal.SIGTERM] * 3 + [SOLVED]
     assert solved == [50.0, 100.0] * 3
+    again = f"perfplast sweep {case} --restart {folder} --vary=load.top.pressure=0.5,1.0,1.5"
+    if comm.rank == 0:
+        assert again in (folder / "0001" / "run.log").read_text(encoding="utf-8")
     assert [float(row["zeta"]) for row in table(comm, folder)] == [100.0] * 3
 
 

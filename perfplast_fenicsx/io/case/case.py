@@ -18,6 +18,7 @@ from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.controls.control import Control
+from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.io.case.combinations import (
     Combination,
 )
@@ -102,13 +103,17 @@ class Case:
         """The case of one of its combinations.
 
         Raises:
-            InputError: If a load is unknown, or nothing grows in it.
+            InputError: If a load is unknown, or its loads do not go with the control.
         """
+        strained = bool(self.initial) or any(a.interference and a.constant for a in self.contacts)
         with at(f"{self.path.name}, [[combination]] '{combination.name}'"):
+            loads = combination.of(self.loads)
+            movers = (self.obstacles, self.contacts)
+            self.loading.check(Given(loads, [*self.supports, *self.rigid], *movers, strained))
             return replace(
                 self,
                 title=f"{self.title}: {combination.name}",
-                loads=combination.of(self.loads),
+                loads=loads,
                 combinations=[],
                 remarks=(*self.remarks, combination.in_words()),
             )
