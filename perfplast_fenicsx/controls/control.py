@@ -14,6 +14,7 @@ from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.interaction import Envelope
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, LimitMethod
@@ -67,6 +68,12 @@ class Record(Protocol):
 
     def safety(self, found: FactorOfSafety) -> None:
         """A factor of safety."""
+
+    def direction(self, angle: float, low: BodyBounds, high: BodyBounds) -> None:
+        """The bounds in a direction of an envelope (degrees)."""
+
+    def envelope(self, found: Envelope, names: tuple[str, str]) -> None:
+        """Which pairs of two loads, with these names, are carried."""
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from perfplast_fenicsx.controls.bounds_control import BoundsControl
 from perfplast_fenicsx.controls.control import Control
 from perfplast_fenicsx.controls.displacement_control import DisplacementControl
+from perfplast_fenicsx.controls.envelope_control import EnvelopeControl
 from perfplast_fenicsx.controls.load_control import LoadControl
 from perfplast_fenicsx.controls.strength_control import StrengthControl
 from perfplast_fenicsx.controls.work_control import WorkControl
@@ -13,5 +14,6 @@ CONTROLS: dict[str, type[Control]] = {
     "work": WorkControl,
     "bounds": BoundsControl,
     "strength": StrengthControl,
+    "envelope": EnvelopeControl,
 }
 """Dataclasses whose fields are the keys of ``[loading]`` beside ``control``."""

@@ -12,7 +12,8 @@ from pathlib import Path
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.pictures.boundary_surface import Surface
-from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.pictures.stored_limit import StoredLimit
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 FORMATS = (".gif", ".webp")
@@ -42,6 +43,13 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
             from perfplast_fenicsx.pictures.strength_curve import save_strength
 
             save_strength(reader.limit.strength, reader.scene.title, path)
+        yield str(path)
+    elif reader.limit is not None and reader.limit.envelope:
+        with _drawing(target / "envelope.png") as path:
+            from perfplast_fenicsx.pictures.envelope_picture import save_envelope
+
+            pairs = reader.limit.envelope
+            save_envelope(pairs["rows"], pairs["names"], reader.scene.title, path)
         yield str(path)
     surface = reader.surface(reader.levels[-1]) if reader.levels else None
     found = _mechanism(reader, surface) if surface or not reader.reports else None
@@ -176,6 +184,8 @@ def _collapse(limit: StoredLimit) -> str:
         factor = limit.strength["upper"]
         reduced = "" if factor is None else f", strengths divided by F = {rounded_up(factor)}"
         return f"collapse mechanism of the constant loads{reduced}"
+    if limit.envelope:
+        return f"collapse mechanism in the last direction, {limit.envelope['directions'][-1]:.4g}°"
     if limit.standing:
         return "collapse mechanism of the constant loads"
     lower, upper = (limit.body.get(name) for name in ("lower", "upper"))

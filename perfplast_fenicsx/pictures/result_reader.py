@@ -7,9 +7,8 @@ does not disturb it. HDF5's locks are not used, since some file systems have non
 import csv
 import dataclasses
 import json
-import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -41,6 +40,7 @@ from perfplast_fenicsx.io.results.result_files import (
 from perfplast_fenicsx.io.results.run_lock import BEGUN, INTERRUPTED
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.boundary_surface import Skin, Surface, make_skin
+from perfplast_fenicsx.pictures.stored_limit import StoredLimit, stored_limit
 from perfplast_fenicsx.problem.judged.report import LevelReport
 
 T = TypeVar("T")
@@ -50,29 +50,6 @@ SLIP, FRICTION = f"{POINT_DATA}/slip", f"{POINT_DATA}/friction_stress"
 YIELD_RATIO, LEVEL = f"{CELL_DATA}/yield_ratio", f"{FIELD_DATA}/level"
 ACCUMULATED = f"{CELL_DATA}/accumulated_plastic_strain"
 VELOCITY, DISSIPATION = f"{POINT_DATA}/mechanism", f"{CELL_DATA}/dissipation"
-
-
-@dataclass(frozen=True)
-class StoredLimit:
-    """What is known of the limit load (:class:`limit_methods.LimitLoad`).
-
-    Attributes:
-        lower: A lower bound of that of the mesh; −∞ where none is known.
-        estimate: That of the mesh.
-        upper: An upper bound of it.
-        body: What ``summary.json`` says of the body, if anything.
-        theorem: Whether these are bounds; if not, loads between which a path loses equilibrium.
-        standing: Whether constant loads alone are carried, in a sentence, where that was sought.
-        strength: A factor of safety, where that was (:meth:`safety_factor.FactorOfSafety.table`).
-    """
-
-    lower: float
-    estimate: float | None
-    upper: float | None
-    body: Mapping[str, Any]
-    theorem: bool = True
-    standing: str = ""
-    strength: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -150,14 +127,7 @@ class ResultReader:
         if not found:
             return None
 
-        def stored(_: Path) -> StoredLimit:
-            body = found.get("body") or {}
-            known = found["estimate"], found["upper"], body, found.get("theorem", True)
-            lower = float(found["lower"]) if found["lower"] is not None else -math.inf
-            words, strength = found.get("standing") or "", found.get("strength")
-            return StoredLimit(lower, *known, standing=words, strength=strength)
-
-        return self.read("summary.json", stored)
+        return self.read("summary.json", lambda _: stored_limit(found))
 
     @cached_property
     def reports(self) -> list[LevelReport]:
@@ -166,7 +136,7 @@ class ResultReader:
         def rows(path: Path) -> list[LevelReport]:
             with path.open(encoding="utf-8", newline="") as file:
                 table = csv.DictReader(file)
-                if {"mesh", "factor"} & set(table.fieldnames or ()):  # without levels
+                if {"mesh", "factor", "angle"} & set(table.fieldnames or ()):  # without levels
                     return []
                 return [_report(row) for row in table]
 
@@ -179,8 +149,7 @@ class ResultReader:
             return []
 
         def files(path: Path) -> list[str]:
-            table = json.loads(path.read_text(encoding="utf-8"))
-            return [entry["name"] for entry in table["files"]]
+            return [entry["name"] for entry in json.loads(path.read_text("utf-8"))["files"]]
 
         names = self.read(SERIES, files)
         numbers = [int(self._arrays(name, LEVEL)[0][0]) for name in names]
@@ -256,8 +225,7 @@ class ResultReader:
 
     def _json(self, name: str) -> dict[str, Any]:
         def load(path: Path) -> dict[str, Any]:
-            table = json.loads(path.read_text(encoding="utf-8"))
-            if not isinstance(table, dict):
+            if not isinstance(table := json.loads(path.read_text(encoding="utf-8")), dict):
                 raise ValueError("it is no JSON object")
             return table
 

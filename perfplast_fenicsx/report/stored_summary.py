@@ -137,6 +137,18 @@ class _Strength(TypedDict):
     curve: list[_Times]
 
 
+class _Degree(TypedDict):
+    angle: float
+
+
+class _Envelope(TypedDict):
+    names: list[str]
+    directions: list[float]
+    gap: float | None
+    rows: list[_Degree]
+    in_words: str
+
+
 class _Limit(TypedDict):
     lower: float | None
     estimate: float | None
@@ -150,6 +162,7 @@ class _Limit(TypedDict):
     forces: NotRequired[_Forces | None]
     design: NotRequired[_Design | None]
     strength: NotRequired[_Strength | None]
+    envelope: NotRequired[_Envelope | None]
 
 
 class _Case(TypedDict, total=False):

@@ -4,11 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from perfplast_fenicsx.io.results.result_files import FALLS, STANDS
+from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, STANDS
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.path_bracket import NO_PAIR, SAID, PathBracket
-from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.pictures.stored_limit import StoredLimit
 from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
@@ -85,11 +86,29 @@ def _of_strength(table: Mapping[str, Any]) -> Verdict:
     return Verdict(mark, f"The bodies {', and '.join(sides)}.", details)
 
 
+def _of_envelope(table: Mapping[str, Any]) -> Verdict:
+    """Which pairs of two loads are carried."""
+    one, other = table["names"]
+    says = (
+        f"A pair (a, b) is a times '{one}' and b times '{other}'. The inner polygon is the hull of"
+        " pairs that strict lower bounds prove; each side of the outer one is a mechanism of a"
+        " strict upper bound. path.csv has both for each degree."
+    )
+    proof = (
+        f"What proves the bounds of each direction is in {DIRECTIONS}_ANGLE.h5, and proven anew by"
+        f" python3 -m perfplast_fenicsx.proof {DIRECTIONS}_000.00.h5 and so on."
+    )
+    mark: Mark = "proven" if table["gap"] is not None else "open"
+    return Verdict(mark, table["in_words"], [says, proof])
+
+
 def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     if not limit.theorem:
         return _of_path(limit, table)
     if strength := table.get("strength"):
         return _of_strength(strength)
+    if envelope := table.get("envelope"):
+        return _of_envelope(envelope)
     if limit.standing:
         proven = (table.get("body") or {}).get("standing") is not None
         ended = [f"{step[:1].upper()}{step[1:]}." for step in table.get("next_steps", [])]

@@ -49,7 +49,7 @@ def test_an_ellipse_is_between_the_polygons(around: bool, cube: Problem, tmp_pat
         directions=48 if around else 20,
         until=0.01,
         around=around,
-        monitor=lambda angle, lower, upper: told.append(angle),
+        monitor=lambda angle, low, high: told.append(angle),
     )
     assert tuple(told) == found.directions
     assert len(told) < (48 if around else 20)

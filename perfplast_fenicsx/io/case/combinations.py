@@ -13,7 +13,7 @@ from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.scaled_load import scaled
 from perfplast_fenicsx.problem.declared.stage import called
 
-WRONG = '/\\:*?"<>|\n\t\0'
+WRONG = '/\\:*?"<>|'
 """Characters that no folder may have in its name, on whatever system."""
 
 
@@ -34,9 +34,11 @@ class Combination:
     factors: dict[str, float]
 
     def __post_init__(self) -> None:
-        if not self.name.strip() or set(self.name) & set(WRONG):
+        outside = self.name.strip(" .") != self.name  # ".." is another folder
+        if outside or not self.name or not self.name.isprintable() or set(self.name) & set(WRONG):
             raise InputError(
-                f"name = '{self.name}' is no name of a folder; give one without {WRONG[:9]}."
+                f"name = {self.name!r} is no name of a folder; give one without {WRONG}, and with"
+                " neither a blank nor a dot at its ends."
             )
         for load, factor in self.factors.items():
             if not (factor >= 0 and math.isfinite(factor)):

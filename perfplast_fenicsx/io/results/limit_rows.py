@@ -16,9 +16,12 @@ def limit_rows(summary: Summary) -> list[dict[str, Any]]:
         ``kinematic`` of its limit load, of the last mesh alone; ``body_lower`` and ``body_upper``,
         the best bounds of the bodies so far; ``seconds`` since the first began. Of a factor of
         safety, each ``factor`` with strict bounds, ``lower`` and ``upper``, of how many times the
-        loads are carried.
+        loads are carried. Of an envelope, each ``angle`` (degrees) with how far pairs are
+        ``carried``, and ``not carried from`` where on.
     """
     limit = summary.limit or {}
+    if envelope := limit.get("envelope"):
+        return [dict(row) for row in envelope["rows"]]
     if strength := limit.get("strength"):
         return [dict(row) for row in strength["curve"]]
     body = limit.get("body") or {}

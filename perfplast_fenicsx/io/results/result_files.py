@@ -9,6 +9,9 @@ NEWEST, BEFORE = "checkpoint.h5", "checkpoint_before.h5"
 
 SERIES, FIELDS, MECHANISM = "fields.vtkhdf.series", "fields", "mechanism.vtkhdf"
 PROOF = "bounds.h5"
+DIRECTIONS = "direction"
+"""What the names of the proof files of an envelope begin with, before the angle (degrees)."""
+
 STANDS, FALLS = "stands.h5", "falls.h5"
 """What proves a factor of safety: a stress with the strengths of the lower one, a velocity with
 those of the upper."""

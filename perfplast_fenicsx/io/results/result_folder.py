@@ -25,6 +25,7 @@ from perfplast_fenicsx.io.results.given_table import given_table
 from perfplast_fenicsx.io.results.limit_rows import limit_rows
 from perfplast_fenicsx.io.results.result_files import (
     BEFORE,
+    DIRECTIONS,
     EARLIER,
     FALLS,
     FIELDS,
@@ -44,7 +45,7 @@ from perfplast_fenicsx.problem.problem import Problem
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
     *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png", PROOF),
-    *("strength.png", STANDS, FALLS),
+    *("strength.png", STANDS, FALLS, "envelope.png"),
     "report.html",
     *(NEWEST, BEFORE, *EARLIER),
 )
@@ -110,7 +111,8 @@ class ResultFolder:
                 self.file(name).unlink(missing_ok=True)
             fields = self.file(FIELDS)
             rests = (fields.glob(f"*{end}*") for end in (".vtkhdf", ".h5"))
-            for rest in chain(self.path.glob("*.part"), *rests):
+            proofs = self.path.glob(f"{DIRECTIONS}_*.h5")
+            for rest in chain(self.path.glob("*.part"), proofs, *rests):
                 rest.unlink()
             if fields.is_dir() and not any(fields.iterdir()):
                 fields.rmdir()

@@ -17,10 +17,11 @@ from perfplast_fenicsx.io.results.proof_file import (
     proofs,
     write_proof,
 )
-from perfplast_fenicsx.io.results.result_files import FALLS, PROOF, STANDS
+from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, PROOF, STANDS
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.interaction import Envelope
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
@@ -182,6 +183,37 @@ class ResultWriter:
             both = found.lower is not None and found.upper is not None
             told = {"strength": found.table(), "verdict": found.in_words(), "levelled_off": both}
             self.results.summary.limit = limit | told
+            self.results.write()
+
+    def write_direction(self, angle: float, low: BodyBounds, high: BodyBounds) -> None:
+        """Write what proves the bounds in a direction of an envelope. Collective.
+
+        Raises:
+            InputError: On every rank, if the system refuses.
+        """
+        with self.results.timed("output"):
+            self._prove(f"{DIRECTIONS}_{angle:06.2f}.h5", *proofs(low, high))
+
+    def write_envelope(self, found: Envelope, names: tuple[str, str]) -> None:
+        """Write which pairs of two loads are carried, and the last mechanism. Collective.
+
+        Raises:
+            InputError: On every rank, if the system refuses; what was there before is whole.
+        """
+        self.write_limit(found.last.mesh, found.last, proven=False)
+        table = {
+            "names": names,
+            "carried": found.carried.tolist(),
+            "sides": found.sides.tolist(),
+            "directions": found.directions,
+            "gap": found.gap if math.isfinite(found.gap) else None,
+            "rows": found.table(),
+            "in_words": found.in_words(),
+        }
+        with self.results.timed("output"):
+            limit = self.results.summary.limit or {}
+            told = {"envelope": table, "verdict": found.in_words()}
+            self.results.summary.limit = limit | told | {"body": None, "design": None}
             self.results.write()
 
     def _prove(self, name: str, lower: StressProof | None, upper: VelocityProof | None) -> None:

@@ -22,7 +22,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, limit_bounds
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
 from perfplast_fenicsx.problem.assembled.spread_forces import on_this_mesh
@@ -33,6 +33,9 @@ from perfplast_fenicsx.problem.variant import variant
 
 RAYS = 720
 """Rays along which the distance of the polygons is looked at, over the whole circle."""
+
+APART = 1.0
+"""Degrees between two directions, at least."""
 
 FIRST = {False: (0.0, 45.0, 90.0), True: (0.0, 60.0, 120.0, 180.0, 240.0, 300.0)}
 """Directions to begin with (degrees), of a quarter of the circle and of all of it."""
@@ -51,6 +54,7 @@ class Envelope:
         gap: What the outer polygon exceeds the inner one by at most along a ray between the first
             directions, relative; inf where one of them is missing there.
         around: Whether the directions go all around, and not over a quarter of the circle.
+        last: What was found in the last direction.
     """
 
     carried: Floats
@@ -58,6 +62,7 @@ class Envelope:
     directions: tuple[float, ...]
     gap: float
     around: bool
+    last: BodyBounds
 
     def inner(self, angle: float) -> float:
         """How far along a ray (degrees) pairs are carried for certain; −inf where none is known."""
@@ -66,6 +71,16 @@ class Envelope:
     def outer(self, angle: float) -> float:
         """From where on along a ray (degrees) none is carried; inf where none is known."""
         return float(_outer(self.sides, np.radians([angle]))[0])
+
+    def in_words(self) -> str:
+        """What is proven, in a sentence."""
+        if not math.isfinite(self.gap):
+            return "Which pairs of the two loads are carried is not proven in all directions."
+        return (
+            "All pairs inside of one polygon are carried for certain, and none outside of another;"
+            f" they are {100 * self.gap:.3g} % apart at most, after {len(self.directions)}"
+            " directions."
+        )
 
     def table(self) -> list[dict[str, float | None]]:
         """Rows for a file: along each ray how far pairs are carried, and from where on none is."""
@@ -100,7 +115,8 @@ def envelope(
     around: bool = False,
     rtol: float = 1e-4,
     adaptation: Adaptation | None = None,
-    monitor: Callable[[float, Bound, Bound], None] | None = None,
+    monitor: Callable[[float, BodyBounds, BodyBounds], None] | None = None,
+    steps: Callable[[InteriorStep], None] | None = None,
 ) -> Envelope:
     """Bound the set of pairs (a, b) for which a·first + b·second is carried. Collective.
 
@@ -113,11 +129,15 @@ def envelope(
         around: Whether a and b may be negative.
         rtol: How near each bound comes to the best of its kind on its mesh, relative.
         adaptation: How the mesh is adapted in each direction; None for that of the problem.
-        monitor: Called on every rank with the angle (degrees) and both bounds of each direction.
+        monitor: Called on every rank with the angle (degrees) of each direction, and what has its
+            lower and its upper bound.
+        steps: Called on every rank after each step of the interior point method.
 
     Raises:
         InputError: If a load is constant, and as :func:`body_bounds.limit_bounds`.
     """
+    if directions < 1:
+        raise InputError(f"directions = {directions} is none; give a number from 3 on.")
     for load in (*first, *second):
         if load.constant:
             raise InputError(
@@ -129,8 +149,8 @@ def envelope(
     queue, gap = list(FIRST[around]), math.inf
     while len(asked) < directions:
         if not queue:
-            gap, angle = _worst(np.array(carried), np.array(sides), around)
-            if gap <= until or any(abs(angle - one) < 360 / RAYS for one in asked):
+            gap, angle = _worst(np.array(carried), np.array(sides), around, asked)
+            if gap <= until or angle is None:
                 break
             queue = [angle]
         angle = queue.pop(0)
@@ -139,27 +159,29 @@ def envelope(
         parts = [(first, ray[0]), (second, ray[1])]
         loads = [scaled(load, f) for some, f in parts for load in some if abs(f) > 1e-12]
         loaded = variant(problem, loads=[*stay, *loads])
-        low, high = _bounds(loaded, adaptation, rtol)
+        low, high = _bounds(loaded, adaptation, rtol, steps)
         if monitor is not None:
-            monitor(angle, low.lower, high.upper)
+            monitor(angle, low, high)
         if low.lower.strict and low.question is Question.LIMIT and low.lower.value is not None:
             carried.append(low.lower.value * ray)
         if high.upper.strict and high.question is Question.LIMIT:
             sides.append(_side(high, (first, second), ray))
-    gap = _worst(np.array(carried), np.array(sides), around)[0]
-    return Envelope(
-        np.array(carried).reshape(-1, 2), np.array(sides).reshape(-1, 3), tuple(asked), gap, around
-    )
+    gap, _ = _worst(np.array(carried), np.array(sides), around, asked)
+    polygons = np.array(carried).reshape(-1, 2), np.array(sides).reshape(-1, 3)
+    return Envelope(*polygons, tuple(asked), gap, around, high)
 
 
 def _bounds(
-    problem: Problem, adaptation: Adaptation | None, rtol: float
+    problem: Problem,
+    adaptation: Adaptation | None,
+    rtol: float,
+    steps: Callable[[InteriorStep], None] | None,
 ) -> tuple[BodyBounds, BodyBounds]:
     """What has the best lower and the best upper bound. Collective."""
     if adaptation is None:
-        found = limit_bounds(problem, rtol)
+        found = limit_bounds(problem, rtol, steps)
         return found, found
-    adapted = adaptive_bounds(problem, adaptation, rtol)
+    adapted = adaptive_bounds(problem, adaptation, rtol, steps=steps)
     return adapted.low, adapted.high
 
 
@@ -183,15 +205,31 @@ def _side(bounds: BodyBounds, loads: tuple[Sequence[Load], Sequence[Load]], ray:
     return side
 
 
-def _worst(carried: Floats, sides: Floats, around: bool) -> tuple[float, float]:
-    """The largest distance of the polygons along a ray, relative, and its angle (degrees)."""
+def _worst(
+    carried: Floats, sides: Floats, around: bool, asked: Sequence[float]
+) -> tuple[float, float | None]:
+    """The largest distance of the polygons along a ray, relative, and where to ask next.
+
+    Args:
+        carried: Of :class:`Envelope`.
+        sides: Of the same.
+        around: Of the same.
+        asked: Angles (degrees) that are not asked again.
+
+    Returns:
+        The distance, and the angle (degrees) where they are farthest apart of those that are not
+        next to one that was asked; None where there is none.
+    """
     angles = np.linspace(0, 360, RAYS, endpoint=False) if around else np.linspace(0, 90, RAYS // 4)
     inner = _inner(carried, np.radians(angles))
     outer = _outer(sides, np.radians(angles))
     known = np.isfinite(outer) & (inner > 0)
     apart = np.where(known, outer / np.where(known, inner, 1.0) - 1.0, np.inf)
-    worst = int(np.argmax(apart))
-    return float(apart[worst]), float(angles[worst])
+    turns = np.abs(angles[:, None] - np.array(asked)[None, :])
+    new = (np.minimum(turns, 360 - turns) >= APART).all(axis=1)
+    order = np.where(new, apart, -np.inf)
+    best = int(np.argmax(order))
+    return float(apart.max()), float(angles[best]) if new[best] else None
 
 
 def _outer(sides: Floats, angles: Floats) -> Floats:

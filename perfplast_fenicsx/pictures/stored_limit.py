@@ -1,0 +1,51 @@
+"""A limit load that is on file."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class StoredLimit:
+    """What is known of the limit load (:class:`limit_methods.LimitLoad`).
+
+    Attributes:
+        lower: A lower bound of that of the mesh; −∞ where none is known.
+        estimate: That of the mesh.
+        upper: An upper bound of it.
+        body: What ``summary.json`` says of the body, if anything.
+        theorem: Whether these are bounds; if not, loads between which a path loses equilibrium.
+        standing: Whether constant loads alone are carried, in a sentence, where that was sought.
+        strength: A factor of safety, where that was (:meth:`safety_factor.FactorOfSafety.table`).
+        envelope: Which pairs of loads are carried, where that was.
+    """
+
+    lower: float
+    estimate: float | None
+    upper: float | None
+    body: Mapping[str, Any]
+    theorem: bool = True
+    standing: str = ""
+    strength: Mapping[str, Any] | None = None
+    envelope: Mapping[str, Any] | None = None
+
+
+def stored_limit(table: Mapping[str, Any]) -> StoredLimit:
+    """What ``summary.json`` says under ``limit``.
+
+    Raises:
+        KeyError: If a key is missing.
+        TypeError: If a value is none.
+        ValueError: If a number is none.
+    """
+    return StoredLimit(
+        lower=float(table["lower"]) if table["lower"] is not None else -math.inf,
+        estimate=table["estimate"],
+        upper=table["upper"],
+        body=table.get("body") or {},
+        theorem=table.get("theorem", True),
+        standing=table.get("standing") or "",
+        strength=table.get("strength"),
+        envelope=table.get("envelope"),
+    )

@@ -1,0 +1,155 @@
+"""An interaction diagram from a case file: levels of proof, picture, page, and what is refused."""
+
+import csv
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import pytest
+
+from meshes.strip_footing import write_strip_footing
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.proof import check
+from perfplast_fenicsx.report.verdict import verdict_on
+from tests.models import write_case
+
+CASE = """
+[mesh]
+file = "ground.msh"
+[material.ground]
+law = "von-mises"
+young = 200.0
+poisson = 0.3
+yield_stress = 1.7320508075688772
+[[support]]
+on = "x0"
+components = "x"
+[[support]]
+on = "side"
+components = "x"
+[[support]]
+on = "bottom"
+[[load]]
+name = "V"
+on = "footing"
+pressure = 1.0
+[[load]]
+name = "H"
+on = "footing"
+traction = [1.0, 0.0]
+[loading]
+control = "envelope"
+first = ["V"]
+second = ["H"]
+until = 0.3
+directions = 8
+[output]
+pictures = false
+"""
+
+
+def test_a_footing(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A pressure alone is carried to (2 + π)k, and a shear stress to k."""
+    if comm.rank == 0:
+        write_strip_footing(shared_tmp_path / "ground.msh", size=0.5, grading=1.0)
+    case = write_case(comm, shared_tmp_path / "case.toml", CASE)
+    folder = shared_tmp_path / "r"
+    main(["run", str(case), "-o", str(folder), "--report"])
+    out = comm.bcast(capsys.readouterr().out)
+    assert "At 0 degrees: carried to " in out
+    assert "At 90 degrees: carried to " in out
+    text = comm.bcast((folder / "summary.json").read_text() if comm.rank == 0 else "")
+    limit: dict[str, Any] = json.loads(text)["limit"]
+    rows = limit["envelope"]["rows"]
+    assert len(rows) == 91
+    assert rows[0]["carried"] < 2 + math.pi < rows[0]["not carried from"]
+    assert rows[90]["carried"] <= 1.0 + 1e-6 <= rows[90]["not carried from"] + 2e-6
+    for row in rows:
+        assert row["carried"] <= row["not carried from"]
+    if comm.rank == 0:
+        with (folder / "path.csv").open(encoding="utf-8", newline="") as file:
+            assert len(list(csv.DictReader(file))) == 91
+        for angle in limit["envelope"]["directions"]:
+            proven = check(folder / f"direction_{angle:06.2f}.h5")
+            assert not any(half.faults for half in proven.values())
+        reader = ResultReader(folder)
+        verdict = verdict_on(reader)
+        assert "All pairs inside of one polygon are carried for certain" in verdict.sentence
+        assert "'V'" in verdict.details[0]
+        assert "envelope" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.serial
+def test_the_picture(tmp_path: Path) -> None:
+    write_strip_footing(tmp_path / "ground.msh", size=1.0, grading=1.0)
+    text = CASE.replace("pictures = false", "pictures = true").replace("= 8", "= 3")
+    (tmp_path / "case.toml").write_text(text)
+    main(["run", str(tmp_path / "case.toml"), "-o", str(tmp_path / "r")])
+    assert (tmp_path / "r" / "envelope.png").stat().st_size > 10_000
+    assert (tmp_path / "r" / "mechanism.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ('first = ["V"]', "first = []", "first is empty"),
+        ('first = ["V"]', 'first = ["W"]', "first names 'W', no load that grows"),
+        ('second = ["H"]', 'second = ["V"]', "the load 'V' is in both first and second"),
+        ('first = ["V"]\nsecond = ["H"]', 'first = ["V"]\nsecond = ["footing"]', "names 'footing'"),
+        ("directions = 8", "directions = 2", "directions = 2 is too few"),
+        ("until = 0.3", "until = 3.0", "until = 3.0 is not between 0 and 1"),
+        ('name = "H"', 'name = "H"\nconstant = true', "second names 'H', no load that grows"),
+    ],
+)
+def test_refused_in_one_sentence(
+    old: str,
+    new: str,
+    part: str,
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert old in CASE
+    case = write_case(comm, shared_tmp_path / "case.toml", CASE.replace(old, new))
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == BAD_INPUT
+    err = comm.bcast(capsys.readouterr().err)
+    assert part in err
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_solved_where_it_is_near_enough(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    """A block under pressure p and its weight w: p + w ≤ Y."""
+    text = """
+        mesh = { builder = "stacked_blocks", n = 1 }
+        material.lower = { law = "von-mises", young = 2e5, poisson = 0.3, yield_stress = 300.0 }
+        material.upper = { law = "von-mises", young = 2e5, poisson = 0.3, yield_stress = 400.0 }
+        support = [
+            { on = "x0", components = "x" },
+            { on = "y0", components = "y" },
+            { on = "bottom", components = "z" },
+        ]
+        load = [
+            { on = "top", pressure = 1.0 },
+            { on = "upper", body_force = [0.0, 0.0, -1.0], name = "weight" },
+        ]
+        contact = [{ primary = "lower_top", secondary = "upper_bottom" }]
+        loading = { control = "envelope", first = ["top"], second = ["weight"], until = 0.01 }
+        output = { pictures = false }
+    """
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
+    folder = shared_tmp_path / "r"
+    assert main(["run", str(case), "-o", str(folder)]) == SOLVED
+    limit = json.loads(comm.bcast((folder / "summary.json").read_text()))["limit"]
+    assert limit["envelope"]["gap"] <= 0.01
+    for row in limit["envelope"]["rows"]:
+        angle = math.radians(row["angle"])
+        exact = 300.0 / (math.cos(angle) + math.sin(angle))
+        assert row["carried"] <= exact * (1 + 1e-9)
+        assert row["not carried from"] >= exact * (1 - 1e-9)
