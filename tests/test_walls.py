@@ -50,8 +50,8 @@ BELOW: dict[str, set[str]] = {
         *("limit_analysis.facets", "limit_analysis.statements"),
     },
     "limit_analysis.velocity": {
-        *("mesh", "problem", "limit_analysis.discrete", "limit_analysis.facets"),
-        "limit_analysis.statements",
+        *("mesh", "problem", "limit_analysis.conic", "limit_analysis.discrete"),
+        *("limit_analysis.facets", "limit_analysis.statements"),
     },
     "limit_analysis.body": {
         *("contact", "materials", "mesh", "problem", "solvers.linear"),

@@ -1,5 +1,5 @@
-from .coulomb_cone import CoulombInPlane as CoulombInPlane
-from .coulomb_cone import TrescaInPlane as TrescaInPlane
+from .coulomb_cone import CoulombSet as CoulombSet
+from .coulomb_cone import TrescaSet as TrescaSet
 from .coulomb_ground import MohrCoulomb as MohrCoulomb
 from .coulomb_ground import Tresca as Tresca
 from .drucker_prager import DruckerPrager as DruckerPrager
@@ -32,7 +32,7 @@ from .von_mises import VonMises as VonMises
 from .von_mises import VonMisesLaw as VonMisesLaw
 from .von_mises import VonMisesSet as VonMisesSet
 from .yield_set import Cone as Cone
-from .yield_set import InPlaneCone as InPlaneCone
 from .yield_set import NeverYields as NeverYields
+from .yield_set import PrincipalCone as PrincipalCone
 from .yield_set import YieldSet as YieldSet
 from .yield_set import deviators as deviators

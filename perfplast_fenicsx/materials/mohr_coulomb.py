@@ -2,80 +2,21 @@ r"""Perfect plasticity with the condition of Mohr and Coulomb or of Tresca, asso
 
 The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ 2c cos φ, with s = sin φ and σ₁ ≥ σ₂ ≥ σ₃; of φ = 0 it is
 that of Tresca. Stresses are projections of Ce in the norm of C⁻¹: they return to a face, to one of
-two edges or to the apex (S. Sysala, M. Čermák, T. Ligurský, ZAMM 97 (2017), 1502). Strains have
-four components: one principal direction is known, the others are of a circle.
+two edges or to the apex (S. Sysala, M. Čermák, T. Ligurský, ZAMM 97 (2017), 1502).
+Principal values and axes are those of :mod:`principal_axes`.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import ufl
 
-from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.materials.coulomb_cone import CoulombInPlane, TrescaInPlane
+from perfplast_fenicsx.materials.coulomb_cone import CoulombSet, TrescaSet
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, spherical, trace
-
-TINY = 1e-150
-"""Smallest divisor; avoids 0/0 where two principal strains are equal. Its square is no zero."""
-
-
-@dataclass(frozen=True)
-class Principal:
-    """Principal values of a Mandel vector of four components, and their directions."""
-
-    e: Expr
-
-    @property
-    def radius(self) -> Expr:
-        """Half of the difference of the two in the plane."""
-        return ufl.sqrt((self.e[0] - self.e[1]) ** 2 / 4 + self.e[3] ** 2 / 2)
-
-    @property
-    def in_plane(self) -> tuple[Expr, Expr]:
-        """The two in the plane, the larger first."""
-        mean = (self.e[0] + self.e[1]) / 2
-        return mean + self.radius, mean - self.radius
-
-    @property
-    def ordered(self) -> tuple[Expr, Expr, Expr]:
-        """All three, the largest first."""
-        (p, q), z = self.in_plane, self.e[2]
-        middle = ufl.max_value(q, ufl.min_value(p, z))
-        return ufl.max_value(p, z), middle, ufl.min_value(q, z)
-
-    def placed(self, v: Sequence[Expr]) -> tuple[Expr, Expr, Expr]:
-        """Of three values in the order of size: those of the two in the plane and across it."""
-        (p, q), z = self.in_plane, self.e[2]
-        above, below = ufl.gt(z, p), ufl.lt(z, q)
-        across = ufl.conditional(above, v[0], ufl.conditional(below, v[2], v[1]))
-        first = ufl.conditional(above, v[1], v[0])
-        return first, ufl.conditional(below, v[1], v[2]), across
-
-    @property
-    def direction(self) -> Expr:
-        """Unit deviator of the plane, shape (4,); any one where the two are equal."""
-        size = ufl.max_value(math.sqrt(2) * self.radius, TINY)
-        round_ = ufl.le(self.radius, TINY)
-        a = ufl.conditional(round_, 1 / math.sqrt(2), (self.e[0] - self.e[1]) / 2 / size)
-        b = ufl.conditional(round_, 0.0, self.e[3] / size)
-        return ufl.as_vector([a, -a, 0, b])
-
-    @property
-    def turned(self) -> Expr:
-        """Unit deviator by which the directions turn, shape (4,)."""
-        k = self.direction
-        return ufl.as_vector([-k[3] / math.sqrt(2), k[3] / math.sqrt(2), 0, math.sqrt(2) * k[0]])
-
-    def vector(self, v: Sequence[Expr]) -> Expr:
-        """Mandel vector with these principal values in the order of size, shape (4,)."""
-        first, second, across = self.placed(v)
-        mean = (first + second) / 2
-        flat = ufl.as_vector([mean, mean, across, 0])
-        return flat + (first - second) / math.sqrt(2) * self.direction
+from perfplast_fenicsx.materials.principal_axes import TINY, principal_axes
 
 
 @dataclass(frozen=True)
@@ -101,26 +42,13 @@ class MohrCoulombLaw(Law):
         """C."""
         return IsotropicElasticity(self.bulk, self.shear)
 
-    def history(self, m: int) -> Mapping[str, tuple[int, ...]]:
-        """None.
-
-        Raises:
-            InputError: In space.
-        """
-        if m != 4:
-            raise InputError(
-                "laws 'mohr-coulomb' and 'tresca' are for plane strain and axisymmetry, and this"
-                " mesh is of space; take law = 'drucker-prager', or 'von-mises' without friction."
-            )
-        return {}
-
     @property
     def _lame(self) -> Expr:
         return self.bulk - 2 * self.shear / 3
 
     def excess(self, e: Expr) -> Expr:
         """(1 + s)σ₁ − (1 − s)σ₃ − b of Ce (stress)."""
-        most, _, least = Principal(e).ordered
+        most, _, least = principal_axes(e).ordered
         sheared = (1 + self.sine) * most - (1 - self.sine) * least
         return 2 * self.shear * sheared + 2 * self._lame * self.sine * trace(e) - self.strength
 
@@ -131,7 +59,7 @@ class MohrCoulombLaw(Law):
 
     def _by_branch(self, e: Expr, values: Sequence[Expr]) -> Expr:
         """One of five scalars: elastic, face, left edge, right edge, apex."""
-        e1, e2, e3 = Principal(e).ordered
+        e1, e2, e3 = principal_axes(e).ordered
         to_left, to_right = (e1 - e2) / (1 + self.sine), (e2 - e3) / (1 - self.sine)
         face, left, right = (self._flow(e, i) for i in range(3))
         past_left = ufl.gt(left, (e1 + e2 - 2 * e3) / (3 - self.sine))
@@ -152,13 +80,15 @@ class MohrCoulombLaw(Law):
 
     def _flow(self, e: Expr, i: int) -> Expr:
         """How far along a mean normal the strain flows."""
-        along = sum(n * w for n, w in zip(self._normals()[i], Principal(e).ordered, strict=True))
+        along = sum(
+            n * w for n, w in zip(self._normals()[i], principal_axes(e).ordered, strict=True)
+        )
         trial = 2 * self.shear * along + 2 * self._lame * self.sine * trace(e)
         return (trial - self.strength) / self._steepness(i)
 
     def _returned(self, e: Expr) -> list[Expr]:
         """Principal stresses by size."""
-        w = Principal(e).ordered
+        w = principal_axes(e).ordered
         merged = w, ((w[0] + w[1]) / 2,) * 2 + (w[2],), (w[0],) + ((w[1] + w[2]) / 2,) * 2
         mean, tip = self._lame * trace(e), self.strength / (2 * ufl.max_value(self.sine, TINY))
         found = []
@@ -176,7 +106,7 @@ class MohrCoulombLaw(Law):
 
     def stress(self, e: Expr, old: Old) -> Expr:
         """Σ(e), the derivative of ψ."""
-        flowing = Principal(e).vector(self._returned(e))
+        flowing = principal_axes(e).vector(self._returned(e))
         return ufl.conditional(ufl.gt(self.excess(e), 0.0), flowing, self.elastic.hooke(e))
 
     def potential(self, e: Expr, old: Old) -> Expr:
@@ -188,18 +118,34 @@ class MohrCoulombLaw(Law):
         """½ s:C⁻¹s."""
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
+    def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
+        """What turning axes loses of 2μ, by the differences of the two values that they are of."""
+        apart = ufl.gt(abs(strains), TINY)
+        turns = ufl.conditional(apart, stresses / ufl.conditional(apart, strains, 1.0), 0.0)
+        turns = ufl.min_value(ufl.max_value(turns, 0.0), 2 * self.shear)
+        lost = 2 * self.shear - turns
+        return self._by_branch(e, [0.0, lost, lost, lost, 0.0])
+
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """What :meth:`tangent` adds up: lame, a, shape (), and three vectors, shape (4,).
+        """What :meth:`tangent` adds up: lame, a, shape (), and vectors, shape (m,).
 
         U is the difference of the two directions that an edge makes equal, W that by which the
-        principal directions in the plane turn, M the normal of what flows.
+        principal directions in the plane turn, M the normal of what flows. In space two more tell
+        of the turns of these towards that across.
         """
-        on, share = Principal(e), 1 - rho
-        first, second, _ = on.placed(self._returned(e))
-        turns = (first - second) / ufl.max_value(2 * on.radius, TINY)
-        turns = ufl.min_value(ufl.max_value(turns, 0.0), 2 * self.shear)
-        lost = 2 * self.shear - ufl.conditional(ufl.le(on.radius, TINY), 0.0, turns)
-        lost = self._by_branch(e, [0.0, lost, lost, lost, 0.0])
+        on, share = principal_axes(e), 1 - rho
+        first, second, across = on.placed(self._returned(e))
+        p, q = on.in_plane
+        lost = self._lost(e, first - second, p - q)
+        tilts = {
+            f"tilt_{i}": ufl.sqrt(share * self._lost(e, *between)) * tilted
+            for i, tilted, between in zip(
+                range(2),
+                on.tilted,
+                ((first - across, p - on.across), (second - across, q - on.across)),
+                strict=False,
+            )
+        }
         left, right = (self._by_branch(e, one) for one in ([0.0, 0, 1, 0, 0], [0.0, 0, 0, 1, 0]))
         keeps = self._by_branch(e, [1.0, 1.0, 1.0, 1.0, 0.0])
         normal = []
@@ -215,21 +161,22 @@ class MohrCoulombLaw(Law):
             "a": 2 * self.shear * (rho + share * keeps),
             "U": ufl.sqrt(share * self.shear) * merged,
             "W": ufl.sqrt(share * lost) * on.turned,
+            **tilts,
             "M": ufl.sqrt(share) * on.vector(normal),
         }
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
         """Σ^{o,ρ}(e)[d]."""
         result = spherical(stored["lame"] * trace(d), len(d)) + stored["a"] * d
-        for name in ("U", "W", "M"):
+        for name in stored.keys() - {"lame", "a"}:
             result = result - ufl.dot(stored[name], d) * stored[name]
         return result
 
     @property
-    def yields(self) -> CoulombInPlane:
+    def yields(self) -> CoulombSet:
         """(1 + s)σ₁ − (1 − s)σ₃ ≤ b."""
         cosine = ufl.sqrt(1 - ufl.as_ufl(self.sine) ** 2)
-        return CoulombInPlane(self.strength / (2 * cosine), self.sine)
+        return CoulombSet(self.strength / (2 * cosine), self.sine)
 
 
 @dataclass(frozen=True)
@@ -239,6 +186,6 @@ class TrescaLaw(MohrCoulombLaw):
     dilates: ClassVar[bool] = False
 
     @property
-    def yields(self) -> TrescaInPlane:
+    def yields(self) -> TrescaSet:
         """σ₁ − σ₃ ≤ b."""
-        return TrescaInPlane(self.strength / 2)
+        return TrescaSet(self.strength / 2)

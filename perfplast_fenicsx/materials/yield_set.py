@@ -32,13 +32,18 @@ class Cone:
 
 
 @dataclass(frozen=True)
-class InPlaneCone(Cone):
-    """A cone of the stresses in the plane: what bounds these where the one out of it is free.
+class PrincipalCone:
+    """(1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound for the principal stresses σ₁ ≥ σ₂ ≥ σ₃.
 
-    It describes the set in plane strain alone, where that stress is in no equation and takes a
-    value that leaves the others the most room, such as one between the principal ones in the plane.
-    The third component of ``slope`` and the third column of ``matrix`` are zero.
+    It is the only cone of its set, of symmetric 3 × 3 tensors.
+
+    Args:
+        bound: Positive (stress), shape ().
+        sine: In [0, 1), shape (); zero without friction.
     """
+
+    bound: Expr
+    sine: Expr
 
 
 class YieldSet(Protocol):
@@ -63,11 +68,11 @@ class YieldSet(Protocol):
         """
         ...
 
-    def cones(self, size: int) -> Sequence[Cone] | None:
+    def cones(self, size: int) -> Sequence[Cone | PrincipalCone] | None:
         """The cones whose intersection the set is; () if nothing yields, None if not known.
 
         Limit loads by the interior point method, strict bounds and their proofs need no more than
-        one of them: its matrix has a rank of m − 1 or m, and zero is inside.
+        one of them: of principal stresses, or with a matrix of rank m − 1 or m and zero inside.
 
         Args:
             size: m.

@@ -34,6 +34,8 @@ class Body:
         cone_bound: c of each cone ‖Mσ‖ ≤ c − q·σ (:class:`cones.Cones`), shape (num_cones,).
         cone_slope: q, shape (num_cones, m), m = 3 in the plane and 6 in space.
         cone_matrix: M, shape (num_cones, m, m).
+        cone_sine: s of each bound (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses, which has q = 0
+            and M = 0, NaN of others; shape (num_cones,).
         body_force: Force per volume of λ = 1, shape (num_cells, d).
         constant_body_force: The same of loads that stay as they are.
         any_body_force: The same of loads that may have any factor, of factor 1.
@@ -58,6 +60,7 @@ class Body:
     cone_bound: Floats
     cone_slope: Floats
     cone_matrix: Floats
+    cone_sine: Floats
     body_force: Floats
     constant_body_force: Floats
     any_body_force: Floats
@@ -159,7 +162,7 @@ class Body:
     @cached_property
     def cones(self) -> Cones:
         """What bounds stresses."""
-        return Cones(self.cone_bound, self.cone_slope, self.cone_matrix)
+        return Cones(self.cone_bound, self.cone_slope, self.cone_matrix, self.cone_sine)
 
     @cached_property
     def yield_radius(self) -> Floats:

@@ -1,5 +1,8 @@
 """What bounds the stress of each material: ‖Mσ‖ ≤ c − q·σ, and what flow then dissipates.
 
+Or, in space, (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses. Rates are admissible then where
+tr ε ≥ s Σ|ε_i| and dissipate (c/2s) tr ε; of s = 0 where tr ε = 0, and then (c/2) Σ|ε_i|.
+
 Stresses are vectors (σ_xx, σ_yy, √2σ_xy) in the plane, of what is in it, and in space (σ_xx, σ_yy,
 σ_zz, √2σ_yz, √2σ_xz, √2σ_xy); strain rates alike, so that σ:ε is their product. By duality the sup
 of σ:ε is the least cz with ε = Mᵀy + qz, ‖y‖ ≤ z. With y = η − rz for η = M⁺ᵀε and r = M⁺ᵀq it is
@@ -23,6 +26,9 @@ Floats = npt.NDArray[np.float64]
 Longs = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
+SPACE = 6
+"""Components of stresses with three principal values."""
+
 RANK = 1e-6
 """Least ratio of the singular values of a matrix that are no zeros to the largest."""
 
@@ -43,6 +49,21 @@ def vectors(tensors: Floats) -> Floats:
     return np.stack(columns, axis=-1)
 
 
+def eigenvalues(vector: Floats) -> Floats:
+    """Principal values, the least first, shape (..., 3) of vectors of space (..., 6)."""
+    tensors = np.zeros((*vector.shape[:-1], 3, 3))
+    for i in range(3):
+        tensors[..., i, i] = vector[..., i]
+    for place, (i, j) in enumerate([(1, 2), (0, 2), (0, 1)], start=3):
+        tensors[..., i, j] = tensors[..., j, i] = np.sqrt(0.5) * vector[..., place]
+    return np.asarray(np.linalg.eigvalsh(tensors), dtype=np.float64)
+
+
+def _sizes(rates: Floats) -> tuple[Floats, Floats]:
+    """Tr ε and Σ|ε_i|."""
+    return rates[..., :3].sum(axis=-1), np.abs(eigenvalues(rates)).sum(axis=-1)
+
+
 @dataclass(frozen=True)
 class Cones:
     """Those of all materials, by number.
@@ -51,11 +72,19 @@ class Cones:
         bound: c > 0 (stress), shape (num_cones,).
         slope: q, shape (num_cones, m).
         matrix: M, of rank m or m − 1, rows of zeros allowed; shape (num_cones, m, m).
+        sine: s of bounds of principal stresses, of which M and q are zero; NaN of others; shape
+            (num_cones,).
     """
 
     bound: Floats
     slope: Floats
     matrix: Floats
+    sine: Floats
+
+    @property
+    def is_principal(self) -> Flags:
+        """Whether principal stresses are bounded."""
+        return ~np.isnan(self.sine)
 
     def check(self, m: int) -> None:
         """Make sure that these are cones with zero inside whose admissible rates are known.
@@ -73,6 +102,20 @@ class Cones:
             raise ProofError("a cone's bound is not positive and finite.")
         if not (np.isfinite(self.slope).all() and np.isfinite(self.matrix).all()):
             raise ProofError("a cone's slope or matrix is not finite.")
+        if self.sine.shape != (n,):
+            raise ProofError("the shape of cone_sine fits nothing.")
+        principal = self.is_principal
+        sines = self.sine[principal]
+        if not ((sines == 0) | ((sines > RANK) & (sines < STEEPEST))).all():
+            raise ProofError("cone_sine is nearly zero, negative or too near to 1.")
+        if principal.any() and m != SPACE:
+            raise ProofError("cone_sine is of principal stresses of space, and this is the plane.")
+        if self.slope[principal].any() or self.matrix[principal].any():
+            raise ProofError("a cone of principal stresses has a slope or a matrix.")
+        Cones(*(part[~principal] for part in vars(self).values()))._check_quadratic()
+
+    def _check_quadratic(self) -> None:
+        """The same of second-order cones alone, whose numbers are finite."""
         values = np.linalg.svd(self.matrix, compute_uv=False)
         largest = values[:, :1]
         if not (values[:, -2:-1] > RANK * largest).all():
@@ -106,7 +149,8 @@ class Cones:
     @cached_property
     def grows(self) -> Flags:
         """Whether the bound falls along what the matrix leaves free: such bodies dilate."""
-        return np.abs(self._pull) > RANK * np.linalg.norm(self.slope, axis=1)
+        falls = np.abs(self._pull) > RANK * np.linalg.norm(self.slope, axis=1)
+        return falls | (self.sine > 0)
 
     @cached_property
     def _back(self) -> Floats:
@@ -121,12 +165,17 @@ class Cones:
 
     @cached_property
     def radius(self) -> Floats:
-        """A stress that the material bears: c over the largest singular value."""
-        values = np.linalg.svd(self.matrix, compute_uv=False)
-        return np.asarray(self.bound / values[:, 0], dtype=np.float64)
+        """A stress that the material bears: c over the largest singular value.
+
+        Of principal stresses all of size c/√(2(1 + s²)) are borne.
+        """
+        values = np.linalg.svd(self.matrix, compute_uv=False)[:, 0]
+        sines = np.where(self.is_principal, self.sine, 0.0)
+        steepest = np.where(self.is_principal, np.sqrt(2 * (1 + sines**2)), values)
+        return np.asarray(self.bound / steepest, dtype=np.float64)
 
     def ratios(self, at: Longs, stress: Floats) -> Floats:
-        """(‖Mσ‖ + q·σ)/c: the stress over it keeps to the cone, if it is positive.
+        """(‖Mσ‖ + q·σ)/c, the like of principal stresses: the stress over it keeps to the cone.
 
         Args:
             at: Cone of each cell, shape (num_cells,).
@@ -134,6 +183,10 @@ class Cones:
         """
         sizes = np.linalg.norm(np.einsum("cij,cvj->cvi", self.matrix[at], stress), axis=2)
         along = np.einsum("ci,cvi->cv", self.slope[at], stress)
+        here = self.is_principal[at]
+        if here.any():
+            s, values = self.sine[at[here], None], eigenvalues(stress[here])
+            along[here] = (1 + s) * values[..., 2] - (1 - s) * values[..., 0]
         found: Floats = (sizes + along) / self.bound[at, None]
         return found
 
@@ -150,6 +203,10 @@ class Cones:
         pull = np.abs(self._pull[at])[:, None]
         short = np.maximum(sizes - heads, 0.0) * pull
         found: Floats = root * np.where(self.grows[at, None], short, np.abs(free))
+        here = self.is_principal[at]
+        if here.any():
+            s, (traces, sizes) = self.sine[at[here], None], _sizes(rates[here])
+            found[here] = np.where(s > 0, np.maximum(s * sizes - traces, 0.0), np.abs(traces))
         return found
 
     def _at_apex(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
@@ -165,10 +222,20 @@ class Cones:
         """What cells that grow dissipate per volume at places, those that lack growth as if not."""
         heads, sizes = self._at_apex(at, rates)
         found: Floats = self.bound[at, None] * np.maximum(heads, sizes)
+        here = self.is_principal[at]
+        if here.any():
+            s, (traces, sizes) = self.sine[at[here], None], _sizes(rates[here])
+            found[here] = self.bound[at[here], None] / (2 * s) * np.maximum(traces, s * sizes)
+        return found
+
+    def principal_power(self, at: Longs, rates: Floats) -> Floats:
+        """The same of cells of principal stresses that do not grow, convex in the rates."""
+        _, sizes = _sizes(rates)
+        found: Floats = self.bound[at, None] / 2 * sizes
         return found
 
     def convex_power(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
-        """The same of cells that do not, ‖a‖ + b with a and b linear in the rates.
+        """The same of others with second-order cones, ‖a‖ + b with a and b linear in the rates.
 
         Returns:
             a, shape (num_cells, places, m), and b, shape (num_cells, places).

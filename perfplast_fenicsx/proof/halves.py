@@ -11,6 +11,9 @@ SAME = 1e-9
 DIGITS = 11
 """Behind the point, that entries of cones of size 1 are compared with."""
 
+NO_SINE = -1.0
+"""In the place of s where no principal stresses are bounded."""
+
 
 def differences(lower: Body, upper: Body) -> list[str]:
     """What differs between the bodies of two halves, in words.
@@ -103,17 +106,21 @@ def _is_weaker(lower: Body, upper: Body) -> bool:
 def _strengths(*bodies: Body) -> list[Floats]:
     """Number of the shape of each cell's cone, and its strength; shape (num_cells, 2) each.
 
-    A shape is MᵀM and q, for a matrix M of size 1. Elastic cells are as bodies of infinite strength
-    that keep their volume.
+    A shape is MᵀM and q, for a matrix M of size 1, or s of principal stresses. Elastic cells are as
+    bodies of infinite strength that keep their volume.
     """
     m = bodies[0].dim * (bodies[0].dim + 1) // 2
     plain = np.eye(m)
     plain[: bodies[0].dim, : bodies[0].dim] -= 1 / bodies[0].dim
-    shapes, bounds = [np.append(_shape(plain[None]), np.zeros((1, m)), axis=1)], []
+    none: Floats = np.array([[*np.zeros(m), NO_SINE]])
+    shapes, bounds = [np.append(_shape(plain[None]), none, axis=1)], []
     for body in bodies:
-        sizes = np.linalg.norm(body.cone_matrix, axis=(1, 2))
+        principal = body.cones.is_principal
+        sizes = np.where(principal, 1.0, np.linalg.norm(body.cone_matrix, axis=(1, 2)))
         slopes = body.cone_slope / sizes[:, None]
-        shapes.append(np.append(_shape(body.cone_matrix), slopes, axis=1))
+        sines = np.where(principal, body.cone_sine, NO_SINE)
+        matrices = np.where(principal[:, None, None], np.eye(m), body.cone_matrix)
+        shapes.append(np.column_stack([_shape(matrices), slopes, sines]))
         bounds.append(np.append(body.cone_bound / sizes, np.inf)[body.cone])
     numbers = _alike_rows(np.concatenate(shapes))
     ends = np.cumsum([1, *(len(body.cone_bound) for body in bodies)])

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 FLOATS = (
-    *("vertices", "cone_bound", "cone_slope", "cone_matrix", "obstacle_normals"),
+    *("vertices", "cone_bound", "cone_slope", "cone_matrix", "cone_sine"),
+    "obstacle_normals",
     *("body_force", "traction"),
     *("constant_body_force", "constant_traction", "any_body_force", "any_traction"),
     *("contact_adhesion", "contact_friction", "obstacle_adhesion", "obstacle_friction"),

@@ -46,6 +46,10 @@ def _strengths(body: Body) -> str:
 
 def _cone(body: Body, number: np.int64) -> str:
     """A cone in words: radius and slope of those about the axis of mean stress, else all of it."""
+    if body.cones.is_principal[number]:
+        s = body.cone_sine[number]
+        what = f"{1 + s:.6g} σ₁ − {1 - s:.6g} σ₃" if s else "σ₁ − σ₃"
+        return f"{body.cone_bound[number]:.6g} as the largest {what}"
     d, M, q = body.dim, body.cone_matrix[number], body.cone_slope[number]
     unit = np.append(np.ones(d), np.zeros(len(q) - d))
     size = np.sqrt((M**2).sum() / (len(q) - 1))

@@ -163,7 +163,8 @@ def _dissipated(body: Body, rates: Floats, subdivisions: int) -> tuple[Floats, f
     grows[plastic] = cones.grows[body.cone[plastic]]
     powers = cones.linear_power(body.cone[grows], rates[grows]).mean(axis=1)
     total = float(powers @ body.volumes[grows])
-    some = np.flatnonzero(plastic & ~grows)
+    principal = np.append(cones.is_principal, False)[body.cone]
+    some = np.flatnonzero(plastic & ~grows & ~principal)
     points, shares = halved(body.dim, subdivisions)
     for cells in np.array_split(some, len(some) // AT_ONCE + 1):
         sizes, along = cones.convex_power(body.cone[cells], rates[cells])
@@ -172,6 +173,11 @@ def _dissipated(body: Body, rates: Floats, subdivisions: int) -> tuple[Floats, f
             squares += (component @ points.T) ** 2
         weights = body.volumes[cells]
         total += float(weights @ np.sqrt(squares) @ shares + weights @ along.mean(axis=1))
+    some = np.flatnonzero(plastic & ~grows & principal)
+    parts = -(-len(some) * len(points) // (100 * AT_ONCE))
+    for cells in np.array_split(some, parts) if parts else []:
+        powers = cones.principal_power(body.cone[cells], points @ rates[cells])
+        total += float(body.volumes[cells] @ powers @ shares)
     return wrong, total
 
 

@@ -9,16 +9,12 @@ from typing import ClassVar
 
 from mpi4py import MPI
 
-import numpy as np
 import pytest
-import ufl
 
 from meshes.strip_footing import write_strip_footing
 from perfplast_fenicsx import (
     Adaptation,
-    Contact,
     DruckerPrager,
-    InputError,
     Pressure,
     Problem,
     ResultFolder,
@@ -26,16 +22,14 @@ from perfplast_fenicsx import (
     TaggedMesh,
     VonMises,
     adaptive_bounds,
-    stacked_blocks,
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
 from perfplast_fenicsx.materials import ElasticLaw, Expr
-from perfplast_fenicsx.materials.coulomb_cone import CoulombInPlane, TrescaInPlane
+from perfplast_fenicsx.materials.coulomb_cone import CoulombSet, TrescaSet
 from perfplast_fenicsx.proof import check
-from tests.materials.test_yield_set import value
 from tests.models import Read
 
 COMM = MPI.COMM_WORLD
@@ -53,8 +47,8 @@ class CoulombLimits(ElasticLaw):
     dilates: ClassVar[bool] = True
 
     @property
-    def yields(self) -> CoulombInPlane:  # type: ignore[override]
-        return CoulombInPlane(self.cohesion, self.sine)
+    def yields(self) -> CoulombSet:  # type: ignore[override]
+        return CoulombSet(self.cohesion, self.sine)
 
 
 @dataclass(frozen=True)
@@ -64,8 +58,8 @@ class TrescaLimits(ElasticLaw):
     cohesion: Expr
 
     @property
-    def yields(self) -> TrescaInPlane:  # type: ignore[override]
-        return TrescaInPlane(self.cohesion)
+    def yields(self) -> TrescaSet:  # type: ignore[override]
+        return TrescaSet(self.cohesion)
 
 
 @dataclass(frozen=True)
@@ -144,20 +138,6 @@ def test_tresca_is_von_mises_of_the_same_shear_strength(read: Read) -> None:
     assert one.upper == pytest.approx(other.upper, rel=1e-9)
 
 
-def test_it_is_unknown_around_an_axis_and_in_space(read: Read) -> None:
-    around = footing(ground(read).turned(), Ground(20.0))
-    space = Problem(
-        stacked_blocks(COMM, 1),
-        dict.fromkeys(("lower", "upper"), Ground(20.0)),  # type: ignore[arg-type]
-        [Support("bottom")],
-        [Pressure("top", 1.0)],
-        [Contact("lower_top", "upper_bottom")],
-    )
-    for problem in (around, space):
-        with pytest.raises(InputError, match="knows no yield set of CoulombLimits here"):
-            interior_point(problem)
-
-
 @pytest.mark.skipif(EFFORT < 2, reason="4 000 cells; set PERFPLAST_FUZZ=2")
 @pytest.mark.parametrize(("angle", "apart"), [(10.0, 0.010), (20.0, 0.015), (30.0, 0.020)])
 def test_footings_on_four_thousand_cells(read: Read, angle: float, apart: float) -> None:
@@ -171,38 +151,6 @@ def test_footings_on_four_thousand_cells(read: Read, angle: float, apart: float)
     assert low is not None and high is not None
     assert low <= FOOTING[angle] <= high
     assert 2 * (high - low) / (high + low) <= apart
-
-
-@pytest.mark.serial
-def test_gauge_and_support_are_of_the_principal_values() -> None:
-    """By eigenvalues; the cone is the set with the best stress out of the plane."""
-    random = np.random.default_rng(5)
-    for sine in (0.0, 0.5):
-        yields = CoulombInPlane(ufl.as_ufl(2.0), ufl.as_ufl(sine))
-        cosine = math.sqrt(1 - sine**2)
-        (cone,) = yields.cones(4) or ()
-        bound, slope, matrix = (value(ufl.as_ufl(a)) for a in vars(cone).values())
-        assert yields.cones(6) is None
-        for s in random.normal(size=(50, 4)):
-            whole = np.diag(s[:3])
-            whole[0, 1] = whole[1, 0] = s[3] / math.sqrt(2)
-            low, _, high = np.linalg.eigvalsh(whole)
-            ratio = max((high - low) + (high + low) * sine, 0.0) / (4 * cosine)
-            assert value(yields.gauge(ufl.as_vector(list(s)))) == pytest.approx(ratio, abs=1e-12)
-            s[2] = (s[0] + s[1]) / 2
-            ours = float(value(yields.gauge(ufl.as_vector(list(s)))))
-            theirs = (np.linalg.norm(matrix @ s) + slope @ s) / bound
-            assert ours == pytest.approx(max(theirs, 0.0), abs=1e-12)
-        rate = random.normal(size=4)
-        if sine:
-            power = 2.0 * cosine / sine * rate[:3].sum()
-        else:
-            whole = np.diag(rate[:3])
-            whole[0, 1] = whole[1, 0] = rate[3] / math.sqrt(2)
-            power = 2.0 * np.abs(np.linalg.eigvalsh(whole)).sum()
-        assert value(yields.support(ufl.as_vector(list(rate)))) == pytest.approx(power, rel=1e-12)
-    with pytest.raises(ValueError, match="4"):
-        yields.gauge(ufl.as_vector([1.0] * 6))
 
 
 def test_it_stays_in_mean_stress_and_deviator(read: Read) -> None:

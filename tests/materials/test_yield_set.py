@@ -8,6 +8,7 @@ import pytest
 import ufl
 
 from perfplast_fenicsx import DruckerPrager, Elastic, Hill, MohrCoulomb, Tresca, VonMises
+from perfplast_fenicsx.mandel_arrays import matrices, vectors
 from perfplast_fenicsx.materials import (
     MATERIALS,
     Cone,
@@ -15,13 +16,13 @@ from perfplast_fenicsx.materials import (
     Expr,
     Flow,
     Hardening,
-    InPlaneCone,
     Material,
+    PrincipalCone,
     VonMisesSet,
     YieldSet,
 )
 from tests.materials.energy_cap import Foam
-from tests.materials.properties import Array
+from tests.materials.properties import Array, Point
 
 pytestmark = pytest.mark.serial
 
@@ -48,11 +49,11 @@ LAWS: dict[str, Sequence[Material]] = {
 """Materials by the names of case files."""
 
 
-IN_PLANE: dict[str, Sequence[Material]] = {
+PRINCIPAL: dict[str, Sequence[Material]] = {
     "mohr-coulomb": (MohrCoulomb(1e4, 0.3, 10.0, 20.0), MohrCoulomb(1e4, 0.3, 0.1, 42.0)),
     "tresca": (Tresca(1e4, 0.3, 10.0),),
 }
-"""Those whose set is one cone in plane strain alone."""
+"""Those whose set is of principal stresses."""
 
 
 def value(expression: Expr) -> Array:
@@ -131,33 +132,46 @@ def _rest(cone: Cone) -> tuple[Expr, Expr]:
 
 
 def test_each_law_of_case_files_is_here() -> None:
-    assert set(LAWS) | set(IN_PLANE) == set(MATERIALS)
-    for name, given in (LAWS | IN_PLANE).items():
+    assert set(LAWS) | set(PRINCIPAL) == set(MATERIALS)
+    for name, given in (LAWS | PRINCIPAL).items():
         assert type(given[0]) is MATERIALS[name]
 
 
-@pytest.mark.parametrize("material", [m for given in IN_PLANE.values() for m in given])
-def test_sets_whose_cone_is_of_the_plane(material: Material) -> None:
-    """The stress out of the plane is between the others, and there is no strain along it."""
+@pytest.mark.parametrize("size", [4, 6])
+@pytest.mark.parametrize("material", [m for given in PRINCIPAL.values() for m in given])
+def test_sets_of_principal_stresses(material: Material, size: int) -> None:
+    """Gauge and support are of the set that its cone says, with equal principal values too."""
     numbers = {name: ufl.as_ufl(value) for name, value in material.parameters().items()}
     yields = material.law(**numbers).yields
-    (cone,) = yields.cones(4)
-    assert isinstance(cone, InPlaneCone)
-    bound, slope, matrix = (value(ufl.as_ufl(a)) for a in (cone.bound, *_rest(cone)))
+    (cone,) = yields.cones(size)
+    assert isinstance(cone, PrincipalCone)
+    point = Point(material, gdim=2 if size == 4 else 3)
+    bound, sine = float(value(cone.bound)), float(value(cone.sine))
     random = np.random.default_rng(5)
     surface = []
-    for stress in random.normal(size=(200, 4)) * bound:
-        stress[2] = stress[:2].mean()
-        t = float(value(yields.gauge(ufl.as_vector(list(stress)))))
+    for stress in [*random.normal(size=(200, size)) * bound, bound * np.eye(size)[2]]:
+        t = point.number("yield_ratio", stress)
         if t > 0:
             surface.append(stress / t)
-            room = bound - slope @ surface[-1] - np.linalg.norm(matrix @ surface[-1])
+            least, _, most = np.linalg.eigvalsh(matrices(surface[-1]))
+            room = bound - (1 + sine) * most + (1 - sine) * least
             assert abs(room) < EXACT * (bound + np.linalg.norm(surface[-1]))
     assert len(surface) > 20
-    for z in random.normal(size=(50, 2)):
-        rate = matrix.T @ z + np.linalg.norm(z) * slope
-        power = float(value(yields.support(ufl.as_vector(list(rate)))))
-        assert power == pytest.approx(bound * np.linalg.norm(z), rel=EXACT)
+    for _ in range(50):
+        # rates of faces that meet: σ₁ or σ₃ is the same in both
+        shares = random.uniform(size=2) * (random.uniform(size=2) > 0.3)
+        faces = np.array([[1 + sine, 0, sine - 1], [0, 1 + sine, sine - 1]])
+        if random.uniform() > 0.5:
+            faces = np.array([[1 + sine, 0, sine - 1], [1 + sine, sine - 1, 0]])
+        values = shares @ faces
+        axes = np.eye(3)
+        axes[:2, :2] = np.linalg.qr(random.normal(size=(2, 2)))[0]
+        if size == 6:
+            axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+        tensor = (axes * values) @ axes.T
+        rate = vectors(tensor)[[0, 1, 2, 5] if size == 4 else slice(None)]
+        power = point.number("dissipation", rate)
+        assert power == pytest.approx(bound * shares.sum(), rel=EXACT, abs=EXACT * bound)
         sizes = np.linalg.norm(surface, axis=1) * np.linalg.norm(rate)
         assert (np.array(surface) @ rate <= power + EXACT * sizes).all()
 

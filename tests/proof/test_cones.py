@@ -42,6 +42,9 @@ pytestmark = pytest.mark.serial
 
 AT = np.zeros(1, dtype=np.int64)
 
+NONE = np.array([np.nan])
+"""Sine of what bounds no principal stresses."""
+
 
 def cone(k: int, m: int, steep: float, seed: int) -> Cones:
     """A random one of rank k, with M⁺ᵀq of that size where M bounds all, or q·ν = 0."""
@@ -50,7 +53,7 @@ def cone(k: int, m: int, steep: float, seed: int) -> Cones:
     matrix[:k] = random.normal(size=(k, m))
     inside = random.normal(size=k)
     slope = steep * matrix[:k].T @ inside / np.linalg.norm(inside)
-    return Cones(np.array([2.0]), slope[None], matrix[None])
+    return Cones(np.array([2.0]), slope[None], matrix[None], NONE)
 
 
 def best(cones: Cones, rate: np.ndarray, seed: int) -> float:
@@ -88,7 +91,7 @@ def test_dissipation_of_what_grows(seed: int) -> None:
     random = np.random.default_rng(seed)
     flat = cone(2, 3, 0.5, seed)
     free = np.linalg.svd(flat.matrix[0])[2][-1]
-    cones = Cones(flat.bound, flat.slope + 0.8 * free, flat.matrix)
+    cones = Cones(flat.bound, flat.slope + 0.8 * free, flat.matrix, NONE)
     cones.check(3)
     assert cones.grows.all()
     M, q = cones.matrix[0], cones.slope[0]
@@ -166,7 +169,7 @@ def steeper(them: Arrays) -> None:
 
 def more_cones(them: Arrays) -> None:
     """One that no cell has, which is none."""
-    for name in ("cone_bound", "cone_slope", "cone_matrix"):
+    for name in ("cone_bound", "cone_slope", "cone_matrix", "cone_sine"):
         them[name] = np.concatenate([them[name], -them[name][:1]])
 
 
@@ -174,6 +177,9 @@ FORGED: dict[str, tuple[Forgery, str]] = {
     "no numbers": (both(drop("cone")), "missing"),
     "no bounds": (both(drop("cone_bound")), "missing"),
     "no slopes": (both(drop("cone_slope")), "missing"),
+    "no sines": (both(drop("cone_sine")), "missing"),
+    "a sine too few": (both(make("cone_sine", lambda a: a[1:])), "fits nothing"),
+    "principal as well": (both(put("cone_sine", 0, 0.5)), "has a slope or a matrix"),
     "no matrices": (both(drop("cone_matrix")), "missing"),
     "one too few": (both(make("cone_matrix", lambda a: a[1:])), "fits nothing"),
     "of the plane": (both(make("cone_matrix", lambda a: a[:, :3, :3])), "fits nothing"),

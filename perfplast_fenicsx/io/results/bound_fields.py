@@ -5,7 +5,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import matrices
+from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 
 

@@ -24,13 +24,13 @@ from perfplast_fenicsx.io.results.global_ordering import (
     with_ghosts,
 )
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
+from perfplast_fenicsx.io.results.proof_cones import cones_on_file, table_of
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.facets.contact_strength import strength_of
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import matrices
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
 from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
 from perfplast_fenicsx.problem.assembled.linear_tractions import linear_tractions
@@ -221,41 +221,18 @@ def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
         for name in ("adhesion", "friction"):
             none = name == "friction" and not follows
             values = [0.0 if none else getattr(strength, name) for strength in strengths]
-            loads[f"{kind}_{name}"] = _table(problem, values, (), np.float64)
+            loads[f"{kind}_{name}"] = table_of(problem, values, (), np.float64)
     return loads | {
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),
         "cells": block(of_cells, numbers[cells]),
-        **_cones(problem, of_cells),
+        **cones_on_file(problem, of_cells),
         "facets": block(of_facets, numbers[facets]),
         "surface": block(of_facets, surface),
         "held": block(of_facets, held),
-        "contacts": _table(problem, contacts, (2,), np.int64),
-        "obstacles": _table(problem, [tags[plane.on] for plane in walls], (), np.int64),
-        "obstacle_normals": _table(problem, into, (d,), np.float64),
+        "contacts": table_of(problem, contacts, (2,), np.int64),
+        "obstacles": table_of(problem, [tags[plane.on] for plane in walls], (), np.int64),
+        "obstacle_normals": table_of(problem, into, (d,), np.float64),
     }
-
-
-def _cones(problem: Problem, of_cells: Ordering) -> Blocks:
-    """The cones of the bodies, and which of them each cell has."""
-    found = body_cones(problem)
-    plain = [cone.plain for cone in found.cones if cone.plain is not None]
-    numbers = np.cumsum([cone.plain is not None for cone in found.cones]) - 1
-    numbers[[cone.plain is None for cone in found.cones]] = -1
-    d = problem.tagged_mesh.mesh.topology.dim
-    m = d * (d + 1) // 2
-    matrices = [np.pad(it.matrix, ((0, m - len(it.matrix)), (0, 0))) for it in plain]
-    return {
-        "cone": block(of_cells, numbers[found.of_cells]),
-        "cone_bound": _table(problem, [it.bound for it in plain], (), np.float64),
-        "cone_slope": _table(problem, [it.slope for it in plain], (m,), np.float64),
-        "cone_matrix": _table(problem, matrices, (m, m), np.float64),
-    }
-
-
-def _table(problem: Problem, rows: list, shape: tuple[int, ...], kind: npt.DTypeLike) -> Block:
-    """What every rank knows, as an array that rank 0 has."""
-    values = np.asarray(rows, dtype=kind).reshape(len(rows), *shape)
-    return Block(values if problem.comm.rank == 0 else values[:0], 0, len(rows))
 
 
 def _kinds(problem: Problem, question: Question) -> dict[str, bool]:

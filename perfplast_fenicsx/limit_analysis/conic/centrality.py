@@ -2,7 +2,7 @@
 
 An interior point method goes far where all products shrink together. J. Gondzio, Multiple
 centrality corrections in a primal-dual method for linear programming, Comput. Optim. Appl. 6
-(1996), 137, doi:10.1007/BF00249643; for second-order cones with the eigenvalues of the products.
+(1996), 137, doi:10.1007/BF00249643; for cones with the eigenvalues of the products.
 """
 
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import SIZE
 from perfplast_fenicsx.rounding import TINY
 
 NEAR = 0.1
@@ -22,23 +23,26 @@ class Products:
 
     Attributes:
         cones: Jordan's products of scaled members, shape (num_cones, 1 + m).
+        matrices: The same of semidefinite ones, shape (num, 2, 3, 3).
         pairs: Forces times rooms, shape (num_pairs,).
     """
 
     cones: Floats
+    matrices: Floats
     pairs: Floats
 
     def __add__(self, other: "Products") -> "Products":
-        return Products(self.cones + other.cones, self.pairs + other.pairs)
+        cones, matrices = self.cones + other.cones, self.matrices + other.matrices
+        return Products(cones, matrices, self.pairs + other.pairs)
 
     def __neg__(self) -> "Products":
-        return Products(-self.cones, -self.pairs)
+        return Products(-self.cones, -self.matrices, -self.pairs)
 
     def raised(self, by: float) -> "Products":
         """The products with a number added to their eigenvalues."""
         cones = self.cones.copy()
         cones[:, 0] += by
-        return Products(cones, self.pairs + by)
+        return Products(cones, self.matrices + by * np.eye(SIZE), self.pairs + by)
 
     def missing(self, mu: float) -> "Products":
         """What brings those that are far from μ nearer to it; large ones by a limited amount."""
@@ -48,7 +52,9 @@ class Products:
         cones[:, 0] = (low + high) / 2
         share = (high - low) / 2 / np.maximum(size, TINY)
         cones[:, 1:] = share[:, None] * self.cones[:, 1:]
-        return Products(cones, _missing(self.pairs, mu))
+        values, axes = np.linalg.eigh(self.matrices)
+        matrices = (axes * _missing(values, mu)[..., None, :]) @ np.swapaxes(axes, -1, -2)
+        return Products(cones, matrices, _missing(self.pairs, mu))
 
 
 def _missing(values: Floats, mu: float) -> Floats:

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
 
 
 class ConesAtPoints(Protocol):
@@ -18,11 +19,13 @@ class ConesAtPoints(Protocol):
         radii: γ (stress), ∞ where nothing yields, shape (count,).
         slopes: α, shape (count,).
         tilts: t, shape (count, m); None where all are zero.
+        principal: The points whose principal stresses are bounded instead.
     """
 
     radii: Floats
     slopes: Floats
     tilts: Floats | None
+    principal: PrincipalCones
 
 
 def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Floats:
@@ -45,7 +48,7 @@ def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Fl
         tilted = (np.sqrt(length2 + along**2 / square) + along / np.sqrt(square)) / np.sqrt(square)
         there = tilts.any(axis=1)
         ratios[there] = (tilted / cones.radii)[there]
-    return ratios
+    return cones.principal.put(ratios, cones.principal.ratios(pressure, deviator))
 
 
 def powers(cones: ConesAtPoints, trace: Floats, deviator: Floats) -> Floats:
@@ -61,4 +64,4 @@ def powers(cones: ConesAtPoints, trace: Floats, deviator: Floats) -> Floats:
     if cones.tilts is not None:
         rates -= np.einsum("ni,ni->n", cones.tilts, deviator)
     found: Floats = np.where(np.isfinite(cones.radii), cones.radii, 0.0) * rates
-    return found
+    return cones.principal.put(found, cones.principal.powers(trace, deviator))

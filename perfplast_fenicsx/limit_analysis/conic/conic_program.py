@@ -27,6 +27,8 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic.cone_functions import powers, yield_ratios
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Discretisation, Moduli
+from perfplast_fenicsx.limit_analysis.conic.principal_blocks import MOST_VISCOUS, Blocks
+from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import SIZE
 
 PROXIMAL = 1e-5
 """δ: stresses that nothing bounds change by 1/δ times a strain. With 1e-4 linear elements that
@@ -35,10 +37,6 @@ nearly lock take three times the steps; with less K is worse conditioned."""
 
 Stress: TypeAlias = tuple[Floats, Floats]
 """Pressure and deviator at the points, shapes (count,) and (count, m)."""
-
-MOST_VISCOUS = 1e4
-"""Strong bodies are so viscous at first, at most."""
-
 
 SOFTEST = 1e-10
 """Modulus of points that have none left: of weak ones that flow beside strong ones, which bear the
@@ -62,14 +60,17 @@ class ConicProgram:
         num_pairs: Contact pairs on all ranks together.
         plastic: Which points of this rank can yield, shape (count,): others are as elastic ones.
         weights: w, 1 in the mean, shape (count,).
-        radii: γ of the plastic points, 1 where bodies bear the loads.
+        strengths: γ of these, 1 where bodies bear the loads, and 0 of others, shape (count,).
+        blocks: Those among them whose principal stresses are bounded.
+        round: Which of them have a second-order cone instead, shape (count,).
+        radii: γ of the round points.
         slopes: α of them.
         dilating: Which of them dilate, α > 0.
-        dilates: Whether any of any rank does.
-        strongest: Largest γ (stress) of them.
-        viscosities: γ over a rate that suits the point.
+        dilates: Whether any plastic point of any rank does.
+        strongest: Largest γ (stress) of the plastic points.
+        viscosities: γ of the round points over a rate that suits each.
         springs: Stiffness of contact that suits that of the bodies, shape (num_pairs,).
-        degree: Plastic points and pairs of all ranks.
+        degree: Round points, rows of semidefinite matrices and pairs of all ranks.
         stress_unit: What 1 is of σ.
         load_unit: What 1 is of λ.
         force_unit: What 1 is of r.
@@ -115,15 +116,19 @@ class ConicProgram:
         radii = self.strains.radii
         self.strongest = strongest
         self.plastic = np.isfinite(radii) & (radii <= strongest)
-        kept = 1 - self._reserve if self.has_dead else 1.0
-        self.radii, self.slopes = (
-            kept * radii[self.plastic] / unit,
-            self.strains.slopes[self.plastic],
-        )
+        unit_kept = unit / (1 - self._reserve if self.has_dead else 1.0)
+        self.strengths = np.where(self.plastic, radii, 0.0) / unit_kept
+        principal = self.strains.principal
+        self.blocks = Blocks(principal.those(self.plastic[principal.at]).divided(unit_kept))
+        self.round = self.plastic.copy()
+        self.round[self.blocks.cones.at] = False
+        self.radii, self.slopes = self.strengths[self.round], self.strains.slopes[self.round]
         self.dilating = self.slopes > 0
         self.viscosities = np.minimum(self.radii**2, MOST_VISCOUS)
-        many, dilating = self.comm.allreduce(np.array([len(self.radii), self.dilating.sum()]))
-        self.degree, self.dilates = self.num_pairs + int(many), bool(dilating)
+        mine = len(self.radii) + 2 * SIZE * self.blocks.cones.count
+        dilating = np.count_nonzero(self.strains.slopes[self.plastic])
+        many, some = self.comm.allreduce(np.array([mine, dilating]))
+        self.degree, self.dilates = self.num_pairs + int(many), bool(some)
         before, self.force_unit = self.force_unit, unit * self._mean_weight
         self.stress_unit = unit
         for load in (self.load, self.dead, self.free):
@@ -158,11 +163,11 @@ class ConicProgram:
         return float(self.comm.allreduce(ratios.max(initial=0.0), MPI.MAX))
 
     def members(self, stress: Stress) -> Floats:
-        """(γ − αp, s + γt) of the plastic points, shape (num_plastic, 1 + m)."""
+        """(γ − αp, s + γt) of the round points, shape (num_round, 1 + m)."""
         pressure, deviator = stress
-        heads, tails = self.radii - self.slopes * pressure[self.plastic], deviator[self.plastic]
+        heads, tails = self.radii - self.slopes * pressure[self.round], deviator[self.round]
         if self.strains.tilts is not None:
-            tails = tails + self.radii[:, None] * self.strains.tilts[self.plastic]
+            tails = tails + self.radii[:, None] * self.strains.tilts[self.round]
         return np.column_stack([heads, tails])
 
     def whole(self, stress: Stress, load: float) -> Stress:
@@ -200,16 +205,18 @@ class ConicProgram:
         bulk = np.full_like(viscosity, 1 / PROXIMAL)
         if self.dilates:
             soft = self.viscosities[self.dilating] / self.slopes[self.dilating] ** 2
-            bulk[np.flatnonzero(self.plastic)[self.dilating]] = soft
+            bulk[np.flatnonzero(self.round)[self.dilating]] = soft
+        at = self.blocks.cones.at
+        bulk[at], viscosity[at] = self.blocks.moduli(self.blocks.viscosities, 1 / PROXIMAL)
         none: Floats = np.zeros((len(viscosity), self.strains.size))
         return Moduli(bulk, viscosity, none)
 
-    def at_points(self, plastic: Floats, elastic: float) -> Floats:
-        """Values at all points from those at the plastic ones."""
-        values: Floats
-        values = np.full((self.strains.count, *plastic.shape[1:]), elastic)
-        values[self.plastic] = plastic
-        return values
+    def at_points(self, values: Floats, others: float) -> Floats:
+        """Values at all points from those at the round ones."""
+        found: Floats
+        found = np.full((self.strains.count, *values.shape[1:]), others)
+        found[self.round] = values
+        return found
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
         """Assemble Σ w² times the moduli; see :class:`discretisation.Stiffness`.
@@ -224,6 +231,9 @@ class ConicProgram:
             np.sqrt(scale)[:, None] * moduli.normal,
             moduli.along,
         )
+        if moduli.whole is not None:
+            at, roots = moduli.whole
+            scaled = scaled.with_whole(at, np.sqrt(scale[at])[:, None, None] * roots)
         self.stiffness.assemble(scaled, held)
 
     def internal_forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
@@ -257,8 +267,9 @@ class ConicProgram:
         volume = trace**2 / self.strains.gdim
         wrong = volume + np.where(self.plastic, 0.0, squares)
         if self.dilates:
-            slopes = self.strains.slopes
+            slopes, cones = self.strains.slopes, self.blocks.cones
             short = np.maximum(slopes * np.sqrt(squares) - trace, 0.0)
+            short = cones.put(short, cones.lacking(trace, deviator))
             wrong = np.where(self.plastic & (slopes > 0), short**2, wrong)
         part, whole = (
             self.total(self.weights @ wrong),

@@ -18,7 +18,7 @@ class DilatingPoints:
     """The points of this rank with α > 0.
 
     Attributes:
-        among: Which of the plastic points they are.
+        among: Which of the round points they are.
         at: Their numbers among all points.
         off: By how much z differs from the rates of the velocity, shape (num, 1 + m).
     """
@@ -39,7 +39,7 @@ class DilatingPoints:
             deviator: The same.
         """
         self.among = program.dilating
-        self.at = np.flatnonzero(program.plastic)[self.among]
+        self.at = np.flatnonzero(program.round)[self.among]
         self._slopes, self._weights = program.slopes[self.among], program.weights[self.at]
         self._scaling = Scaling(now.S[self.among], now.Z[self.among])
         self.off = now.Z[self.among] - self.rates(trace, deviator)
@@ -60,7 +60,7 @@ class DilatingPoints:
 
         Args:
             rates: dz.
-            aim: r at all plastic points; none for zero.
+            aim: r at all round points; none for zero.
         """
         scaled = -self._scaling.apply(rates)
         return self._scaling.apply(scaled if aim is None else scaled + aim[self.among])

@@ -1,6 +1,6 @@
 """What a limit load is looked for with: strain rates at points, and a stiffness of moduli there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from mpi4py import MPI
@@ -8,7 +8,8 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
 
 NONE = np.zeros(0, dtype=np.int32)
 
@@ -19,24 +20,31 @@ class SingularStiffness(RuntimeError):
 
 @dataclass(frozen=True)
 class Moduli:
-    """κ, a, N and b of ⟨κ (tr ε − b:ε)² + a‖dev ε‖² − (N:ε)²⟩ at points.
+    """κ, a, N and b of ⟨κ (tr ε − b:ε)² + a‖dev ε‖² − (N:ε)²⟩ at points, or whole moduli.
 
     Attributes:
         bulk: κ, shape (count,).
         a: Shape (count,).
         normal: N, a deviator, shape (count, m).
         along: b, a deviator, shape (count, m); None for zero.
+        whole: Numbers of the points, shape (num,), whose modulus is RRᵀ of (tr ε, dev ε) instead,
+            and R, shape (num, 1 + m, 1 + m); None of none.
     """
 
     bulk: Floats
     a: Floats
     normal: Floats
     along: Floats | None = None
+    whole: tuple[Longs, Floats] | None = None
+
+    def with_whole(self, at: Longs, roots: Floats) -> "Moduli":
+        """The same but for the whole ones of some points."""
+        return replace(self, whole=(at, roots))
 
     def first(self, count: int) -> "Moduli":
-        """Those of the first points."""
+        """Those of the first points, among which those with whole moduli are."""
         along = None if self.along is None else self.along[:count]
-        return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along)
+        return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along, self.whole)
 
     def matrices(self) -> Floats:
         """The same as forms of (tr ε, dev ε), shape (count, 1 + m, 1 + m)."""
@@ -48,7 +56,11 @@ class Moduli:
         first[:, 0] = 1.0
         if self.along is not None:
             first[:, 1:] = -self.along
-        return found + self.bulk[:, None, None] * first[:, :, None] * first[:, None]
+        found += self.bulk[:, None, None] * first[:, :, None] * first[:, None]
+        if self.whole is not None:
+            at, roots = self.whole
+            found[at] = roots @ np.swapaxes(roots, 1, 2)
+        return found
 
 
 class Strains(Protocol):
@@ -66,6 +78,8 @@ class Strains(Protocol):
         radii: Yield radius γ (stress) without mean stress, ∞ in elastic bodies, shape (count,).
         slopes: α, by which it falls with the mean stress, shape (count,).
         tilts: t, shape (count, m); None where all are zero.
+        principal: The points whose principal stresses are bounded instead; γ and α are there those
+            of the narrowest cone of the same apex around that set.
     """
 
     count: int
@@ -75,6 +89,7 @@ class Strains(Protocol):
     radii: Floats
     slopes: Floats
     tilts: Floats | None
+    principal: PrincipalCones
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
         """Trace and deviator of ε(v), shapes (count,) and (count, m). Collective."""

@@ -2,9 +2,10 @@
 
 A step takes one factorisation of a stiffness: with the scaling of Nesterov and Todd the stress of a
 point changes by H⁻¹ times a strain, and H⁻¹ is a multiple of the identity less something of rank
-one. Steps are Mehrotra's, a predictor and a corrector, and then Gondzio's (:mod:`centrality`), all
-with the same factors. Stresses that nothing bounds, mean ones and those of elastic bodies, follow
-the proximal point method, which does not change where the iteration ends.
+one, or, where semidefinite matrices bound principal stresses, any modulus. Steps are Mehrotra's, a
+predictor and a corrector, and then Gondzio's (:mod:`centrality`), all with the same factors.
+Stresses that nothing bounds, mean ones and those of elastic bodies, follow the proximal point
+method, which does not change where the iteration ends.
 """
 
 from mpi4py import MPI
@@ -60,7 +61,8 @@ class InteriorIteration:
         Z[:, 0] = program.radii / program.viscosities
         root = np.sqrt(program.springs)
         self._newton: NewtonDirections | None = None
-        self.now = Unknowns(0.0, 0.0, stress[:, 0].copy(), stress, S, Z, root, 1 / root)
+        of_blocks = program.blocks.start()
+        self.now = Unknowns(0.0, 0.0, stress[:, 0].copy(), stress, S, Z, *of_blocks, root, 1 / root)
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""

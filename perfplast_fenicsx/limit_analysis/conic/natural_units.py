@@ -165,8 +165,8 @@ def _flow(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None = None)
 def _dissipation(program: ConicProgram, flow: PETSc.Vec) -> float:
     """Σ w γ‖dev ε(v)‖ over the points that can yield. Collective."""
     _, deviator = program.strains.of(flow)
-    rates = np.linalg.norm(deviator[program.plastic], axis=1)
-    return program.total(float((program.weights[program.plastic] * program.radii) @ rates))
+    rates = np.linalg.norm(deviator, axis=1)
+    return program.total(float((program.weights * program.strengths) @ rates))
 
 
 def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
@@ -175,13 +175,14 @@ def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
     Returns:
         Whether units are others than before.
     """
-    radii = program.radii * program.stress_unit
+    plastic = program.plastic
+    radii = program.strengths[plastic] * program.stress_unit
     least, largest = program.range(radii)
     if not largest > SIMILAR * least:
         return False
     _, deviator = program.strains.of(flow)
-    squares = np.einsum("ni,ni->n", deviator, deviator)[program.plastic]
-    power = program.weights[program.plastic] ** 2 * program.viscosities * squares
+    squares = np.einsum("ni,ni->n", deviator, deviator)[plastic]
+    power = program.weights[plastic] ** 2 * program.flow_moduli().a[plastic] * squares
     sums = program.comm.allreduce(np.array([power @ np.log(radii), power.sum()]))
     mean = float(np.exp(sums[0] / sums[1]))
     near = mean / SIMILAR < program.stress_unit < mean * SIMILAR
@@ -230,7 +231,7 @@ def _divide(
     stress: Floats = np.zeros((len(pressure), program.strains.size))
     pushes: Floats = np.zeros(len(program.jumps))
     bulk, first = program.weights / PROXIMAL, float(load.dot(flow))
-    bounded = program.at_points(program.dilating.astype(np.float64), 0.0) > 0
+    bounded = program.plastic & (program.strains.slopes > 0)
     try:
         for _ in range(MOST_DIVISIONS):
             trace, deviator = program.strains.of(flow)

@@ -12,6 +12,7 @@ from perfplast_fenicsx.limit_analysis.conic.conic_program import PROXIMAL, Conic
 from perfplast_fenicsx.limit_analysis.conic.conic_unknowns import Unknowns
 from perfplast_fenicsx.limit_analysis.conic.dilating_points import DilatingPoints
 from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli
+from perfplast_fenicsx.limit_analysis.conic.principal_points import PrincipalPoints
 from perfplast_fenicsx.limit_analysis.conic.second_order_cones import Scaling, product, quotient
 
 
@@ -76,12 +77,13 @@ class NewtonDirections:
         self._free = program.weights / PROXIMAL
         self._trace, self._deviator = strain = program.strains.of(velocity)
         self._dilating = DilatingPoints(program, now, *strain) if program.dilates else None
+        some = program.blocks.cones.count > 0
+        self._principal = PrincipalPoints(program, now, *strain) if some else None
         if not factorised:
             self._factorise()
         self._find_of_loads(velocity)
-        plastic = program.plastic
-        self._rates = program.weights[plastic, None]
-        self._off = now.Z[:, 1:] + self._rates * self._deviator[plastic]
+        self._rates = program.weights[program.round, None]
+        self._off = now.Z[:, 1:] + self._rates * self._deviator[program.round]
         self._off_jumps = velocity.array_r[program.jumps] + now.rooms
 
     def _find_of_loads(self, velocity: PETSc.Vec) -> None:
@@ -105,22 +107,28 @@ class NewtonDirections:
         moduli = Moduli(soft, a, normal)
         if self._dilating is not None:
             moduli = self._dilating.moduli(moduli)
+        if self._principal is not None:
+            moduli = self._principal.moduli(moduli)
         program.assemble(moduli)
         program.stiffness.add_at_jumps(self._contact)
         program.stiffness.factorise()
 
     def _moduli(self, x: Floats) -> Floats:
-        """H⁻¹ x at the plastic points."""
+        """H⁻¹ x at the round points."""
         along = np.einsum("ni,ni->n", self._normal, x)
         return self._a[:, None] * x - along[:, None] * self._normal
 
     def products(self, change: Unknowns | None = None) -> Products:
         """Products of the unknowns, or of a change of them."""
+        now, principal = change or self._now, self._principal
+        matrices = now.X
         if change is None:
-            point = self.scaling.point
-            return Products(product(point, point), self._now.forces * self._now.rooms)
-        cones = product(self.scaling.invert(change.S), self.scaling.apply(change.Z))
-        return Products(cones, change.forces * change.rooms)
+            cones = product(self.scaling.point, self.scaling.point)
+        else:
+            cones = product(self.scaling.invert(change.S), self.scaling.apply(change.Z))
+        if principal is not None:
+            matrices = principal.products if change is None else principal.scaled(change)
+        return Products(cones, matrices, now.forces * now.rooms)
 
     def products_after(self, t: float, change: Unknowns) -> Products:
         """Products of the unknowns after t times a change."""
@@ -129,13 +137,16 @@ class NewtonDirections:
     def towards(self, change: Products) -> Direction:
         """The direction in which the products change so, to first order. Collective."""
         now, program, work = self._now, self._program, self._work
-        plastic, free, jumps = program.plastic, self._free, program.jumps
+        round_, free, jumps = program.round, self._free, program.jumps
         aim, pairs = quotient(self.scaling.point, change.cones), change.pairs
         unscaled = self.scaling.invert(aim)[:, 1:]
         pressure, stress = free * self._trace, free[:, None] * self._deviator
-        stress[plastic] = self._moduli(unscaled + self._off)
+        stress[round_] = self._moduli(unscaled + self._off)
         if (dilating := self._dilating) is not None:
             dilating.put(dilating.members(-dilating.off, aim), pressure, stress)
+        if (principal := self._principal) is not None:
+            matrices = principal.aim(change.matrices)
+            principal.put(principal.stresses(matrices), pressure, stress)
         program.internal_forces(pressure, stress, work.right)
         work.right.axpy(1.0, work.balance)
         work.right.array[jumps] += (pairs + now.forces * self._off_jumps) / now.rooms
@@ -146,12 +157,12 @@ class NewtonDirections:
             work.change.axpy(float(factor), motion)
 
         trace, deviator = program.strains.of(work.change)
-        dZ = -self._off - self._rates * deviator[plastic]
+        dZ = -self._off - self._rates * deviator[round_]
         pressure = free * (self._trace + trace)
         stress = free[:, None] * (self._deviator + deviator)
-        stress[plastic] = self._moduli(unscaled - dZ)
+        stress[round_] = self._moduli(unscaled - dZ)
         S, Z = np.zeros_like(now.S), np.zeros_like(now.Z)
-        S[:, 1:] = stress[plastic]
+        S[:, 1:] = stress[round_]
         Z[:, 0] = self.scaling.invert(aim - self.scaling.invert(S))[:, 0]
         Z[:, 1:] = dZ
         if dilating is not None:
@@ -159,10 +170,16 @@ class NewtonDirections:
             S[dilating.among] = members = dilating.members(more, aim)
             Z[dilating.among] = more
             dilating.put(members, pressure, stress)
+        t, X, Y = now.t, now.X, now.Y  # of no point
+        if principal is not None:
+            dy = principal.stresses(matrices, trace, deviator)
+            principal.put(dy, pressure, stress)
+            t, X = dy[:, 0], program.blocks.changes(dy[:, 0], pressure, stress)
+            Y = principal.multipliers(X, matrices, trace, deviator)
         rooms = -self._off_jumps - work.change.array_r[jumps]
         forces = (pairs - now.forces * rooms) / now.rooms
         load, aside = float(factors[0]), float(factors[1:].sum())
-        unknowns = Unknowns(load, aside, pressure, stress, S, Z, forces, rooms)
+        unknowns = Unknowns(load, aside, pressure, stress, S, Z, t, X, Y, forces, rooms)
         return Direction(unknowns, work.change.array_r.copy())
 
     def balanced(self, now: Unknowns) -> Unknowns:
@@ -175,9 +192,14 @@ class NewtonDirections:
         program.stiffness.solve(self._work.balance, change)
         trace, deviator = program.strains.of(change)
         pressure, stress = self._free * trace, self._free[:, None] * deviator
-        stress[program.plastic] = self._moduli(self._rates * deviator[program.plastic])
+        stress[program.round] = self._moduli(self._rates * deviator[program.round])
         if (dilating := self._dilating) is not None:
             dilating.put(dilating.members(dilating.rates(trace, deviator)), pressure, stress)
+        t = now.t
+        if (principal := self._principal) is not None:
+            dy = principal.stresses(None, trace, deviator)
+            principal.put(dy, pressure, stress)
+            t = t - dy[:, 0]
         changed = now.pressure - pressure, now.deviator - stress
         forces = now.forces - self._contact * change.array_r[program.jumps]
         return replace(
@@ -185,5 +207,7 @@ class NewtonDirections:
             pressure=changed[0],
             deviator=changed[1],
             S=program.members(changed),
+            t=t,
+            X=program.blocks.members(t, *changed),
             forces=np.maximum(forces, 0.0),
         )

@@ -104,6 +104,7 @@ def _balance(iteration: InteriorIteration, springs: Floats) -> None:
                 pressure=changed[0],
                 deviator=changed[1],
                 S=program.members(changed),
+                X=program.blocks.members(now.t, *changed),
                 forces=now.forces - pushes,
             )
     finally:

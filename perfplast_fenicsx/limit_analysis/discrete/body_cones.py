@@ -1,7 +1,7 @@
 """The cones of a problem's bodies, as their laws say them, with the coordinates of each."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -9,17 +9,20 @@ import ufl
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
 from perfplast_fenicsx.limit_analysis.discrete.standard_cones import (
     PlainCone,
+    PlainPrincipal,
     Shadow,
     StandardCone,
     never_yields,
     shadow,
     standard_cone,
 )
+from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.mandel import Expr, mandel_size
-from perfplast_fenicsx.materials.yield_set import Cone, InPlaneCone
+from perfplast_fenicsx.materials.yield_set import Cone, PrincipalCone
 from perfplast_fenicsx.problem.problem import Problem
 
 OUT_OF_PLANE = 2
@@ -32,13 +35,15 @@ class BodyCone:
 
     Attributes:
         plain: Of the components that are in equations; None of what never yields.
-        standard: The same set in its coordinates.
+        principal: Of principal stresses, in its place.
+        standard: The same set in its coordinates; of principal stresses a cone around it.
         shadow: How the stress out of the plane follows, in plane strain.
     """
 
     plain: PlainCone | None
     standard: StandardCone
     shadow: Shadow | None
+    principal: PlainPrincipal | None = None
 
     def whole(self, stress: Floats) -> Floats:
         """Stresses with that out of the plane where it leaves the most room.
@@ -80,6 +85,21 @@ class BodyCones:
     def dilates(self) -> bool:
         """Whether any has a slope."""
         return any(cone.standard.slope > 0 for cone in self.cones)
+
+    def principal_at(self, numbers: Longs) -> PrincipalCones:
+        """The points with sets of principal stresses.
+
+        Args:
+            numbers: Number of the cone of each point.
+        """
+        found = [i for i, cone in enumerate(self.cones) if cone.principal is not None]
+        if not found:
+            return PrincipalCones.none()
+        sets = [it.principal or PlainPrincipal(0.0, 0.0) for it in self.cones]
+        at = np.flatnonzero(np.isin(numbers, found))
+        bounds, sines = (np.array(of)[numbers[at]] for of in zip(*map(astuple, sets), strict=True))
+        frame = self.cones[found[0]].standard.frame
+        return PrincipalCones(at, bounds, sines, matrices(frame.T))
 
     def at_cells(self) -> tuple[Floats, Floats, Floats | None]:
         """γ (stress), α and t of the cells; None for t where all are zero."""
@@ -132,7 +152,7 @@ def _components(problem: Problem) -> tuple[bool, int]:
 
 def _is_same(one: BodyCone, other: BodyCone) -> bool:
     if one.plain is None or other.plain is None:
-        return one.plain is other.plain
+        return one.plain is other.plain and one.principal == other.principal
     return one.plain.is_same(other.plain)
 
 
@@ -154,27 +174,45 @@ def _cone_of(material: Material, size: int, flat: bool) -> BodyCone | None:
     none = Shadow(None, usual, 0.0) if flat else None
     if not cones:
         return BodyCone(None, never_yields(n, normal), none)
-    if isinstance(cones[0], InPlaneCone) and not flat:
-        return None
-    plain = _numbers(cones[0])
+    if isinstance(cones[0], PrincipalCone):
+        principal = _principal(cones[0], law)
+        if not flat:
+            return BodyCone(None, principal.around(n, normal), None, principal)
+        plain = principal.in_plane()
+    else:
+        plain = _plain(cones[0], law, size)
+        if flat:
+            none = shadow(plain, OUT_OF_PLANE, usual)
+            if none.cone is None:
+                return BodyCone(None, never_yields(n, normal), none)
+            plain = none.cone
+    plain = plain.normalised()
+    standard = standard_cone(plain, normal)
+    return None if standard is None else BodyCone(plain, standard, none)
+
+
+def _plain(cone: Cone, law: Any, size: int) -> PlainCone:
+    """The numbers of a second-order cone of vectors of so many components."""
+    plain = PlainCone(float(_value(cone.bound)), _value(cone.slope), _value(cone.matrix))
     if not plain.is_cone:
         raise InputError(
             f"the cone of {type(law).__name__} is none with zero inside: bound ="
             f" {plain.bound:.6g} has to be positive, and the matrix of full row rank, with a"
             f" column for each of {size} components of stress; mend what its yields.cones returns."
         )
-    if flat:
-        none = shadow(plain, OUT_OF_PLANE, usual)
-        if none.cone is None:
-            return BodyCone(None, never_yields(n, normal), none)
-        plain = none.cone
-    plain = plain.normalised()
-    standard = standard_cone(plain, normal)
-    return None if standard is None else BodyCone(plain, standard, none)
+    return plain
 
 
-def _numbers(cone: Cone) -> PlainCone:
-    return PlainCone(float(_value(cone.bound)), _value(cone.slope), _value(cone.matrix))
+def _principal(cone: PrincipalCone, law: Any) -> PlainPrincipal:
+    """The numbers of a cone of principal stresses."""
+    found = PlainPrincipal(float(_value(cone.bound)), float(_value(cone.sine)))
+    if not (found.bound > 0 and 0 <= found.sine < 1):
+        raise InputError(
+            f"the set of {type(law).__name__} has bound = {found.bound:.6g}, which has to be"
+            f" positive, and sine = {found.sine:.6g}, which has to be in [0, 1); mend what its"
+            " yields.cones returns."
+        )
+    return found
 
 
 def _value(expression: Expr) -> Floats:

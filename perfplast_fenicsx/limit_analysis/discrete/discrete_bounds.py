@@ -171,10 +171,13 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     v.array[held] = 0
     sizes = np.linalg.norm(now.Z[:, 1:], axis=1)
     viscosity = program.at_points(now.S[:, 0] / np.maximum(sizes, 1 / STIFF), 1.0)
+    at = program.blocks.cones.at
+    flows = program.weights[at] * np.linalg.norm(strains.of(v)[1][at], axis=1)
+    viscosity[at] = program.strengths[at] / np.maximum(flows, 1 / STIFF)
     keeps = ~(program.plastic & (strains.slopes > 0))
     penalty = np.where(keeps, PENALTY, viscosity)
     none = np.zeros((len(viscosity), strains.size))
-    stiff = program.at_points(viscosity[program.plastic], PENALTY)
+    stiff = np.where(program.plastic, viscosity, PENALTY)
     program.assemble(Moduli(penalty, stiff, none), held)
     program.stiffness.factorise()
 

@@ -81,7 +81,7 @@ class FrictionStrains:
         self.weights = np.concatenate([points.weights, area * self.length])
         self.radii = np.concatenate([points.radii, places.bound / area])
         self.slopes = np.append(points.slopes, np.zeros(len(area)))
-        self.tilts = points.tilts
+        self.tilts, self.principal = points.tilts, points.principal
         if points.tilts is not None:
             self.tilts = np.concatenate([points.tilts, np.zeros((len(area), self.size))])
 

@@ -19,6 +19,7 @@ class PointCoordinates:
         radii: γ (stress) of the points of this rank, ∞ where nothing yields, shape (count,).
         slopes: α, shape (count,).
         tilts: t, shape (count, m); None where all are zero.
+        principal: The points with sets of principal stresses.
         isotropic: Whether they are trace and deviator at all points.
         dilates: Whether any cone has a slope.
         normal: Normal stresses in equations, two in plane strain.
@@ -44,6 +45,7 @@ class PointCoordinates:
         self.slopes: Floats = np.array([form.slope for form in forms])[numbers]
         tilts = np.array([np.pad(it.tilt, (0, self._size - len(it.tilt))) for it in forms])
         self.tilts: Floats | None = tilts[numbers] if tilts.any() else None
+        self.principal = cones.principal_at(numbers)
         self.frames = StressFrames(cones, numbers, self._size)
 
     def rates(self, e: Floats) -> tuple[Floats, Floats]:

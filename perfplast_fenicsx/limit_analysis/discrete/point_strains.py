@@ -37,6 +37,7 @@ class PointStrains:
         self.weights = self._weights()
         self._coordinates = at = PointCoordinates(problem)
         self.radii, self.slopes, self.tilts = at.radii, at.slopes, at.tilts
+        self.principal = at.principal
         self.gdim = at.normal
 
     def destroy(self) -> None:

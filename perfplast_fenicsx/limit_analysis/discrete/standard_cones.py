@@ -18,7 +18,7 @@ where P takes a off; |β| ≥ 1 leaves room for any x.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -142,6 +142,40 @@ def never_yields(n: int, normal: int) -> StandardCone:
     unit[:normal] = 1.0
     frame = np.column_stack([unit, np.linalg.svd(unit[None])[2][1:].T])
     return StandardCone(math.inf, 0.0, np.zeros(n - 1), frame, True)
+
+
+@dataclass(frozen=True)
+class PlainPrincipal:
+    """(1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound, numbers.
+
+    Attributes:
+        bound: b > 0 (stress).
+        sine: s in [0, 1).
+    """
+
+    bound: float
+    sine: float
+
+    def in_plane(self) -> PlainCone:
+        """What the stresses in the plane can be, the one out of it being free.
+
+        It is between the principal ones in the plane where it leaves them the most room.
+        """
+        half = 1 / math.sqrt(2)
+        matrix = np.array([[half, -half, 0.0], [0.0, 0.0, 1.0]])
+        slope = np.array([half * self.sine, half * self.sine, 0.0])
+        return PlainCone(half * self.bound, slope, matrix)
+
+    def around(self, n: int, normal: int) -> StandardCone:
+        """The narrowest cone about the hydrostatic axis that has the set inside, of the same apex.
+
+        Args:
+            n: Components.
+            normal: How many of them are normal stresses.
+        """
+        size = math.sqrt(6) / (3 - self.sine)
+        every = never_yields(n, normal)
+        return replace(every, radius=size * self.bound, slope=2 * size * self.sine, isotropic=False)
 
 
 def standard_cone(cone: PlainCone, normal: int) -> StandardCone | None:

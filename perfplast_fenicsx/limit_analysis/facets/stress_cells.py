@@ -105,16 +105,6 @@ def components(gdim: int) -> Floats:
     )
 
 
-def matrices(mandel: Floats) -> Floats:
-    """Symmetric matrices of Mandel vectors, shape (..., 3, 3) of (..., 4 or 6)."""
-    found: Floats = np.zeros((*mandel.shape[:-1], 3, 3))
-    for i in range(3):
-        found[..., i, i] = mandel[..., i]
-    for place, (i, j) in enumerate(OFF_DIAGONAL[mandel.shape[-1] // 2], start=3):
-        found[..., i, j] = found[..., j, i] = mandel[..., place] / math.sqrt(2)
-    return found
-
-
 def gradients(x: Floats) -> tuple[Floats, Floats]:
     """Gradients of barycentric coordinates and volumes of simplices.
 

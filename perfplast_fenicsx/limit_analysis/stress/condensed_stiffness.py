@@ -178,7 +178,11 @@ class CondensedStiffness(SprungMatrix):
 
 
 def _roots(moduli: Moduli) -> Floats:
-    """R with R Rᵀ = κ(1, −b)(1, −b)ᵀ, and a I − N Nᵀ on the deviator, shape (n, 1 + m, 1 + m)."""
+    """R with R Rᵀ = κ(1, −b)(1, −b)ᵀ, and a I − N Nᵀ on the deviator, or the whole modulus.
+
+    Returns:
+        Shape (n, 1 + m, 1 + m).
+    """
     a, normal = moduli.a, moduli.normal
     length2 = np.einsum("ni,ni->n", normal, normal)
     left = np.sqrt(np.maximum(1 - length2 / a, 0.0))
@@ -190,6 +194,9 @@ def _roots(moduli: Moduli) -> Floats:
         roots[:, 1:, 0] = -roots[:, :1, 0] * moduli.along
     along = np.einsum("n,ni,nj->nij", share, normal, normal)
     roots[:, 1:, 1:] = np.sqrt(a)[:, None, None] * (np.eye(size) - along)
+    if moduli.whole is not None:
+        at, whole = moduli.whole
+        roots[at] = whole
     return roots
 
 

@@ -52,7 +52,9 @@ class MultiplierStrains:
         radii, slopes, tilts = cones.at_cells()
         self.radii, self.slopes = np.repeat(radii, points), np.repeat(slopes, points)
         self._isotropic = cones.isotropic
-        self._frames = StressFrames(cones, np.repeat(cones.of_cells, points))
+        of_points = np.repeat(cones.of_cells, points)
+        self.principal = cones.principal_at(of_points)
+        self._frames = StressFrames(cones, of_points)
         self.size = self._frames.size
         self.tilts: Floats | None = None
         if tilts is not None:

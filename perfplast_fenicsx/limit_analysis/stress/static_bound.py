@@ -225,18 +225,17 @@ def _result(
         told = (f"{share:.2g} of it is kept, for what rounding leaves of its balance",)
         reason = "; ".join([reason, *told, *weak_bodies(problem)])
     tdim, count = strains.gdim, strains.num_cells
-    radii, slopes = np.zeros(program.strains.count), np.zeros(program.strains.count)
-    radii[program.plastic] = program.radii
-    if program.dilates:
-        slopes[program.plastic] = program.slopes
-    heads = (radii - slopes * pressure / program.stress_unit)[: strains.count]
+    radii, unit = program.strengths[: strains.count], program.stress_unit
     pressure, deviator = pressure[: strains.count], deviator[: strains.count]
+    heads = radii - np.where(radii > 0, strains.slopes, 0.0) * pressure / unit
     stress = strains.whole(pressure, deviator)
     shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
     _, rates = strains.of(iteration.velocity)
     powers = heads * np.linalg.norm(rates, axis=1)
     if strains.tilts is not None:
-        powers -= radii[: strains.count] * np.einsum("ni,ni->n", strains.tilts, rates)
+        powers -= radii * np.einsum("ni,ni->n", strains.tilts, rates)
+    works = np.einsum("ni,ni->n", deviator, rates)[strains.principal.at] / unit
+    powers = strains.principal.put(powers, np.maximum(works, 0.0))
     powers *= program.weights[: strains.count]
     return StaticBound(
         bound=bound,

@@ -1,16 +1,20 @@
 """What cells dissipate at strain rates that are linear in them, from above.
 
 ‖·‖ is convex, so that its integral is at most that of its linear interpolation on any subdivision
-of the cell (the composite vertex rule). A body that dilates dissipates (γ/α) tr ε, which is linear.
+of the cell (the composite vertex rule), and so is Σ|ε_i| of the principal values. A body that
+dilates dissipates (γ/α) tr ε, which is linear.
 """
 
+from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from itertools import permutations, product
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -62,7 +66,32 @@ def missing_growth(
     rates = at_vertices(problem, np.column_stack([trace, deviator]))
     needed = slopes * np.linalg.norm(rates[..., 1:], axis=2)
     missing: Floats = np.where(slopes > 0, np.maximum(needed - rates[..., 0], 0.0), 0.0)
+    cones, here = principal_of_cells(problem, strains)
+    count = rates.shape[1]
+    for vertex in range(count if cones.count else 0):
+        missing[here, vertex] = cones.lacking(rates[here, vertex, 0], rates[here, vertex, 1:])
     return missing
+
+
+def principal_of_cells(problem: Problem, strains: PointStrains) -> tuple[PrincipalCones, Longs]:
+    """Bounds of principal stresses, one a cell, whose points are numbers of these cells.
+
+    Args:
+        problem: The bodies.
+        strains: On its points.
+
+    Returns:
+        The bounds, ``at`` being 0, 1, ...; numbers of the cells, owned by this rank.
+    """
+    first, given = points_of_cells(problem)[:, 0], strains.principal
+    at_points = np.full(strains.count, -1)
+    at_points[given.at] = np.arange(given.count)
+    numbers = at_points[first]
+    here = np.flatnonzero(numbers >= 0)
+    some = numbers[here]
+    places: Longs = np.arange(len(here))
+    bounds, sines = given.bounds[some], given.sines[some]
+    return replace(given, at=places, bounds=bounds, sines=sines), here
 
 
 def dissipation_of_cells(
@@ -74,8 +103,9 @@ def dissipation_of_cells(
 ) -> Floats:
     """What cells dissipate, from above, in the coordinates of their cones. Not collective.
 
-    It is ∫ γ(‖dev ε‖ − t·dev ε), or ∫ (γ/α) tr ε where they dilate (:mod:`standard_cones`). What
-    rounding leaves of a volume change too small for its deviator counts as if it were none.
+    It is ∫ γ(‖dev ε‖ − t·dev ε), or ∫ (γ/α) tr ε where they dilate (:mod:`standard_cones`); where
+    principal stresses are bounded see :mod:`principal_cones`. What rounding leaves of a volume
+    change too small for its deviator counts as if it were none.
 
     Args:
         problem: The bodies.
@@ -92,6 +122,19 @@ def dissipation_of_cells(
     volumes = strains.weights[points].sum(axis=1)
     scaled = at_vertices(problem, deviator * radii[:, None])
     powers = work_of_cells(volumes, scaled, subdivisions)
+    cones, here = principal_of_cells(problem, strains)
+    if cones.count:
+        rates = at_vertices(problem, deviator)[here]
+        powers[here] = (
+            cones.bounds
+            / 2
+            * work_of_cells(
+                volumes[here],
+                rates,
+                subdivisions,
+                lambda some: cones.sizes(np.zeros(len(some)), some),
+            )
+        )
     if strains.tilts is not None:
         along = (scaled * at_vertices(problem, strains.tilts)).sum(axis=2)
         powers -= volumes * along.mean(axis=1)
@@ -104,13 +147,19 @@ def dissipation_of_cells(
     return powers
 
 
-def work_of_cells(volumes: Floats, vertex_values: Floats, subdivisions: int) -> Floats:
+def work_of_cells(
+    volumes: Floats,
+    vertex_values: Floats,
+    subdivisions: int,
+    size: Callable[[Floats], Floats] = lambda values: np.linalg.norm(values, axis=1),
+) -> Floats:
     """∫ ‖s‖ of each cell from above, for s linear in it.
 
     Args:
         volumes: Shape (num_cells,).
         vertex_values: s, shape (num_cells, d + 1, m).
         subdivisions: Parts of a cell's edge.
+        size: ‖·‖, a convex function of s, shape (num_cells,) of (num_cells, m).
 
     Returns:
         Shape (num_cells,).
@@ -118,7 +167,7 @@ def work_of_cells(volumes: Floats, vertex_values: Floats, subdivisions: int) -> 
     points, shares = composite_vertex_rule(vertex_values.shape[1] - 1, subdivisions)
     total: Floats = np.zeros(len(volumes))
     for point, share in zip(points, shares, strict=True):
-        total += share * np.linalg.norm(np.einsum("v,cvi->ci", point, vertex_values), axis=1)
+        total += share * size(np.einsum("v,cvi->ci", point, vertex_values))
     return total * volumes
 
 

@@ -25,7 +25,7 @@ from perfplast_fenicsx.limit_analysis.facets.entering import (
     flat_faces,
     rows_of,
 )
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import matrices
+from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.problem.problem import Problem
 
 UNKNOWN = "slip of nodes that supports hold along their normal is not known"

@@ -1,0 +1,58 @@
+"""What bounds the stress of each body, as a proof file has it."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.io.results.global_ordering import Ordering
+from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.problem.problem import Problem
+
+
+def cones_on_file(problem: Problem, of_cells: Ordering) -> dict[str, Block]:
+    """The cones of the bodies, and which of them each cell has.
+
+    Args:
+        problem: The bodies.
+        of_cells: Where cells are on file.
+    """
+    found = body_cones(problem)
+    d = problem.tagged_mesh.mesh.topology.dim
+    m = d * (d + 1) // 2
+    numbers = np.full(len(found.cones), -1)
+    rows: list[tuple[Any, ...]] = []
+    for number, cone in enumerate(found.cones):
+        if (principal := cone.principal) is not None:
+            rows.append((principal.bound, np.zeros(m), np.zeros((m, m)), principal.sine))
+        elif (plain := cone.plain) is not None:
+            matrix = np.pad(plain.matrix, ((0, m - len(plain.matrix)), (0, 0)))
+            rows.append((plain.bound, plain.slope, matrix, np.nan))
+        else:
+            continue
+        numbers[number] = len(rows) - 1
+    bounds, slopes, forms, sines = zip(*rows, strict=True) if rows else ((), (), (), ())
+    return {
+        "cone": block(of_cells, numbers[found.of_cells]),
+        "cone_bound": table_of(problem, bounds, (), np.float64),
+        "cone_slope": table_of(problem, slopes, (m,), np.float64),
+        "cone_matrix": table_of(problem, forms, (m, m), np.float64),
+        "cone_sine": table_of(problem, sines, (), np.float64),
+    }
+
+
+def table_of(
+    problem: Problem, rows: Sequence, shape: tuple[int, ...], kind: npt.DTypeLike
+) -> Block:
+    """What every rank knows, as an array that rank 0 has.
+
+    Args:
+        problem: Whose ranks these are.
+        rows: The same on all of them.
+        shape: Of a row.
+        kind: Of its numbers.
+    """
+    values = np.asarray(rows, dtype=kind).reshape(len(rows), *shape)
+    return Block(values if problem.comm.rank == 0 else values[:0], 0, len(rows))

@@ -1,0 +1,131 @@
+"""The two matrices of a point whose principal stresses are bounded, and what they are linear in."""
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
+from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import (
+    SIZE,
+    least_eigenvalue,
+)
+from perfplast_fenicsx.mandel_arrays import vectors
+
+MOST_VISCOUS = 1e4
+"""Strong bodies are so viscous at first, at most, beside those that bear the loads."""
+
+
+class Blocks:
+    """The coefficients of members: what X_k is of t, p and the deviator.
+
+    Attributes:
+        cones: Of the points.
+    """
+
+    def __init__(self, cones: PrincipalCones) -> None:
+        """Write them down."""
+        self.cones = cones
+        s, one = cones.sines, np.ones(cones.count)
+        self._of_t = np.stack([one, -one], axis=1)
+        self._of_p = np.stack([0 * s, -2 * s], axis=1)
+        self._of_d = np.stack([-(1 + s), 1 - s], axis=1)
+
+    def members(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
+        """X, shape (num, 2, 3, 3).
+
+        Args:
+            t: Shape (num,).
+            pressure: At all points.
+            deviator: The same.
+        """
+        found = self.changes(t, pressure, deviator)
+        found[:, 1] += self.cones.bounds[:, None, None] * np.eye(SIZE)
+        return found
+
+    def changes(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
+        """Those of X with changes of the arguments of :meth:`members`."""
+        cones = self.cones
+        heads = self._of_t * t[:, None] + self._of_p * pressure[cones.at, None]
+        tensors = cones.deviators(deviator)
+        found: Floats = heads[:, :, None, None] * np.eye(SIZE)
+        found += self._of_d[:, :, None, None] * tensors[:, None]
+        return found
+
+    @property
+    def viscosities(self) -> Floats:
+        """What unit tensors P are multiples of, squared, in the middle; shape (num,)."""
+        found: Floats = np.minimum((self.cones.bounds / 2) ** 2, MOST_VISCOUS)
+        return found
+
+    def moduli(self, squares: Floats, loose: float) -> tuple[Floats, Floats]:
+        """κ and a where both matrices are scaled by the same multiple of the unit tensor.
+
+        Args:
+            squares: Of the factor, shape (num,).
+            loose: κ where nothing bounds the mean stress.
+
+        Returns:
+            Shapes (num,).
+        """
+        s = self.cones.sines
+        safe = np.where(s > 0, s, 1.0)
+        bulk = np.where(s > 0, squares / (2 * SIZE * safe**2), loose)
+        return bulk, squares / (2 * (1 + s**2))
+
+    def start(self) -> tuple[Floats, Floats, Floats]:
+        """T, X and Z in the middle of the sets, without stress."""
+        half = self.cones.bounds / 2
+        unit = np.broadcast_to(np.eye(SIZE), (self.cones.count, 2, SIZE, SIZE))
+        apart = (half / self.viscosities)[:, None, None, None]
+        return half, half[:, None, None, None] * unit, apart * unit
+
+    def middle(self, pressure: Floats, deviator: Floats) -> Floats:
+        """The t that leaves both members as much room, shape (num,)."""
+        X = self.members(np.zeros(self.cones.count), pressure, deviator)
+        least = least_eigenvalue(X)
+        found: Floats = (least[:, 1] - least[:, 0]) / 2
+        return found
+
+    def columns(self, primal: Floats) -> Floats:
+        """What members are of (t, p, s), as vectors.
+
+        Args:
+            primal: Unit tensor and deviators as each member scales them, shape (num, 2, 1 + m, 3,
+                3).
+
+        Returns:
+            Shape (num, 12, 2 + m).
+        """
+        numbers = vectors(primal)
+        of_t, of_p = (
+            coefficient[:, :, None, None] * numbers[:, :, :1]
+            for coefficient in (self._of_t, self._of_p)
+        )
+        of_d = self._of_d[:, :, None, None] * numbers[:, :, 1:]
+        found = np.concatenate([of_t, of_p, of_d], axis=2)
+        return np.swapaxes(found, 2, 3).reshape(len(found), -1, found.shape[2])
+
+    def works(self, Z: Floats) -> Floats:
+        """Gᵀz, shape (num, 2 + m)."""
+        traces = np.trace(Z, axis1=2, axis2=3)
+        deviators = np.einsum("nkab,jab->nkj", Z, self.cones.tensors[1:])
+        return np.column_stack(
+            [
+                (self._of_t * traces).sum(axis=1),
+                (self._of_p * traces).sum(axis=1),
+                np.einsum("nk,nkj->nj", self._of_d, deviators),
+            ]
+        )
+
+    def least(self, works: Floats) -> Floats:
+        """The smallest z of given :meth:`works`, that of p being left out where none is."""
+        grows = self.cones.sines > 0
+        grid = np.empty((len(works), 2, 2))
+        both = np.stack([self._of_t, self._of_p], axis=1)
+        grid[:] = SIZE * both @ np.swapaxes(both, 1, 2)
+        grid[~grows, 1, 1] = 1.0
+        right = np.where(np.column_stack([grows | True, grows]), works[:, :2], 0.0)
+        heads = (np.linalg.solve(grid, right[:, :, None])[:, :, 0][:, None] @ both)[:, 0]
+        tails = works[:, 2:] / (self._of_d**2).sum(axis=1)[:, None]
+        tensors = np.einsum("nj,jab->nab", tails, self.cones.tensors[1:])
+        found: Floats = heads[:, :, None, None] * np.eye(SIZE)
+        return found + self._of_d[:, :, None, None] * tensors[:, None]

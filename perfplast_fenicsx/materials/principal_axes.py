@@ -1,0 +1,174 @@
+"""Principal values of symmetric tensors and their axes, in UFL, to rounding wherever values meet.
+
+One axis is known beforehand, that out of the plane, or found first: that of the value which is
+farthest from both others, by a closed form that is well conditioned there (O. K. Smith, Commun. ACM
+4 (1961), 168). The others are of a circle, in the plane at right angles to it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import ufl
+
+from perfplast_fenicsx.materials.mandel import Expr, deviator, tensor, trace
+
+IN_PLANE = 4
+"""Components of vectors one of whose axes is known."""
+
+TINY = 1e-150
+"""Smallest divisor; avoids 0/0 where two principal values are equal. Its square is no zero."""
+
+ROUNDED = 1e-14
+"""Deviator, relative to the tensor, that is the rounding of zero: its axes mean nothing."""
+
+
+@dataclass(frozen=True)
+class PrincipalAxes:
+    """Principal values of a Mandel vector of four or six components, and tensors of their axes.
+
+    Attributes:
+        e: The vector.
+    """
+
+    e: Expr
+
+    @cached_property
+    def out(self) -> tuple[Expr, Expr, Expr]:
+        """Unit vectors: the axis that is known or found first, and two at right angles to it."""
+        if len(self.e) == IN_PLANE:
+            rows = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+            return tuple(ufl.as_vector(row) for row in rows)
+        rest = tensor(deviator(self.e))
+        size = ufl.sqrt(ufl.inner(rest, rest) / 6)
+        unit = rest / ufl.max_value(size, TINY)
+        half = ufl.det(unit) / 2
+        angle = ufl.acos(ufl.min_value(abs(half), 1.0)) / 3
+        value = 2 * ufl.conditional(ufl.lt(half, 0.0), -1.0, 1.0) * ufl.cos(angle)
+        shifted = unit - value * ufl.Identity(3)
+        rows = [ufl.as_vector([shifted[i, j] for j in range(3)]) for i in range(3)]
+        crosses = [ufl.cross(rows[i], rows[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
+        squares = [ufl.dot(cross, cross) for cross in crosses]
+        best = ufl.max_value(squares[0], ufl.max_value(squares[1], squares[2]))
+        found = crosses[2]
+        for square, cross in zip(squares[:2], crosses[:2], strict=True):
+            here = ufl.ge(square, best)
+            found = ufl.as_vector([ufl.conditional(here, cross[i], found[i]) for i in range(3)])
+        round_ = ufl.le(size, ufl.max_value(ROUNDED * abs(trace(self.e)), TINY))
+        unit_z = (0.0, 0.0, 1.0)
+        length = ufl.sqrt(ufl.max_value(best, TINY))
+        n = ufl.as_vector([ufl.conditional(round_, unit_z[i], found[i] / length) for i in range(3)])
+        return n, *_beside(n)
+
+    @cached_property
+    def circle(self) -> tuple[Expr, Expr, Expr, Expr]:
+        """Mean and half of the differences of the two in the plane, and that out of it."""
+        n, a, b = self.out
+        A = tensor(self.e)
+        first, last, shear = (ufl.dot(x, A * y) for x, y in ((a, a), (b, b), (a, b)))
+        return (first + last) / 2, (first - last) / 2, shear, ufl.dot(n, A * n)
+
+    @cached_property
+    def radius(self) -> Expr:
+        """Half of the difference of the two in the plane."""
+        _, half, shear, _ = self.circle
+        return ufl.sqrt(half**2 + shear**2)
+
+    @cached_property
+    def in_plane(self) -> tuple[Expr, Expr]:
+        """The two in the plane, the larger first."""
+        mean, *_ = self.circle
+        return mean + self.radius, mean - self.radius
+
+    @cached_property
+    def across(self) -> Expr:
+        """The one out of the plane."""
+        return self.circle[3]
+
+    @cached_property
+    def ordered(self) -> tuple[Expr, Expr, Expr]:
+        """All three, the largest first."""
+        (p, q), z = self.in_plane, self.across
+        middle = ufl.max_value(q, ufl.min_value(p, z))
+        return ufl.max_value(p, z), middle, ufl.min_value(q, z)
+
+    def placed(self, v: Sequence[Expr]) -> tuple[Expr, Expr, Expr]:
+        """Of three values in the order of size: those of the two in the plane and across it."""
+        (p, q), z = self.in_plane, self.across
+        above, below = ufl.gt(z, p), ufl.lt(z, q)
+        across = ufl.conditional(above, v[0], ufl.conditional(below, v[2], v[1]))
+        first = ufl.conditional(above, v[1], v[0])
+        return first, ufl.conditional(below, v[1], v[2]), across
+
+    @cached_property
+    def _double_angle(self) -> tuple[Expr, Expr]:
+        """Cosine and sine of twice the angle of the larger one in the plane."""
+        _, half, shear, _ = self.circle
+        size, round_ = ufl.max_value(self.radius, TINY), ufl.le(self.radius, TINY)
+        cosine = ufl.conditional(round_, 1.0, half / size)
+        return cosine, ufl.conditional(round_, 0.0, shear / size)
+
+    def _deviator(self, cosine: Expr, sine: Expr) -> Expr:
+        _, a, b = self.out
+        even, odd = ufl.outer(a, a) - ufl.outer(b, b), ufl.outer(a, b) + ufl.outer(b, a)
+        return self._mandel((cosine * even + sine * odd) / math.sqrt(2))
+
+    @cached_property
+    def direction(self) -> Expr:
+        """Unit deviator of the plane, as a Mandel vector; any one where the two are equal."""
+        return self._deviator(*self._double_angle)
+
+    @cached_property
+    def turned(self) -> Expr:
+        """Unit deviator by which the axes in the plane turn."""
+        cosine, sine = self._double_angle
+        return self._deviator(-sine, cosine)
+
+    @cached_property
+    def tilted(self) -> tuple[Expr, ...]:
+        """Unit deviators by which these turn towards that across; none where that is known."""
+        if len(self.e) == IN_PLANE:
+            return ()
+        n, a, b = self.out
+        cosine, sine = self._double_angle
+        # of half the angle, by the one of two forms that loses no digits
+        c = ufl.sqrt((1 + abs(cosine)) / 2)
+        s = abs(sine) / (2 * c)
+        falls, sign = ufl.lt(cosine, 0.0), ufl.conditional(ufl.lt(sine, 0.0), -1.0, 1.0)
+        along, beside = ufl.conditional(falls, s, c), sign * ufl.conditional(falls, c, s)
+        found = []
+        for x in (along * a + beside * b, along * b - beside * a):
+            both = ufl.outer(x, n) + ufl.outer(n, x)
+            found.append(self._mandel(both / math.sqrt(2)))
+        return tuple(found)
+
+    def vector(self, v: Sequence[Expr]) -> Expr:
+        """Mandel vector with these principal values in the order of size, of the same axes."""
+        first, second, across = self.placed(v)
+        n, mean = self.out[0], (first + second) / 2
+        flat = self._mandel(mean * ufl.Identity(3) + (across - mean) * ufl.outer(n, n))
+        return flat + (first - second) / math.sqrt(2) * self.direction
+
+    def _mandel(self, A: Expr) -> Expr:
+        """The Mandel vector of a tensor of as many components."""
+        shears = [(0, 1)] if len(self.e) == IN_PLANE else [(1, 2), (0, 2), (0, 1)]
+        parts = [A[i, i] for i in range(3)] + [math.sqrt(2) * A[i, j] for i, j in shears]
+        return ufl.as_vector(parts)
+
+
+@lru_cache(maxsize=8)
+def principal_axes(e: Expr) -> PrincipalAxes:
+    """Those of a vector, which are put together once."""
+    return PrincipalAxes(e)
+
+
+def _beside(n: Expr) -> tuple[Expr, Expr]:
+    """Two unit vectors at right angles to one (T. Duff et al., JCGT 6 (2017))."""
+    sign = ufl.conditional(ufl.lt(n[2], 0.0), -1.0, 1.0)
+    a = -1 / (sign + n[2])
+    b = n[0] * n[1] * a
+    return (
+        ufl.as_vector([1 + sign * n[0] ** 2 * a, sign * b, -sign * n[0]]),
+        ufl.as_vector([b, sign + n[1] ** 2 * a, -n[1]]),
+    )

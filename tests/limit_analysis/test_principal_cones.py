@@ -1,0 +1,178 @@
+"""Mohr–Coulomb and Tresca in space and around an axis: limit loads, strict bounds, their proofs."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx import (
+    Contact,
+    MohrCoulomb,
+    Pressure,
+    Problem,
+    Support,
+    Tie,
+    Tresca,
+    VonMises,
+    stacked_blocks,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
+from perfplast_fenicsx.proof.checker import check
+from tests.conftest import Read
+
+COMM = MPI.COMM_WORLD
+SMOOTH = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
+ROUGH = [Support("x0", "x"), Support("y0", "y"), Support("bottom")]
+TIED = [Tie("lower_top", "upper_bottom")]
+
+
+def ground(angle: float, cohesion: float = 20.0) -> Any:
+    """Of an angle of friction; Tresca's without."""
+    return MohrCoulomb(1e4, 0.3, cohesion, angle) if angle else Tresca(1e4, 0.3, cohesion)
+
+
+def column(
+    lower: Any, upper: Any, *loads: Any, supports: Any = SMOOTH, n: int = 1, **more: Any
+) -> Problem:
+    """Two blocks on each other, in one piece unless they touch."""
+    more = more or {"ties": TIED}
+    given = {"lower": lower, "upper": upper}
+    return Problem(
+        stacked_blocks(COMM, n),
+        given,
+        supports,
+        list(loads) or [Pressure("top", 1.0)],
+        degree=2,
+        **more,
+    )
+
+
+def assert_proven(bounds: BodyBounds, path: Path) -> None:
+    """By the checker, from the file. Collective."""
+    folder = ResultFolder(COMM, path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
+    if COMM.rank == 0:
+        checked = check(path / "bounds.h5")
+        assert set(checked) == {"lower", "upper"}
+        assert not any(half.faults for half in checked.values())
+    COMM.barrier()
+
+
+@pytest.mark.parametrize("angle", [0.0, 25.0])
+def test_a_smooth_block(angle: float) -> None:
+    """2c √N, N = (1 + sin φ)/(1 − sin φ)."""
+    sine = math.sin(math.radians(angle))
+    exact = 40 * math.sqrt((1 + sine) / (1 - sine))
+    bounds = limit_bounds(column(ground(angle), ground(angle)))
+    assert bounds.strict
+    assert bounds.lower.value == pytest.approx(exact, rel=1e-4)
+    assert bounds.upper.value == pytest.approx(exact, rel=1e-4)
+    assert bounds.lower.value <= exact <= bounds.upper.value
+
+
+@pytest.mark.parametrize(("sign", "exact"), [(1.0, 62.787423), (-1.0, -62.787423)])
+def test_both_signs_beside_a_dead_pressure(sign: float, exact: float) -> None:
+    """A pressure on all sides is carried at no cost but where it helps: 2c√N and 2c/√N."""
+    slope = (1 + math.sin(math.radians(25))) / (1 - math.sin(math.radians(25)))
+    dead = Pressure("top", 10.0, constant=True)
+    exact = 62.787423 - 10 if sign > 0 else 40 / math.sqrt(slope) + 10
+    bounds = limit_bounds(column(ground(25.0), ground(25.0), Pressure("top", sign), dead))
+    assert bounds.strict
+    assert bounds.lower.value <= exact <= bounds.upper.value
+    assert bounds.upper.value - bounds.lower.value <= 2e-4 * exact
+
+
+def test_rough_ends_are_between_strict_bounds(tmp_path: Path) -> None:
+    path = Path(COMM.bcast(str(tmp_path)))
+    bounds = limit_bounds(column(ground(20.0), ground(20.0), supports=ROUGH))
+    assert bounds.strict
+    low, high = bounds.lower.value, bounds.upper.value
+    assert low is not None and high is not None
+    # of a finer mesh, n = 4 and 3 072 cells before they are split
+    assert low <= 57.1717 and high >= 57.1239
+    assert high - low <= 0.03 * low
+    assert_proven(bounds, path)
+
+
+def test_contact_of_unlike_bodies(tmp_path: Path) -> None:
+    """The weaker body yields, whichever it is; steel on ground, ground on metal of Tresca."""
+    path = Path(COMM.bcast(str(tmp_path)))
+    steel = VonMises(2e5, 0.3, 300.0)
+    touching = {"contacts": [Contact("lower_top", "upper_bottom")]}
+    bounds = limit_bounds(column(ground(25.0), steel, **touching))
+    assert bounds.strict
+    assert bounds.lower.value == pytest.approx(62.787423, rel=1e-4)
+    assert bounds.upper.value == pytest.approx(62.787423, rel=1e-4)
+    assert_proven(bounds, path)
+    found = interior_point(column(ground(0.0), ground(25.0), **touching))
+    assert found.lower == pytest.approx(40, rel=1e-4)
+    assert found.upper == pytest.approx(40, rel=1e-4)
+
+
+def test_strength_is_a_unit() -> None:
+    """Beside cohesions 1e6 times as large, and in other units."""
+    touching = {"contacts": [Contact("lower_top", "upper_bottom")]}
+    exact = 62.787423e-3
+    strong = MohrCoulomb(1e4, 0.3, 2e4, 30.0)
+    found = interior_point(column(ground(25.0, 0.02), strong, **touching))
+    assert found.lower == pytest.approx(exact, rel=1e-4)
+    assert found.upper == pytest.approx(exact, rel=1e-4)
+
+
+@pytest.mark.parametrize(("angle", "exact"), [(0.0, 27.725887), (10.0, 28.761942)])
+def test_thick_spheres_by_their_sections(read: Read, angle: float, exact: float) -> None:
+    """C cot φ ((b/a)^m − 1), m = 4 sin φ/(1 + sin φ), and 4c ln(b/a); of the mesh."""
+    mesh = read(write_thick_tube, outer=2.0, size=0.15, order=2).turned()
+    found = interior_point(
+        Problem(
+            mesh,
+            dict.fromkeys(mesh.volumes, ground(angle, 10.0)),
+            [Support("y0", "y")],
+            [Pressure("inner", 1.0)],
+            degree=2,
+        )
+    )
+    assert found.lower == pytest.approx(exact, rel=2e-3)
+    assert found.upper == pytest.approx(exact, rel=2e-3)
+
+
+def test_moduli_are_those_of_the_linear_system() -> None:
+    """One step's stress, rates and multipliers fulfil the equations of a point, by their parts."""
+    from perfplast_fenicsx.limit_analysis.conic.principal_blocks import Blocks
+    from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
+    from perfplast_fenicsx.limit_analysis.discrete.standard_cones import never_yields
+    from perfplast_fenicsx.mandel_arrays import matrices
+
+    random = np.random.default_rng(3)
+    frame = never_yields(6, 3).frame
+    sines = np.array([0.0, 0.4, 0.4])
+    cones = PrincipalCones(np.arange(3), np.array([2.0, 3.0, 1.0]), sines, matrices(frame.T))
+    blocks = Blocks(cones)
+    p, s, t = random.normal(size=3), random.normal(size=(3, 5)), random.normal(size=3)
+    X = blocks.members(t, p, s)
+    stress = p[:, None, None] * np.eye(3) + cones.deviators(s)
+    values = np.linalg.eigvalsh(stress)
+    # the middle t leaves the matrices as much room as there is to yield
+    X = blocks.members(blocks.middle(p, s), p, s)
+    room = np.linalg.eigvalsh(X)[:, :, 0]
+    assert np.allclose(room[:, 0], room[:, 1], rtol=0, atol=1e-7)
+    used = (1 + sines) * values[:, 2] - (1 - sines) * values[:, 0]
+    assert np.allclose(cones.ratios(p, s) * cones.bounds, used)
+    assert np.allclose(2 * room[:, 0], cones.bounds - used, rtol=0, atol=1e-7)
+    # works are the transpose of changes, and the least z has them
+    Z = matrices(random.normal(size=(3, 2, 6)))
+    works = blocks.works(Z)
+    changes = np.einsum("nkab,nkab->n", blocks.changes(t, p, s), Z)
+    theirs = np.einsum("ni,ni->n", works, np.column_stack([t, p, s]))
+    assert np.allclose(changes, theirs)
+    wanted = random.normal(size=works.shape)
+    wanted[0, 1] = 0.0  # nothing bounds the mean stress there
+    assert np.allclose(blocks.works(blocks.least(wanted)), wanted)
