@@ -2,8 +2,6 @@
 
 import math
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,6 @@ from perfplast_fenicsx import (
     BorderedNewton,
     Contact,
     DruckerPrager,
-    InputError,
     MohrCoulomb,
     Newton,
     NewtonOptions,
@@ -26,7 +23,6 @@ from perfplast_fenicsx import (
     WorkNewton,
     limit_bounds,
     limit_load,
-    stacked_blocks,
 )
 from tests.functional.test_ground import solved
 from tests.models import Read
@@ -105,14 +101,3 @@ def test_a_reduced_strength_is_that_of_cohesion_and_slope() -> None:
     assert ground.cohesion == COHESION / 2
     assert math.tan(math.radians(ground.friction_angle)) == pytest.approx(math.sqrt(1 / 12))
     assert TRESCA.reduced(4.0).cohesion == COHESION / 4
-
-
-def test_space_is_refused() -> None:
-    mesh = stacked_blocks(MPI.COMM_WORLD, 1)
-    with pytest.raises(InputError, match="plane strain and axisymmetry"):
-        Problem(
-            mesh,
-            dict.fromkeys(mesh.volumes, Tresca(1.0, 0.3, 1.0)),
-            [Support("bottom")],
-            [Pressure("top", 1.0)],
-        )
