@@ -13,8 +13,6 @@ from perfplast_fenicsx.materials.mohr_coulomb import MohrCoulombLaw, TrescaLaw
 class Tresca:
     """A metal, or ground that cannot drain: shear stresses up to the cohesion.
 
-    In plane strain and axisymmetry.
-
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
@@ -63,8 +61,6 @@ class Tresca:
 @dataclass(frozen=True)
 class MohrCoulomb:
     """Ground with cohesion and an angle of friction: Mohr and Coulomb, associated.
-
-    In plane strain and axisymmetry.
 
     Args:
         young: Young's modulus E > 0 (stress).
