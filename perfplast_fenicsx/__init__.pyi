@@ -8,6 +8,7 @@ from .contact.declared.obstacles import Sphere as Sphere
 from .contact.declared.tie import Tie as Tie
 from .errors import InputError as InputError
 from .errors import raise_together as raise_together
+from .export.run_results import RunResults as RunResults
 from .io.case.scene import Scene as Scene
 from .io.results.field_series import FieldSeries as FieldSeries
 from .io.results.output_fields import OutputFields as OutputFields

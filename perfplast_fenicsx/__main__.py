@@ -27,6 +27,7 @@ from perfplast_fenicsx.cli.sweep_command import sweep
 from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.errors import InputError, on_rank0
+from perfplast_fenicsx.export.exported_files import export
 from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.case_schema import case_schema
@@ -194,6 +195,24 @@ def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) ->
     return SOLVED
 
 
+def export_results(comm: MPI.Intracomm, results: str, output: str | None, kinds: set[str]) -> int:
+    """Write fields and tables for other programs, by rank 0. Collective.
+
+    Args:
+        comm: The ranks; the others wait.
+        results: Folder of the results.
+        output: For the files; by default in the results.
+        kinds: What to write, "vtu" and "csv"; both if empty.
+
+    Raises:
+        InputError: If there are no results, they cannot be read, or the files not be written.
+    """
+    terminal = Terminal(comm)
+    wanted = {kind: kind in kinds or not kinds for kind in ("vtu", "csv")}
+    on_rank0(comm, lambda: export(results, output, **wanted, say=terminal.say))
+    return SOLVED
+
+
 def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
     chosen = read_arguments(comm, arguments)
     if chosen.command in ("run", "sweep"):
@@ -234,6 +253,9 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
             where = (chosen.geometry, chosen.output, meshing_options(chosen))
             mesh(comm, *where, chosen.material, glued, chosen.force, chosen.trust)
             return SOLVED
+        if chosen.command == "export":
+            kinds = {kind for kind in ("vtu", "csv") if getattr(chosen, kind)}
+            return export_results(comm, chosen.results, chosen.output, kinds)
         if chosen.command == "plot" and chosen.follow:
             return follow(comm, chosen.results, chosen.output, chosen.wait)
         return draw(comm, chosen.command, chosen.results, chosen.output)

@@ -73,10 +73,11 @@ BELOW: dict[str, set[str]] = {
     },
     "pictures": {"contact", "problem", "io.case", "io.results"},
     "report": {"pictures", "problem", "solvers", "io.case", "io.results"},
+    "export": {"pictures", "report", "io.results"},
     "geometry": {"mesh", "materials"},
     "models": {"geometry", "materials"},
     "cli": {
-        *("controls", "geometry", "models", "pictures", "report", "io.case", "io.results"),
+        *("controls", "export", "geometry", "models", "pictures", "report", "io.case", "io.results"),
         *("limit_analysis", "solvers", "problem", "materials"),
     },
 }

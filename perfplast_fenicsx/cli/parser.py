@@ -233,6 +233,20 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "-o", "--output", metavar="PAGE", help="the page (default: DIR/report.html)"
     )
 
+    exported = commands.add_parser(
+        "export",
+        help="write fields and tables for other programs",
+        description="Write DIR/export: with --vtu fields.pvd, a level_0001.vtu and so on for each"
+        " level and mechanism.vtu, for ParaView and whatever reads VTK's XML files; with --csv"
+        " levels.csv, resultants.csv and bounds.csv. Both without either.",
+    )
+    exported.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
+    exported.add_argument(
+        "-o", "--output", metavar="FOLDER", help="for the files (default: DIR/export)"
+    )
+    exported.add_argument("--vtu", action="store_true", help="the fields that are on file")
+    exported.add_argument("--csv", action="store_true", help="levels, forces and bounds")
+
     materials = commands.add_parser(
         "materials",
         help="show numbers of common materials, with their sources",

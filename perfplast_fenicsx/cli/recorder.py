@@ -89,6 +89,7 @@ class Recorder:
             run.method,
             prescribed=case.loading.prescribes,
             fields=case.output.fields,
+            points=case.output.points,
             saved=saved,
         )
         self.results = self._writer.results

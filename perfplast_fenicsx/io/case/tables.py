@@ -76,10 +76,13 @@ class OutputOptions:
         fields: Write ``fields.vtkhdf.series`` and the folder ``fields``.
         pictures: Draw ``path.png``, and of the fields on file ``fields.png`` and
             ``mechanism.png``; without fields ``path.png`` alone.
+        points: With the fields, write stress at the points of the quadrature, where the solver has
+            it, and the volume of each: ``points.vtkhdf.series`` and ``mechanism_points.vtkhdf``.
     """
 
     fields: bool = True
     pictures: bool = True
+    points: bool = False
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,19 @@ from collections.abc import Mapping, Sequence
 
 from dolfinx import fem
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.atomic_files import replace
-from perfplast_fenicsx.io.results.result_files import FIELDS, MECHANISM, MESH, SERIES, level_file
+from perfplast_fenicsx.io.results.point_writer import PointWriter
+from perfplast_fenicsx.io.results.result_files import (
+    FIELDS,
+    MECHANISM,
+    MECHANISM_POINTS,
+    MESH,
+    POINT_SERIES,
+    SERIES,
+    level_file,
+    point_file,
+)
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.vtkhdf import FieldWriter
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
@@ -34,6 +45,7 @@ class FieldSeries:
         problem: Problem,
         prescribed: Prescribed,
         kept: Sequence[LevelReport] = (),
+        points: bool = False,
     ) -> None:
         """Write the mesh, and take over the levels of an earlier run. Collective.
 
@@ -43,6 +55,7 @@ class FieldSeries:
             prescribed: What a level is told, and the other one is found.
             kept: The levels that an earlier run has written, from the first one on; files of later
                 ones are removed.
+            points: Whether to write fields at the points of the quadrature too.
 
         Raises:
             InputError: If the files cannot be written.
@@ -60,31 +73,46 @@ class FieldSeries:
             )
         folder.on_root(lambda: folder.file(FIELDS).mkdir(exist_ok=True))
         self._writer = FieldWriter(folder, problem, folder.file(MESH))
+        self._points = PointWriter(folder, problem) if points else None
         self._list_levels()
         folder.on_root(self._remove_others)
 
     def __repr__(self) -> str:
         return f"FieldSeries({str(self._folder.file(SERIES))!r}: {len(self._times)} levels)"
 
-    def write(self, number: int, fields: Mapping[str, fem.Function], report: LevelReport) -> None:
+    def write(
+        self,
+        number: int,
+        fields: Mapping[str, fem.Function],
+        report: LevelReport,
+        at_points: Mapping[str, Floats] | None = None,
+    ) -> None:
         """Append a level that is solved. Collective.
 
         Args:
             number: Of the level, from 1; higher than those before.
             fields: Nodal or piecewise constant functions by name (:meth:`FieldWriter.write`).
             report: The level.
+            at_points: Fields at the points of the quadrature, by name, where these are written.
 
         Raises:
             InputError: If the files cannot be written; what was there before is whole.
         """
-        facts = {"level": number, "prescribed": self._prescribed.value}
-        path = self._folder.file(level_file(number))
-        self._writer.write(path, fields, facts | {"zeta": report.zeta, "alpha": report.alpha})
+        facts: dict[str, float | int | str] = {"level": number}
+        facts["prescribed"] = self._prescribed.value
+        facts |= {"zeta": report.zeta, "alpha": report.alpha}
+        self._writer.write(self._folder.file(level_file(number)), fields, facts)
+        if self._points is not None and at_points is not None:
+            self._points.write(self._folder.file(point_file(number)), at_points, facts)
         self._times[number] = self._prescribed.of(report)
         self._list_levels()
 
     def write_mechanism(
-        self, fields: Mapping[str, fem.Function], zeta: float, alpha: float
+        self,
+        fields: Mapping[str, fem.Function],
+        zeta: float,
+        alpha: float,
+        at_points: Mapping[str, Floats] | None = None,
     ) -> None:
         """Write ``mechanism.vtkhdf``. Collective.
 
@@ -92,12 +120,15 @@ class FieldSeries:
             fields: A velocity of unit work, its plastic work, and what belongs to them, by name.
             zeta: The load factor it belongs to.
             alpha: The work α that has been reached.
+            at_points: Fields at the points of the quadrature, by name, where these are written.
 
         Raises:
             InputError: If the file cannot be written.
         """
         facts = {"zeta": zeta, "alpha": alpha}
         self._writer.write(self._folder.file(MECHANISM), fields, facts)
+        if self._points is not None and at_points:
+            self._points.write(self._folder.file(MECHANISM_POINTS), at_points, facts)
 
     def _has(self, number: int) -> bool:
         return self._folder.file(level_file(number)).is_file()
@@ -106,17 +137,23 @@ class FieldSeries:
         """Replace the list of the levels. Collective."""
 
         def write() -> None:
-            files = [
-                {"name": level_file(number), "time": time} for number, time in self._times.items()
-            ]
-            text = json.dumps({"file-series-version": "1.0", "files": files}, indent=1)
-            replace(self._folder.file(SERIES), f"{text}\n".encode())
+            self._list(SERIES, {level_file(number): time for number, time in self._times.items()})
+            if self._points is not None:
+                by_file = {point_file(number): time for number, time in self._times.items()}
+                on_file = {n: t for n, t in by_file.items() if self._folder.file(n).is_file()}
+                self._list(POINT_SERIES, on_file)
 
         self._folder.on_root(write)
 
+    def _list(self, series: str, times: Mapping[str, float]) -> None:
+        files = [{"name": name, "time": time} for name, time in times.items()]
+        text = json.dumps({"file-series-version": "1.0", "files": files}, indent=1)
+        replace(self._folder.file(series), f"{text}\n".encode())
+
     def _remove_others(self) -> None:
         """Remove the files of levels that are not listed."""
-        ours = {self._folder.file(level_file(number)) for number in self._times}
-        for path in self._folder.file(FIELDS).glob("level_*.vtkhdf"):
-            if path not in ours:
-                path.unlink()
+        ours = {self._folder.file(of(n)) for n in self._times for of in (level_file, point_file)}
+        for kind in ("level", "points"):
+            for path in self._folder.file(FIELDS).glob(f"{kind}_*.vtkhdf"):
+                if path not in ours:
+                    path.unlink()

@@ -9,6 +9,7 @@ from dolfinx.fem import petsc as fem_petsc
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.io.results.friction_fields import FrictionFields
+from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.materials.mandel import tensor
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.assembled.spaces import by_cell
@@ -28,6 +29,8 @@ class OutputFields:
             faces the mean of both); internal variables of the laws by their names, the mean of each
             cell: numbers, or Mandel vectors as tensors (3×3); and, where there is friction, those
             of :class:`friction_fields.FrictionFields`.
+        at_points: ``stress`` (3×3), ``yield_ratio`` and, of levels, ``plastic`` (1 or 0) at the
+            points of the quadrature, shape (num_cells, points of a cell, ...), of the last update.
         resultants: Force of each contact on its primary surface, and of each obstacle on its
             surface behind them, shape (num_contacts, gdim), the same on every rank.
     """
@@ -52,6 +55,7 @@ class OutputFields:
             "contact_pressure": vertices,
         }
         self.fields = {name: fem.Function(space, name=name) for name, space in spaces.items()}
+        self.at_points: dict[str, Floats] = {}
         self.resultants: Floats = np.zeros((0, mesh.geometry.dim))
 
         shapes = {(): scalars, (size,): tensors}
@@ -81,8 +85,10 @@ class OutputFields:
         self.fields["displacement"].x.array[:] = level.state.u.x.array
         self._e.interpolate(self._strain, self._problem.cells)
         self._plastic.interpolate(self._at_points)
-        self.fields["plastic"].x.array[:] = by_cell(self._at_points).mean(axis=1)
+        plastic = by_cell(self._at_points)
+        self.fields["plastic"].x.array[:] = plastic.mean(axis=1)
         self.of_stress(level.stress, level.contact_forces)
+        self.at_points["plastic"] = plastic
         if self._friction is not None:
             self._friction.update(level, self._areas)
         for name, variable in level.state.history.items():
@@ -110,10 +116,13 @@ class OutputFields:
         stress, size = self._stress.x.array, self._mean.function_space.dofmap.index_map_bs
         stress[:] = sigma.x.array
         points = self._problem.S.dofmap.list
-        self._mean.x.array[:] = stress.reshape(-1, size)[points].mean(axis=1).ravel()
+        by_point = stress.reshape(-1, size)[points]
+        self._mean.x.array[:] = by_point.mean(axis=1).ravel()
         self.fields["stress"].interpolate(self._tensor)
         self._ratio.interpolate(self._at_points)
-        self.fields["yield_ratio"].x.array[:] = by_cell(self._at_points).max(axis=1)
+        ratio = by_cell(self._at_points)
+        self.fields["yield_ratio"].x.array[:] = ratio.max(axis=1)
+        self.at_points = {"stress": matrices(by_point), "yield_ratio": ratio}
         self._contact(contact_forces)
         names = ("stress", "yield_ratio", "contact_pressure")
         return {name: self.fields[name] for name in names}

@@ -8,6 +8,12 @@ NEWEST, BEFORE = "checkpoint.h5", "checkpoint_before.h5"
 """The checkpoint of the last level, and of the one before."""
 
 SERIES, FIELDS, MECHANISM = "fields.vtkhdf.series", "fields", "mechanism.vtkhdf"
+POINT_SERIES, MECHANISM_POINTS = "points.vtkhdf.series", "mechanism_points.vtkhdf"
+"""Of fields at the points of the quadrature."""
+
+EXPORTED = "export"
+"""The folder with what other programs read."""
+
 PROOF = "bounds.h5"
 DIRECTIONS = "direction"
 """What the names of the proof files of an envelope begin with, before the angle (degrees)."""
@@ -31,6 +37,11 @@ SURFACES, SURFACE_TAGS = "perfplast/surfaces/facets", "perfplast/surfaces/tags"
 def level_file(number: int) -> str:
     """The file of a level, counted from 1."""
     return f"{FIELDS}/level_{number:04}.vtkhdf"
+
+
+def point_file(number: int) -> str:
+    """The file of the points of the quadrature at a level, counted from 1."""
+    return f"{FIELDS}/points_{number:04}.vtkhdf"
 
 
 NAMED = ("factor", "work", "driving_force")

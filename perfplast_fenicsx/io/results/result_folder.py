@@ -27,11 +27,14 @@ from perfplast_fenicsx.io.results.result_files import (
     BEFORE,
     DIRECTIONS,
     EARLIER,
+    EXPORTED,
     FALLS,
     FIELDS,
     MECHANISM,
+    MECHANISM_POINTS,
     NAMED,
     NEWEST,
+    POINT_SERIES,
     PROOF,
     SERIES,
     STANDS,
@@ -45,6 +48,7 @@ from perfplast_fenicsx.problem.problem import Problem
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
     *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png", PROOF),
+    *(POINT_SERIES, MECHANISM_POINTS),
     *("strength.png", STANDS, FALLS, "envelope.png"),
     "report.html",
     *(NEWEST, BEFORE, *EARLIER),
@@ -112,10 +116,13 @@ class ResultFolder:
             fields = self.file(FIELDS)
             rests = (fields.glob(f"*{end}*") for end in (".vtkhdf", ".h5"))
             proofs = self.path.glob(f"{DIRECTIONS}_*.h5")
-            for rest in chain(self.path.glob("*.part"), proofs, *rests):
+            exported = self.file(EXPORTED)
+            files = (exported.glob(f"*{end}") for end in (".vtu", ".pvd", ".csv"))
+            for rest in chain(self.path.glob("*.part"), proofs, *rests, *files):
                 rest.unlink()
-            if fields.is_dir() and not any(fields.iterdir()):
-                fields.rmdir()
+            for folder in (fields, exported):
+                if folder.is_dir() and not any(folder.iterdir()):
+                    folder.rmdir()
             self.file("path.csv").touch()
 
         self.on_root(create)

@@ -58,6 +58,7 @@ class ResultWriter:
         *,
         prescribed: Prescribed,
         fields: bool = True,
+        points: bool = False,
         saved: Saved | None = None,
     ) -> None:
         """Write what there is before the first level. Collective.
@@ -69,6 +70,7 @@ class ResultWriter:
             method: Of the solver.
             prescribed: What the loading prescribes: the time of the fields.
             fields: Whether to write fields.
+            points: Whether to write them at the points of the quadrature too.
             saved: What an earlier run has left, to go on with.
 
         Raises:
@@ -84,7 +86,9 @@ class ResultWriter:
         self.results.summary.units = scene.units.table(problem.kinematics.whole)
         self.results.summary.loads = [asdict(load) for load in load_resultants(problem)]
         self._output = OutputFields(problem) if fields else None
-        self._fields = FieldSeries(folder, problem, prescribed, saved.reports) if fields else None
+        self._fields, self._points = None, points
+        if fields:
+            self._fields = FieldSeries(folder, problem, prescribed, saved.reports, points)
 
     def __repr__(self) -> str:
         return (
@@ -105,7 +109,8 @@ class ResultWriter:
             solved = fields and level.report.converged
             if solved and self._output is not None and self._fields is not None:
                 number = len(self.results.reports) + 1
-                self._fields.write(number, self._output.update(level), level.report)
+                found = self._output.update(level)
+                self._fields.write(number, found, level.report, self._output.at_points)
             self.results.add(level.report)
 
     def write_limit(
@@ -139,17 +144,19 @@ class ResultWriter:
                 problem = body.problem if body else self._problem
                 if problem is not self._problem:  # the mesh was split or refined
                     folder, prescribed = self.results.folder, Prescribed.WORK
-                    self._fields = FieldSeries(folder, problem, prescribed)
+                    self._fields = FieldSeries(folder, problem, prescribed, points=self._points)
                     self._output = OutputFields(problem)
                 work = dissipation(problem, limit.mechanism)
                 found = {"mechanism": limit.mechanism, "dissipation": work}
+                at_points = None
                 if limit.stress is not None and limit.contact_forces is not None:
                     found |= self._output.of_stress(limit.stress, limit.contact_forces)
+                    at_points = self._output.at_points
                 if body is not None:
                     found |= bound_fields(body)
                 alpha = 0.0 if limit.alpha is None else limit.alpha
                 zeta = limit.lower if math.isfinite(limit.lower) else 0.0
-                self._fields.write_mechanism(found, zeta, alpha)
+                self._fields.write_mechanism(found, zeta, alpha, at_points)
             if body is not None and proven:
                 low, high = (adaptive.low, adaptive.high) if adaptive else (body, body)
                 self._prove(PROOF, *proofs(low, high))

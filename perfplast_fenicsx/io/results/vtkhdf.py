@@ -106,11 +106,10 @@ class FieldWriter:
         mesh_file = os.path.relpath(self._mesh_file, path.parent)
 
         def describe(file: h5py.File) -> None:
-            _make_grid(file)
+            make_grid(file)
             for name in LINKED:
                 file[name] = h5py.ExternalLink(mesh_file, f"/{name}")
-            for name, fact in facts.items():
-                _add_row(file, f"{FIELD_DATA}/{name}", [fact])
+            add_facts(file, facts)
 
         write_arrays(self._folder, path, arrays, describe=describe)
 
@@ -146,9 +145,8 @@ class FieldWriter:
         volumes = sorted(tagged_mesh.volumes, key=lambda name: tagged_mesh.volumes[name])
 
         def describe(file: h5py.File) -> None:
-            _make_grid(file)
-            for name, count in zip(COUNTS, counts, strict=True):
-                _add_row(file, f"{GRID}/{name}", [count])
+            make_grid(file)
+            add_counts(file, counts)
             _add_row(file, BODY_TAGS, [tagged_mesh.volumes[a] for a in volumes])
             _add_row(file, BODY_NAMES, volumes)
 
@@ -197,11 +195,23 @@ class FieldWriter:
         return self._interpolated[name]
 
 
-def _make_grid(file: h5py.File) -> None:
+def make_grid(file: h5py.File) -> None:
     """Make the group that VTK looks for."""
     grid = file.create_group(GRID)
     grid.attrs["Version"] = VERSION
     grid.attrs.create("Type", TYPE, dtype=h5py.string_dtype("ascii", len(TYPE)))
+
+
+def add_counts(file: h5py.File, counts: tuple[int, int, int]) -> None:
+    """Add the numbers of points, of cells and of points of all cells."""
+    for name, count in zip(COUNTS, counts, strict=True):
+        _add_row(file, f"{GRID}/{name}", [count])
+
+
+def add_facts(file: h5py.File, facts: Mapping[str, float | int | str]) -> None:
+    """Add what else is known, by name: VTK's field data."""
+    for name, fact in facts.items():
+        _add_row(file, f"{FIELD_DATA}/{name}", [fact])
 
 
 def _add_row(file: h5py.File, name: str, values: Sequence[float | int | str]) -> None:

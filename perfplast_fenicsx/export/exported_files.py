@@ -1,0 +1,117 @@
+"""Files for other programs, made of a result folder. Single-process."""
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.export.result_rows import Row, bound_rows, level_rows, resultant_rows
+from perfplast_fenicsx.export.vtu_writer import vtu_of
+from perfplast_fenicsx.io.results.result_files import (
+    EXPORTED,
+    MECHANISM,
+    MECHANISM_POINTS,
+    POINT_SERIES,
+    SERIES,
+)
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+
+TABLES: dict[str, Callable[[ResultReader], list[Row]]] = {
+    "levels.csv": level_rows,
+    "resultants.csv": resultant_rows,
+    "bounds.csv": bound_rows,
+}
+"""Rows of each table, by the file."""
+
+
+def export(
+    folder: str | Path,
+    output: str | Path | None = None,
+    *,
+    vtu: bool = True,
+    csv: bool = True,
+    say: Callable[[str], None] = lambda line: None,
+) -> list[Path]:
+    """Write results of a run, which may still be going on, for other programs. Not collective.
+
+    Args:
+        folder: The results.
+        output: The folder for the files; by default ``export`` in that of the results.
+        vtu: Write each level, points of the quadrature and the mechanism, as far as they are on
+            file, as ``.vtu``, with ``fields.pvd`` that lists the levels.
+        csv: Write the tables of :data:`TABLES` that have rows.
+        say: Called with each file.
+
+    Returns:
+        The files.
+
+    Raises:
+        InputError: If there are no results, or none of what is asked for, they cannot be read, or
+            the files not be written.
+    """
+    reader = ResultReader(folder)
+    target = Path(output) if output else reader.path / EXPORTED
+    written: list[Path] = []
+
+    def write(name: str, content: bytes) -> None:
+        path = target / name
+        try:
+            target.mkdir(parents=True, exist_ok=True)
+            replace(path, content)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise InputError(
+                f"'{path}' cannot be written ({reason}); give another folder to -o."
+            ) from error
+        written.append(path)
+        say(str(path))
+
+    if vtu:
+        for series, listed in ((SERIES, "fields.pvd"), (POINT_SERIES, "points.pvd")):
+            _write_series(reader, series, listed, write)
+        for name in (MECHANISM, MECHANISM_POINTS):
+            if (reader.path / name).is_file():
+                write(Path(name).with_suffix(".vtu").name, reader.read(name, vtu_of))
+    if csv:
+        for name, rows_of in TABLES.items():
+            if rows := rows_of(reader):
+                write(name, table_of(rows))
+    if not written:
+        raise InputError(
+            f"the folder '{folder}' has nothing to export yet: no fields, no level, no limit load."
+        )
+    return written
+
+
+def _write_series(
+    reader: ResultReader, series: str, listed: str, write: Callable[[str, bytes], None]
+) -> None:
+    """All files of a series, and the list of them that ParaView opens."""
+    if not (reader.path / series).is_file():
+        return
+    entries = reader.read(series, lambda path: json.loads(path.read_text("utf-8"))["files"])
+    lines = []
+    for entry in entries:
+        name = Path(entry["name"]).with_suffix(".vtu").name
+        write(name, reader.read(entry["name"], vtu_of))
+        lines.append(f'<DataSet timestep="{entry["time"]!r}" file={quoteattr(name)}/>\n')
+    if lines:
+        write(listed, _pvd(lines))
+
+
+def _pvd(lines: Iterable[str]) -> bytes:
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
+    return f"{head}{''.join(lines)}</Collection>\n</VTKFile>\n".encode()
+
+
+def table_of(rows: Sequence[Row]) -> bytes:
+    """Rows as CSV: commas, points in numbers, all digits; what is not known is empty."""
+    text = io.StringIO()
+    table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return text.getvalue().encode()

@@ -1,0 +1,133 @@
+"""Tables of a run: its levels, its forces and moments, its limit load and bounds. Rows are dicts,
+all of one table with the same keys."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from perfplast_fenicsx.io.results.limit_rows import limit_rows
+from perfplast_fenicsx.io.results.summary import Summary
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+
+Row = dict[str, Any]
+
+
+def level_rows(reader: ResultReader) -> list[Row]:
+    """A row for each level.
+
+    Args:
+        reader: The results.
+
+    Returns:
+        Rows with the ``level`` (from 1) and what :class:`~report.LevelReport` has, reactions apart
+        (:func:`resultant_rows`); of stages a column such as ``factor_push`` for each name.
+
+    Raises:
+        InputError: If a file cannot be read.
+    """
+    return [{"level": number, **_flat(report)} for number, report in enumerate(reader.reports, 1)]
+
+
+def _flat(report: Any) -> Row:
+    row: Row = {}
+    for field in dataclasses.fields(report):
+        value = getattr(report, field.name)
+        if isinstance(value, Mapping):
+            row |= {f"{field.name.removesuffix('s')}_{name}": one for name, one in value.items()}
+        else:
+            row[field.name] = value
+    return row
+
+
+def bound_rows(reader: ResultReader) -> list[Row]:
+    """A row for each mesh on which a limit load or bounds were sought; none where they were not.
+
+    Args:
+        reader: The results.
+
+    Returns:
+        What :func:`~limit_rows.limit_rows` says.
+
+    Raises:
+        InputError: If a file cannot be read.
+    """
+    summary = reader.summary
+    if not summary.limit:
+        return []
+    return reader.read("summary.json", lambda _: limit_rows(summary))
+
+
+def resultant_rows(reader: ResultReader) -> list[Row]:
+    """A row for each force or moment on the bodies, as far as it is on file.
+
+    Args:
+        reader: The results.
+
+    Returns:
+        Rows with ``state`` ("level", "given" at ζ = 1, "lower" and "upper" bound of the bodies,
+        "limit" load of the mesh), ``level`` (empty but for levels), ``zeta`` (empty where a load is
+        constant), ``quantity`` ("force" or "moment", about the origin), its ``name``, such as
+        "support bottom", one column for each axis, empty where a moment has no such part, and
+        ``unit``, empty where it is unknown.
+
+    Raises:
+        InputError: If a file cannot be read.
+    """
+    summary = reader.summary
+    return reader.read("summary.json", lambda _: list(_resultants(summary)))
+
+
+def _resultants(summary: Summary) -> Iterator[Row]:
+    axes = summary.model["axes"]
+    about = "xyz" if len(axes) == 3 else "z"
+    columns = [*axes, *(axis for axis in about if axis not in axes)]
+
+    def row(
+        state: str, zeta: float | None, name: str, parts: Sequence[float], level: int | None = None
+    ) -> Row:
+        return told("force", axes, state, zeta, name, parts, level)
+
+    def turn(state: str, zeta: float | None, name: str, parts: Sequence[float]) -> Row:
+        return told("moment", about, state, zeta, name, parts, None)
+
+    def told(
+        quantity: str,
+        along: str,
+        state: str,
+        zeta: float | None,
+        name: str,
+        parts: Sequence[float],
+        level: int | None,
+    ) -> Row:
+        known = dict(zip(along, parts, strict=False))
+        return {
+            "state": state,
+            "level": level,
+            "zeta": zeta,
+            "quantity": quantity,
+            "name": name,
+            **{axis: known.get(axis) for axis in columns},
+            "unit": summary.units.get(quantity, ""),
+        }
+
+    for number, step in enumerate(summary.steps, start=1):
+        for name, parts in step["reactions"].items():
+            yield row("level", step["zeta"], name, parts, number)
+    limit = summary.limit or {}
+    body = limit.get("body") or {}
+    factors = {"given": 1.0, "lower": body.get("lower"), "upper": body.get("upper")}
+    for load in summary.loads:
+        named = load["name"] not in ("", load["on"])
+        name = f"load {load['name']} on {load['on']}" if named else f"load {load['on']}"
+        for state, zeta in factors.items():
+            if zeta is None or (load["constant"] and state != "given"):
+                continue
+            told_at = None if load["constant"] else zeta
+            yield row(state, told_at, name, [zeta * part for part in load["force"]])
+            if any(load["moment"]):
+                yield turn(state, told_at, name, [zeta * part for part in load["moment"]])
+    if found := limit.get("forces"):
+        for name, parts in found["reactions"].items():
+            yield row("limit", found["zeta"], name, parts)
+        for name, parts in found["moments"].items():
+            yield turn("limit", found["zeta"], name, parts)

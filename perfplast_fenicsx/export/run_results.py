@@ -1,0 +1,103 @@
+"""A run in a notebook: its tables as data frames, its report as what a cell shows."""
+
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.export.result_rows import Row, bound_rows, level_rows, resultant_rows
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.report.page import page_of
+from perfplast_fenicsx.report.stored_summary import check_summary
+from perfplast_fenicsx.report.view_data import view_data
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+HEIGHT = 760
+"""Of the report in a notebook (pixels): a verdict and the bodies below it."""
+
+
+class RunResults:
+    """The results of a run on file, which may still be going on. Single-process.
+
+    The last line of a notebook's cell shows the report, with the bodies to turn::
+
+        RunResults("results/blocks")
+
+    Examples:
+        >>> found = RunResults("results/blocks")
+        >>> found.levels.plot("alpha", "zeta")
+        >>> found.bounds[["cells", "body_lower", "body_upper"]]
+        >>> found.resultants.query("name == 'support bottom'")
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        """Look whether there are results.
+
+        Args:
+            folder: DIR of ``perfplast run``, or that of a :class:`~result_folder.ResultFolder`.
+
+        Raises:
+            InputError: If there are none.
+        """
+        self.folder = Path(folder)
+        self._reader  # noqa: B018 (raises where there are none)
+
+    def __repr__(self) -> str:
+        return f"RunResults({str(self.folder)!r}: {self._reader.scene.title}; {self.verdict})"
+
+    def _repr_html_(self) -> str:
+        """The report, in a frame of its own that may do nothing but run its programs."""
+        reader = self._reader
+        check_summary(reader)
+        page = escape(page_of(reader, view_data(reader)))
+        return (
+            f'<iframe title="{escape(reader.scene.title or "A run")}" sandbox="allow-scripts"'
+            f' style="width:100%;height:{HEIGHT}px;border:0" srcdoc="{page}"></iframe>'
+        )
+
+    @property
+    def verdict(self) -> str:
+        """The outcome in words, as far as the run has come."""
+        summary = self._reader.summary
+        if summary.limit and (found := summary.limit.get("verdict")):
+            return str(found)
+        solved = sum(bool(step["converged"]) for step in summary.steps)
+        return f"{solved} of {len(summary.steps)} levels solved."
+
+    @property
+    def levels(self) -> "DataFrame":
+        """A row for each level (:func:`~result_rows.level_rows`)."""
+        return _frame(level_rows(self._reader))
+
+    @property
+    def resultants(self) -> "DataFrame":
+        """A row for each force and moment (:func:`~result_rows.resultant_rows`)."""
+        return _frame(resultant_rows(self._reader))
+
+    @property
+    def bounds(self) -> "DataFrame":
+        """A row for each mesh of a limit load or of bounds (:func:`~result_rows.bound_rows`)."""
+        return _frame(bound_rows(self._reader))
+
+    @property
+    def _reader(self) -> ResultReader:
+        """A new one each time, since the run may be going on."""
+        return ResultReader(self.folder)
+
+
+def _frame(rows: list[Row]) -> "DataFrame":
+    """The rows as a data frame.
+
+    Raises:
+        InputError: If pandas is not installed.
+    """
+    try:
+        from pandas import DataFrame
+    except ImportError as error:
+        raise InputError(
+            "tables of RunResults need pandas, which is not installed (pip install pandas);"
+            " perfplast export DIR --csv writes the same tables without it."
+        ) from error
+    return DataFrame(rows)

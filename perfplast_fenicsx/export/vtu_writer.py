@@ -1,0 +1,86 @@
+"""VTK's XML files of cells (``.vtu``), from the VTKHDF files of a run. NumPy and h5py alone."""
+
+import base64
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.io.results.result_files import (
+    CELL_DATA,
+    CONNECTIVITY,
+    FIELD_DATA,
+    OFFSETS,
+    POINT_DATA,
+    POINTS,
+    TYPES,
+)
+
+KINDS = {"f": "Float", "i": "Int", "u": "UInt"}
+"""What VTK calls numbers, by NumPy's letters."""
+
+HEADER = (
+    '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0"'
+    ' byte_order="LittleEndian" header_type="UInt64">\n<UnstructuredGrid>\n'
+)
+FOOTER = "</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
+
+
+def vtu_of(path: Path) -> bytes:
+    """A file of fields, with its mesh, as a ``.vtu`` file.
+
+    Args:
+        path: A VTKHDF file of :class:`vtkhdf.FieldWriter`; the mesh it is linked to is beside it.
+
+    Returns:
+        The file: numbers as they are, in base64, tensors of nine components, texts as UTF-8.
+
+    Raises:
+        OSError, KeyError: If the file is damaged.
+    """
+    with h5py.File(path, locking=False) as file:
+        return "".join(_parts(file)).encode()
+
+
+def _parts(file: h5py.File) -> Iterator[str]:
+    points, offsets = np.asarray(file[POINTS]), np.asarray(file[OFFSETS])
+    yield HEADER
+    yield _group("FieldData", _content(file, FIELD_DATA), fields=True)
+    yield f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(offsets) - 1}">\n'
+    yield _group("PointData", _content(file, POINT_DATA))
+    yield _group("CellData", _content(file, CELL_DATA))
+    yield _group("Points", {"Points": points})
+    cells = {"connectivity": file[CONNECTIVITY], "offsets": offsets[1:], "types": file[TYPES]}
+    yield _group("Cells", cells)
+    yield FOOTER
+
+
+def _content(file: h5py.File, place: str) -> dict[str, Any]:
+    return {name: data[()] for name, data in file[place].items()} if place in file else {}
+
+
+def _group(kind: str, arrays: Mapping[str, Any], fields: bool = False) -> str:
+    content = "".join(_array(name, np.asarray(array), fields) for name, array in arrays.items())
+    return f"<{kind}>\n{content}</{kind}>\n"
+
+
+def _array(name: str, values: npt.NDArray[Any], field: bool) -> str:
+    """Numbers of one kind, or texts, each with a zero behind it."""
+    count = f' NumberOfTuples="{len(values)}"' if field else ""
+    if values.dtype.kind in "OS":
+        content = b"".join(bytes(text) + b"\0" for text in values)
+        kind, width = "String", ""
+    else:
+        content = np.ascontiguousarray(values.astype(values.dtype.newbyteorder("<"))).tobytes()
+        kind = f"{KINDS[values.dtype.kind]}{8 * values.dtype.itemsize}"
+        width = f' NumberOfComponents="{int(np.prod(values.shape[1:]))}"'
+    size = len(content).to_bytes(8, "little")
+    text = base64.b64encode(size + content).decode()
+    return (
+        f'<DataArray type="{kind}" Name={quoteattr(name)}{width}{count} format="binary">'
+        f"{text}</DataArray>\n"
+    )

@@ -1,0 +1,99 @@
+"""Fields at the points of the quadrature, as VTKHDF files of single points.
+
+There stress is what the solver has, and no mean of a cell. Points are in the order of the cells in
+the input, and within a cell in that of the rule, whatever the number of ranks.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import h5py
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.io.results.global_ordering import cell_ordering
+from perfplast_fenicsx.io.results.parallel_hdf5 import Block, write_arrays
+from perfplast_fenicsx.io.results.result_files import (
+    BODY,
+    CONNECTIVITY,
+    OFFSETS,
+    POINT_DATA,
+    POINTS,
+    TYPES,
+)
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.io.results.vtkhdf import add_counts, add_facts, make_grid
+from perfplast_fenicsx.problem.assembled.spaces import by_cell
+from perfplast_fenicsx.problem.problem import Problem
+
+VERTEX = 1
+"""VTK's number of a cell that is a point."""
+
+
+class PointWriter:
+    """Writes fields at the points where the laws of a problem are evaluated."""
+
+    def __init__(self, folder: ResultFolder, problem: Problem) -> None:
+        """Find the points and the volumes that they stand for. Collective.
+
+        Args:
+            folder: Tells which ranks, and what to say where the system refuses.
+            problem: Whose points are meant.
+        """
+        mesh = problem.tagged_mesh.mesh
+        self._folder, self._cells = folder, cell_ordering(mesh)
+        self._owned = mesh.topology.index_map(mesh.topology.dim).size_local
+        tags = problem.tagged_mesh.cell_tags
+        x = fem.Expression(ufl.SpatialCoordinate(mesh), interpolation_points(problem.Q.element))
+        points = np.asarray(x.eval(mesh, problem.cells))
+        self._count = problem.Q.dofmap.list.shape[1]
+        points = points.reshape(len(problem.cells), self._count, mesh.geometry.dim)
+        in_space = np.zeros((*points.shape[:2], 3))
+        in_space[..., : mesh.geometry.dim] = points
+        weight = fem.Function(problem.Q)
+        volumes = fem.assemble_vector(fem.form(ufl.TestFunction(problem.Q) * problem.dx))
+        weight.x.array[:] = volumes.array
+        body = np.zeros(len(problem.cells), dtype=np.int32)
+        body[tags.indices] = tags.values
+        self._fixed = {
+            POINTS: in_space,
+            f"{POINT_DATA}/volume": by_cell(weight),
+            BODY: np.repeat(body[:, None], self._count, axis=1),
+        }
+
+    def write(
+        self, path: Path, fields: Mapping[str, Floats], facts: Mapping[str, float | int | str]
+    ) -> None:
+        """Write fields. Collective.
+
+        Args:
+            path: The file, which is replaced if it is there.
+            fields: Values by name, shape (num_cells, points of a cell, ...), ghosts included.
+            facts: What else is known, by name.
+
+        Raises:
+            InputError: If the file cannot be written; what was there before is whole.
+        """
+        cells, count = self._cells, self._count
+        arrays = self._fixed | {f"{POINT_DATA}/{name}": array for name, array in fields.items()}
+        first, total = count * cells.first, count * cells.total
+        blocks = {}
+        for name, array in arrays.items():
+            rows = cells.to_blocks(np.ascontiguousarray(array[: self._owned]))
+            width = rows.shape[2:] and (int(np.prod(rows.shape[2:])),)  # tensors are rows to VTK
+            blocks[name] = Block(rows.reshape(-1, *width), first, total)
+        number = np.arange(first, first + count * cells.count)
+        last = self._folder.comm.rank == self._folder.comm.size - 1
+        blocks[CONNECTIVITY] = Block(number, first, total)
+        blocks[OFFSETS] = Block(np.arange(first, first + len(number) + last), first, total + 1)
+        blocks[TYPES] = Block(np.full(len(number), VERTEX, dtype=np.uint8), first, total)
+
+        def describe(file: h5py.File) -> None:
+            make_grid(file)
+            add_counts(file, (total, total, total))
+            add_facts(file, facts)
+
+        write_arrays(self._folder, path, blocks, describe=describe)
