@@ -77,8 +77,8 @@ BELOW: dict[str, set[str]] = {
     "geometry": {"mesh", "materials"},
     "models": {"geometry", "materials"},
     "cli": {
-        *("controls", "export", "geometry", "models", "pictures", "report", "io.case", "io.results"),
-        *("limit_analysis", "solvers", "problem", "materials"),
+        *("controls", "geometry", "models", "pictures", "report", "io.case", "io.results"),
+        *("export", "limit_analysis", "solvers", "problem", "materials"),
     },
 }
 """For each room those that it may import from, besides itself and the ground: the modules that lie

@@ -1,5 +1,7 @@
-"""Tables of a run: its levels, its forces and moments, its limit load and bounds. Rows are dicts,
-all of one table with the same keys."""
+"""Tables of a run: its levels, its forces and moments, its limit load and bounds.
+
+Rows are dicts, all of one table with the same keys.
+"""
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence

@@ -121,7 +121,8 @@ def test_tables_of_bounds(bounded: Path, comm: MPI.Intracomm) -> None:
         return
     (row,) = rows(bounded / "export/bounds.csv")
     assert [row] == rows(bounded / "path.csv")
-    table = {(r["state"], r["quantity"], r["name"]): r for r in rows(bounded / "export/resultants.csv")}
+    told = rows(bounded / "export/resultants.csv")
+    table = {(one["state"], one["quantity"], one["name"]): one for one in told}
     given, lower = (table[state, "force", "load top"] for state in ("given", "lower"))
     assert float(given["zeta"]) == 1
     assert float(lower["zeta"]) == float(row["body_lower"])

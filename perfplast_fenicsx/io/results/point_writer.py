@@ -6,9 +6,11 @@ the input, and within a cell in that of the rule, whatever the number of ranks.
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
+import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
@@ -58,7 +60,7 @@ class PointWriter:
         weight.x.array[:] = volumes.array
         body = np.zeros(len(problem.cells), dtype=np.int32)
         body[tags.indices] = tags.values
-        self._fixed = {
+        self._fixed: dict[str, npt.NDArray[Any]] = {
             POINTS: in_space,
             f"{POINT_DATA}/volume": by_cell(weight),
             BODY: np.repeat(body[:, None], self._count, axis=1),
@@ -78,9 +80,9 @@ class PointWriter:
             InputError: If the file cannot be written; what was there before is whole.
         """
         cells, count = self._cells, self._count
-        arrays = self._fixed | {f"{POINT_DATA}/{name}": array for name, array in fields.items()}
+        arrays = {f"{POINT_DATA}/{name}": array for name, array in fields.items()} | self._fixed
         first, total = count * cells.first, count * cells.total
-        blocks = {}
+        blocks: dict[str, Block] = {}
         for name, array in arrays.items():
             rows = cells.to_blocks(np.ascontiguousarray(array[: self._owned]))
             width = rows.shape[2:] and (int(np.prod(rows.shape[2:])),)  # tensors are rows to VTK
