@@ -39,6 +39,11 @@ class Body:
         body_force: Force per volume of λ = 1, shape (num_cells, d).
         constant_body_force: The same of loads that stay as they are.
         any_body_force: The same of loads that may have any factor, of factor 1.
+        pore_pressure: Pressure of λ = 1 in the pores at the cells' vertices, linear between, shape
+            (num_cells, d + 1). The cones bound effective stresses, which are those in equilibrium
+            and the pressure.
+        constant_pore_pressure: The same of loads that stay as they are.
+        any_pore_pressure: The same of loads that may have any factor, of factor 1.
         facets: Vertices of the outer facets, shape (num_facets, d).
         surface: Tag of the surface of each; 0 for none.
         held: Which components of the velocity are zero there, shape (num_facets, d).
@@ -64,6 +69,9 @@ class Body:
     body_force: Floats
     constant_body_force: Floats
     any_body_force: Floats
+    pore_pressure: Floats
+    constant_pore_pressure: Floats
+    any_pore_pressure: Floats
     facets: Longs
     surface: Longs
     held: Flags
@@ -92,6 +100,7 @@ class Body:
             "surface": (f,),
             "held": (f, d),
             **{names[1]: (f, d, d) for names in (SOUGHT, CONSTANT, ANY)},
+            **{names[2]: (c, d + 1) for names in (SOUGHT, CONSTANT, ANY)},
             "contacts": (pairs, 2),
             "obstacles": (k,),
             "obstacle_normals": (k, d),
@@ -246,17 +255,20 @@ class Body:
     @cached_property
     def sought(self) -> Loads:
         """Loads of λ = 1."""
-        return Loads(self.body_force, self.traction)
+        return self._loads(SOUGHT)
 
     @cached_property
     def constant(self) -> Loads:
         """Loads that stay as they are."""
-        return Loads(self.constant_body_force, self.constant_traction)
+        return self._loads(CONSTANT)
 
     @cached_property
     def others(self) -> Loads:
         """Loads that may have any factor."""
-        return Loads(self.any_body_force, self.any_traction)
+        return self._loads(ANY)
+
+    def _loads(self, names: tuple[str, str, str]) -> Loads:
+        return Loads(*(getattr(self, name) for name in names))
 
     @property
     def contact_pairs(self) -> list[tuple[np.int64, np.int64]]:

@@ -182,7 +182,17 @@ def _resultants(body: Body, loads: Loads, tags: np.ndarray) -> Floats:
     sizes = body.areas @ np.linalg.norm(loads.traction, axis=2).mean(axis=1)
     whole = sizes + body.volumes @ np.linalg.norm(loads.body_force, axis=1)
     extent = np.abs(body.vertices[body.cells]).max()
-    return np.concatenate([found[0], found[1] / extent, [[whole]]])
+    return np.concatenate([found[0], found[1] / extent, [[whole]], _pores(body, loads)])
+
+
+def _pores(body: Body, loads: Loads) -> Floats:
+    """Integrals of a pressure in pores, of its square, and its first moments."""
+    u, x, n = loads.pore_pressure, body.vertices[body.cells], body.dim + 1
+    means = (np.eye(n) + 1) / (n * (n + 1))  # of products of barycentric coordinates
+    squares = np.einsum("c,ca,ab,cb->", body.volumes, u, means, u)
+    moments = np.einsum("c,ca,ab,cbi->i", body.volumes, u, means, x) / np.abs(x).max()
+    size = np.sqrt(squares * body.volumes.sum())
+    return np.array([body.volumes @ u.mean(axis=1), *moments, size])[:, None]
 
 
 def _contacts(body: Body) -> Floats:

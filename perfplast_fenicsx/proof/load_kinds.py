@@ -1,4 +1,7 @@
-"""Loads of one kind, as they are on file: a force per volume of each cell, tractions of facets."""
+"""Loads of one kind, as they are on file.
+
+They are a force per volume of each cell, tractions of facets, and a pressure in the pores of cells.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,23 +11,24 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 
-SOUGHT = ("body_force", "traction")
+SOUGHT = ("body_force", "traction", "pore_pressure")
 """Loads whose factor is bounded, by the names of their arrays."""
 
-CONSTANT = ("constant_body_force", "constant_traction")
+CONSTANT = ("constant_body_force", "constant_traction", "constant_pore_pressure")
 """Those that stay as they are; a file without them has none."""
 
-ANY = ("any_body_force", "any_traction")
+ANY = ("any_body_force", "any_traction", "any_pore_pressure")
 """Those that may have any factor."""
 
 
 def with_all(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
     """Arrays with zeros for the loads of which a file has none."""
+    like = {"body_force": "body_force", "traction": "traction", "pore_pressure": "cells"}
     none = {
-        name: np.zeros_like(arrays[like])
-        for names in (CONSTANT, ANY)
-        for name, like in zip(names, SOUGHT, strict=True)
-        if name not in arrays and like in arrays
+        f"{prefix}{name}": np.zeros(np.shape(arrays[shape]))
+        for prefix in ("", "constant_", "any_")
+        for name, shape in like.items()
+        if f"{prefix}{name}" not in arrays and shape in arrays
     }
     return {**arrays, **none}
 
@@ -36,32 +40,59 @@ class Loads:
     Attributes:
         body_force: Force per volume, shape (num_cells, d).
         traction: Force per area at the vertices of facets, linear between, (num_facets, d, d).
+        pore_pressure: u at the vertices of cells, linear between, (num_cells, d + 1): of effective
+            stresses σ′, which the cones bound, σ′ − uI are those in equilibrium.
     """
 
     body_force: Floats
     traction: Floats
+    pore_pressure: Floats
 
     def __bool__(self) -> bool:
-        return bool(self.body_force.any() or self.traction.any())
+        return bool(self.body_force.any() or self.traction.any() or self.pore_pressure.any())
 
     def __add__(self, other: "Loads") -> "Loads":
-        return Loads(self.body_force + other.body_force, self.traction + other.traction)
+        return Loads(
+            self.body_force + other.body_force,
+            self.traction + other.traction,
+            self.pore_pressure + other.pore_pressure,
+        )
 
     def __rmul__(self, factor: float) -> "Loads":
-        return Loads(factor * self.body_force, factor * self.traction)
+        return Loads(factor * self.body_force, factor * self.traction, factor * self.pore_pressure)
+
+    def total(self, stress: Floats) -> Floats:
+        """The stresses in equilibrium, of effective ones at the cells' vertices."""
+        return stress - self.pore_pressure[..., None, None] * np.eye(stress.shape[-1])
+
+    def pore_work(self, volumes: Floats, growth: Floats) -> float:
+        """∫u div v, exact.
+
+        Args:
+            volumes: Of the cells.
+            growth: div v at their vertices, linear between, shape (num_cells, d + 1).
+        """
+        n = growth.shape[1]
+        sums = self.pore_pressure.sum(axis=1) * growth.sum(axis=1)
+        sums += np.einsum("cv,cv->c", self.pore_pressure, growth)
+        return float(volumes @ sums) / (n * (n + 1))
 
     def size(self, volumes: Floats, areas: Floats) -> float:
-        """The sum of the magnitudes of all forces."""
+        """The sum of the magnitudes of all forces, and of pressures in pores times sections."""
         on_facets = np.linalg.norm(self.traction, axis=2).mean(axis=1)
-        return float(areas @ on_facets + volumes @ np.linalg.norm(self.body_force, axis=1))
+        d = self.body_force.shape[1]
+        pores = volumes ** ((d - 1) / d) @ np.abs(self.pore_pressure).mean(axis=1)
+        forces = areas @ on_facets + volumes @ np.linalg.norm(self.body_force, axis=1)
+        return float(forces + pores)
 
     def stress(self, places: Floats) -> float:
-        """A stress that they cause: the largest traction, and that of a column.
+        """A stress that they cause: the largest traction, pressure in pores and that of a column.
 
         Args:
             places: Of the cells' vertices, shape (num_cells, d + 1, d).
         """
         largest = np.linalg.norm(self.traction, axis=2).max(initial=0)
+        largest += np.abs(self.pore_pressure).max(initial=0)
         heavy = self.body_force.any(axis=1)
         if heavy.any():
             there = places[heavy].reshape(-1, places.shape[2])

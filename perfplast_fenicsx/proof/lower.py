@@ -5,7 +5,8 @@ per volume of all loads at λ, tractions are equal on both sides of inner facets
 loads on outer ones, contact pushes with the pressure q and has no shear, or where it rubs one of
 ‖τ‖ ≤ c + μq at most, and ‖Mσ‖ ≤ c − q·σ at each vertex with the cone of the cell (:mod:`cones`),
 and so everywhere, as the stresses that keep to it are a convex set (static theorem, W. Prager,
-P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). What is left by rounding is a load of its
+P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). With a pressure u in pores the cones bound
+effective stresses σ′, and σ = σ′ − uI. What is left by rounding is a load of its
 own: it is measured by what the weakest could bear of it, each row by itself and all together.
 """
 
@@ -55,11 +56,13 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
 
     Args:
         body: The bodies.
-        stress: σ at the vertices of each cell, shape (num_cells, d + 1, d, d).
+        stress: σ, effective where there is a pressure in pores, at the vertices of each cell, shape
+            (num_cells, d + 1, d, d).
         kinds: All loads at λ, each kind by itself.
     """
     loads = sum(kinds[1:], start=kinds[0])
-    d, radii = body.dim, body.yield_radius
+    d, radii, effective = body.dim, body.yield_radius, stress
+    stress = loads.total(effective)
     weakest = float(radii.min())
     section = body.volumes ** ((d - 1) / d)
     divergence = np.einsum("cvij,cvj->ci", stress, body.gradients) + loads.body_force
@@ -87,7 +90,7 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     measured["left_of_load"] = _share(forces, loaded)
     measured["left_of_strength"] = _share(forces, float((radii * section).min()))
     plastic = body.plastic
-    ratios_of_yield = body.cones.ratios(body.cone[plastic], vectors(stress[plastic]))
+    ratios_of_yield = body.cones.ratios(body.cone[plastic], vectors(effective[plastic]))
     measured["yield_ratio"] = _largest(np.where(ratios_of_yield < 0, 0.0, ratios_of_yield))
     return Left(measured, forces, loaded, reason)
 

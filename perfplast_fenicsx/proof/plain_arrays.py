@@ -7,11 +7,14 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.proof.load_kinds import ANY, CONSTANT, SOUGHT
+
 FLOATS = (
     *("vertices", "cone_bound", "cone_slope", "cone_matrix", "cone_sine"),
     "obstacle_normals",
-    *("body_force", "traction"),
-    *("constant_body_force", "constant_traction", "any_body_force", "any_traction"),
+    *SOUGHT,
+    *CONSTANT,
+    *ANY,
     *("contact_adhesion", "contact_friction", "obstacle_adhesion", "obstacle_friction"),
     *("stress", "velocity"),
 )

@@ -106,6 +106,13 @@ def _loads(body: Body, loads: Loads) -> str:
         words.append(f"{_vector(total)} on surface {tag}")
     if loads.body_force.any():
         words.append(f"{_vector(body.volumes @ loads.body_force)} in the volume")
+    if loads.pore_pressure.any():
+        there = body.volumes[loads.pore_pressure.any(axis=1)].sum()
+        least, most = loads.pore_pressure.min(), loads.pore_pressure.max()
+        words.append(
+            f"a pressure of {least:.6g} to {most:.6g} in the pores of a volume of {there:.6g},"
+            " whose stresses are effective ones"
+        )
     return _listed(words)
 
 

@@ -123,7 +123,10 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     contact = entering_of(body, at_facets, float(np.abs(v).max(initial=0)))
     dissipation += contact.slip
     kinds = (body.sought, body.constant, body.others)
-    work, constant_work, other_work = (_work(body, of, v, at_facets) for of in kinds)
+    growth = np.einsum("cvii->cv", rates)
+    work, constant_work, other_work = (
+        _work(body, of, v, at_facets) + of.pore_work(body.volumes, growth) for of in kinds
+    )
     volumes = wrong.max(axis=1) * body.volumes
     strains = np.linalg.norm(rates[~plastic], axis=(2, 3)).max(axis=1) @ body.volumes[~plastic]
     moved = float(np.abs(at_facets * body.held[:, None]).max(initial=0))
@@ -221,7 +224,7 @@ def _facet_nodes(body: Body) -> Longs:
 
 
 def _work(body: Body, loads: Loads, v: Floats, at_facets: Floats) -> float:
-    """L(v), exact."""
+    """L(v) of tractions and forces, exact."""
     d = body.dim
     moments = np.array([[_moment(d - 1, [a, *b]) for b in _quadratic(d)] for a in range(d)])
     work = np.einsum("f,fai,an,fni->", body.areas, loads.traction, _nodal(moments, d), at_facets)

@@ -33,8 +33,13 @@ from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
-from perfplast_fenicsx.problem.assembled.linear_tractions import linear_tractions
-from perfplast_fenicsx.problem.declared.loads import BodyForce, Load, check_bounded
+from perfplast_fenicsx.problem.assembled.linear_tractions import linear_pores, linear_tractions
+from perfplast_fenicsx.problem.declared.loads import (
+    BodyForce,
+    Load,
+    PorePressure,
+    check_bounded,
+)
 from perfplast_fenicsx.problem.problem import Problem
 
 Blocks = dict[str, Block]
@@ -216,6 +221,9 @@ def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
         pushes = _tractions(chosen, outer, points[facets], surface, tags)
         loads[f"{prefix}body_force"] = block(of_cells, _body_forces(problem, chosen, len(cells)))
         loads[f"{prefix}traction"] = block(of_facets, pushes)
+        pores = _pores(problem, chosen, points[cells])
+        if pores is not None:
+            loads[f"{prefix}pore_pressure"] = block(of_cells, pores)
     for kind, ones in rubbing.items():
         strengths = [strength_of(one) for one in ones]
         for name in ("adhesion", "friction"):
@@ -255,6 +263,17 @@ def _body_forces(problem: Problem, loads: Sequence[Load], count: int) -> Floats:
     return forces
 
 
+def _pores(problem: Problem, loads: Sequence[Load], corners: Floats) -> Floats | None:
+    """Pressure in the pores at the vertices of owned cells, if there is such a load."""
+    pores = [load for load in loads if isinstance(load, PorePressure)]
+    values = np.zeros(corners.shape[:2])
+    for load in pores:
+        cells = problem.tagged_mesh.cells(load.on)
+        cells = cells[cells < len(corners)]
+        values[cells] += linear_pores(load, corners[cells])[0]
+    return values if pores else None
+
+
 def _tractions(
     loads: Sequence[Load],
     outer: OuterFacets,
@@ -265,7 +284,7 @@ def _tractions(
     """Force per area at the vertices of outer facets."""
     values = np.zeros_like(corners)
     for load in loads:
-        if not isinstance(load, BodyForce):
+        if not isinstance(load, BodyForce | PorePressure):
             here = surface == tags[load.on]
             values[here] += linear_tractions(load, corners[here], outer.normals[here])[0]
     return values

@@ -1,14 +1,10 @@
 """What supports, loads and contact say of the tractions on each facet."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-
-from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import la
-from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
 from perfplast_fenicsx.compat import geometry_dofmap
@@ -16,11 +12,11 @@ from perfplast_fenicsx.contact.declared.obstacles import Plane
 from perfplast_fenicsx.limit_analysis.facets.contact_strength import strength_of
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED
 from perfplast_fenicsx.limit_analysis.facets.facet_axes import turned_axes
+from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetGeometry
+from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads, loads_of
 from perfplast_fenicsx.limit_analysis.facets.facet_pairs import FacetRows, facet_type, pair_facets
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetNumbers, facet_numbers
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
-from perfplast_fenicsx.problem.assembled.linear_tractions import ROUNDING, linear_tractions
-from perfplast_fenicsx.problem.declared.loads import BodyForce, Load, is_bounded, is_known
+from perfplast_fenicsx.problem.declared.loads import is_bounded, is_known
 from perfplast_fenicsx.problem.problem import Problem
 
 ALONG = 1e-10
@@ -30,9 +26,7 @@ UNMATCHED = "surfaces in contact do not match facet by facet"
 
 OBLIQUE = "a support holds a surface in contact obliquely to its normal"
 
-VARYING = "a load is a force per volume that is a formula, or a pressure in pores"
-
-BENT = "a formula that is not linear on each facet"
+VARYING = "a load is a force per volume that is a formula"
 
 UNKNOWN = "a load is of a kind that strict bounds do not know"
 
@@ -43,19 +37,6 @@ RIGID = "a surface is rigid, of which resultants are known and no tractions"
 TIED = "surfaces are glued together in the mean alone"
 
 HELD = "supports hold surfaces that rub, of both sides or along their normal"
-
-
-@dataclass(frozen=True, eq=False)
-class FacetLoads:
-    """Loads as stresses that are linear in the cells balance them.
-
-    Attributes:
-        tractions: At the vertices by their places, shape (num_facets, d, d); cartesian.
-        forces: Per volume, shape (num_cells, d).
-    """
-
-    tractions: Floats
-    forces: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +65,8 @@ class FacetConditions:
     vertices: Floats
     axes: Floats
     held: npt.NDArray[np.bool_]
-    live: "FacetLoads"
-    dead: "FacetLoads"
+    live: FacetLoads
+    dead: FacetLoads
     hosts: Longs
     twins: Longs
     in_contact: Longs
@@ -95,43 +76,6 @@ class FacetConditions:
     prevents: str | None
 
 
-class _Facets:
-    """Geometry of the exterior facets of this rank, by local number."""
-
-    def __init__(self, problem: Problem, numbers: FacetNumbers, vertices: Floats) -> None:
-        topology = problem.tagged_mesh.mesh.topology
-        self.tdim = tdim = topology.dim
-        self.index_map = topology.index_map(tdim - 1)
-        self.num = self.index_map.size_local + self.index_map.num_ghosts
-        self.num_cells = len(vertices)
-        topology.create_connectivity(tdim - 1, tdim)
-        self.exterior = exterior_facet_indices(topology)
-        cell, side = np.zeros(self.num, dtype=np.int64), np.zeros(self.num, dtype=np.int64)
-        cells, sides = np.indices(numbers.facets.shape)
-        cell[numbers.facets], side[numbers.facets] = cells, sides
-        self._numbers, self._vertices, self._cell, self._side = numbers, vertices, cell, side
-
-    def normals(self, facets: Ints | Longs) -> Floats:
-        """Outward unit normals."""
-        cells = self._vertices[self._cell[facets]]
-        slopes = gradients(cells)[0][np.arange(len(facets)), self._side[facets]]
-        normals: Floats = -slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
-        return normals
-
-    def corners(self, facets: Ints) -> Floats:
-        """Vertices by their places, shape (n, d, d)."""
-        tdim, cell, side = self.tdim, self._cell[facets], self._side[facets]
-        others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
-        x = self._vertices[cell[:, None], others[side]]
-        places = self._numbers.places[cell, side]
-        return np.take_along_axis(x, np.argsort(places, axis=1)[:, :, None], axis=1)
-
-    def of(self, problem: Problem, surface: str) -> Ints:
-        """Owned exterior facets of a surface."""
-        found: Ints = np.intersect1d(problem.tagged_mesh.facets(surface), self.exterior)
-        return found
-
-
 def facet_conditions(problem: Problem) -> FacetConditions:
     """Read them off a problem. Collective."""
     mesh, given = problem.tagged_mesh.mesh, problem.given
@@ -139,11 +83,11 @@ def facet_conditions(problem: Problem) -> FacetConditions:
     numbers = facet_numbers(mesh)
     nodes = geometry_dofmap(mesh)[: len(numbers.facets), : tdim + 1]
     vertices: Floats = np.asarray(mesh.geometry.x[nodes][:, :, :tdim], dtype=np.float64)
-    facets = _Facets(problem, numbers, vertices)
+    facets = FacetGeometry(problem, numbers, vertices)
     held = _held(problem, facets)
     known = [load for load in given.loads if is_bounded(load)]
     live, dead = (
-        _loads(problem, facets, [load for load in known if load.constant is constant])
+        loads_of(problem, facets, [load for load in known if load.constant is constant])
         for constant in (False, True)
     )
     bent = live[1] or dead[1]
@@ -208,7 +152,7 @@ def facet_conditions(problem: Problem) -> FacetConditions:
         TIED: problem.num_tied > 0,
         VARYING: varies,
         UNKNOWN: unknown,
-        f"the load on '{bent}' is {BENT}": bent is not None,
+        str(bent): bent is not None,
         UNMATCHED: not matched,
         OBLIQUE: oblique,
         HELD: both_held,
@@ -232,31 +176,7 @@ def facet_conditions(problem: Problem) -> FacetConditions:
     )
 
 
-def _loads(
-    problem: Problem, facets: _Facets, loads: Sequence[Load]
-) -> tuple[FacetLoads, str | None]:
-    """Sums of loads, and a surface whose tractions are not linear on facets. Collective."""
-    values = np.zeros((facets.num, facets.tdim, facets.tdim))
-    forces = np.zeros((facets.num_cells, facets.tdim))
-    surfaces = list[Load]()
-    for load in loads:
-        if isinstance(load, BodyForce):
-            cells = problem.tagged_mesh.cells(load.on)
-            forces[cells[cells < len(forces)]] += np.asarray(load.value, dtype=np.float64)
-        else:
-            surfaces.append(load)
-    sizes = np.zeros((2, len(surfaces)))
-    for number, load in enumerate(surfaces):
-        on = facets.of(problem, load.on)
-        there, off = linear_tractions(load, facets.corners(on), facets.normals(on))
-        values[on] += there
-        sizes[:, number] = np.abs(there).max(initial=0.0), off.max(initial=0.0)
-    problem.comm.Allreduce(MPI.IN_PLACE, sizes, MPI.MAX)
-    bent = np.flatnonzero(sizes[1] > ROUNDING * sizes[0])
-    return FacetLoads(values, forces), surfaces[bent[0]].on if len(bent) else None
-
-
-def _held(problem: Problem, facets: _Facets) -> npt.NDArray[np.bool_]:
+def _held(problem: Problem, facets: FacetGeometry) -> npt.NDArray[np.bool_]:
     """Cartesian components that supports hold, the same on all ranks. Collective."""
     tdim = facets.tdim
     flags = la.vector(facets.index_map, tdim)
@@ -273,7 +193,7 @@ def _held(problem: Problem, facets: _Facets) -> npt.NDArray[np.bool_]:
 
 def _rows(
     problem: Problem,
-    facets: _Facets,
+    facets: FacetGeometry,
     on: Ints,
     held: npt.NDArray[np.bool_],
     free: npt.NDArray[np.bool_],

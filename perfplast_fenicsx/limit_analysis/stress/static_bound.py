@@ -24,10 +24,10 @@ from perfplast_fenicsx.limit_analysis.conic.natural_units import (
 )
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import weak_bodies
 from perfplast_fenicsx.limit_analysis.facets.facet_conditions import (
-    BENT,
     FacetConditions,
     facet_conditions,
 )
+from perfplast_fenicsx.limit_analysis.facets.facet_loads import BENT
 from perfplast_fenicsx.limit_analysis.statements.bound import TURNED, Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,

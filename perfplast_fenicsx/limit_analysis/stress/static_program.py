@@ -17,7 +17,8 @@ from perfplast_fenicsx.limit_analysis.discrete.friction_points import (
     FrictionStrains,
     SlipPlaces,
 )
-from perfplast_fenicsx.limit_analysis.facets.facet_conditions import FacetConditions, FacetLoads
+from perfplast_fenicsx.limit_analysis.facets.facet_conditions import FacetConditions
+from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
 from perfplast_fenicsx.limit_analysis.statements.question import Question
@@ -200,12 +201,13 @@ def static_program(
 
     def vector(loads: FacetLoads) -> PETSc.Vec:
         tractions = np.take_along_axis(loads.tractions[on], at.numbers.places[..., None], axis=2)
-        pushes = np.einsum("cfik,cfjk->cfji", axes, tractions) * shares[:, :, None, None]
+        around, inside = loads.pushes(slopes, volumes)
+        around += tractions * shares[:, :, None, None]
+        pushes = np.einsum("cfik,cfjk->cfji", axes, around)
         load = strains.create_vector()
         load.array[: facets.count] = facets.add_up(pushes.reshape(len(on), -1))
-        strains.inner(load.array)[:, parts] = (loads.forces * volumes[:, None] / len(parts))[
-            :, None
-        ]
+        inside += loads.forces * volumes[:, None]
+        strains.inner(load.array)[:, parts] = (inside / len(parts))[:, None]
         return load
 
     load, dead, free = question.loads(vector(at.live), vector(at.dead))

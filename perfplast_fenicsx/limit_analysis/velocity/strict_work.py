@@ -20,11 +20,8 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.limit_analysis.facets.entering import entering_between_nodes
-from perfplast_fenicsx.limit_analysis.facets.facet_conditions import (
-    TWICE,
-    FacetLoads,
-    facet_conditions,
-)
+from perfplast_fenicsx.limit_analysis.facets.facet_conditions import TWICE, facet_conditions
+from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
 from perfplast_fenicsx.limit_analysis.statements.bound import TURNED, Bound, Scope, measure_of
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_loads
@@ -170,10 +167,8 @@ def strict_upper_bound(
 
 
 def _largest_load(problem: Problem, loads: FacetLoads, volume: float) -> float:
-    """Largest traction, or body force over the size of the bodies. Collective."""
-    tractions = np.linalg.norm(loads.tractions, axis=2).max(initial=0.0)
-    forces = np.linalg.norm(loads.forces, axis=1).max(initial=0.0)
-    mine = float(tractions + forces * volume ** (1 / problem.bodies.gdim))
+    """Largest traction and pressure, and body force over the size of the bodies. Collective."""
+    mine = loads.largest(volume ** (1 / problem.bodies.gdim))
     return float(problem.comm.allreduce(mine, MPI.MAX))
 
 

@@ -1,5 +1,7 @@
 """Tractions that are linear on facets, which stresses that are linear in the cells can balance.
 
+So can they a pressure in pores that is linear in each cell.
+
 A formula counts as what the program takes it for
 (:mod:`perfplast_fenicsx.problem.declared.loads`): a quadratic through its values at vertices and
 midsides. So one of degree 1 is exact, and one with kinks is linear where its kinks are at vertices.
@@ -11,7 +13,13 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.formulas import evaluate
-from perfplast_fenicsx.problem.declared.loads import CosinePressure, Load, Pressure, Traction
+from perfplast_fenicsx.problem.declared.loads import (
+    CosinePressure,
+    Load,
+    PorePressure,
+    Pressure,
+    Traction,
+)
 
 ROUNDING = 1e-12
 """Difference of a linear traction at midsides from the mean of the ends', relative to the largest:
@@ -34,21 +42,60 @@ def linear_tractions(load: Load, corners: Floats, normals: Floats) -> tuple[Floa
         InputError: If the formula is not finite there.
         TypeError: If the load is of another kind.
     """
-    d = corners.shape[1]
-    edges = list(combinations(range(d), 2))
-    middles = np.stack([corners[:, edge].mean(axis=1) for edge in edges], axis=1)
-    at_ends, at_middles = _values(load, corners, normals), _values(load, middles, normals)
-    means = np.stack([at_ends[:, edge].mean(axis=1) for edge in edges], axis=1)
-    off: Floats = np.abs(at_middles - means).max(axis=(1, 2), initial=0.0)
-    return at_ends, off
+    at_ends = _values(load, corners, normals)
+    return at_ends, _off(at_ends, _values(load, _middles(corners), normals))
+
+
+def linear_pores(load: PorePressure, corners: Floats) -> tuple[Floats, Floats]:
+    """A pressure in the pores of straight cells, of ζ = 1. Not collective.
+
+    Args:
+        load: The pressure.
+        corners: Vertices of the cells, shape (n, d + 1, d).
+
+    Returns:
+        At the vertices, shape (n, d + 1), and how much the quadratic differs from it at midsides,
+        shape (n,) (stress).
+
+    Raises:
+        InputError: If the formula is not finite there.
+    """
+    place = f"the load on '{load.on}'"
+    at_ends, at_middles = (
+        evaluate(load.value, _points(x), place).reshape(x.shape[:2])
+        for x in (corners, _middles(corners))
+    )
+    return at_ends, _off(at_ends[..., None], at_middles[..., None])
+
+
+def _edges(count: int) -> list[tuple[int, int]]:
+    """Ends of the edges of a simplex with so many vertices."""
+    return list(combinations(range(count), 2))
+
+
+def _middles(corners: Floats) -> Floats:
+    """Of the edges."""
+    edges = _edges(corners.shape[1])
+    return np.stack([corners[:, edge].mean(axis=1) for edge in edges], axis=1)
+
+
+def _off(at_ends: Floats, at_middles: Floats) -> Floats:
+    """How much values differ at midsides from the mean of the ends', of each simplex."""
+    off: Floats = np.abs(at_middles - _middles(at_ends)).max(axis=(1, 2), initial=0.0)
+    return off
+
+
+def _points(x: Floats) -> Floats:
+    """Points of some simplices, in a row and with three coordinates."""
+    points = np.zeros((x.shape[0] * x.shape[1], 3))
+    points[:, : x.shape[2]] = x.reshape(-1, x.shape[2])
+    return points
 
 
 def _values(load: Load, x: Floats, normals: Floats) -> Floats:
     """Tractions at points, some on each facet: shape (n, k, d), as the points."""
     count, of_each, d = x.shape
-    points = np.zeros((count * of_each, 3))
-    points[:, :d] = x.reshape(-1, d)
-    place = f"the load on '{load.on}'"
+    points, place = _points(x), f"the load on '{load.on}'"
     if isinstance(load, Pressure):
         pressures = evaluate(load.value, points, place).reshape(count, of_each, 1)
         return -pressures * normals[:, None]

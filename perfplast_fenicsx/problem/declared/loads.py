@@ -219,9 +219,9 @@ class CosinePressure(SpreadLoad):
 
 
 BOUNDED = (
-    "strict bounds are for tractions and pressures that are linear on each facet, and forces per"
-    " volume that are numbers; give one of these, or seek the limit load of the mesh alone"
-    " (control = 'work', until = 'limit')."
+    "strict bounds are for tractions and pressures that are linear on each facet, pressures in"
+    " pores that are linear in each cell, and forces per volume that are numbers; give one of"
+    " these, or seek the limit load of the mesh alone (control = 'work', until = 'limit')."
 )
 """What a refusal says of the loads that strict bounds know."""
 
@@ -257,7 +257,9 @@ def is_uniform(load: Load) -> bool:
 
 def is_bounded(load: Load) -> bool:
     """Whether strict bounds know a load: a traction, a pressure or a uniform force per volume."""
-    return type(load) in ON_SURFACES or (type(load) is BodyForce and is_uniform(load))
+    return type(load) in (*ON_SURFACES, PorePressure) or (
+        type(load) is BodyForce and is_uniform(load)
+    )
 
 
 def check_bounded(load: Load) -> None:

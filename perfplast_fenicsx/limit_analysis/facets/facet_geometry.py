@@ -1,0 +1,45 @@
+"""Places and normals of the outer facets of a rank, in the numbers that bounds have for them."""
+
+import numpy as np
+from dolfinx.mesh import exterior_facet_indices
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetNumbers
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
+from perfplast_fenicsx.problem.problem import Problem
+
+
+class FacetGeometry:
+    """Geometry of the exterior facets of this rank, by local number."""
+
+    def __init__(self, problem: Problem, numbers: FacetNumbers, vertices: Floats) -> None:
+        topology = problem.tagged_mesh.mesh.topology
+        self.tdim = tdim = topology.dim
+        self.index_map = topology.index_map(tdim - 1)
+        self.num: int = self.index_map.size_local + self.index_map.num_ghosts
+        topology.create_connectivity(tdim - 1, tdim)
+        self.exterior = exterior_facet_indices(topology)
+        cell, side = np.zeros(self.num, dtype=np.int64), np.zeros(self.num, dtype=np.int64)
+        cells, sides = np.indices(numbers.facets.shape)
+        cell[numbers.facets], side[numbers.facets] = cells, sides
+        self._numbers, self.vertices, self._cell, self._side = numbers, vertices, cell, side
+
+    def normals(self, facets: Ints | Longs) -> Floats:
+        """Outward unit normals."""
+        cells = self.vertices[self._cell[facets]]
+        slopes = gradients(cells)[0][np.arange(len(facets)), self._side[facets]]
+        normals: Floats = -slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
+        return normals
+
+    def corners(self, facets: Ints) -> Floats:
+        """Vertices by their places, shape (n, d, d)."""
+        tdim, cell, side = self.tdim, self._cell[facets], self._side[facets]
+        others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
+        x = self.vertices[cell[:, None], others[side]]
+        places = self._numbers.places[cell, side]
+        return np.take_along_axis(x, np.argsort(places, axis=1)[:, :, None], axis=1)
+
+    def of(self, problem: Problem, surface: str) -> Ints:
+        """Owned exterior facets of a surface."""
+        found: Ints = np.intersect1d(problem.tagged_mesh.facets(surface), self.exterior)
+        return found

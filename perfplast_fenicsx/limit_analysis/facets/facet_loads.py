@@ -1,0 +1,102 @@
+"""Loads of cells and facets, as stresses that are linear in the cells balance them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetGeometry
+from perfplast_fenicsx.problem.assembled.linear_tractions import (
+    ROUNDING,
+    linear_pores,
+    linear_tractions,
+)
+from perfplast_fenicsx.problem.declared.loads import BodyForce, Load, PorePressure
+from perfplast_fenicsx.problem.problem import Problem
+
+BENT = "a formula that is not linear"
+
+
+@dataclass(frozen=True, eq=False)
+class FacetLoads:
+    """Loads, of which stresses that follow a pore pressure are the effective ones.
+
+    Attributes:
+        tractions: At the vertices by their places, shape (num_facets, d, d); cartesian.
+        forces: Per volume, shape (num_cells, d).
+        pores: Pressure in the pores at the vertices of each cell, shape (num_cells, d + 1).
+    """
+
+    tractions: Floats
+    forces: Floats
+    pores: Floats
+
+    def pushes(self, slopes: Floats, volumes: Floats) -> tuple[Floats, Floats]:
+        """Forces that a pressure u in pores stands for: u n all around each cell, and −∇u in it.
+
+        Args:
+            slopes: Gradients ∇φ of the barycentric coordinates, shape (num_cells, d + 1, d).
+            volumes: Of the cells.
+
+        Returns:
+            Of the facet opposite each vertex at each of its own, in the order of the cell's, what
+            that stands for of the facet's force, shape (num_cells, d + 1, d, d); and in each cell,
+            shape (num_cells, d).
+        """
+        corners = range(slopes.shape[1])
+        around = [[v for v in corners if v != facet] for facet in corners]
+        outward = -slopes * volumes[:, None, None]  # of length area / d
+        on_facets = self.pores[:, around][..., None] * outward[:, :, None]
+        inside = -np.einsum("cv,cvi,c->ci", self.pores, slopes, volumes)
+        return on_facets, inside
+
+    def largest(self, extent: float) -> float:
+        """A stress that they cause on this rank: the largest traction, pressure and column.
+
+        Args:
+            extent: Of the bodies.
+        """
+        tractions = np.linalg.norm(self.tractions, axis=2).max(initial=0.0)
+        forces = np.linalg.norm(self.forces, axis=1).max(initial=0.0)
+        return float(tractions + np.abs(self.pores).max(initial=0.0) + forces * extent)
+
+
+def loads_of(
+    problem: Problem, facets: FacetGeometry, loads: Sequence[Load]
+) -> tuple[FacetLoads, str | None]:
+    """Sums of loads, and what of them is not linear, in words. Collective.
+
+    Args:
+        problem: The bodies.
+        facets: Of them.
+        loads: What acts, of kinds that strict bounds know.
+    """
+    count, corners, tdim = facets.vertices.shape
+    values = np.zeros((facets.num, tdim, tdim))
+    forces, pores = np.zeros((count, tdim)), np.zeros((count, corners))
+    sizes = np.zeros((2, len(loads)))
+    for number, load in enumerate(loads):
+        if isinstance(load, BodyForce):
+            cells = problem.tagged_mesh.cells(load.on)
+            forces[cells[cells < count]] += np.asarray(load.value, dtype=np.float64)
+            continue
+        if isinstance(load, PorePressure):
+            cells = problem.tagged_mesh.cells(load.on)
+            cells = cells[cells < count]
+            there, off = linear_pores(load, facets.vertices[cells])
+            pores[cells] += there
+        else:
+            on = facets.of(problem, load.on)
+            there, off = linear_tractions(load, facets.corners(on), facets.normals(on))
+            values[on] += there
+        sizes[:, number] = np.abs(there).max(initial=0.0), off.max(initial=0.0)
+    problem.comm.Allreduce(MPI.IN_PLACE, sizes, MPI.MAX)
+    bent = [loads[number] for number in np.flatnonzero(sizes[1] > ROUNDING * sizes[0])]
+    words = None
+    if bent:
+        where = "in each cell" if isinstance(bent[0], PorePressure) else "on each facet"
+        words = f"the load on '{bent[0].on}' is {BENT} {where}"
+    return FacetLoads(values, forces, pores), words

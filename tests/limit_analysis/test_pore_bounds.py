@@ -1,0 +1,143 @@
+"""Strict bounds of bodies with water in their pores; strengths are of effective stresses."""
+
+import math
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from demos.verification.ground import COHESION
+from perfplast_fenicsx import (
+    BodyForce,
+    DruckerPrager,
+    InputError,
+    PorePressure,
+    Pressure,
+    Problem,
+    ResultFolder,
+    Support,
+    VonMises,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
+from perfplast_fenicsx.problem.declared.load import Load
+from perfplast_fenicsx.proof import check
+from tests.limit_analysis.test_linear_tractions import SQUARE, cube
+from tests.limit_analysis.test_static_bound import rectangle
+from tests.models import touching_blocks
+
+ANGLE = 25.0
+N = math.tan(math.radians(45 + ANGLE / 2)) ** 2
+DRY = 2 * COHESION * math.sqrt(N)
+"""What a block between smooth planes bears."""
+U = 0.2 * COHESION
+GROUND = DruckerPrager(1e4, 0.3, COHESION, ANGLE, "plane-strain")
+MERIDIAN = DruckerPrager(1e4, 0.3, COHESION, ANGLE, "compression")
+
+
+def square(*loads: Load, material: DruckerPrager | VonMises = GROUND) -> Problem:
+    """The unit square on rollers, of two halves that are glued."""
+    halves = {"lower": lambda x: x[1] < 0.5, "upper": lambda x: x[1] > 0.5}
+    mesh = rectangle((2, 2), (1.0, 1.0), halves, SQUARE, 0.1)
+    materials = dict.fromkeys(halves, material)
+    return Problem(mesh, materials, [Support("left", "x"), Support("bottom", "y")], loads, degree=2)
+
+
+def proven(problem: Problem, path: Path, rtol: float = 1e-5) -> BodyBounds:
+    """Bounds that are strict, and that the checker finds too. Collective."""
+    bounds = limit_bounds(problem, rtol)
+    assert bounds.strict, (bounds.lower.why_not, bounds.upper.why_not)
+    folder = ResultFolder(MPI.COMM_WORLD, path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
+    checked = check(folder.file("bounds.h5"))
+    assert set(checked) == {"lower", "upper"}
+    for half in checked.values():
+        assert not half.faults
+    return bounds
+
+
+def holds(bounds: BodyBounds, exact: float, rtol: float = 1e-4) -> None:
+    """The exact load lies between them, and they are near it."""
+    assert bounds.lower.value is not None
+    assert bounds.upper.value is not None
+    off = 1e-8 * abs(exact)
+    assert exact * (1 - rtol) <= bounds.lower.value <= exact + off
+    assert exact - off <= bounds.upper.value <= exact * (1 + rtol)
+
+
+def test_a_block_with_wet_pores(shared_tmp_path: Path) -> None:
+    """σ₃′ = u pulls, so that the pressure on top is less by (N − 1)u."""
+    wet = [PorePressure(name, U) for name in ("lower", "upper")]
+    holds(proven(square(Pressure("top", 1.0), *wet), shared_tmp_path), DRY - (N - 1) * U)
+
+
+def test_a_seam_that_parts_pores(shared_tmp_path: Path) -> None:
+    """A dry half that is glued to a wet one holds it together, and bears no more than dry ground.
+
+    Effective tractions of both differ by u at the seam.
+    """
+    bounds = proven(square(Pressure("top", 1.0), PorePressure("lower", U)), shared_tmp_path)
+    assert DRY - (N - 1) * U < bounds.lower.value < bounds.upper.value < DRY
+
+
+def test_pores_that_fill(shared_tmp_path: Path) -> None:
+    """The pressure in the pores grows beside a pressure on top that stays."""
+    loads: list[Load] = [Pressure("top", 0.5 * DRY, constant=True)]
+    loads += [PorePressure(name, 1.0, constant=False) for name in ("lower", "upper")]
+    holds(proven(square(*loads), shared_tmp_path), 0.5 * DRY / (N - 1))
+
+
+def test_pores_beside_contact(shared_tmp_path: Path) -> None:
+    """What pushes between bodies is all of the stress, that of the water too."""
+    problem = touching_blocks(
+        materials=dict.fromkeys(("lower", "upper"), MERIDIAN),
+        loads=[Pressure("top", 1.0), PorePressure("lower", U)],
+        degree=2,
+    )
+    holds(proven(problem, shared_tmp_path), DRY - (N - 1) * U)
+
+
+def test_under_water(shared_tmp_path: Path) -> None:
+    """Water around a body and in its pores takes of its weight, and does no more."""
+    water, weight = 0.3 * COHESION, 0.8 * COHESION
+    deep = f"{water}*(3 - y)"
+    loads: list[Load] = [Pressure("top", 1.0), Pressure("top", deep, constant=True)]
+    loads += [Pressure("right", deep, constant=True)]
+    for name in ("lower", "upper"):
+        loads += [
+            PorePressure(name, deep),
+            BodyForce(name, (0.0, -weight), constant=True),
+        ]
+    wet = proven(square(*loads), shared_tmp_path, 1e-6)
+    buoyant = [BodyForce(on, (0.0, water - weight), constant=True) for on in ("lower", "upper")]
+    dry = limit_bounds(square(Pressure("top", 1.0), *buoyant), 1e-6)
+    assert dry.strict
+    assert wet.lower.value == pytest.approx(dry.lower.value, rel=1e-5)
+    assert wet.upper.value == pytest.approx(dry.upper.value, rel=1e-5)
+
+
+def test_pores_of_metal_change_nothing() -> None:
+    """What keeps its volume does no work against a pressure."""
+    metal = VonMises(1e4, 0.3, math.sqrt(3))
+    plain = limit_bounds(square(Pressure("top", 1.0), material=metal), 1e-7)
+    pores = PorePressure("upper", "3 + 2*x - y", constant=False)
+    wet = square(Pressure("top", 1.0), pores, material=metal)
+    bounds = limit_bounds(wet, 1e-7)
+    assert bounds.strict
+    assert bounds.lower.value == pytest.approx(plain.lower.value, rel=1e-6)
+    assert bounds.upper.value == pytest.approx(plain.upper.value, rel=1e-6)
+
+
+def test_wet_pores_in_space(shared_tmp_path: Path) -> None:
+    """A cube between smooth planes, of ground that a meridian of compression is matched to."""
+    held = [Support(f"{axis}0", axis) for axis in "xyz"]
+    loads = [Pressure("z1", 1.0), PorePressure("block", U)]
+    problem = Problem(cube(1), {"block": MERIDIAN}, held, loads, degree=2)
+    holds(proven(problem, shared_tmp_path), DRY - (N - 1) * U)
+
+
+def test_a_pressure_that_is_not_linear_is_refused() -> None:
+    problem = square(Pressure("top", 1.0), PorePressure("lower", "x**2"))
+    with pytest.raises(InputError, match="'lower' is a formula that is not linear in each cell"):
+        limit_bounds(problem)
