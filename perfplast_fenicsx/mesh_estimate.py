@@ -11,15 +11,6 @@ from dataclasses import dataclass
 
 from perfplast_fenicsx.rounding import rounded_down
 
-DIGITS = 4
-"""Significant digits of an estimate; a mesh is hardly ever fine enough for more."""
-
-WIDE = 0.01
-"""Distance of the sides, relative, beyond which an estimate has one digit less."""
-
-TOUCHING = 1e-5
-"""Distance of the sides, relative, below which its number tells nothing."""
-
 
 @dataclass(frozen=True)
 class MeshEstimate:
@@ -48,8 +39,12 @@ class MeshEstimate:
         """The estimate in a few digits; "none" without one."""
         if self.estimate is None:
             return "none"
-        wide = self.apart is not None and self.apart > WIDE
-        return f"{self.estimate:.{DIGITS - wide}g}"
+        # Distance of the sides, relative, beyond which an estimate has one digit less.
+        widest = 0.01
+        wide = self.apart is not None and self.apart > widest
+        # Significant digits of an estimate; a mesh is hardly ever fine enough for more.
+        digits = 4
+        return f"{self.estimate:.{digits - wide}g}"
 
     def in_words(self, zeta: str = "") -> str:
         """The estimate and what it is worth: the rest of a sentence that names the mesh.
@@ -72,6 +67,7 @@ class MeshEstimate:
 
 def percent(share: float) -> str:
     """A distance in percent, in two digits: "0.74 %"."""
-    if share < TOUCHING:
-        return f"less than {100 * TOUCHING:g} %"
+    touching = 1e-5  # distance of the sides, relative, below which its number tells nothing
+    if share < touching:
+        return f"less than {100 * touching:g} %"
     return f"{100 * share:.2g} %"

@@ -21,8 +21,6 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 TABLE = "combinations.csv"
 """File of the table, in the folder that has those of the combinations."""
 
-NONE = "-"
-
 
 def run_combined(
     comm: MPI.Intracomm,
@@ -99,14 +97,15 @@ def run_combined(
 def shown(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """The table as lines: combinations, bounds and verdicts."""
     cells = [["combination", "carried", "collapses", "estimate", "design load"]]
+    dash = "-"
     for row in rows:
         low, high, guess = row["lower"], row["upper"], row["estimate"]
         cells.append(
             [
                 row["combination"],
-                NONE if low is None else rounded_down(low),
-                NONE if high is None else rounded_up(high),
-                NONE if guess is None else f"{guess:.5g}",
+                dash if low is None else rounded_down(low),
+                dash if high is None else rounded_up(high),
+                dash if guess is None else f"{guess:.5g}",
                 row["design load"],
             ]
         )

@@ -42,7 +42,8 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
         known = [name for name in parser.options(chosen.command) if name.startswith("--")]
         first, remedy = unknown[0], nearest(unknown[0], known)
         raise InputError(f"perfplast {chosen.command} has no argument '{first}'; {remedy}")
-    if petsc and chosen.command not in SOLVING:
+    solving = ("run", "sweep", "check")  # commands that take PETSc options
+    if petsc and chosen.command not in solving:
         raise InputError(f"perfplast {chosen.command} takes no PETSc options; leave out '--'.")
     if chosen.command in ("run", "sweep") and chosen.restart and chosen.force:
         raise InputError("--restart goes on from results and --force replaces them; give one.")
@@ -52,10 +53,6 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
         raise InputError(f"--wait must be a time of 0 s or more, not {chosen.wait:g}.")
     set_petsc_options(petsc)
     return chosen
-
-
-SOLVING = ("run", "sweep", "check")
-"""Commands that take PETSc options."""
 
 
 def set_petsc_options(arguments: Sequence[str]) -> None:

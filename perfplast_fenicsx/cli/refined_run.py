@@ -14,9 +14,6 @@ from perfplast_fenicsx.limit_analysis.body.next_step import clock
 from perfplast_fenicsx.mesh_estimate import percent
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
-HALF = "half"
-"""Folder within that of the results for those with half the size."""
-
 NONE = "-"
 
 
@@ -40,7 +37,8 @@ def run_refined(
     Raises:
         InputError: As :func:`run.run`, and if cells are curved.
     """
-    finer = str(Path(output) / HALF)
+    half = "half"  # folder within that of the results for those with half the size
+    finer = str(Path(output) / half)
     statuses = []
     for where, halved in ((output, False), (finer, True)):
         told = (path, where, force, terminal, log_level, False, report, trust, halved)

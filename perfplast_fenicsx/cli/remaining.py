@@ -2,9 +2,6 @@
 
 from collections.abc import Sequence
 
-RECENT = 3
-"""Levels by which the next ones are judged: those near collapse take longer than the first."""
-
 
 def remaining(planned: int | None, seconds: Sequence[float]) -> str:
     """The levels that are left and about how long they take, in words.
@@ -39,7 +36,9 @@ def next_level(planned: int | None, seconds: Sequence[float]) -> str:
 
 
 def _time_left(levels: int, seconds: Sequence[float]) -> str:
-    recent = seconds[-RECENT:]
+    # Levels by which the next ones are judged: those near collapse take longer than the first.
+    most_recent = 3
+    recent = seconds[-most_recent:]
     return clock(levels * sum(recent) / len(recent)) if recent else ""
 
 

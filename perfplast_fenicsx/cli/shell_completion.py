@@ -16,9 +16,6 @@ ENDINGS = {
 }
 """Of the files that arguments name, by metavar."""
 
-FOLDERS = ("DIR", "FOLDER")
-"""Metavars of arguments that name folders."""
-
 
 def complete(parser: argparse.ArgumentParser, **settings: Any) -> None:
     """Answer the shell and end the process, if it is the shell that asks; else do nothing.
@@ -34,8 +31,9 @@ def complete(parser: argparse.ArgumentParser, **settings: Any) -> None:
         from argcomplete.completers import DirectoriesCompleter, FilesCompleter
     except ImportError:
         return
+    folders = ("DIR", "FOLDER")  # metavars of arguments that name folders
     for action in _actions(parser):
-        if action.metavar in FOLDERS:
+        if action.metavar in folders:
             vars(action)["completer"] = DirectoriesCompleter()
         elif isinstance(action.metavar, str) and action.metavar in ENDINGS:
             vars(action)["completer"] = FilesCompleter(ENDINGS[action.metavar])

@@ -31,9 +31,6 @@ LIBRARIES = {
 PETSC_PACKAGES = ("mumps", "hypre", "superlu_dist", "ptscotch", "parmetis", "ml", "cuda", "hip")
 """Solvers, partitioners and devices that PETSc may have been built with."""
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
-"""What sets the number of threads."""
-
 
 def versions() -> dict[str, str]:
     """Versions by name, in the order of interest; "none" of what is not installed."""
@@ -77,7 +74,9 @@ def blas() -> str:
 def threads() -> str:
     """The number of cores that this process may use, and what limits its threads."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    limits = [f"{name}={os.environ[name]}" for name in THREADS if name in os.environ]
+    # What sets the number of threads.
+    variables = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
+    limits = [f"{name}={os.environ[name]}" for name in variables if name in os.environ]
     return (
         f"{cores} core{'s' if cores != 1 else ''} a rank, {' '.join(limits) or 'no limit is set'}"
     )

@@ -33,8 +33,6 @@ COLUMNS = (
     *(("linear", 7), ("plastic", 8), ("contacts", 11), ("duality gap", 11), ("seconds", 8)),
 )
 
-DRIVEN = "force"
-"""Heading of the driving force, where ζ moves supports and obstacles and no load does work."""
 
 LIVE_PERIOD = 0.2
 """Shortest time between two live lines (s)."""
@@ -108,8 +106,11 @@ class Terminal:
             self.say(remark)
         if method != LimitMethod.INTERIOR_POINT:
             self._driven = problem.motion.driven and not problem.loads.grows()
+            # Heading of the driving force, where ζ moves supports and
+            # obstacles and no load does work.
+            driven = "force"
             heads = (
-                (DRIVEN if name == "alpha" and self._driven else name, w) for name, w in COLUMNS
+                (driven if name == "alpha" and self._driven else name, w) for name, w in COLUMNS
             )
             self.say("  ".join(f"{name:>{width}}" for name, width in heads))
 

@@ -4,9 +4,6 @@ from collections.abc import Iterator, Sequence
 
 from perfplast_fenicsx.geometry.survey import Joint
 
-MOST_NAMES = 8
-"""So many bodies are named at most."""
-
 
 def groups_of(bodies: Sequence[str], joints: Sequence[Joint]) -> list[list[str]]:
     """Bodies that touch, directly or by way of others, in the order of the bodies."""
@@ -24,8 +21,9 @@ def apart_remarks(bodies: Sequence[str], joints: Sequence[Joint]) -> Iterator[st
     groups = groups_of(bodies, joints)
     if len(groups) < 2:
         return
-    names = ["'" + "' with '".join(group) + "'" for group in groups[:MOST_NAMES]]
-    rest = f" and {len(groups) - MOST_NAMES} more" if len(groups) > MOST_NAMES else ""
+    most_names = 8  # so many bodies are named at most
+    names = ["'" + "' with '".join(group) + "'" for group in groups[:most_names]]
+    rest = f" and {len(groups) - most_names} more" if len(groups) > most_names else ""
     yield (
         f"{', '.join(names)}{rest} do not touch each other: each wants supports and loads of its"
         f" own, or is left out (--without {groups[-1][0]})"

@@ -7,9 +7,6 @@ import numpy as np
 
 from perfplast_fenicsx.geometry.parts import Part
 
-MATTERS = 0.01
-"""Share of the area of all faces that a face has which is to have its area in the mesh."""
-
 
 def cad_measure(dim: int, tags: Sequence[int]) -> float | None:
     """Volume, area or length of entities; None where gmsh's built-in kernel has made them."""
@@ -22,15 +19,12 @@ def cad_measure(dim: int, tags: Sequence[int]) -> float | None:
 def mesh_measure(dim: int, tag: int) -> float:
     """Volume, area or length of the elements of an entity, curved ones too."""
     total = 0.0
+    gauss = "Gauss4"  # rule that volumes of curved elements are exact with
     for kind in gmsh.model.mesh.getElementTypes(dim, tag):
-        points, weights = gmsh.model.mesh.getIntegrationPoints(kind, GAUSS)
+        points, weights = gmsh.model.mesh.getIntegrationPoints(kind, gauss)
         determinants = gmsh.model.mesh.getJacobians(kind, points, tag)[1]
         total += float((determinants.reshape(-1, weights.size) @ weights).sum())
     return total
-
-
-GAUSS = "Gauss4"
-"""Rule that volumes of curved elements are exact with."""
 
 
 def worst_area(dim: int, parts: Sequence[Part]) -> float:
@@ -42,6 +36,8 @@ def worst_area(dim: int, parts: Sequence[Part]) -> float:
     faces = sorted({int(f) for tag in tags for f in gmsh.model.getAdjacencies(dim, tag)[1]})
     meant = [(face, cad_measure(dim - 1, [face])) for face in faces]
     known = [(face, area) for face, area in meant if area]
-    least = MATTERS * sum(area for _, area in known)
+    # Share of the area of all faces that a face has which is to have its area in the mesh.
+    matters = 0.01
+    least = matters * sum(area for _, area in known)
     missed = [abs(mesh_measure(dim - 1, f) / area - 1) for f, area in known if area > least]
     return float(np.max(missed, initial=0.0))

@@ -28,18 +28,6 @@ HUES = {
 }
 """Words for colours by their hue (degrees)."""
 
-GREYS = {"black": 0.0, "grey": 0.5, "white": 1.0}
-"""Words for those without a hue, by their value."""
-
-PALE, DARK = 0.15, 0.1
-"""Colours of less saturation or value have no hue that is seen."""
-
-CLOSE = 1e-6
-"""A face that is closer to another one than this share of its size lies on it."""
-
-PLACES = (0.5, 0.31, 0.67, 0.13, 0.86)
-"""Shares of a face's parameters at which a point inside of it is sought."""
-
 
 @dataclass(frozen=True)
 class Mark:
@@ -59,8 +47,11 @@ class Mark:
 def word_of(colour: Colour) -> str:
     """The word for a colour."""
     hue, saturation, value = rgb_to_hsv(*(part / 255 for part in colour))
-    if saturation < PALE or value < DARK:
-        return min(GREYS, key=lambda word: abs(GREYS[word] - value))
+    pale, dark = 0.15, 0.1  # colours of less saturation or value have no hue that is seen
+    if saturation < pale or value < dark:
+        # Words for those without a hue, by their value.
+        greys = {"black": 0.0, "grey": 0.5, "white": 1.0}
+        return min(greys, key=lambda word: abs(greys[word] - value))
     return min(HUES, key=lambda word: abs((360 * hue - HUES[word] + 180) % 360 - 180))
 
 
@@ -106,9 +97,11 @@ def take_back(
     """
     found = {}
     boxes = {mark.tag: box(2, [mark.tag]) for mark in marks}
+    # A face that is closer to another one than this share of its size lies on it.
+    nearest = 1e-6
     for face, body in faces.items() if marks else ():
         low, high = box(2, [face])
-        near = CLOSE * float(np.linalg.norm(high - low))
+        near = nearest * float(np.linalg.norm(high - low))
         point: Floats | None = None
         for mark in marks:
             least, most = boxes[mark.tag]
@@ -129,6 +122,8 @@ def take_back(
 def _inside(face: int) -> Floats:
     """A point of a face; the middle of its parameters where none of some others is inside."""
     low, high = map(np.asarray, gmsh.model.getParametrizationBounds(2, face))
-    places = [low + np.array([u, v]) * (high - low) for u in PLACES for v in PLACES]
+    # Shares of a face's parameters at which a point inside of it is sought.
+    along = (0.5, 0.31, 0.67, 0.13, 0.86)
+    places = [low + np.array([u, v]) * (high - low) for u in along for v in along]
     chosen = next((at for at in places if gmsh.model.isInside(2, face, at, True)), places[0])
     return np.asarray(gmsh.model.getValue(2, face, chosen))

@@ -6,20 +6,12 @@ from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Joint, Survey
 
-AFFORDABLE = {2: 60_000, 3: 12_000}
-"""Cells by dimension up to which a first case asks for bounds: some minutes on one core."""
-
 ADAPTED = {2: 20_000, 3: 9_000}
 """Cells up to which it has the mesh adapted as well, which takes three to five times as long."""
 
 IN_CONTACT = 2 / 3
 """Share of these that bodies may have which touch, as contact makes factors larger."""
 
-UNTIL = 0.1
-"""Distance of the bounds, relative, at which the meshes end."""
-
-GROWTH = 2.0
-"""How many times the cells of the first mesh the last one may have."""
 
 BOUNDS = """\
 [loading]
@@ -56,8 +48,10 @@ def loading_for(survey: Survey, glued: Glued, options: MeshingOptions) -> str:
     why = next(_against_adapting(survey, glued), None)
     if why is not None:
         return BOUNDS + ONE_MESH.format(why=why)
-    cells = round(GROWTH * _cells(survey) + 500, -3)
-    return BOUNDS + ADAPT.format(percent=100 * UNTIL, until=UNTIL, cells=int(cells))
+    growth = 2.0  # how many times the cells of the first mesh the last one may have
+    cells = round(growth * _cells(survey) + 500, -3)
+    until = 0.1  # distance of the bounds, relative, at which the meshes end
+    return BOUNDS + ADAPT.format(percent=100 * until, until=until, cells=int(cells))
 
 
 def _against(survey: Survey, options: MeshingOptions) -> Iterator[str]:
@@ -67,7 +61,9 @@ def _against(survey: Survey, options: MeshingOptions) -> Iterator[str]:
         yield "none are known where the nodes of bodies do not match (meshed apart)"
     if survey.degree > 1:
         yield "none are known of curved elements (order = 2)"
-    if (cells := _cells(survey)) > _most(survey, AFFORDABLE):
+    # Cells by dimension up to which a first case asks for bounds: some minutes on one core.
+    affordable = {2: 60_000, 3: 12_000}
+    if (cells := _cells(survey)) > _most(survey, affordable):
         yield f"they take long on {cells} elements (a larger size has fewer)"
 
 

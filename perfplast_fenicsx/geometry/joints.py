@@ -11,15 +11,6 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.survey import Near
 
-NEAR = 0.02
-"""Bodies that are no farther apart than this share of the smaller one's size nearly touch."""
-
-TOUCHING = 1e-7
-"""Distances below this share of the assembly's size are none."""
-
-MOST_DISTANCES = 300
-"""So many pairs of bodies are measured at most."""
-
 
 def cut_along_each_other(dim: int, parts: Sequence[Part], overlap: float) -> list[Part]:
     """Make neighbours share the faces at which they touch.
@@ -73,12 +64,16 @@ def near_misses(dim: int, parts: Sequence[Part]) -> list[Near]:
         return []
     boxes = np.array([box(dim, part.tags) for part in parts])
     sizes = np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
-    none = TOUCHING * float(np.linalg.norm(boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)))
+    no_distance = 1e-7  # distances below this share of the assembly's size are none
+    none = no_distance * float(np.linalg.norm(boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)))
     first, second = np.triu_indices(len(parts), 1)
     between = np.maximum(boxes[first, 0] - boxes[second, 1], boxes[second, 0] - boxes[first, 1])
     apart = np.linalg.norm(between.clip(min=0), axis=1)
-    reach = NEAR * np.minimum(sizes[first], sizes[second])
-    nearest = np.argsort(apart, kind="stable")[:MOST_DISTANCES]
+    # Bodies that are no farther apart than this share of the smaller one's size nearly touch.
+    nearly = 0.02
+    reach = nearly * np.minimum(sizes[first], sizes[second])
+    most_distances = 300  # so many pairs of bodies are measured at most
+    nearest = np.argsort(apart, kind="stable")[:most_distances]
     owner = {tag: number for number, part in enumerate(parts) for tag in part.tags}
     touching = set(map(frozenset[int], shared(dim, owner).values()))
     faces = [_boxes_of_faces(dim, part) for part in parts]

@@ -45,16 +45,6 @@ ALGORITHMS = ((6, 1), (6, 10), (1, 1))
 """Gmsh's, of faces and of bodies: frontal Delaunay and Delaunay, which are its defaults; HXT, which
 places nodes otherwise; MeshAdapt, which copes with the oddest faces."""
 
-FINER = (16.0, 26.0, 36.0)
-"""Elements about a circle that areas may ask for in turn, as long as the mesh has no more elements
-than adapted ones may follow."""
-
-FINER_SIZES = (1.0, 0.7, 0.5)
-"""Shares of the usual size that are tried where faces overlap on a coarse mesh."""
-
-COARSER, TIMES = 1.3, 5
-"""By so much larger sizes are tried, so many times, where small fillets and holes make more
-elements than that."""
 
 EXACT = 0.01
 """Share by which areas may be wrong without a word."""
@@ -145,7 +135,10 @@ def _mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) -
     if options.curvature is not None:
         return longest
     before = USUAL
-    for finer in FINER:
+    # Elements about a circle that areas may ask for in turn, as long as the mesh has no more
+    # elements than adapted ones may follow.
+    thinner = (16.0, 26.0, 36.0)
+    for finer in thinner:
         if worst_area(dim, parts) <= EXACT:
             break
         try:
@@ -168,24 +161,29 @@ def _usual_size(sizes: Sizes, options: MeshingOptions, most: int) -> float:
         InputError: If no such size can be meshed.
     """
     first = sizes.usual
-    for share in FINER_SIZES:
+    # Shares of the usual size that are tried where faces overlap on a coarse mesh.
+    finer_sizes = (1.0, 0.7, 0.5)
+    for share in finer_sizes:
         size = share * first
         try:
             _mesh(sizes, replace(options, size=size))
         except InputError:
-            if share == FINER_SIZES[-1]:
+            if share == finer_sizes[-1]:
                 raise
             continue
         break
-    for _ in range(TIMES if share == 1 else 0):
+    # Sizes by so much larger are tried, so many times, where small fillets and holes make more
+    # elements than the most.
+    coarser, times = 1.3, 5
+    for _ in range(times if share == 1 else 0):
         if _count(sizes.dim, sizes.parts) <= most:
             break
         try:
-            _mesh(sizes, replace(options, size=COARSER * size))
+            _mesh(sizes, replace(options, size=coarser * size))
         except InputError:
             _mesh(sizes, replace(options, size=size))
             break
-        size *= COARSER
+        size *= coarser
     return size
 
 

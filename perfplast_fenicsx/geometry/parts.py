@@ -20,8 +20,6 @@ NO_NAME = re.compile(
 SCRIPTS = (".geo", ".geo_unrolled")
 """Gmsh's own files. Physical groups may have names in them; they may also run any command."""
 
-PROGRAMS = (".py", ".m", ".jl", ".exe", ".sh", ".bat")
-"""Files that make geometries or meshes when they are run, which nothing here does."""
 
 STEP = b"ISO-10303-21"
 
@@ -116,7 +114,9 @@ def check_file(path: Path) -> None:
         InputError: Naming the file.
     """
     suffix = path.suffix.lower()
-    if suffix in PROGRAMS:
+    # Files that make geometries or meshes when they are run, which nothing here does.
+    programs = (".py", ".m", ".jl", ".exe", ".sh", ".bat")
+    if suffix in programs:
         raise InputError(
             f"'{path}' is a program, which is never run here; run it yourself if you know what is"
             " in it, and give the geometry that it writes."

@@ -11,9 +11,6 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.joints import shared
 from perfplast_fenicsx.geometry.parts import Part
 
-SAME = 1e-6
-"""Areas and centres of faces that differ by less, relative to their size, are those of copies."""
-
 
 @dataclass(frozen=True)
 class Seam:
@@ -91,11 +88,14 @@ def take_apart(
     ]
     after = [_measures(dim - 1, own) for own in faces]
 
+    # Areas and centres of faces that differ by less, relative to their size, are those of copies.
+    rounding = 1e-6
+
     def copied(body: int, old: Sequence[int]) -> tuple[int, ...]:
         wanted = np.array([before[face] for face in old])
         distance = np.abs(after[body][:, None] - wanted[None]).max(axis=2)
         scale = float(np.abs(after[body]).max())
-        if distance.min(axis=0).max() > SAME * scale:
+        if distance.min(axis=0).max() > rounding * scale:
             raise RuntimeError(f"a face of '{parts[body].name}' is lost in its copy")
         return tuple(faces[body][k] for k in np.argmin(distance, axis=0))
 

@@ -7,9 +7,6 @@ import numpy as np
 
 from perfplast_fenicsx.errors import InputError
 
-GAPS = (1e-6, 1e-5, 1e-4, 1e-3)
-"""Gaps between faces that are closed, relative to the size of all faces; the smallest that do."""
-
 
 def sewn(path: Path, count: int) -> list[int]:
     """Sew the faces of gmsh's current model to solids, and heal them.
@@ -26,10 +23,12 @@ def sewn(path: Path, count: int) -> list[int]:
     """
     occ = gmsh.model.occ
     faces = [tag for _, tag in gmsh.model.getEntities(2)]
+    # Gaps between faces that are closed, relative to the size of all faces; the smallest that do.
+    gaps = (1e-6, 1e-5, 1e-4, 1e-3)
     if faces:
         around = np.array([gmsh.model.getBoundingBox(2, tag) for tag in faces])
         size = float(np.linalg.norm(around[:, 3:].max(axis=0) - around[:, :3].min(axis=0)))
-        for gap in GAPS:
+        for gap in gaps:
             try:
                 occ.healShapes([], gap * size, True, True, True, True, True)
                 occ.synchronize()
@@ -40,7 +39,7 @@ def sewn(path: Path, count: int) -> list[int]:
                 return _alone(solids)
     raise InputError(
         f"'{path}' has {count} faces and curves, but no solid, and they enclose none, though gaps"
-        f" up to {GAPS[-1]:g} of their size were closed; sew them to solids in the CAD system."
+        f" up to {gaps[-1]:g} of their size were closed; sew them to solids in the CAD system."
     )
 
 

@@ -12,17 +12,8 @@ from perfplast_fenicsx.geometry.joints import box
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.parts import Part
 
-ELEMENTS = {2: 15_000, 3: 4_000}
-"""About so many the boxes around bodies would have by dimension without a size given: the first of
-some meshes in space, where bounds on 10 000 elements take two minutes, and adapted ones of half as
-many bring the bounds nearer."""
-
 USUAL = 10.0
 """Elements about a circle where nothing is said."""
-
-LEAST = 0.2
-"""Smallest size that so many may ask for, relative to the largest; more of them may ask for less in
-proportion. Without it fillets, threads and letters take all elements and all time."""
 
 
 def most_elements(dim: int, bodies: int) -> int:
@@ -52,7 +43,11 @@ class Sizes:
         points = gmsh.model.getEntities(0)
         given = gmsh.model.mesh.getSizes(points)
         free = tuple(p for p, h in zip(points, given, strict=True) if h == 0)
-        return Sizes(dim, parts, free, LEAST if len(free) == len(points) else 0.0)
+        # Smallest size that so many may ask for, relative to the largest; more of
+        # them may ask for less in proportion. Without it fillets, threads and
+        # letters take all elements and all time.
+        smallest = 0.2
+        return Sizes(dim, parts, free, smallest if len(free) == len(points) else 0.0)
 
     @property
     def usual(self) -> float:
@@ -60,7 +55,11 @@ class Sizes:
         boxes = [box(self.dim, part.tags) for part in self.parts]
         lengths = [np.sort(around[1] - around[0])[-self.dim :] for around in boxes]
         room = sum(float(np.prod(np.maximum(length, 1e-12))) for length in lengths)
-        share = ELEMENTS[self.dim] / {2: 2, 3: 6}[self.dim]
+        # About so many the boxes around bodies would have by dimension without a size given: the
+        # first of some meshes in space, where bounds on 10 000 elements take two minutes, and
+        # adapted ones of half as many bring the bounds nearer.
+        elements = {2: 15_000, 3: 4_000}
+        share = elements[self.dim] / {2: 2, 3: 6}[self.dim]
         return float(room / share) ** (1 / self.dim)
 
     def set(self, options: MeshingOptions) -> float:

@@ -5,23 +5,18 @@ import numpy as np
 
 from perfplast_fenicsx.geometry.joints import box
 
-UNTOLD = ("bspline surface", "bezier surface", "surface of revolution", "unknown")
-"""Gmsh's kinds, in small letters, that may be planes, cylinders or spheres."""
-
-SAMPLES = (0.2, 0.4, 0.6, 0.8)
-"""Shares of each parameter at which curvatures are taken, as ends may be poles."""
-
-STRAIGHT, SAME = 1e-5, 1e-4
-"""Curvature that is none, relative to the size of the face, and how far equal ones may differ."""
-
 
 def kind_of(dim: int, tag: int) -> str:
     """Gmsh's kind of a face or curve; of a face "Plane", "Cylinder" or "Sphere" if it is one."""
     kind = str(gmsh.model.getType(dim, tag))
-    if dim != 2 or kind.lower() not in UNTOLD:
+    # Gmsh's kinds, in small letters, that may be planes, cylinders or spheres.
+    untold = ("bspline surface", "bezier surface", "surface of revolution", "unknown")
+    if dim != 2 or kind.lower() not in untold:
         return kind
     low, high = map(np.asarray, gmsh.model.getParametrizationBounds(2, tag))
-    shares = np.stack(np.meshgrid(SAMPLES, SAMPLES), axis=-1).reshape(-1, 2)
+    # Shares of each parameter at which curvatures are taken, as ends may be poles.
+    samples = (0.2, 0.4, 0.6, 0.8)
+    shares = np.stack(np.meshgrid(samples, samples), axis=-1).reshape(-1, 2)
     large, small, _, _ = gmsh.model.getPrincipalCurvatures(
         tag, (low + shares * (high - low)).ravel()
     )
@@ -30,13 +25,15 @@ def kind_of(dim: int, tag: int) -> str:
     both = np.sort(np.abs(np.column_stack([large, small])), axis=1) * size
     if not np.isfinite(both).all():
         return kind
-    if both.max() < STRAIGHT:
+    # Curvature that is none, relative to the size of the face, and how far equal ones may differ.
+    straight, same = 1e-5, 1e-4
+    if both.max() < straight:
         return "Plane"
-    alike = np.ptp(both, axis=0) < SAME * both.max()
+    alike = np.ptp(both, axis=0) < same * both.max()
     if not alike[1]:
         return kind
-    if both[:, 0].max() < STRAIGHT:
+    if both[:, 0].max() < straight:
         return "Cylinder"
-    if alike[0] and np.abs(both[:, 1] - both[:, 0]).max() < SAME * both.max():
+    if alike[0] and np.abs(both[:, 1] - both[:, 0]).max() < same * both.max():
         return "Sphere"
     return kind

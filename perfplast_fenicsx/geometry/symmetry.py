@@ -11,10 +11,6 @@ from perfplast_fenicsx.geometry.face_choice import AXES
 from perfplast_fenicsx.geometry.joints import box
 from perfplast_fenicsx.geometry.parts import Part
 
-UNEQUAL = 1e-3
-"""Volumes of both halves that differ by a larger share, and centres by a larger share of the size,
-are not those of symmetric bodies."""
-
 
 def cut_in_half(dim: int, parts: Sequence[Part], planes: Mapping[str, float]) -> list[Part]:
     """Keep what lies towards larger coordinates of each plane.
@@ -59,8 +55,11 @@ def _half(dim: int, parts: Sequence[Part], axis: str, value: float) -> list[Part
     half, of_half = _mass(dim, kept)
     beside = np.arange(3) != along
     across = float(abs(centre - of_half)[beside].max())
-    same = abs(2 * half - volume) <= UNEQUAL * volume and across <= UNEQUAL * size
-    if not same or abs(centre[along] - value) > UNEQUAL * size:
+    # Volumes of both halves that differ by a larger share, and centres by a larger share of the
+    # size, are not those of symmetric bodies.
+    unequal = 1e-3
+    same = abs(2 * half - volume) <= unequal * volume and across <= unequal * size
+    if not same or abs(centre[along] - value) > unequal * size:
         raise InputError(
             f"symmetry: the bodies are not symmetric about {axis} = {value:g}: their centre is at"
             f" {axis} = {centre[along]:.6g}, and {half / volume:.1%} of their volume lies beyond;"

@@ -11,9 +11,6 @@ from perfplast_fenicsx.geometry.parts import Part
 MOST = 0.5
 """Share of a body's elements that may reach from one side to the other without a word."""
 
-OPPOSITE = -0.8
-"""Cosine of the angle of outward normals below which surfaces are opposite sides."""
-
 
 def share_through(dim: int, part: Part) -> float:
     """Share of the elements of a body with an edge between opposite sides of its surface."""
@@ -57,7 +54,9 @@ def through(points: Floats, cells: Longs) -> float:
     sizes = np.linalg.norm(at_points, axis=1, keepdims=True)
     at_points /= np.where(sizes > 0, sizes, 1.0)  # none within the body
     reaches = np.zeros(len(cells), dtype=np.bool_)
+    # Cosine of the angle of outward normals below which surfaces are opposite sides.
+    opposite = -0.8
     for a, b in combinations(range(dim + 1), 2):
         cosines = np.einsum("ni,ni->n", at_points[cells[:, a]], at_points[cells[:, b]])
-        reaches |= cosines < OPPOSITE
+        reaches |= cosines < opposite
     return float(reaches.mean())

@@ -30,24 +30,10 @@ from perfplast_fenicsx.solvers.newton import Newton
 from perfplast_fenicsx.solvers.verdicts import SLIDES
 from perfplast_fenicsx.solvers.work_newton import WorkNewton
 
-MOST_WORKS = 40
-"""Levels of given work, after which ζ counts as one that does not level off."""
-
-MOST_LOADS = 40
-"""Loads that are tried, after which the search ends with the bracket so far."""
-
 SHARES = (0.5, 0.25, 0.75)
 """Where between a load that is carried and one that is refused the next one is tried: in the middle
 first, and on either side of it where a level there has neither converged nor a verdict."""
 
-FAR = 1e12
-"""So many times the first ζ is looked at where nothing slips or yields."""
-
-LEAST = 1e-8
-"""ζ below this counts as none, as loads are given in numbers of their own size."""
-
-WIDER = 0.1
-"""How far beyond the last load the next one is tried, relative, where ζ has not levelled off."""
 
 OnLevel = Callable[[Level, Search], None]
 """Called on every rank after each level that carries its load, with what is known by then."""
@@ -150,6 +136,10 @@ class _Path:
             self.most = reached.last
         if search.ended or has_levelled(search.points, self.rtol):
             return
+        # Levels of given work, after which ζ counts as one that does not level off.
+        most_works = 40
+        # So many times the first ζ is looked at where nothing slips or yields.
+        farthest = 1e12
         for level in work_path(self.solver, self.monitor, reached):
             self._count()
             if not level.report.converged:
@@ -169,8 +159,8 @@ class _Path:
             self._carried(level)
             if has_levelled(search.points, self.rtol):
                 return
-            far = search.points and abs(level.state.zeta) > FAR * abs(search.points[0][1])
-            if far or len(search.points) >= MOST_WORKS:
+            far = search.points and abs(level.state.zeta) > farthest * abs(search.points[0][1])
+            if far or len(search.points) >= most_works:
                 search.ended = True
                 search.reason = (
                     f"ζ does not level off: it has reached {level.state.zeta:.6g} and still rises;"
@@ -182,16 +172,23 @@ class _Path:
         """Try loads beyond the largest that is carried, until one is refused. Collective."""
         search, rtol = self.search, self.rtol
         direct = Newton(self.solver.problem, self.solver.options, lender=self.solver)
-        low = search.lower if search.lower > LEAST else 0.0
-        step = rtol if has_levelled(search.points, rtol) else WIDER
+        # ζ below this counts as none, as loads are given in numbers of their own size.
+        least_load = 1e-8
+        low = search.lower if search.lower > least_load else 0.0
+        # How far beyond the last load the next one is tried,
+        # relative, where ζ has not levelled off.
+        wider = 0.1
+        step = rtol if has_levelled(search.points, rtol) else wider
         why, open_end, unknown = "", search.reason, 0
-        for _ in range(MOST_LOADS):
+        # Loads that are tried, after which the search ends with the bracket so far.
+        most_loads = 40
+        for _ in range(most_loads):
             width = None if search.upper is None else search.upper - low
             if low > 0 and width is not None and width <= rtol * low * (1 + ROUNDING):
                 search.levelled_off = True
                 break
             zeta = trial(low, search.upper, step, unknown)
-            if unknown == len(SHARES) or zeta < LEAST:
+            if unknown == len(SHARES) or zeta < least_load:
                 break
             level = direct.solve(zeta, self.most, self.monitor)
             self._count()
@@ -214,7 +211,7 @@ class _Path:
         search.ended = True
         search.reason = why
         if low == 0 and search.upper is not None and not unknown:
-            search.reason = f"nothing is carried down to ζ = {LEAST:g}; {why}"
+            search.reason = f"nothing is carried down to ζ = {least_load:g}; {why}"
         elif not search.levelled_off:
             search.reason = f"this is the bracket so far; {open_end or 'too many loads were tried'}"
 

@@ -31,12 +31,6 @@ from perfplast_fenicsx.solvers.newton_options import NewtonOptions
 from perfplast_fenicsx.solvers.next_work import Reached
 from perfplast_fenicsx.solvers.work_newton import WorkNewton
 
-LOOSEST = 1e-4
-"""Largest tolerance of a level: with 1e-3, ζ has been found 1e-4 above an upper bound."""
-
-COULOMB = 1e-8
-"""Tolerance of a level with Coulomb's friction: that of the bounds which its rounds settle."""
-
 
 def limit_load(
     problem: Problem,
@@ -146,4 +140,8 @@ def limit_options(rtol: float, coulomb: bool = False) -> dict[str, Any]:
         rtol: What bounds may differ by.
         coulomb: Whether there is Coulomb's friction, whose bounds settle no better than steps.
     """
-    return {"stopping": "stress", "tolerance": COULOMB if coulomb else min(rtol, LOOSEST)}
+    # Largest tolerance of a level: with 1e-3, ζ has been found 1e-4 above an upper bound.
+    loosest = 1e-4
+    # Tolerance of a level with Coulomb's friction: that of the bounds which its rounds settle.
+    friction_rtol = 1e-8
+    return {"stopping": "stress", "tolerance": friction_rtol if coulomb else min(rtol, loosest)}

@@ -80,9 +80,6 @@ MATERIALS = (
 )
 """In :data:`TABLE`. Of each class of clays the least strength."""
 
-SAME = 1e-5
-"""Relative difference of numbers that were copied from a table of six digits."""
-
 
 def find(name: str, system: Name = TABLE) -> Common:
     """The material of a name.
@@ -100,16 +97,6 @@ def find(name: str, system: Name = TABLE) -> Common:
     return names[name.lower()].in_system(system)
 
 
-STIFFEST = 1e12
-"""Young's modulus beyond which there is no solid (Pa); diamond has 1.1e12."""
-
-SOFTEST = 1e3
-"""Young's modulus below which there is none that is of use (Pa); a gel has about so much."""
-
-YIELD_STRAINS = 1e-5, 0.1
-"""Yield stress over Young's modulus: lead has 1e-4, rubber and polymers a few hundredths."""
-
-
 def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -> list[str]:
     """What is to be said of numbers that no material has, a sentence each.
 
@@ -121,13 +108,18 @@ def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -
     told = []
     if system is not None:
         pascals, unit = young * SYSTEMS[system].pascals, SYSTEMS[system].stress
-        if not SOFTEST <= pascals <= STIFFEST:
+        # Young's modulus beyond which there is no solid (Pa); diamond has 1.1e12.
+        stiffest = 1e12
+        # Young's modulus below which there is none that is of use (Pa); a gel has about so much.
+        softest = 1e3
+        if not softest <= pascals <= stiffest:
             told.append(
                 f"young = {young:g} {unit} is {pascals / 1e9:.3g} GPa, and steel has 210; is it in"
                 f" {unit}, as [units] says"
             )
     if yield_stress is not None:
-        least, most = YIELD_STRAINS
+        # Yield stress over Young's modulus: lead has 1e-4, rubber and polymers a few hundredths.
+        least, most = 1e-5, 0.1
         strain = yield_stress / young
         if not least <= strain <= most:
             told.append(
@@ -165,9 +157,11 @@ def check_units(young: float, poisson: float, yield_stress: float, system: Name)
 
 def _known(young: float, poisson: float, yield_stress: float, system: Name) -> Common | None:
     """The common material that has these numbers in a system."""
+    # Relative difference of numbers that were copied from a table of six digits.
+    copied = 1e-5
     for one in MATERIALS:
         here = one.in_system(system)
         given, table = (young, poisson, yield_stress), (here.young, here.poisson, here.yield_stress)
-        if all(math.isclose(a, b, rel_tol=SAME) for a, b in zip(given, table, strict=True)):
+        if all(math.isclose(a, b, rel_tol=copied) for a, b in zip(given, table, strict=True)):
             return one
     return None

@@ -19,9 +19,6 @@ from perfplast_fenicsx.materials.mandel import Expr, spherical, trace
 from perfplast_fenicsx.materials.principal_axes import principal_axes
 from perfplast_fenicsx.materials.yield_set import PrincipalCone
 
-LEAST_SINE = 1e-12
-"""Sine of φ below which ground does not dilate."""
-
 
 @dataclass(frozen=True)
 class CoulombSet:
@@ -50,10 +47,11 @@ class CoulombSet:
 
         Where φ is zero it is c Σ|ε_i|, and tr rate has to vanish.
         """
-        angle = ufl.max_value(self.sine, LEAST_SINE)
+        least_sine = 1e-12  # sine of φ below which ground does not dilate
+        angle = ufl.max_value(self.sine, least_sine)
         grows = self.cohesion * self._cosine / angle * trace(rate)
         keeps = self.cohesion * sum(abs(value) for value in principal(rate))
-        return ufl.conditional(ufl.gt(self.sine, LEAST_SINE), grows, keeps)
+        return ufl.conditional(ufl.gt(self.sine, least_sine), grows, keeps)
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
         """a:b, though the square of the power is no form."""

@@ -32,13 +32,6 @@ from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, spherical, trace
 from perfplast_fenicsx.rounding import TINY
 
-STEPS = 10
-"""Newton steps of a return: they leave rounding alone at ratios of shear stresses of 9 and strains
-of 3e6 times those at yield."""
-
-LEAST = 1e-6
-"""Ratio of the smaller h of normal stresses to the larger one, below which it counts as none."""
-
 
 @dataclass(frozen=True)
 class HillLaw(Law):
@@ -101,7 +94,10 @@ class HillLaw(Law):
             size = ufl.sqrt(ufl.max_value(square, 1.0))
             return x + (size - 1) * square / ufl.max_value(slope, TINY)
 
-        x = reduce(nearer, range(STEPS), ufl.as_ufl(0.0))
+        # Newton steps of a return: they leave rounding alone at ratios of shear stresses of 9 and
+        # strains of 3e6 times those at yield.
+        steps = 10
+        x = reduce(nearer, range(steps), ufl.as_ufl(0.0))
         return [1 / (1 + x * h) for h in weights]
 
     def plastic(self, e: Expr, old: Old) -> Expr:
@@ -198,7 +194,10 @@ class Hill:
                 raise InputError(f"{name} = {ratio} is not a positive number; give a ratio.")
         if not math.isfinite(self.angle):
             raise InputError(f"angle = {self.angle} is not finite; give degrees, or none.")
-        if not self.spectrum[1] > LEAST * self.spectrum[0]:
+        # Ratio of the smaller h of normal stresses to the larger one,
+        # below which it counts as none.
+        least_ratio = 1e-6
+        if not self.spectrum[1] > least_ratio * self.spectrum[0]:
             raise InputError(
                 f"r11 = {self.r11}, r22 = {self.r22}, r33 = {self.r33} let a stress grow without"
                 " yield, as one of them is too large beside the others; each 1/r has to be less"

@@ -20,9 +20,6 @@ IN_PLANE = 4
 TINY = 1e-150
 """Smallest divisor; avoids 0/0 where two principal values are equal. Its square is no zero."""
 
-ROUNDED = 1e-14
-"""Deviator, relative to the tensor, that is the rounding of zero: its axes mean nothing."""
-
 
 @dataclass(frozen=True)
 class PrincipalAxes:
@@ -55,7 +52,9 @@ class PrincipalAxes:
         for square, cross in zip(squares[:2], crosses[:2], strict=True):
             here = ufl.ge(square, best)
             found = ufl.as_vector([ufl.conditional(here, cross[i], found[i]) for i in range(3)])
-        round_ = ufl.le(size, ufl.max_value(ROUNDED * abs(trace(self.e)), TINY))
+        # Deviator, relative to the tensor, that is the rounding of zero: its axes mean nothing.
+        rounded = 1e-14
+        round_ = ufl.le(size, ufl.max_value(rounded * abs(trace(self.e)), TINY))
         unit_z = (0.0, 0.0, 1.0)
         length = ufl.sqrt(ufl.max_value(best, TINY))
         n = ufl.as_vector([ufl.conditional(round_, unit_z[i], found[i] / length) for i in range(3)])

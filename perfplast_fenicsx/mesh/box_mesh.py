@@ -163,14 +163,12 @@ def structured_mesh(
     )
 
 
-LEAST_MEMORY = 200
-"""Bytes that a tetrahedron needs at the very least, while the mesh is made."""
-
-
 def _check_size(comm: MPI.Intracomm, boxes: Sequence[Box]) -> None:
     """Refuse what no memory can hold, before it is asked for. Collective."""
     cubes = sum(box.num_cubes for box in boxes)
-    needed = cubes * len(TETRAHEDRA) * LEAST_MEMORY
+    # Bytes that a tetrahedron needs at the very least, while the mesh is made.
+    least_memory = 200
+    needed = cubes * len(TETRAHEDRA) * least_memory
     enough, _, available = has_memory(comm, needed / comm.size)
     if not enough:
         raise InputError(

@@ -8,9 +8,6 @@ from scipy.spatial import KDTree
 
 from perfplast_fenicsx.arrays import Floats, Longs
 
-AT_ONCE = 20_000
-"""So many points are looked up together, which bounds the memory for pairs."""
-
 
 class CellSearch:
     """Cells by their places; those of about the same size are in one tree."""
@@ -39,9 +36,11 @@ class CellSearch:
         Yields:
             Numbers of points and of cells; each pair comes once.
         """
+        # So many points are looked up together, which bounds the memory for pairs.
+        at_once = 20_000
         for tree, cells, radius in self._trees:
-            for first in range(0, len(points), AT_ONCE):
-                some = slice(first, first + AT_ONCE)
+            for first in range(0, len(points), at_once):
+                some = slice(first, first + at_once)
                 found = tree.query_ball_point(points[some], within[some] + radius)
                 counts = np.fromiter(map(len, found), dtype=np.int64, count=len(found))
                 members = np.fromiter(

@@ -13,15 +13,6 @@ from perfplast_fenicsx.compat import entity_nodes
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
-EXACT = 1e-13
-"""Sum of the four unit vectors along lines that do cross, at most: rounding."""
-
-CLEAR = 1e-3
-"""The same sum where edges are no lines for the computer either, at least."""
-
-MOVED = 0.05
-"""Way of a vertex, over the harmonic mean of the lengths of its edges."""
-
 ALONG = np.array([0.8, 0.6])
 """Direction of the way; whichever it is, it bends one of the lines."""
 
@@ -67,8 +58,12 @@ def bend_crossings(tagged_mesh: TaggedMesh) -> int:
     cells = table[:, 3]
     alike = np.abs(cells * table[:, 5] - table[:, 4] ** 2) < 0.5
     bend = np.linalg.norm(table[:, :2], axis=1) / 2  # each edge is one of two triangles
-    nearly = (cells == 4) & alike & (table[:, 6] == 0) & (EXACT < bend) & (bend < CLEAR)
-    step = np.where(nearly, MOVED * 8 / np.maximum(table[:, 2], 1e-300), 0.0)
+    # Sum of the four unit vectors along lines that do cross, at most: rounding.
+    rounding = 1e-13
+    clear = 1e-3  # the same sum where edges are no lines for the computer either, at least
+    nearly = (cells == 4) & alike & (table[:, 6] == 0) & (rounding < bend) & (bend < clear)
+    shifted = 0.05  # way of a vertex, over the harmonic mean of the lengths of its edges
+    step = np.where(nearly, shifted * 8 / np.maximum(table[:, 2], 1e-300), 0.0)
     nodes = entity_nodes(mesh, 0, np.arange(count, dtype=np.int32)).reshape(-1)
     mesh.geometry.x[nodes, :2] += step[:, None] * ALONG
     moved: int = comm.allreduce(int(nearly[: index_map.size_local].sum()))

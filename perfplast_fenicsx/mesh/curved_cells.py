@@ -7,9 +7,6 @@ from dolfinx.mesh import Mesh
 
 from perfplast_fenicsx.compat import coordinate_map, geometry_dofmap
 
-STRAIGHT = 1e-10
-"""Distance of a midside node from the middle that is rounding, relative to the cell."""
-
 
 def has_curved_cells(mesh: Mesh) -> bool:
     """Whether a cell's geometry is not that of its vertices. Collective."""
@@ -21,9 +18,11 @@ def has_curved_cells(mesh: Mesh) -> bool:
     layout = cmap.create_dof_layout()
     size = np.ptp(vertices, axis=1).max(axis=1)
     curved = False
+    # Distance of a midside node from the middle that is rounding, relative to the cell.
+    rounding = 1e-10
     for edge in range(3 if tdim == 2 else 6):
         ends = [d for d in layout.entity_closure_dofs(1, edge) if d <= tdim]
         (middle,) = layout.entity_dofs(1, edge)
         off = np.linalg.norm(x[:, middle] - vertices[:, ends].mean(axis=1), axis=1)
-        curved |= bool((off > STRAIGHT * size).any())
+        curved |= bool((off > rounding * size).any())
     return bool(mesh.comm.allreduce(curved, MPI.LOR))

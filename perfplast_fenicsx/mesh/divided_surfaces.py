@@ -16,12 +16,6 @@ from perfplast_fenicsx.compat import sent_to
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, distributed_tags
 
-ON_FACET = 1e-8
-"""Distance of a point from a facet that it lies on, relative to the facet."""
-
-AT_END = 1e-6
-"""Distance of a point from an end of a facet, relative to the facet, that makes it the end."""
-
 
 def surface_points(tagged_mesh: TaggedMesh, surface: str) -> Floats:
     """Ends of the outer facets of a plane surface, those of all ranks. Collective.
@@ -138,11 +132,15 @@ def _inside(ends: Floats, points: Floats) -> tuple[Longs, Floats]:
     e = along[facet] / lengths[facet, None]
     at = np.einsum("ni,ni->n", offset, e) / lengths[facet]
     off = np.abs(offset[:, 0] * e[:, 1] - offset[:, 1] * e[:, 0])
-    good = (off <= ON_FACET * lengths[facet]) & (at > AT_END) & (at < 1 - AT_END)
+    # Distance of a point from a facet that it lies on, relative to the facet.
+    on_facet = 1e-8
+    # Distance of a point from an end of a facet, relative to the facet, that makes it the end.
+    at_end = 1e-6
+    good = (off <= on_facet * lengths[facet]) & (at > at_end) & (at < 1 - at_end)
     facet, at = facet[good], at[good]
     order = np.lexsort((at, facet))
     facet, at = facet[order], at[order]
-    same = (np.diff(facet, prepend=-1) == 0) & (np.diff(at, prepend=-1.0) < AT_END)
+    same = (np.diff(facet, prepend=-1) == 0) & (np.diff(at, prepend=-1.0) < at_end)
     return facet[~same], at[~same]
 
 

@@ -13,9 +13,6 @@ from perfplast_fenicsx.compat import coordinate_map, geometry_dofmap
 from perfplast_fenicsx.errors import raise_together
 from perfplast_fenicsx.mesh.straight_geometry import corners
 
-FOLDED = 1e-9
-"""A curved cell is folded where its volume element is below this share of its largest one."""
-
 
 @dataclass(frozen=True)
 class Sides:
@@ -108,4 +105,6 @@ def _inside_out(mesh: Mesh) -> npt.NDArray[np.bool_]:
     x = x[geometry_dofmap(mesh)[:owned], : mesh.geometry.dim]
     size = np.linalg.det(np.einsum("jpn,cni->cpij", slopes, x))
     size *= np.where(size.sum(axis=1) < 0, -1.0, 1.0)[:, None]
-    return np.asarray(size.min(axis=1) <= FOLDED * size.max(axis=1))
+    # A curved cell is folded where its volume element is below this share of its largest one.
+    folded = 1e-9
+    return np.asarray(size.min(axis=1) <= folded * size.max(axis=1))

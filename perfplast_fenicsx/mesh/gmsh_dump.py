@@ -15,19 +15,16 @@ from typing import Any
 import gmsh
 import numpy as np
 
-SECONDS, SECONDS_PER_MB = 30, 5
-"""Processor time that gmsh may take; good files need less than a tenth."""
-
-MEMORY, MEMORY_PER_BYTE = 8 << 30, 100
-"""Address space that it may take."""
-
 
 def limit(size: int) -> None:
     """Bound what this process may take, for a file of ``size`` bytes."""
-    seconds = SECONDS + SECONDS_PER_MB * (size >> 20)
+    # Processor time that gmsh may take; good files need less than a tenth.
+    least_seconds, seconds_per_mb = 30, 5
+    seconds = least_seconds + seconds_per_mb * (size >> 20)
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    memory, most = MEMORY + MEMORY_PER_BYTE * size, resource.getrlimit(resource.RLIMIT_AS)[1]
+    least_memory, memory_per_byte = 8 << 30, 100  # address space that it may take
+    memory, most = least_memory + memory_per_byte * size, resource.getrlimit(resource.RLIMIT_AS)[1]
     if most == resource.RLIM_INFINITY or memory < most:
         resource.setrlimit(resource.RLIMIT_AS, (memory, most))
 

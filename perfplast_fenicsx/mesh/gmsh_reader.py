@@ -138,10 +138,6 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
     )
 
 
-FLAT = 1e-12
-"""Cells are flat whose volume is less than this share of that of a cube of their longest edge."""
-
-
 def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> None:
     """Refuse nodes that are nowhere and cells without volume."""
     wrong = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))  # NaN is not either
@@ -155,7 +151,10 @@ def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> N
     edges = points[cells[:, 1 : gdim + 1], :gdim] - first[:, None]
     longest = np.abs(edges).max(axis=(1, 2), initial=0)
     if (longest > 0).all():
-        flat = np.abs(np.linalg.det(edges / longest[:, None, None])) < FLAT
+        # Cells are flat whose volume is less than this share of that
+        # of a cube of their longest edge.
+        least_volume = 1e-12
+        flat = np.abs(np.linalg.det(edges / longest[:, None, None])) < least_volume
     else:
         flat = longest == 0
     if flat.any():

@@ -24,21 +24,9 @@ from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
 
-ROUNDING = 1e-3
-"""Overlaps below this share of a cell's longest edge are none: nodes are known no better."""
-
 SMOOTH = np.cos(np.deg2rad(25.0))
 """Facets that are aslant to the mean normal at a vertex by less belong to one curved surface there:
 contact takes facets for one surface up to 40°, of which either has half."""
-
-CAUTION = 2.0
-"""Sagittas count so many times, as mean normals are known roughly alone."""
-
-TOUCHING = 1e-6
-"""Overlaps below this share of the size of all bodies are none: surfaces touch within it."""
-
-BEYOND = 1e-4
-"""So far outside of a facet, relative to its size, it is looked whether there is another cell."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +116,9 @@ def _cells(tagged_mesh: TaggedMesh) -> _Cells:
     plain = ~named[sides.of_cell[at, place]]
     outside = np.zeros(int(plain.sum()), dtype=[("point", "f8", (gdim,)), ("body", "i8")])
     normal = area / np.linalg.norm(area, axis=1, keepdims=True)
-    beyond = corner.mean(axis=1) + BEYOND * length[:, None] * normal
+    # So far outside of a facet, relative to its size, it is looked whether there is another cell.
+    margin = 1e-4
+    beyond = corner.mean(axis=1) + margin * length[:, None] * normal
     outside["point"], outside["body"] = beyond[plain], rows["body"][at[plain]]
     return _Cells(rows, outside)
 
@@ -158,7 +148,8 @@ def _sagittas(
     sizes = np.linalg.norm(mean[ends], axis=2) * np.linalg.norm(area, axis=1)[:, None]
     cosine = np.clip(across / np.maximum(sizes, np.finfo(float).tiny), -1, 1)
     aslant = np.where(cosine > SMOOTH, np.arccos(cosine), 0.0)
-    sagitta = CAUTION * length * np.tan(aslant.max(axis=1, initial=0) / 2) / 2
+    caution = 2.0  # sagittas count so many times, as mean normals are known roughly alone
+    sagitta = caution * length * np.tan(aslant.max(axis=1, initial=0) / 2) / 2
     longest = comm.allreduce(float(length.max(initial=0)), MPI.MAX) or 1.0
     powers = la.vector(vertices, 1, dtype=np.float64)  # whose sum is about the largest one's
     powers.array[:] = 0.0
@@ -179,6 +170,10 @@ def _deepest(
     radii = np.linalg.norm(x[outer] - centres[:, None], axis=2).max(axis=1, initial=0)
     low, high = x.min(axis=1), x.max(axis=1)
     worst, said = 0.0, None
+    # Overlaps below this share of a cell's longest edge are none: nodes are known no better.
+    rounding = 1e-3
+    # Overlaps below this share of the size of all bodies are none: surfaces touch within it.
+    contact_depth = 1e-6
     for one, other in search.near(centres, radii):
         one = outer[one]
         apart = rows["body"][one] != rows["body"][other]
@@ -186,7 +181,7 @@ def _deepest(
         asked &= ~(overlaps & apart)
         asked &= ~(rows["outer"][other] & (other < one))  # the pair comes twice
         one, other = one[asked], other[asked]
-        least = ROUNDING * np.maximum(edge[one], edge[other]) + TOUCHING * extent
+        least = rounding * np.maximum(edge[one], edge[other]) + contact_depth * extent
         least += rows["allowed"][one] + rows["allowed"][other]
         boxes = np.minimum(high[one] - low[other], high[other] - low[one])
         asked = (boxes > least[:, None]).all(axis=1)

@@ -12,12 +12,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 
-PARALLEL = 1e-9
-"""Sine of the angle of two edges below which they have no product."""
-
 AxisOf = Callable[[Floats, Floats], tuple[Floats, Floats]]
-
-EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
 
 def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
@@ -33,10 +28,11 @@ def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
     """
     depth = np.full(len(one), np.inf)
     left = np.arange(len(one))
+    parallel = 1e-9  # sine of the angle of two edges below which they have no product
     for axis_of in _axes(one.shape[2]):
         axis, size = axis_of(one[left], other[left])
         length = np.linalg.norm(axis, axis=1)
-        there = length > PARALLEL * size
+        there = length > parallel * size
         axis = axis / np.where(there, length, 1.0)[:, None]
         a, b = (np.einsum("nki,ni->nk", x[left], axis) for x in (one, other))
         moved = np.minimum(a.max(axis=1) - b.min(axis=1), b.max(axis=1) - a.min(axis=1))
@@ -54,7 +50,8 @@ def _axes(gdim: int) -> Iterator[AxisOf]:
         for place in range(gdim + 1):
             yield partial(_face_normal, which, place)
     if gdim == 3:
-        for first, second in product(EDGES, EDGES):
+        edges = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
+        for first, second in product(edges, edges):
             yield partial(_edge_product, first, second)
 
 

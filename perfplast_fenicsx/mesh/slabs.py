@@ -8,9 +8,6 @@ import numpy.typing as npt
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.parallel import bounding_box, send_rows
 
-SAMPLES = 200
-"""Places that a rank contributes, at most, from which it is seen where the slabs are to end."""
-
 
 class Slabs:
     """Divides space across its longest extent, with about as many places in each slab."""
@@ -25,7 +22,9 @@ class Slabs:
         low, high = bounding_box(comm, places)
         self._comm, self.axis = comm, int(np.argmax(high - low))
         along = np.sort(places[:, self.axis])
-        some = along[np.linspace(0, len(along) - 1, min(SAMPLES, len(along)), dtype=np.int64)]
+        # Places that a rank contributes, at most, from which it is seen where the slabs are to end.
+        samples = 200
+        some = along[np.linspace(0, len(along) - 1, min(samples, len(along)), dtype=np.int64)]
         weights = np.full(len(some), len(along) / max(len(some), 1))
         every, weight = (np.concatenate(comm.allgather(part)) for part in (some, weights))
         order = np.argsort(every, kind="stable")

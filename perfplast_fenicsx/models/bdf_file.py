@@ -52,8 +52,6 @@ NAMES = re.compile(
 )
 """Names of properties, which HyperMesh, ANSA and Femap write into comments."""
 
-SMALL, LARGE, LAST = 8, 16, 72
-"""Characters of a field, and of the fields of a line."""
 
 EXPONENT = re.compile(r"(?<=[\d.])([+-]\d)")
 """Of a number such as 2.1+5, which has no letter before it."""
@@ -109,18 +107,19 @@ def _cards(text: str) -> Cards:
     lines = text[begin.end() if begin else 0 :].splitlines()
     cards: Cards = {}
     row: list[str] | None = None
+    small, large, last = 8, 16, 72  # characters of a field, and of the fields of a line
     for line in lines:
-        body = line.split("$", 1)[0].rstrip().expandtabs(SMALL)
+        body = line.split("$", 1)[0].rstrip().expandtabs(small)
         if not body:
             continue
         if "," in body:
             first, *fields = (cell.strip() for cell in body.split(","))
             fields = fields[:8]
         else:
-            first, rest = body[:SMALL].strip(), body[SMALL:LAST]
-            width = LARGE if "*" in first else SMALL
+            first, rest = body[:small].strip(), body[small:last]
+            width = large if "*" in first else small
             fields = [rest[at : at + width].strip() for at in range(0, len(rest), width)]
-            fields += [""] * ((LAST - SMALL) // width - len(fields))
+            fields += [""] * ((last - small) // width - len(fields))
         name = first.rstrip("*_").upper()  # meshio writes CTETRA_
         if name == "ENDDATA":
             break

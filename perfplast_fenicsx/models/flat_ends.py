@@ -8,9 +8,6 @@ from perfplast_fenicsx.geometry.parts import unique_names
 from perfplast_fenicsx.models.foreign_model import ForeignModel
 from perfplast_fenicsx.models.outer_facets import NOWHERE, OuterFacets
 
-CLOSE = 1e-6
-"""Share of a body's size by which nodes of a flat end may be off it."""
-
 
 def with_flat_ends(model: ForeignModel) -> ForeignModel:
     """The model with names such as ``plate_z_low`` for outer facets that have none yet."""
@@ -19,11 +16,12 @@ def with_flat_ends(model: ForeignModel) -> ForeignModel:
     named = outer.find(model.facets)
     free[named[named != NOWHERE]] = False
     wanted, found = [], []
+    off_plane = 1e-6  # share of a body's size by which nodes of a flat end may be off it
     for number, body in enumerate(model.bodies):
         mine = free & (model.body[outer.cells] == number)
         places = model.points[np.unique(model.cells[model.body == number])][:, : model.dim]
         low, high = places.min(axis=0), places.max(axis=0)
-        close = CLOSE * float(np.linalg.norm(high - low))
+        close = off_plane * float(np.linalg.norm(high - low))
         for axis, letter in enumerate("xyz"[: model.dim]):
             for side, end in (("low", low[axis]), ("high", high[axis])):
                 off = np.abs(model.points[outer.corners, axis] - end).max(axis=1)

@@ -7,9 +7,6 @@ from perfplast_fenicsx.materials.common import TABLE, find
 from perfplast_fenicsx.models.foreign_model import ForeignMaterial, ForeignModel
 from perfplast_fenicsx.units import SYSTEMS
 
-ALIKE = 2.0
-"""Ratio of two Young's moduli of one material in one unit: steels differ by less, units by more."""
-
 
 def with_material(model: ForeignModel, name: str) -> tuple[ForeignModel, str]:
     """The model of one material, and the unit of its stresses.
@@ -28,10 +25,12 @@ def with_material(model: ForeignModel, name: str) -> tuple[ForeignModel, str]:
             " the case where you want another one."
         )
     known = [given.young for given in model.materials.values() if given.young is not None]
+    # Ratio of two Young's moduli of one material in one unit: steels differ by less, units by more.
+    alike = 2.0
     fitting = [
         system
         for system in (SYSTEMS if known else [TABLE])
-        if all(1 / ALIKE < young / common.in_system(system).young < ALIKE for young in known)
+        if all(1 / alike < young / common.in_system(system).young < alike for young in known)
     ]
     if not fitting:
         raise InputError(

@@ -11,12 +11,6 @@ from perfplast_fenicsx.models.named_surfaces import NamedSurfaces
 from perfplast_fenicsx.models.outer_facets import OuterFacets
 from perfplast_fenicsx.models.solid_cells import SolidCells, solid_cells
 
-REST = "rest"
-"""The body of elements without a group."""
-
-MOST_SHOWN = 5
-"""Names in a remark."""
-
 
 def model_of(mesh: GroupedMesh) -> ForeignModel:
     """Bodies and surfaces of a mesh.
@@ -77,7 +71,8 @@ def _bodies(
                 " too, whose bodies have them"
             )
     there, body = np.unique(owner[solid.parents], return_inverse=True)
-    groups = [ordered[number] if number >= 0 else REST for number in there]
+    rest = "rest"  # the body of elements without a group
+    groups = [ordered[number] if number >= 0 else rest for number in there]
     return unique_names(groups), body.ravel(), groups
 
 
@@ -111,14 +106,15 @@ def _surfaces(
         else:
             no_surface.append(name)
     _without_skins(named, body[outer.cells], set(mesh.node_groups) - set(mesh.groups), remarks)
+    most_shown = 5  # names in a remark
     for what, names in (
         ("groups of faces that lie inside of the bodies, or on none, are left out there", inner),
         ("groups of edges or points have no counterpart and are left out", lower),
         ("groups of nodes that are no surface are left out", no_surface),
     ):
         if names:
-            shown = ", ".join(repr(name) for name in names[:MOST_SHOWN])
-            more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
+            shown = ", ".join(repr(name) for name in names[:most_shown])
+            more = f" and {len(names) - most_shown} more" if len(names) > most_shown else ""
             remarks.append(f"{what}: {shown}{more}")
     plain, facets, surface, stands = named.divided(bodies)
     for name, some in stands.items():

@@ -19,9 +19,6 @@ from perfplast_fenicsx.models.inp_statements import Statements
 from perfplast_fenicsx.models.outer_facets import OuterFacets
 from perfplast_fenicsx.models.solid_cells import solid_cells
 
-REST = "rest"
-"""The body of elements without a section."""
-
 
 def read_inp(path: Path) -> ForeignModel:
     """Read a file.
@@ -98,7 +95,8 @@ def _bodies(
 ) -> tuple[list[InpBody], Longs]:
     """Bodies by their sections, and the body of each simplex."""
     of_element = np.full(assembly.count, -1)
-    wanted, of = [REST], [""]
+    rest = "rest"  # the body of elements without a section
+    wanted, of = [rest], [""]
     for part, elset, material in statements.sections:
         alone = sum(one == part for one, _, _ in statements.sections) == 1
         for instance in [name for name, its in assembly.instances if its == part]:

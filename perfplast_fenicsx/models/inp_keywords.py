@@ -10,9 +10,6 @@ from perfplast_fenicsx.errors import InputError
 MOST_BYTES = 4_000_000_000
 """Largest size of a file, so that what is no text of people's making is not taken into memory."""
 
-DEEPEST = 5
-"""Files that include each other are followed so far."""
-
 
 @dataclass(frozen=True)
 class Keyword:
@@ -106,7 +103,8 @@ def _included(keyword: Keyword, path: Path, folder: Path, depth: int) -> Iterato
             f"'{path}', line {keyword.number}: *INCLUDE of '{name}', which lies outside of the"
             " model's folder; put the file beside the model."
         )
-    if depth >= DEEPEST:
+    deepest = 5  # files that include each other are followed so far
+    if depth >= deepest:
         raise InputError(f"'{path}', line {keyword.number}: files include each other in a ring.")
     yield from _keywords(other, folder, depth + 1)
 

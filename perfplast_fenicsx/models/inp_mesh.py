@@ -25,11 +25,6 @@ from perfplast_fenicsx.models.inp_numbers import (
 MESH_KEYWORDS = ("NODE", "ELEMENT", "NSET", "ELSET")
 """Keywords that make nodes, elements and sets."""
 
-MOST_COLUMNS = 7
-"""Of ``*NODE``: number, coordinates, direction of a normal."""
-
-WITH_INNER_NODES, INNER = "C3D8I", 3
-"""Elements that CalculiX may be told the nodes of inner modes of, and so many."""
 
 SCOPES = ("PART", "END PART", "ASSEMBLY", "END ASSEMBLY", "INSTANCE", "END INSTANCE")
 """Keywords that say which part or instance others belong to."""
@@ -166,7 +161,8 @@ class MeshReader:
 
     def _nodes(self, keyword: Keyword) -> None:
         table = table_of(keyword)
-        if not 3 <= table.shape[1] <= MOST_COLUMNS:
+        most_columns = 7  # of `*NODE`: number, coordinates, direction of a normal
+        if not 3 <= table.shape[1] <= most_columns:
             raise InputError(f"line {keyword.number}: *NODE wants a number and coordinates.")
         places = np.zeros((len(table), 3))
         places[:, : min(3, table.shape[1] - 1)] = table[:, 1:4]
@@ -186,8 +182,10 @@ class MeshReader:
             return
         cells = ",".join(keyword.lines).replace(",,", ",").strip(", ").split(",")
         width = 1 + kind.nodes
-        if name == WITH_INNER_NODES and first_has(keyword, 1 + kind.nodes + INNER):
-            width += INNER
+        # Elements that CalculiX may be told the nodes of inner modes of, and so many.
+        with_inner_nodes, inner = "C3D8I", 3
+        if name == with_inner_nodes and first_has(keyword, 1 + kind.nodes + inner):
+            width += inner
         try:
             table = np.array(cells, dtype=np.int64)
         except ValueError as error:

@@ -11,9 +11,6 @@ from perfplast_fenicsx.models.inp_keywords import Keyword
 from perfplast_fenicsx.models.inp_mesh import Assembly
 from perfplast_fenicsx.models.named_surfaces import NamedSurfaces
 
-MOST_SHOWN = 5
-"""Names in a remark."""
-
 
 def missing(what: str, name: str) -> InputError:
     """The refusal of a statement on what the file does not have."""
@@ -96,9 +93,10 @@ class UsedSurfaces:
 
     def divided(self, taken: Sequence[str]) -> tuple[list[str], Longs, Longs, dict[str, list[str]]]:
         """See :meth:`NamedSurfaces.divided`; afterwards ``remarks`` are whole."""
+        most_shown = 5  # names in a remark
         for what, names in self._no_surface.items():
-            shown = ", ".join(repr(name) for name in names[:MOST_SHOWN])
-            more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
+            shown = ", ".join(repr(name) for name in names[:most_shown])
+            more = f" and {len(names) - most_shown} more" if len(names) > most_shown else ""
             self.remarks.append(
                 f"{what} on {shown}{more}, whose nodes are no surface, is left out; give it to a"
                 " set that has all nodes of some outer faces"

@@ -41,8 +41,6 @@ TYPES = {
 }
 """Elements by MED's names, whose corners and midsides follow each other as Abaqus' do."""
 
-POINT = "PO1"
-"""Elements of a point, which say nothing."""
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """Beginning of an HDF5 file."""
@@ -111,11 +109,12 @@ def _mesh(file: Any) -> GroupedMesh:
 def _elements(kinds: Any, found: GroupedMesh) -> Longs:
     """Take the elements; the family of each."""
     families: list[Longs] = [np.zeros(0, dtype=np.int64)]
+    point = "PO1"  # elements of a point, which say nothing
     for name in sorted(kinds):
         kind = TYPES.get(name)
         flat = np.asarray(kinds[name]["NOD"][()], dtype=np.int64)
         if kind is None:
-            if name != POINT:
+            if name != point:
                 number = int(kinds[name]["NOD"].attrs.get("NBR", 1))
                 found.left_out[name] = number
             continue

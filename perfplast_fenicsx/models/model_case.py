@@ -29,8 +29,6 @@ control = "work"
 until = "limit"                 # at what load the bodies collapse
 """
 
-FLAT = 1e-6
-"""Normals of a flat surface differ by less."""
 
 FURTHER: dict[str, Any] = {"subsequent_indent": "#   ", "break_long_words": False}
 """How a comment goes on."""
@@ -92,11 +90,14 @@ def survey_of(model: ForeignModel) -> Survey:
         worst = float(_qualities(points, mine, dim).min())
         bodies.append(Body(name, name, size, _place(low), _place(high), len(mine), worst))
     faces = []
+    turned = 1e-6  # normals of a flat surface differ by less
     for number, name in enumerate(model.surfaces):
         mine = model.facets[model.surface == number]
         normals = _normals(points, mine, dim)
         areas = np.linalg.norm(normals, axis=1)
-        flat = abs(normals.sum(axis=0)) @ abs(normals.sum(axis=0)) >= areas.sum() ** 2 * (1 - FLAT)
+        flat = abs(normals.sum(axis=0)) @ abs(normals.sum(axis=0)) >= areas.sum() ** 2 * (
+            1 - turned
+        )
         centre = np.average(points[mine].mean(axis=1), axis=0, weights=areas)[:dim]
         owner = next((b.name for b in bodies), "")
         shape = ("flat" if flat else "curved") if dim == 3 else ("straight" if flat else "curved")

@@ -8,9 +8,6 @@ import numpy as np
 from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.models.foreign_model import ForeignModel
 
-KINDS = {2: (1, 2), 3: (2, 4)}
-"""Gmsh's numbers of facets and cells, by dimension."""
-
 
 def write_msh(model: ForeignModel, path: Path) -> None:
     """Write the mesh, in gmsh's format 2.2, which has the names of each element beside it.
@@ -21,7 +18,8 @@ def write_msh(model: ForeignModel, path: Path) -> None:
     used, cells = np.unique(model.cells, return_inverse=True)
     cells = cells.reshape(model.cells.shape)
     facets = np.searchsorted(used, model.facets)
-    of_facets, of_cells = KINDS[model.dim]
+    kinds = {2: (1, 2), 3: (2, 4)}  # gmsh's numbers of facets and cells, by dimension
+    of_facets, of_cells = kinds[model.dim]
     first = len(model.surfaces)
     with path.open("w", encoding="utf-8") as opened:
         file: Any = opened  # NumPy writes text to it, whatever its types say

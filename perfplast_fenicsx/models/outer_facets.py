@@ -7,9 +7,6 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
 
-MOST_POINTS = 2_000_000
-"""With more the key of a triangle would not fit into 63 bits."""
-
 NOWHERE = -1
 
 
@@ -31,9 +28,11 @@ class OuterFacets:
         Raises:
             InputError: If there are too many points.
         """
-        if num_points > MOST_POINTS:
+        # With more the key of a triangle would not fit into 63 bits.
+        most_points = 2_000_000
+        if num_points > most_points:
             raise InputError(
-                f"the model has {num_points} nodes, more than {MOST_POINTS}; take a coarser mesh."
+                f"the model has {num_points} nodes, more than {most_points}; take a coarser mesh."
             )
         dim = cells.shape[1] - 1
         self._base = np.int64(max(num_points, 1))

@@ -13,9 +13,6 @@ from perfplast_fenicsx.models.simplices import divided
 BENT = 1e-3
 """Share of an edge by which a midside may be off its middle and the edge still be straight."""
 
-FLAT = 1e-10
-"""Volume of a simplex in terms of its longest edge, below which it has none."""
-
 
 @dataclass(frozen=True, eq=False)
 class SolidCells:
@@ -92,7 +89,9 @@ def _check_plane(points: Floats, solids: Sequence[Block]) -> None:
 def _with_volume(points: Floats, cells: Longs, dim: int) -> np.ndarray:
     edges = points[cells[:, 1:], :dim] - points[cells[:, :1], :dim]
     longest = np.linalg.norm(edges, axis=2).max(axis=1)
-    return np.asarray(np.abs(np.linalg.det(edges)) > FLAT * longest**dim)
+    # Volume of a simplex in terms of its longest edge, below which it has none.
+    flat = 1e-10
+    return np.asarray(np.abs(np.linalg.det(edges)) > flat * longest**dim)
 
 
 def _oriented(points: Floats, cells: Longs, dim: int) -> Longs:

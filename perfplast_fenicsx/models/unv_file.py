@@ -31,14 +31,6 @@ NODES, ELEMENTS = ("2411", "781"), ("2412",)
 GROUPS = ("2429", "2430", "2432", "2435", "2452", "2467", "2477")
 """Numbers of datasets."""
 
-NODE, ELEMENT, IN_A_LINE = 7, 8, 8
-"""Kinds of members of groups, and numbers in a line of them."""
-
-HEAD = 6
-"""Numbers before the nodes of an element: the last one says how many nodes follow."""
-
-BEAMS, OF_BEAMS = (11, 21, 22, 23, 24), 3
-"""Elements of lines that have numbers of their own, and so many."""
 
 AROUND_3, AROUND_4 = [0, 2, 4, 1, 3, 5], [0, 2, 4, 6, 1, 3, 5, 7]
 """Quadratic elements go around with their midsides: where corners are, and then midsides."""
@@ -119,15 +111,19 @@ def _datasets(text: str) -> list[tuple[str, list[str]]]:
 def _elements(numbers: Longs, points: NumberIndex, found: GroupedMesh) -> list[Longs]:
     """Take the elements, which follow each other in runs of one kind; their own numbers."""
     ids, at = [], 0
-    while at + HEAD <= len(numbers):
-        kind, nodes = int(numbers[at + 1]), int(numbers[at + HEAD - 1])
-        first = HEAD + (OF_BEAMS if kind in BEAMS else 0)
+    # Numbers before the nodes of an element: the last one says how many nodes follow.
+    before_nodes = 6
+    # Elements of lines that have numbers of their own, and so many.
+    beams, of_beams = (11, 21, 22, 23, 24), 3
+    while at + before_nodes <= len(numbers):
+        kind, nodes = int(numbers[at + 1]), int(numbers[at + before_nodes - 1])
+        first = before_nodes + (of_beams if kind in beams else 0)
         length = first + nodes
         table = numbers[at : at + (len(numbers) - at) // max(length, 1) * length]
         table = table.reshape(-1, max(length, 1))
         if nodes < 1 or not len(table):
             raise InputError("elements are cut off or damaged; export the mesh again.")
-        other = (table[:, 1] != kind) | (table[:, HEAD - 1] != nodes)
+        other = (table[:, 1] != kind) | (table[:, before_nodes - 1] != nodes)
         table = table[: int(np.argmax(other)) if other.any() else len(table)]
         at += table.size
         known = KINDS.get(kind)
@@ -147,6 +143,8 @@ def _groups(
 ) -> None:
     """Take the groups of a dataset."""
     at = 0
+    # Kinds of members of groups, and numbers in a line of them.
+    node, element, in_a_line = 7, 8, 8
     while at + 1 < len(lines):
         if not lines[at].strip():  # behind groups without members
             at += 1
@@ -159,14 +157,14 @@ def _groups(
         first = whole_numbers(lines[at + 2 : at + 3], what) if count else NOBODY
         # kind, number and two zeros of each, two in a line; in older datasets without the zeros
         fields = 4 if len(first) > 2 and first[2] == 0 else 2
-        tall = -(-count * fields // IN_A_LINE)
+        tall = -(-count * fields // in_a_line)
         rows = whole_numbers(lines[at + 2 : at + 2 + tall], what)
         if len(rows) != fields * count:
             raise InputError(f"the group '{name[:40]}' is cut off or damaged; export it again.")
         members = rows.reshape(count, -1) if count else np.zeros((0, 2), dtype=np.int64)
         for kind, index, groups in (
-            (ELEMENT, elements, found.groups),
-            (NODE, points, found.node_groups),
+            (element, elements, found.groups),
+            (node, points, found.node_groups),
         ):
             own = index.of(members[members[:, 0] == kind, 1], missing_is_fine=True)
             if len(own):

@@ -14,13 +14,11 @@ from typing import Any
 import numpy as np
 import pyvista
 
-MEMORY, MEMORY_PER_BYTE = 8 << 30, 100
-"""Address space that it may take."""
-
 
 def limit(size: int) -> None:
     """Bound what this process may take, for a file of ``size`` bytes."""
-    memory, most = MEMORY + MEMORY_PER_BYTE * size, resource.getrlimit(resource.RLIMIT_AS)[1]
+    least_memory, memory_per_byte = 8 << 30, 100  # address space that it may take
+    memory, most = least_memory + memory_per_byte * size, resource.getrlimit(resource.RLIMIT_AS)[1]
     if most == resource.RLIM_INFINITY or memory < most:
         resource.setrlimit(resource.RLIMIT_AS, (memory, most))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -43,17 +43,9 @@ KINDS = {
 }
 """Elements by VTK's numbers, whose corners and midsides follow each other as Abaqus' do."""
 
-POINTS = (1, 2)
-"""Elements of points, which say nothing."""
-
-MOST_GROUPS = 200
-"""An array of more numbers counts cells, and is none of groups."""
 
 USUAL = ("gmsh:physical", "CellEntityIds", "medit:ref", "region", "material", "part")
 """Arrays that have groups in files of gmsh, meshio and others; another one without these."""
-
-MOST_SECONDS = 600
-"""Longest time that VTK gets."""
 
 
 def read_vtu(path: Path) -> ForeignModel:
@@ -71,6 +63,7 @@ def read_vtu(path: Path) -> ForeignModel:
         target = Path(folder) / "mesh.npz"
         program = Path(__file__).with_name("vtk_dump.py")
         command = [sys.executable, "-P", str(program), str(path.absolute()), str(target)]
+        most_seconds = 600  # longest time that VTK gets
         try:
             done = subprocess.run(
                 command,
@@ -78,10 +71,10 @@ def read_vtu(path: Path) -> ForeignModel:
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
                 check=False,
-                timeout=MOST_SECONDS,
+                timeout=most_seconds,
             )
         except subprocess.TimeoutExpired as error:
-            raise InputError(f"'{path}' was not read in {MOST_SECONDS} s by VTK.") from error
+            raise InputError(f"'{path}' was not read in {most_seconds} s by VTK.") from error
         if done.returncode or not target.exists():
             how = f"exit status {done.returncode}"
             if done.returncode < 0:
@@ -100,11 +93,12 @@ def _mesh(arrays: Any) -> GroupedMesh:
     if not np.isfinite(found.points).all():
         raise InputError("nodes have coordinates that are not finite; the file is damaged.")
     places = np.full(len(kinds), -1)
+    points = (1, 2)  # elements of points, which say nothing
     for number in np.unique(kinds):
         mine = np.flatnonzero(kinds == number)
         kind = KINDS.get(int(number))
         if kind is None:
-            if number not in POINTS:
+            if number not in points:
                 found.left_out[f"VTK {number}"] = len(mine)
             continue
         if not (np.diff(offsets)[mine] == kind.nodes).all():
@@ -128,8 +122,9 @@ def _group(
         for key in arrays.files
         if key.startswith(where) and key[-1].isdigit()
     }
+    most_groups = 200  # an array of more numbers counts cells, and is none of groups
     usable = {
-        name: values for name, values in found.items() if 1 < len(np.unique(values)) <= MOST_GROUPS
+        name: values for name, values in found.items() if 1 < len(np.unique(values)) <= most_groups
     }
     if not usable:
         return

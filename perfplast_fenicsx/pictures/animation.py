@@ -20,12 +20,6 @@ from perfplast_fenicsx.pictures.renderer import Renderer
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
 from perfplast_fenicsx.problem.judged.report import LevelReport
 
-MOST_FRAMES = 60
-"""Of more levels as many are shown, the last among them."""
-
-PIXELS, DPI = (700, 560), 80
-"""Of a panel."""
-
 LENGTH, FRAME, END = 8.0, (0.15, 1.0), 2.0
 """An animation takes so long, but each frame between these times, and the last so much more (s)."""
 
@@ -41,7 +35,8 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
     Raises:
         OSError: If the file cannot be written.
     """
-    chosen = np.unique(np.linspace(0, len(levels) - 1, min(len(levels), MOST_FRAMES)).round())
+    most_frames = 60  # of more levels as many are shown, the last among them
+    chosen = np.unique(np.linspace(0, len(levels) - 1, min(len(levels), most_frames)).round())
     levels = [levels[int(i)] for i in chosen]
     scene, unit = reader.scene, reader.scene.unit_of_work(reader.gdim)
     surfaces = [reader.surface(level) for level in levels]
@@ -49,7 +44,8 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
     path = [None, *(level.report for level in levels)]
     shown = panels(surfaces, scene.units, middle=False)
     scale = deformation_scale(surfaces)
-    renderer = Renderer(surfaces, scene, scale, PIXELS, acting(path))
+    pixels, dpi = (700, 560), 80  # of a panel
+    renderer = Renderer(surfaces, scene, scale, pixels, acting(path))
     frames = []
     for number, report in enumerate(path):
 
@@ -63,7 +59,7 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
         images = [renderer.draw(number, panel) for panel in shown]
         state = level_caption(report, scene.driven, unit)
         words = (heading(scene.title), f"{state},   {in_words(scale)}{scene.view}")
-        canvas = FigureCanvasAgg(compose(shown, images, words, DPI, curve))
+        canvas = FigureCanvasAgg(compose(shown, images, words, dpi, curve))
         canvas.draw()
         frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
     each = float(np.clip(LENGTH / len(frames), *FRAME))

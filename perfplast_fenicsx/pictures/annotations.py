@@ -14,18 +14,6 @@ from perfplast_fenicsx.problem.declared.loads import Bearing, Force, Load, Press
 
 VIEWS = np.array([(1.1, -1.9, 1.0), (-1.1, -1.9, 1.0), (1.1, 1.9, 1.0), (-1.1, 1.9, 1.0)])
 
-ARROWS = 24
-"""At most about so many arrows show a load."""
-
-ARROW, APART = 0.1, 0.06
-"""Their length, and how near each other they may be, relative to the size of the bodies."""
-
-MARGIN = 0.08
-"""Obstacles are drawn so far around the bodies, relative to their size."""
-
-SAMPLES = {2: 400, 3: 80}
-"""Points in each direction where the distance to an obstacle is taken."""
-
 
 @dataclass(frozen=True)
 class Arrows:
@@ -50,6 +38,9 @@ def load_arrows(
         shares: How long the arrows of each are, from −1 to 1; all are 1 without.
     """
     starts, vectors = [np.zeros((0, 3))], [np.zeros((0, 3))]
+    arrows = 24  # at most about so many arrows show a load
+    # Their length, and how near each other they may be, relative to the size of the bodies.
+    arrow, apart = 0.1, 0.06
     for i, load in enumerate(loads):
         chosen = np.flatnonzero(surface.marks[f"load {i}"])
         directions = _directions(load, surface, chosen)
@@ -60,11 +51,11 @@ def load_arrows(
         chosen, directions = chosen[acts], directions[acts]
         normals, facets = surface.normals[chosen], surface.facets[chosen]
         total = np.linalg.norm(normals, axis=1).sum()
-        spacing = max((total / ARROWS) ** (1 / (facets.shape[1] - 1)), APART * surface.size)
+        spacing = max((total / arrows) ** (1 / (facets.shape[1] - 1)), apart * surface.size)
         weights, facet = spread(surface.points[facets], spacing)
         ends = np.einsum("nc,nci->ni", weights, points[facets[facet]])
         d = directions[facet] / np.linalg.norm(directions[facet], axis=1, keepdims=True)
-        d *= ARROW * surface.size * share
+        d *= arrow * surface.size * share
         pushes = np.einsum("ni,ni->", d, normals[facet]) < 0
         starts.append(ends - d * pushes)
         vectors.append(d)
@@ -143,10 +134,13 @@ def sample_obstacles(
     """
     gdim = 2 if surface.plane else 3
     both = np.concatenate([points, surface.points])[:, :gdim]
+    margin = 0.08  # obstacles are drawn so far around the bodies, relative to their size
     # not symmetric, so that no point is the middle of an obstacle, where no direction leads out
-    margins = MARGIN * surface.size * np.array([1.0, 1.01, 1.02])[:gdim]
+    margins = margin * surface.size * np.array([1.0, 1.01, 1.02])[:gdim]
     low, high = both.min(axis=0) - margins, both.max(axis=0) + 1.003 * margins
-    axes = [np.linspace(low[i], high[i], SAMPLES[gdim]) for i in range(gdim)]
+    # Points in each direction where the distance to an obstacle is taken.
+    samples = {2: 400, 3: 80}
+    axes = [np.linspace(low[i], high[i], samples[gdim]) for i in range(gdim)]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     shape = (*x.shape[:-1], 1)[:3]
     travels = travels or [0.0] * len(obstacles)
@@ -160,7 +154,7 @@ def sample_obstacles(
     ]
     return Obstacles(
         corner=np.array([*low, surface.points[0, 2]][:3]),
-        spacing=np.array([*((high - low) / (SAMPLES[gdim] - 1)), 1.0][:3]),
+        spacing=np.array([*((high - low) / (samples[gdim] - 1)), 1.0][:3]),
         distances=[distance.reshape(shape) for distance in distances],
     )
 

@@ -18,9 +18,6 @@ from perfplast_fenicsx.problem.judged.report import LevelReport
 SHOWN_DEFORMATION, SHOWN_MECHANISM = 0.1, 0.04
 """The largest displacement is drawn about so large, relative to the size of the bodies."""
 
-PIXELS = (1000, 800)
-"""Of a panel."""
-
 
 def draw_fields(
     surface: Surface,
@@ -49,7 +46,8 @@ def draw_fields(
     shown = panels([surface], scene.units, largest_dissipation)
     wanted = SHOWN_DEFORMATION if largest_dissipation is None else SHOWN_MECHANISM
     scale = deformation_scale([surface], wanted)
-    renderer = Renderer([surface], scene, scale, PIXELS, [state or Acting()])
+    pixels = (1000, 800)  # of a panel
+    renderer = Renderer([surface], scene, scale, pixels, [state or Acting()])
     images = [renderer.draw(0, panel) for panel in shown]
     words = (heading(scene.title), f"{caption},   {in_words(scale)}{scene.view}")
     replace_picture(path, compose(shown, images, words))

@@ -20,22 +20,9 @@ from perfplast_fenicsx.units import Units
 HUES = ("#6c9bcd", "#b5945c", "#74b386", "#a587c4")
 """Colour of the highest elastic stress, for each body in turn."""
 
-MOST_LETTERS = 40
-"""Bodies whose names have more letters, or that are more than the hues, have one colour."""
 
 PLASTIC = "#b81414"
 """Darker than the hues, so that it can be told from them in grey."""
-
-PLASTIC_FROM = 0.9999
-"""A yield ratio above this is plastic; the law gives 1 up to rounding."""
-
-PRESSED, FAINT = 0.02, 0.12
-"""In space, less than this share of the largest pressure is drawn with this opacity, lest surfaces
-that hardly touch hide those behind them."""
-
-DISSIPATES, SINGULAR, DECADES = 1e-3, 0.01, 2.0
-"""The colours of dissipation end where they leave out this share of the area that dissipates more
-than so much of the largest: at corners it is infinite. They go so many powers of ten down."""
 
 
 @dataclass
@@ -116,7 +103,10 @@ def _on_contact(surface: Surface, title: str, values: Floats, colours: str, labe
     panel.facets = surface.marks["contact"]
     if not surface.plane:
         panel.title += ", seen through the bodies"
-        opacity = np.where(values > PRESSED * values.max(), 1.0, FAINT)
+        # In space, less than this share of the largest pressure is drawn with this opacity, lest
+        # surfaces that hardly touch hide those behind them.
+        pressed, faint = 0.02, 0.12
+        opacity = np.where(values > pressed * values.max(), 1.0, faint)
         panel.colours = np.concatenate([panel.colours, opacity[..., None]], axis=2)
     return panel
 
@@ -155,12 +145,16 @@ def _stress(frames: Sequence[Surface]) -> Panel:
     names = surface.names
     groups = [(name, [body]) for body, name in enumerate(names)]
     letters = len(names) * max(map(len, names))
-    if len(names) > len(HUES) or (len(names) > 1 and letters > MOST_LETTERS):
+    # Bodies whose names have more letters, or that are more than the hues, have one colour.
+    most_letters = 40
+    if len(names) > len(HUES) or (len(names) > 1 and letters > most_letters):
         groups = [(f"all {len(names)} bodies", list(range(len(names))))]
+    # A yield ratio above this is plastic; the law gives 1 up to rounding.
+    plastic_from = 0.9999
     for label, bodies in groups:
         # pale to the body's colour for elastic stress, then red at once
-        elastic = [(0.0, "#f6f6f2"), (PLASTIC_FROM, hue(bodies[0]))]
-        stops = [*elastic, (PLASTIC_FROM, PLASTIC), (1.0, PLASTIC)]
+        elastic = [(0.0, "#f6f6f2"), (plastic_from, hue(bodies[0]))]
+        stops = [*elastic, (plastic_from, PLASTIC), (1.0, PLASTIC)]
         colormap = LinearSegmentedColormap.from_list("stress", stops, N=20_000)
         own = np.isin(surface.body, bodies)
         colours[:, own] = colormap(ratio[:, own])[..., :3]
@@ -179,11 +173,15 @@ def _without_black(name: str) -> Colormap:
 
 def _logarithmic(shares: Floats, areas: Floats) -> LogNorm:
     last = shares[-1]
-    order = np.argsort(last)[np.count_nonzero(last < DISSIPATES) :]
+    # The colours of dissipation end where they leave out this share of the area
+    # that dissipates more than so much of the largest: at corners it is
+    # infinite. They go so many powers of ten down.
+    dissipates, singular, decades = 1e-3, 0.01, 2.0
+    order = np.argsort(last)[np.count_nonzero(last < dissipates) :]
     below = np.cumsum(areas[order])
-    place = np.searchsorted(below, (1 - SINGULAR) * below[-1]) if len(order) else 0
+    place = np.searchsorted(below, (1 - singular) * below[-1]) if len(order) else 0
     top = float(last[order[place]]) if len(order) else 1.0
-    return LogNorm(top / 10**DECADES, top, clip=True)
+    return LogNorm(top / 10**decades, top, clip=True)
 
 
 def _from_zero(values: Floats) -> Normalize:

@@ -22,21 +22,6 @@ VIEWS = {"from the front": (1.0, -1.6, 0.9), "from behind": (-1.0, 1.6, -0.9)}
 PIXELS, DPI = (1000, 800), 100
 """Of each view."""
 
-MARGIN = 1.06
-"""So much more than the bodies is seen."""
-
-SHARP = 30.0
-"""Edges between facets that differ by more degrees are drawn."""
-
-COLUMNS = 6
-"""Of the names of bodies."""
-
-MOST_NAMES = 24
-"""So many bodies are named beside the picture at most."""
-
-LIFTED = 0.004
-"""Numbers stand so far before their faces, relative to the size of all."""
-
 
 def save_parts(source: str | Path, output: Path) -> None:
     """Draw the skin in an .npz file (:func:`perfplast_fenicsx.geometry.skin.skin_of`).
@@ -57,14 +42,16 @@ def save_parts(source: str | Path, output: Path) -> None:
         axes.set_title(words)
         axes.set_axis_off()
     names = [str(name) for name in skin["names"]]
-    handles = [Patch(color=_hue(k), label=name) for k, name in enumerate(names) if k < MOST_NAMES]
-    if len(names) > MOST_NAMES:
-        handles.append(Patch(color="none", label=f"and {len(names) - MOST_NAMES} more"))
+    most_names = 24  # so many bodies are named beside the picture at most
+    handles = [Patch(color=_hue(k), label=name) for k, name in enumerate(names) if k < most_names]
+    if len(names) > most_names:
+        handles.append(Patch(color="none", label=f"and {len(names) - most_names} more"))
+    columns = 6  # columns of the names of bodies
     figure.legend(
-        handles=handles, loc="lower center", ncols=min(COLUMNS, len(handles)), frameon=False
+        handles=handles, loc="lower center", ncols=min(columns, len(handles)), frameon=False
     )
     figure.suptitle("Bodies, and the numbers of their free faces")
-    rows = -(-len(handles) // COLUMNS)
+    rows = -(-len(handles) // columns)
     figure.subplots_adjust(0.01, 0.03 + 0.037 * rows, 0.99, 0.9, wspace=0.02)
     figure.savefig(output)
 
@@ -76,6 +63,7 @@ def _view(
     points, triangles = np.asarray(skin["points"], dtype=np.float64), skin["triangles"]
     plotter = pv.Plotter(off_screen=True, window_size=list(PIXELS))
     plotter.set_background("white")
+    sharp = 30.0  # edges between facets that differ by more degrees are drawn
     for body in range(len(skin["names"])):
         own = np.asarray(triangles[skin["body"] == body], dtype=np.int64)
         if not len(own):  # others cover all of it
@@ -83,13 +71,14 @@ def _view(
         faces = np.column_stack([np.full(len(own), 3), own]).ravel()
         mesh = pv.PolyData(points, faces=faces).clean()
         plotter.add_mesh(mesh, color=_hue(body), lighting=not flat, ambient=0.5, diffuse=0.5)
-        edges = mesh.extract_feature_edges(SHARP)
+        edges = mesh.extract_feature_edges(sharp)
         if edges.n_points:
             plotter.add_mesh(edges, color="#303030", line_width=1.5, lighting=False)
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     places = np.asarray(skin["places"], dtype=np.float64)
+    lifted = 0.004  # numbers stand so far before their faces, relative to the size of all
     plotter.add_point_labels(
-        places + LIFTED * size * view / np.linalg.norm(view),
+        places + lifted * size * view / np.linalg.norm(view),
         [str(number) for number in skin["numbers"]],
         font_size=15,
         text_color="black",
@@ -123,7 +112,8 @@ def _fit(camera: pv.Camera, points: Floats, view: Floats, up: Floats) -> None:
     shift = ((low + high) / 2 - axes @ focus) @ axes
     camera.focal_point, camera.position = focus + shift, np.array(camera.position) + shift
     width, height = high - low
-    camera.parallel_scale = MARGIN / 2 * max(height, width * PIXELS[1] / PIXELS[0])
+    margin = 1.06  # so much more than the bodies is seen
+    camera.parallel_scale = margin / 2 * max(height, width * PIXELS[1] / PIXELS[0])
 
 
 def _hue(body: int) -> str:

@@ -21,26 +21,9 @@ from perfplast_fenicsx.pictures.figure_panels import Panel, hue
 Paint = dict[str, Any]
 """How pyvista is to draw a mesh."""
 
-SHARP = 40.0
-"""Edges between facets that differ by more degrees are drawn: none of a cylinder of ten facets."""
-
-MOST_EDGES = 40_000
-"""The mesh is drawn where it has no more triangles than this."""
 
 IN_FRONT = 1e-3
 """In the plane, what is drawn upon the bodies is so far before them, relative to their size."""
-
-GLASS = {True: 0.2, False: 0.12}
-"""Opacity of bodies in the plane, and of their skins in space."""
-
-DASHES, AXIS_BEYOND = 24, 0.05
-"""Of an axis of revolution, and how far it goes beyond the bodies, relative to their height."""
-
-CORNER, LETTERS = 0.22, (0.4, 0.2)
-"""Of a picture, for the arrows that say where r and z lead; and sizes of these two letters."""
-
-HATCHES = 60
-"""Hatching has so many lines across the picture."""
 
 
 class Renderer:
@@ -113,14 +96,17 @@ class Renderer:
             plotter.add_arrows(arrows.starts, arrows.vectors, color="#111111", lighting=False)
         if self._axis is not None:
             plotter.add_mesh(self._axis, color="#606060", line_width=2, lighting=False)
+            # Of a picture, for the arrows that say where r and z
+            # lead; and sizes of these two letters.
+            corner, letters = 0.22, (0.4, 0.2)
             plotter.add_axes(
                 interactive=False,
                 line_width=4,
                 xlabel="r",
                 ylabel="z",
                 zlabel="",
-                label_size=LETTERS,
-                viewport=(0, 0, CORNER, CORNER),
+                label_size=letters,
+                viewport=(0, 0, corner, corner),
             )
         self._aim(plotter)
         plotter.enable_anti_aliasing("ssaa")
@@ -129,6 +115,7 @@ class Renderer:
         return np.asarray(image)
 
     def _add_bodies(self, plotter: pv.Plotter, points: Floats, colours: Floats) -> None:
+        most_edges = 40_000  # the mesh is drawn where it has no more triangles than this
         plotter.add_mesh(
             _mesh(points, self._skin.triangles),
             scalars=colours,
@@ -136,7 +123,7 @@ class Renderer:
             lighting=not self._flat,
             ambient=0.6,
             diffuse=0.45,
-            show_edges=len(self._skin.triangles) <= MOST_EDGES,
+            show_edges=len(self._skin.triangles) <= most_edges,
             edge_color="#404040",
             edge_opacity=0.4,
             line_width=0.5,
@@ -147,13 +134,17 @@ class Renderer:
     ) -> None:
         """The chosen facets over bodies of glass: triangles, or thick lines with a rim."""
         skin = self._skin
+        # Opacity of bodies in the plane, and of their skins in space.
+        opacities = {True: 0.2, False: 0.12}
         for body in range(len(skin.names)):
             glass = skin.body == body
             if not self._flat:  # two skins at the same place would be mixed up
                 glass &= ~(chosen | skin.marks["opposite"])
             if glass.any():
                 mesh = _mesh(points, skin.triangles[glass])
-                plotter.add_mesh(mesh, color=hue(body), opacity=GLASS[self._flat], lighting=False)
+                plotter.add_mesh(
+                    mesh, color=hue(body), opacity=opacities[self._flat], lighting=False
+                )
         if not self._flat:
             mesh = _mesh(points, skin.facets[chosen])
             plotter.add_mesh(mesh, scalars=colours, rgb=True, lighting=False)
@@ -193,7 +184,8 @@ class Renderer:
             inside.translate((0, 0, -IN_FRONT * self._size), inplace=True)
             across = inside.points[:, :2].sum(axis=1)
             inside.point_data["across"] = across
-            step = self._size / HATCHES
+            hatches = 60  # hatching has so many lines across the picture
+            step = self._size / hatches
             lines = np.arange(across.min(), across.max() + step, step)
             parts = [
                 (inside, {"color": "#eeeeee"}),
@@ -235,16 +227,21 @@ class Renderer:
         """Sharp edges of a body; found before it bends, where an edge is sharp all along."""
         mesh = _mesh(self._skin.points, self._skin.triangles[self._skin.body == body])
         mesh.point_data["number"] = np.arange(len(self._skin.points))
+        # Edges between facets that differ by more degrees are drawn:
+        # none of a cylinder of ten facets.
+        sharp = 40.0
         return mesh.clean().extract_feature_edges(
-            SHARP, boundary_edges=False, manifold_edges=False, non_manifold_edges=False
+            sharp, boundary_edges=False, manifold_edges=False, non_manifold_edges=False
         )
 
 
 def _axis(skin: Surface) -> pv.PolyData:
     """The axis of revolution beside the bodies, dashed and dotted."""
     low, high = skin.points[:, 1].min(), skin.points[:, 1].max()
-    margin = AXIS_BEYOND * (high - low)
-    begin = np.linspace(low - margin, high + margin, DASHES, endpoint=False)
+    # Of an axis of revolution, and how far it goes beyond the bodies, relative to their height.
+    dashes, axis_beyond = 24, 0.05
+    margin = axis_beyond * (high - low)
+    begin = np.linspace(low - margin, high + margin, dashes, endpoint=False)
     dash = begin[1] - begin[0]
     ends = np.column_stack([begin, begin + 0.6 * dash, begin + 0.75 * dash, begin + 0.85 * dash])
     points = np.zeros((ends.size, 3))

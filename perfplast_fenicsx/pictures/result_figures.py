@@ -16,9 +16,6 @@ from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.pictures.stored_limit import StoredLimit
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
-FORMATS = (".gif", ".webp")
-"""Of animations."""
-
 
 def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
     """Draw loading curve, plastic zone, mechanism, contact pressure and friction of a run.
@@ -109,10 +106,11 @@ def animate(folder: str | Path, output: str | Path | None = None) -> Iterator[st
     """
     reader = ResultReader(folder)
     target = Path(output) if output else reader.path / "loading.gif"
-    if target.suffix.lower() not in FORMATS:
+    formats = (".gif", ".webp")  # of animations
+    if target.suffix.lower() not in formats:
         raise InputError(
             f"the animation '{target}' ends in '{target.suffix}', which is no format for it; use"
-            f" {' or '.join(FORMATS)}."
+            f" {' or '.join(formats)}."
         )
     levels = reader.levels
     if not levels:

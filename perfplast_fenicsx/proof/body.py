@@ -18,10 +18,6 @@ Longs = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 
-FARTHEST = 1e12
-"""From the origin, relative to the cell: farther away its shape is lost to rounding."""
-
-
 @dataclass(frozen=True)
 class Body:
     """The bodies of dimension d, as they are on file. Stresses and loads are in the same units.
@@ -133,7 +129,9 @@ class Body:
             raise ProofError("nothing is loaded, and every load factor would be a bound.")
         places = self.vertices[self.cells]
         size = np.ptp(places, axis=1).max(axis=1)
-        if not (np.abs(places).max(axis=(1, 2)) <= FARTHEST * size).all():
+        # From the origin, relative to the cell: farther away its shape is lost to rounding.
+        farthest = 1e12
+        if not (np.abs(places).max(axis=(1, 2)) <= farthest * size).all():
             raise ProofError("a cell is too small for where it is: its shape is lost to rounding.")
         if not (np.isfinite(size**d).all() and (self.volumes > 1e-12 * size**d).all()):
             raise ProofError("a cell has no volume.")

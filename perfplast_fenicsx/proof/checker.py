@@ -54,18 +54,12 @@ of what the weakest cell could bear. Jumps have the rounding of a few sums of ve
 RATIOS = {"yield_ratio": "stresses", "shear_ratio": "shear tractions of contact"}
 """Conditions that a stress keeps to when it is divided by what is measured."""
 
-ON_MECHANISM = 1e-6
-"""What forces without balance may change of a bound by their work on the other half's mechanism,
-relative to the distance of both bounds, or to 1e-4 of the bound where these are nearer."""
 
 DRUCKER = (
     "Drucker's pair: with less friction from below, and friction whose slip follows its normal from"
     " above; Coulomb's friction lies between, whichever way it slips."
 )
 """What two halves tell of friction that they do not share."""
-
-SUBDIVISIONS = 3
-"""How often a cell's edges are halved to integrate the dissipation from above."""
 
 
 @dataclass(frozen=True)
@@ -206,7 +200,9 @@ def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
         raise ProofError("the velocity is none of these bodies.")
     check_nodes(body, nodes, len(velocity))
     v = velocity[nodes]
-    flow = measure_velocity(body, v, SUBDIVISIONS)
+    # How often a cell's edges are halved to integrate the dissipation from above.
+    subdivisions = 3
+    flow = measure_velocity(body, v, subdivisions)
     faults = (*_reasons(overlaps, flow.reason), *_left(flow.measured))
     proven, speed, power = None, np.inf, np.inf
     if not flow.work > 0:
@@ -237,7 +233,10 @@ def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
     if not low <= high + ROUNDING * upper.power:
         faults.append(f"the lower bound {low:.9g} is above the upper one {high:.9g}")
     change = lower.forces * upper.speed if lower.forces else 0.0
-    if not change <= ON_MECHANISM * max(high - low, 1e-4 * upper.power):
+    # What forces without balance may change of a bound by their work on the other half's mechanism,
+    # relative to the distance of both bounds, or to 1e-4 of the bound where these are nearer.
+    on_mechanism = 1e-6
+    if not change <= on_mechanism * max(high - low, 1e-4 * upper.power):
         faults.append(f"forces without balance change the bound by {change:.1e}")
     words = f"On the mechanism they change the bound by {change:.1e} at most; bounds are"
     words = f"{words} {high - low:.3g} apart."

@@ -26,8 +26,6 @@ Floats = npt.NDArray[np.float64]
 Longs = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-SPACE = 6
-"""Components of stresses with three principal values."""
 
 RANK = 1e-6
 """Least ratio of the singular values of a matrix that are no zeros to the largest."""
@@ -108,7 +106,8 @@ class Cones:
         sines = self.sine[principal]
         if not ((sines == 0) | ((sines > RANK) & (sines < STEEPEST))).all():
             raise ProofError("cone_sine is nearly zero, negative or too near to 1.")
-        if principal.any() and m != SPACE:
+        space = 6  # components of stresses with three principal values
+        if principal.any() and m != space:
             raise ProofError("cone_sine is of principal stresses of space, and this is the plane.")
         if self.slope[principal].any() or self.matrix[principal].any():
             raise ProofError("a cone of principal stresses has a slope or a matrix.")

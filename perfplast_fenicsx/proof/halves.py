@@ -8,12 +8,6 @@ from perfplast_fenicsx.proof.load_kinds import Loads
 SAME = 1e-9
 """Volumes, areas, places and forces that differ by less, relative to the largest, are the same."""
 
-DIGITS = 11
-"""Behind the point, that entries of cones of size 1 are compared with."""
-
-NO_SINE = -1.0
-"""In the place of s where no principal stresses are bounded."""
-
 
 def differences(lower: Body, upper: Body) -> list[str]:
     """What differs between the bodies of two halves, in words.
@@ -112,13 +106,14 @@ def _strengths(*bodies: Body) -> list[Floats]:
     m = bodies[0].dim * (bodies[0].dim + 1) // 2
     plain = np.eye(m)
     plain[: bodies[0].dim, : bodies[0].dim] -= 1 / bodies[0].dim
-    none: Floats = np.array([[*np.zeros(m), NO_SINE]])
+    no_sine = -1.0  # in the place of s where no principal stresses are bounded
+    none: Floats = np.array([[*np.zeros(m), no_sine]])
     shapes, bounds = [np.append(_shape(plain[None]), none, axis=1)], []
     for body in bodies:
         principal = body.cones.is_principal
         sizes = np.where(principal, 1.0, np.linalg.norm(body.cone_matrix, axis=(1, 2)))
         slopes = body.cone_slope / sizes[:, None]
-        sines = np.where(principal, body.cone_sine, NO_SINE)
+        sines = np.where(principal, body.cone_sine, no_sine)
         matrices = np.where(principal[:, None, None], np.eye(m), body.cone_matrix)
         shapes.append(np.column_stack([_shape(matrices), slopes, sines]))
         bounds.append(np.append(body.cone_bound / sizes, np.inf)[body.cone])
@@ -139,7 +134,8 @@ def _shape(matrices: Floats) -> Floats:
 
 def _alike_rows(rows: Floats) -> Longs:
     """A number for each row, the same for those that are rounded to the same."""
-    _, numbers = np.unique(np.round(rows, DIGITS), axis=0, return_inverse=True)
+    digits = 11  # behind the point, that entries of cones of size 1 are compared with
+    _, numbers = np.unique(np.round(rows, digits), axis=0, return_inverse=True)
     return np.asarray(numbers.ravel(), dtype=np.int64)
 
 

@@ -21,9 +21,6 @@ from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.rubbing import excess, unheld
 from perfplast_fenicsx.proof.touching import Touching, touching
 
-UNDETERMINED = 1e-12
-"""A contact whose normal leaves less than this free beside supports has no force to find."""
-
 
 @dataclass(frozen=True)
 class Left:
@@ -164,7 +161,9 @@ def _outer(body: Body, stress: Floats, loads: Loads) -> tuple[dict[str, Floats],
     radii = _finite(radii, float(body.yield_radius.min()))[:, None]
     share = np.where(free, into, 0.0)
     square = np.einsum("fi,fi->f", share, share)
-    told = square > UNDETERMINED
+    # A contact whose normal leaves less than this free beside supports has no force to find.
+    undetermined = 1e-12
+    told = square > undetermined
     pressure = np.zeros(rest.shape[:2])
     pressure[told] = -np.einsum("fvi,fi->fv", rest[told], share[told]) / square[told, None]
     shears = (rest + pressure[..., None] * into[:, None]) * free[:, None]

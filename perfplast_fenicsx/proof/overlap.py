@@ -9,19 +9,6 @@ import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats, Longs
 
-DEPTH = 1e-3
-"""How far inside of outer facets points are, as a share of their cell's height. Bodies that touch
-overlap by rounding, which is less."""
-
-SPREAD = 0.05
-"""Barycentric coordinates, on its facet, of a point near a vertex, of the other vertices."""
-
-INSIDE = 1e-6
-"""Least barycentric coordinate of a point that is in a cell and not in its boundary."""
-
-AT_ONCE = 1_000_000
-"""Pairs of points and cells that are looked at together, for the memory they take."""
-
 
 def overlapping(body: Body) -> int:
     """How many of the points are in another cell than their own."""
@@ -31,6 +18,8 @@ def overlapping(body: Body) -> int:
     levels = np.ceil(np.log2((high - low).max(axis=1))).astype(np.int64)
     origin, count = low.min(axis=0), 0
     low, high = np.asfortranarray(low), np.asfortranarray(high)
+    # Pairs of points and cells that are looked at together, for the memory they take.
+    at_once = 1_000_000
     for level in np.unique(levels):
         some = np.flatnonzero(levels == level)
         edge = np.ldexp(1.0, int(level))
@@ -48,7 +37,7 @@ def overlapping(body: Body) -> int:
         wanted = _keys(np.floor((points - origin) / edge).astype(np.int64))
         start = np.searchsorted(every, wanted, side="left")
         number = np.searchsorted(every, wanted, side="right") - start
-        pieces = np.cumsum(number) // AT_ONCE
+        pieces = np.cumsum(number) // at_once
         for piece in np.split(np.arange(len(points)), np.flatnonzero(np.diff(pieces)) + 1):
             of = np.repeat(piece, number[piece])
             within = np.arange(len(of)) - np.repeat(
@@ -71,9 +60,14 @@ def _points(body: Body) -> tuple[Floats, Longs]:
     cells = outer // (d + 1)
     corners = body.vertices[np.take_along_axis(body.cells[cells], body.corners[outer % (d + 1)], 1)]
     opposite = body.vertices[body.cells[cells, outer % (d + 1)]]
-    near = np.full((d, d), SPREAD) + (1 - d * SPREAD) * np.eye(d)
+    # Barycentric coordinates, on its facet, of a point near a vertex, of the other vertices.
+    spread = 0.05
+    near = np.full((d, d), spread) + (1 - d * spread) * np.eye(d)
     places = np.concatenate([near, np.full((1, d), 1 / d)])
-    inside = (1 - DEPTH) * (places @ corners) + DEPTH * opposite[:, None]
+    # How far inside of outer facets points are, as a share of their cell's height. Bodies that
+    # touch overlap by rounding, which is less.
+    depth = 1e-3
+    inside = (1 - depth) * (places @ corners) + depth * opposite[:, None]
     return inside.reshape(-1, d), np.repeat(cells, d + 1)
 
 
@@ -89,4 +83,6 @@ def _count_inside(body: Body, points: Floats, cells: Longs) -> int:
     away = points - body.vertices[body.cells[cells, 0]]
     shares = np.einsum("pvi,pi->pv", body.gradients[cells], away)
     shares[:, 0] += 1
-    return int((shares > INSIDE).all(axis=1).sum())
+    # Least barycentric coordinate of a point that is in a cell and not in its boundary.
+    inside = 1e-6
+    return int((shares > inside).all(axis=1).sum())

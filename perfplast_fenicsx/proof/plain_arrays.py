@@ -21,9 +21,6 @@ FLOATS = (
 LONGS = ("cells", "cone", "facets", "surface", "contacts", "obstacles", "nodes")
 FLAGS = ("held",)
 
-MOST_AXES = 4
-"""Of an array of a proof."""
-
 
 class ProofError(ValueError):
     """A file that is no proof; the message is a sentence."""
@@ -94,6 +91,7 @@ def stored_arrays(group: Any) -> dict[str, npt.NDArray]:
     if not isinstance(group, h5py.Group):
         raise ProofError("a half is no group of arrays.")
     found: dict[str, npt.NDArray] = {}
+    most_axes = 4  # of an array of a proof
     for name in (*FLOATS, *LONGS, *FLAGS):
         if name not in group:
             continue
@@ -104,7 +102,7 @@ def stored_arrays(group: Any) -> dict[str, npt.NDArray]:
             raise ProofError(f"{name} is no array.")
         if data.is_virtual or data.external:
             raise ProofError(f"{name} is not in the file itself.")
-        if len(data.shape) > MOST_AXES:
+        if len(data.shape) > most_axes:
             raise ProofError(f"the shape of {name} fits nothing.")
         if data.dtype.kind not in "biuf":
             raise ProofError(f"{name} is not made of numbers, but of {data.dtype}.")

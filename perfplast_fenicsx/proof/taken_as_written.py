@@ -5,9 +5,6 @@ import numpy as np
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.load_kinds import Loads
 
-MOST = 6
-"""Materials, surfaces and so on that are named one by one."""
-
 
 def taken_as_written(body: Body) -> str:
     """The bodies, strengths, supports, contact and loads of a half, in one sentence."""
@@ -30,8 +27,9 @@ def taken_as_written(body: Body) -> str:
 
 def _listed(words: list[str]) -> str:
     """Words, and how many more there are."""
-    more = len(words) - MOST
-    return ", ".join(words[:MOST]) + (f" and {more} more" if more > 0 else "")
+    most_words = 6  # materials, surfaces and so on that are named one by one
+    more = len(words) - most_words
+    return ", ".join(words[:most_words]) + (f" and {more} more" if more > 0 else "")
 
 
 def _strengths(body: Body) -> str:

@@ -6,15 +6,6 @@ import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats, Longs
 
-SAME_NORMAL = 1e-8
-"""Normals whose components differ by less are the same."""
-
-CLOSE = 1e-6
-"""Distance across the normal that counts as none, relative to the facet."""
-
-FACING = 0.1
-"""Facets face each other where their normals point so much against each other."""
-
 AT_ONCE = 2_000_000
 """Pairs of facets that are looked at together, for the memory they take."""
 
@@ -63,7 +54,8 @@ def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
 def _close(body: Body, facets: Longs) -> Floats:
     """What counts as no distance, at each facet."""
     sizes = np.ptp(body.vertices[body.facets[facets]], axis=1).max(axis=1)
-    return CLOSE * np.asarray(sizes)
+    rounding = 1e-6  # distance across the normal that counts as none, relative to the facet
+    return rounding * np.asarray(sizes)
 
 
 def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs]:
@@ -90,8 +82,9 @@ def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs
 
     of_first, of_second = seen(firsts, 1.0), seen(seconds, -1.0)
     order = np.argsort(of_second)
+    same_normal = 1e-8  # normals whose components differ by less are the same
     # a foot is moved by a normal's error times its distance, of at most 2 extents
-    reach = along.sum() * (5 * body.dim * SAME_NORMAL + close / size)
+    reach = along.sum() * (5 * body.dim * same_normal + close / size)
     start = np.searchsorted(of_second[order], of_first - reach)
     number = np.searchsorted(of_second[order], of_first + reach, side="right") - start
     found_a, found_b = [none], [none]
@@ -104,7 +97,7 @@ def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs
         n, between = body.normals[a], centres[b] - centres[a]
         height = np.sum(between * n, axis=1)
         across = np.linalg.norm(between - height[:, None] * n, axis=1)
-        fits = np.abs(body.normals[b] + n).max(axis=1) <= SAME_NORMAL
+        fits = np.abs(body.normals[b] + n).max(axis=1) <= same_normal
         fits &= (across <= _close(body, a)) & (height >= -_close(body, a))
         found_a.append(a[fits])
         found_b.append(b[fits])
@@ -132,13 +125,15 @@ def _overlapping(body: Body, a: Longs, b: Longs) -> int:
     x = body.vertices[body.facets]
     centres = x.mean(axis=1)
     radii = np.linalg.norm(x - centres[:, None], axis=2).max(axis=1)
+    # Facets face each other where their normals point so much against each other.
+    facing = 0.1
     for some in np.array_split(a, len(a) * len(b) // AT_ONCE + 1):
         n = body.normals[some]
         between = centres[b] - centres[some][:, None]
         height = np.einsum("abi,ai->ab", between, n)
         across = np.maximum(np.einsum("abi,abi->ab", between, between) - height**2, 0)
         near = across < (radii[some][:, None] + radii[b]) ** 2
-        near &= n @ body.normals[b].T < -FACING
+        near &= n @ body.normals[b].T < -facing
         i, j = np.nonzero(near)
         frames = np.linalg.qr(
             np.concatenate([n[:, :, None], np.tile(np.eye(body.dim), (len(n), 1, 1))], axis=2)

@@ -34,12 +34,6 @@ CHILDREN = {
 """Parts of a simplex whose edges are halved, by dimension: ends of the edges whose middles are the
 vertices. The order is that of J. Bey, Tetrahedral grid refinement, Computing 55 (1995), 355."""
 
-LEAST_SHARE = 1e-3
-"""Of the work of the loads whose factor is bounded, as which a dissipation counts at least."""
-
-AT_ONCE = 10_000
-"""Cells whose dissipation is found together, for the memory it takes."""
-
 
 def check_nodes(body: Body, nodes: Longs, count: int) -> None:
     """Make sure that the velocity is continuous.
@@ -148,7 +142,9 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
 
 def size_of(dissipation: float, excess: float) -> float:
     """What a mechanism dissipates, or a share of what loads have to do beyond others, if more."""
-    return max(dissipation, LEAST_SHARE * abs(excess))
+    # Least dissipation that is counted, over the work of the loads whose factor is bounded.
+    least_share = 1e-3
+    return max(dissipation, least_share * abs(excess))
 
 
 def _share(part: float, whole: float) -> float:
@@ -169,7 +165,8 @@ def _dissipated(body: Body, rates: Floats, subdivisions: int) -> tuple[Floats, f
     principal = np.append(cones.is_principal, False)[body.cone]
     some = np.flatnonzero(plastic & ~grows & ~principal)
     points, shares = halved(body.dim, subdivisions)
-    for cells in np.array_split(some, len(some) // AT_ONCE + 1):
+    at_once = 10_000  # cells whose dissipation is found together, for the memory it takes
+    for cells in np.array_split(some, len(some) // at_once + 1):
         sizes, along = cones.convex_power(body.cone[cells], rates[cells])
         squares = np.zeros((len(cells), len(points)))
         for component in sizes.transpose(2, 0, 1):
@@ -177,7 +174,7 @@ def _dissipated(body: Body, rates: Floats, subdivisions: int) -> tuple[Floats, f
         weights = body.volumes[cells]
         total += float(weights @ np.sqrt(squares) @ shares + weights @ along.mean(axis=1))
     some = np.flatnonzero(plastic & ~grows & principal)
-    parts = -(-len(some) * len(points) // (100 * AT_ONCE))
+    parts = -(-len(some) * len(points) // (100 * at_once))
     for cells in np.array_split(some, parts) if parts else []:
         powers = cones.principal_power(body.cone[cells], points @ rates[cells])
         total += float(body.volumes[cells] @ powers @ shares)

@@ -5,9 +5,6 @@ from typing import Any
 
 from perfplast_fenicsx.problem.declared.loads import LOADS
 
-AXES = "xyz"
-"""The letters that case files have for components, whatever the axes are called."""
-
 Table = Mapping[str, Any]
 Row = tuple[str, str]
 
@@ -43,13 +40,6 @@ MODELS = {
     "plane-strain": "plane strain",
     "axisymmetric": "axisymmetric: half a section through bodies of revolution",
 }
-
-
-FEW = 4
-"""Loads that are named where ζ is explained; all stand in the case."""
-
-MANY = 3
-"""Rows that say the same and become one."""
 
 
 class CaseWords:
@@ -131,8 +121,9 @@ class CaseWords:
                 live.append(f"{self._load(load)} on {load['on']}")
         if not live:
             return ""
-        more = f" and {len(live) - FEW} more loads" if len(live) > FEW else ""
-        return f"ζ is the load factor: ζ = 1 is {', '.join(live[:FEW])}{more}."
+        most_named = 4  # loads that are named where ζ is explained; all stand in the case
+        more = f" and {len(live) - most_named} more loads" if len(live) > most_named else ""
+        return f"ζ is the load factor: ζ = 1 is {', '.join(live[:most_named])}{more}."
 
     def contacts(self) -> list[Row]:
         """What touches what, and is tied to what."""
@@ -169,7 +160,9 @@ class CaseWords:
 
     def _letters(self, components: str) -> str:
         """Components by the letters of the model's axes."""
-        names = dict(zip(AXES, self._axes, strict=False))
+        # The letters that case files have for components, whatever the axes are called.
+        axes = "xyz"
+        names = dict(zip(axes, self._axes, strict=False))
         return ", ".join(names[a] for a in components if a in names)
 
     def _friction(self, place: Table) -> str:
@@ -200,9 +193,10 @@ def folded(rows: Sequence[Row], what: str) -> list[Row]:
     for name, text in rows:
         names.setdefault(text, []).append(name)
     told = []
+    least_alike = 3  # rows that say the same and become one
     for name, text in rows:
         alike = names[text]
-        if len(alike) < MANY:
+        if len(alike) < least_alike:
             told.append((name, text))
         elif name == alike[0]:
             told.append((f"{len(alike)} {what}", f"{text}: {', '.join(alike)}"))

@@ -40,9 +40,6 @@ class FaceRow:
         return f"{self.name}: {self.shape}, area {self.area}, centre ({self.centre})"
 
 
-HEADS = ("No.", "Name", "Shape", "Area", "Centre")
-
-
 def mesh_page(title: str, skin: Path, faces: Sequence[FaceRow]) -> str:
     """The HTML of a mesh.
 
@@ -89,7 +86,8 @@ def mesh_page(title: str, skin: Path, faces: Sequence[FaceRow]) -> str:
 
 
 def _table(faces: Sequence[FaceRow]) -> str:
-    heads = "".join(f'<th scope="col">{head}</th>' for head in HEADS)
+    titles = ("No.", "Name", "Shape", "Area", "Centre")
+    heads = "".join(f'<th scope="col">{head}</th>' for head in titles)
     rows = "".join(
         f'<tr data-face="{face.number}"><td>{face.number}</td>'
         f'<th scope="row">{escape(face.name)}</th>'

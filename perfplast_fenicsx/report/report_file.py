@@ -14,7 +14,6 @@ from perfplast_fenicsx.report.view_data import view_data
 if TYPE_CHECKING:
     from perfplast_fenicsx.io.results.result_folder import ResultFolder
 
-NAME = "report.html"
 
 log = logging.getLogger(__name__)
 
@@ -33,7 +32,8 @@ def write_report(folder: str | Path, output: str | Path | None = None) -> Path:
         InputError: If the folder has no results, they cannot be read, or the file not be written.
     """
     reader = ResultReader(folder)
-    target = Path(output) if output else reader.path / NAME
+    name = "report.html"
+    target = Path(output) if output else reader.path / name
     if target.is_dir():
         raise InputError(f"the report '{target}' is a folder; give -o the name of a file.")
     check_summary(reader)

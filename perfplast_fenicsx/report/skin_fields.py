@@ -18,9 +18,6 @@ from perfplast_fenicsx.pictures.result_reader import ResultReader
 SLAB = 1 << 17
 """So many rows are read at a time."""
 
-MOTIONS = ("displacement", "mechanism")
-"""Fields that say where points go; the second is a velocity."""
-
 
 @dataclass(frozen=True)
 class SkinField:
@@ -62,6 +59,9 @@ def read_state(reader: ResultReader, name: str) -> SkinState:
     """
     skin = reader.skin
 
+    # Fields that say where points go; the second is a velocity.
+    motions = ("displacement", "mechanism")
+
     def read(path: Path) -> SkinState:
         fields, motion = [], None
         with h5py.File(path, locking=False) as file:
@@ -73,12 +73,12 @@ def read_state(reader: ResultReader, name: str) -> SkinState:
                 nodal = place.startswith(POINT_DATA)
                 values = rows_of(file[place], skin.nodes if nodal else skin.cells)
                 label = place.rsplit("/", 1)[1]
-                if label in MOTIONS:
+                if label in motions:
                     motion = values
                 number = as_number(label, values)
                 fields.append(SkinField(label, "points" if nodal else "cells", number))
         if motion is None:
-            raise KeyError(f"neither {' nor '.join(MOTIONS)} is in it")
+            raise KeyError(f"neither {' nor '.join(motions)} is in it")
         return SkinState(motion, fields)
 
     return reader.read(name, read)

@@ -23,9 +23,6 @@ from perfplast_fenicsx.rounding import ROUNDING
 ROOM = 18_000_000
 """Characters of packed arrays that a page may have; with all else it stays below 20 MB."""
 
-KEPT = ("stress", "displacement", "contact_pressure", "dissipation")
-"""Fields that stay where not even one level with all of them has room."""
-
 
 @dataclass(frozen=True)
 class View:
@@ -66,7 +63,9 @@ def view_data(reader: ResultReader, room: int = ROOM) -> View:
     newest = [packer.level(reader.levels[-1])] if reader.levels else []
     mechanism = [packer.mechanism()] if collapses else []
     if size_of(newest) + size_of(mechanism) > left:
-        packer = _Packer(reader, order, KEPT)
+        # Fields that stay where not even one level with all of them has room.
+        kept = ("stress", "displacement", "contact_pressure", "dissipation")
+        packer = _Packer(reader, order, kept)
         newest = [packer.level(reader.levels[-1])] if reader.levels else []
         mechanism = [packer.mechanism()] if collapses else []
         remarks.append("The mesh is large: only the most important fields are on this page.")

@@ -14,12 +14,6 @@ from perfplast_fenicsx.report.packing import pack_integers, pack_numbers
 HEAD, TICK = 0.25, 0.015
 """Length of an arrow's head relative to its shaft, and half that of a tick, to the bodies' size."""
 
-MANY = 20
-"""About so many places show a support."""
-
-COLOURS = {"loads": (0.72, 0.05, 0.05), "supports": (0.05, 0.3, 0.75)}
-"""Of lines, red, green and blue."""
-
 
 def view_marks(reader: ResultReader) -> list[dict[str, Any]]:
     """Lines that move with points of the skin, by kind.
@@ -30,6 +24,8 @@ def view_marks(reader: ResultReader) -> list[dict[str, Any]]:
     """
     surface = reader.skin.surface
     found = []
+    # Of lines, red, green and blue.
+    colours = {"loads": (0.72, 0.05, 0.05), "supports": (0.05, 0.3, 0.75)}
     for kind, (ends, held) in {"loads": _arrows(reader), "supports": _ticks(reader)}.items():
         if len(ends):
             anchors = cKDTree(surface.points).query(held)[1]
@@ -37,7 +33,7 @@ def view_marks(reader: ResultReader) -> list[dict[str, Any]]:
             found.append(
                 {
                     "kind": kind,
-                    "colour": COLOURS[kind],
+                    "colour": colours[kind],
                     "anchors": pack_integers(anchors),
                     "offsets": [pack_numbers(axis) for axis in offsets.T],
                 }
@@ -66,6 +62,7 @@ def _ticks(reader: ResultReader) -> tuple[Floats, Floats]:
     surface, tags = reader.skin.surface, reader.skin.tags
     ends, held = [np.zeros((0, 3))], [np.zeros((0, 3))]
     half = TICK * surface.size
+    most_marks = 20  # about so many places show a support
     for support in reader.summary.given.get("supports", []):
         tag = reader.named.surfaces.get(support["on"])
         chosen = np.flatnonzero(tags == tag)
@@ -74,7 +71,7 @@ def _ticks(reader: ResultReader) -> tuple[Floats, Floats]:
         facets = surface.facets[chosen]
         total = np.linalg.norm(surface.normals[chosen], axis=1).sum()
         weights, facet = spread(
-            surface.points[facets], (total / MANY) ** (1 / (facets.shape[1] - 1))
+            surface.points[facets], (total / most_marks) ** (1 / (facets.shape[1] - 1))
         )
         places = np.einsum("nc,nci->ni", weights, surface.points[facets[facet]])
         for letter in set(support.get("components", AXES)) & set(AXES):

@@ -12,15 +12,6 @@ from perfplast_fenicsx.problem.problem import Problem
 
 Strains = Floats
 
-MEMORY = 8
-"""Differences kept."""
-
-GROWTH = 1.5
-"""An extrapolation counts as failed where the residual exceeds the smallest by this factor."""
-
-REGULARISATION = 1e-12
-"""Added to the normal equations, relative to their trace."""
-
 
 Weights = tuple[Floats, Floats]
 """Of the spherical and the deviatoric part of the strains, at each point owned by this rank."""
@@ -71,17 +62,21 @@ class Anderson:
         before, after = self._values(current), self._values(image)
         residual = self._weigh(after - before)
         size = self._comm.allreduce(float(np.vdot(residual, residual))) ** 0.5
-        if size > GROWTH * self._smallest:
+        # An extrapolation counts as failed where the residual exceeds the smallest by this factor.
+        growth = 1.5
+        if size > growth * self._smallest:
             self.restart()
         self._smallest = min(self._smallest, size)
         self._images.append(after.copy())
         self._residuals.append(residual)
-        del self._images[:-MEMORY], self._residuals[:-MEMORY]
+        most_kept = 8  # differences kept
+        del self._images[:-most_kept], self._residuals[:-most_kept]
         if len(self._images) < 2:
             return
         gram = np.array([[np.vdot(a, b) for a in self._residuals] for b in self._residuals])
         gram = self._comm.allreduce(gram)
-        gram += REGULARISATION * np.trace(gram) * np.eye(len(gram))
+        regularisation = 1e-12  # added to the normal equations, relative to their trace
+        gram += regularisation * np.trace(gram) * np.eye(len(gram))
         weights = np.linalg.solve(gram, np.ones(len(gram)))
         weights /= weights.sum()
         after[:] = sum(w * g for w, g in zip(weights, self._images, strict=True))

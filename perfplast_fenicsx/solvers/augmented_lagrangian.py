@@ -37,16 +37,6 @@ from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.progress import Step
 from perfplast_fenicsx.solvers.verdicts import BEYOND, above_limit
 
-LINEAR_TOLERANCE = 1e-3
-"""Relative tolerance of each linear solve, whose right-hand side is the remaining residual."""
-
-FIRST_PENALTY = 0.3
-"""An adaptive penalty starts here. Tangents relative to the elastic one lie in [0, 1], so that the
-best r, about the root of the product of their bounds, is below 1: the smaller the more flows."""
-
-UNBALANCED = 3.0
-"""An adaptive penalty changes where one residual is so many times the other."""
-
 CHECK_EVERY = 10
 """Iterations between two looks for a collapse mechanism or an unbalanced penalty."""
 
@@ -156,7 +146,11 @@ class AugmentedLagrangian(LevelSolver):
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
         """Go to the state, in K_h, with e = ε(u), σ = Σ(e) and the first penalty. Collective."""
         options, active = self.options, self.iterate.begin(start)
-        self._r.value = FIRST_PENALTY if options.penalty == "adaptive" else options.penalty
+        # An adaptive penalty starts here. Tangents relative to the elastic one lie in
+        # [0, 1], so that the best r, about the root of the product of their bounds, is
+        # below 1: the smaller the more flows.
+        first_penalty = 0.3
+        self._r.value = first_penalty if options.penalty == "adaptive" else options.penalty
         self._q.x.array[:] = self.iterate.fields.e.x.array
         self._step_3.interpolate(self._sigma)
         self._anderson.restart()
@@ -176,7 +170,9 @@ class AugmentedLagrangian(LevelSolver):
         if history and len(history) % CHECK_EVERY == 0:
             self._balance(history[-1].extra["primal"], history[-1].extra["dual"])
         gradient = self._step_1_gradient(zeta)
-        found = self.program.solve(gradient, iterate.room(), active, LINEAR_TOLERANCE)
+        # Relative tolerance of each linear solve, whose right-hand side is the remaining residual.
+        linear_tolerance = 1e-3
+        found = self.program.solve(gradient, iterate.room(), active, linear_tolerance)
         iterate.aim(found.delta)
         iterate.advance(1.0)
         self._step_2.interpolate(self._next_q)
@@ -225,9 +221,11 @@ class AugmentedLagrangian(LevelSolver):
     def _balance(self, primal: float, dual: float) -> None:
         if self.options.penalty != "adaptive":
             return
-        if primal > UNBALANCED * dual:
+        # An adaptive penalty changes where one residual is so many times the other.
+        unbalanced = 3.0
+        if primal > unbalanced * dual:
             self._r.value = self._r.value * 2
-        elif dual > UNBALANCED * primal:
+        elif dual > unbalanced * primal:
             self._r.value = self._r.value / 2
         else:
             return

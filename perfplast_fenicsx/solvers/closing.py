@@ -12,12 +12,6 @@ from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
 
-CLOSED = 1e-9
-"""Room below this share of the largest displacement is none."""
-
-BISECTIONS = 20
-"""The α at which half of the pairs have closed is found to this many binary digits of the step."""
-
 
 def closing_work(problem: Problem, before: State, last: State, alpha: float) -> float:
     """Where half of the pairs that close before α have done so, or α itself. Collective.
@@ -41,7 +35,9 @@ def closing_work(problem: Problem, before: State, last: State, alpha: float) -> 
     if counts[0] <= counts[1]:
         return alpha
     low, high = 0.0, alpha - last.alpha
-    for _ in range(BISECTIONS):
+    # The α at which half of the pairs have closed is found to this many binary digits of the step.
+    bisections = 20
+    for _ in range(bisections):
         middle = (low + high) / 2
         half = 2 * problem.comm.allreduce(int((when <= middle).sum())) >= counts[0]
         low, high = (low, middle) if half else (middle, high)
@@ -68,4 +64,5 @@ def _room(problem: Problem, state: State) -> tuple[Floats, PairFlags]:
     jumps.destroy()
     size = np.abs(state.u.x.array).max(initial=0)
     largest = float(problem.comm.allreduce(size, MPI.MAX))
-    return room, room <= CLOSED * largest
+    closed = 1e-9  # room below this share of the largest displacement is none
+    return room, room <= closed * largest

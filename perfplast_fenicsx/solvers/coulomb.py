@@ -19,15 +19,6 @@ from perfplast_fenicsx.problem.judged.certificate import friction_forces
 from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
 
-MOST_ROUNDS = 100
-
-SETTLED = 1e-8
-"""Change of the bounds in a round, relative to the largest one, that makes it the last."""
-
-NOTHING = 1e-10
-"""Contact forces below this share of the largest force on bodies, or of the largest contact force
-that a level has had, are rounding of unloaded surfaces, and so are forces of friction."""
-
 Solve = Callable[[State | None], Level]
 """Solves a level with Tresca's friction from a state."""
 
@@ -80,8 +71,14 @@ def _rounds(
     friction.bound[follows] = bounds
     most = comm.allreduce(float(bounds[np.isfinite(bounds)].max(initial=most)), MPI.MAX)
     rounds: list[Level] = []
-    reason = f"the bounds of friction have not settled in {MOST_ROUNDS} rounds"
-    for _ in range(MOST_ROUNDS):
+    most_rounds = 100
+    reason = f"the bounds of friction have not settled in {most_rounds} rounds"
+    # Change of the bounds in a round, relative to the largest one, that makes it the last.
+    settled = 1e-8
+    # Contact forces below this share of the largest force on bodies, or of the largest contact
+    # force that a level has had, are rounding of unloaded surfaces, and so are forces of friction.
+    rounding = 1e-10
+    for _ in range(most_rounds):
         level = solve(start)
         rounds.append(level)
         if not level.report.converged:
@@ -92,16 +89,16 @@ def _rounds(
             return _together(rounds, False, reason)
         start = level.state
         forces = level.contact_forces
-        bounds = _bounds(problem, np.where(forces > NOTHING * largest_force(), forces, 0.0))
+        bounds = _bounds(problem, np.where(forces > rounding * largest_force(), forces, 0.0))
         largest_bound = comm.allreduce(float(bounds.max(initial=0)), MPI.MAX)
         most = max(most, largest_bound)
-        if largest_bound <= NOTHING * most:
+        if largest_bound <= rounding * most:
             bounds[:] = 0.0
             rubs = norms(friction_forces(problem, level.stress, level.state.zeta)[follows])
-            if comm.allreduce(float(rubs.max(initial=0)), MPI.MAX) <= NOTHING * most:
+            if comm.allreduce(float(rubs.max(initial=0)), MPI.MAX) <= rounding * most:
                 return _together(rounds, True, level.report.reason)
         change = np.abs(bounds - friction.bound[follows]).max(initial=0)
-        if comm.allreduce(float(change), MPI.MAX) <= SETTLED * largest_bound:
+        if comm.allreduce(float(change), MPI.MAX) <= settled * largest_bound:
             return _together(rounds, True, level.report.reason)
         friction.bound[follows] = bounds
     return _together(rounds, False, reason)

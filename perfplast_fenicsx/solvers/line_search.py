@@ -11,7 +11,6 @@ Slope = Callable[[float], float]
 SLOPE_REDUCTION = 1e-3
 """A shortened step ends where |φ'(β)| is at most this share of |φ'(0)|."""
 
-MOST_BISECTIONS = 40
 
 LONGEST = 1.5
 """A step is stretched to so many times its length at most; twice is too far where bodies bend."""
@@ -19,16 +18,6 @@ LONGEST = 1.5
 STRETCHABLE = 0.1
 """A step is stretched where at least this share of φ'(0) is left at its end, and until no more is:
 cells that yield spread from step to step, so that each falls short of the solution."""
-
-NOTHING_RESISTS = 0.9
-"""A step at whose end at least this share of φ'(0) is left moves bodies as if rigid, against
-friction alone, whose forces do not grow with it: it goes on until a surface resists."""
-
-PAST = 1.01
-"""Such a step may be so many times as long as to where the last place turns back on it."""
-
-STRAINLESS = 1e-2
-"""It may be as long, too, as it changes strains by less than this share of them."""
 
 
 def step_length(
@@ -62,7 +51,10 @@ def step_length(
     if longest is None or at_zero >= -of_all or at_one >= -STRETCHABLE * abs(at_zero):
         return 1.0
     if kinked:
-        slides = at_one <= NOTHING_RESISTS * at_zero
+        # A step at whose end at least this share of φ'(0) is left moves bodies as if rigid, against
+        # friction alone, whose forces do not grow with it: it goes on until a surface resists.
+        nothing_resists = 0.9
+        slides = at_one <= nothing_resists * at_zero
         return _slid(slope, enough, longest()) if slides else 1.0
     return _stretched(slope, STRETCHABLE * abs(at_zero), longest())
 
@@ -75,8 +67,11 @@ def longest_slide(last_turn: float, strain2: float, change2: float) -> float:
         strain2: ‖ε(u)‖².
         change2: The same of the step.
     """
-    strainless = STRAINLESS * (strain2 / change2) ** 0.5 if change2 > 0 else 0.0
-    return max(PAST * last_turn, strainless)
+    # It may be as long, too, as it changes strains by less than this share of them.
+    share = 1e-2
+    strainless = share * (strain2 / change2) ** 0.5 if change2 > 0 else 0.0
+    past = 1.01  # a step goes so far beyond where the last place turns back on it
+    return max(past * last_turn, strainless)
 
 
 def _slid(slope: Slope, enough: float, longest: float) -> float:
@@ -105,7 +100,8 @@ def _stretched(slope: Slope, enough: float, longest: float) -> float:
 
 def _bisected(slope: Slope, low: float, high: float, enough: float) -> float:
     """β between two, at which φ' is negative and positive, where it is zero."""
-    for _ in range(MOST_BISECTIONS):
+    most_bisections = 40
+    for _ in range(most_bisections):
         middle = (low + high) / 2
         here = slope(middle)
         if abs(here) <= enough:

@@ -21,13 +21,6 @@ from perfplast_fenicsx.solvers.newton_options import Monitor
 from perfplast_fenicsx.solvers.next_work import LARGEST_FACTOR, Leap, Reached, next_work
 from perfplast_fenicsx.solvers.work_newton import WorkNewton
 
-LONGEST_LINE, LONGEST_RAY = 1.0, 4.0
-"""A level of a given path starts at most so many times as far from the last one as that is from
-the one before, and from the unloaded state: where bodies yield, the line soon leaves the path."""
-
-NO_LINE = 1e-12
-"""Two states whose loads differ by less, relative, are at one place."""
-
 MOST_HALVINGS = 6
 """A level is tried again with half the step so many times."""
 
@@ -186,7 +179,11 @@ def _along(
     problem, prescribes = solver.problem, solver.prescribes
     if before is None and (problem.has_gaps or not problem.is_elastic_at_first()):
         return last
-    longest = LONGEST_LINE if before else LONGEST_RAY
+    # A level of a given path starts at most so many times as far from the last one
+    # as that is from the one before, and from the unloaded state: where bodies
+    # yield, the line soon leaves the path.
+    longest_line, longest_ray = 1.0, 4.0
+    longest = longest_line if before else longest_ray
     return extrapolate(problem, before, last, value, prescribes, longest)
 
 
@@ -216,7 +213,8 @@ def extrapolate(
     if last is None:
         return None
     earlier, here = prescribes.of(before) if before else 0.0, prescribes.of(last)
-    if abs(here - earlier) <= NO_LINE * max(abs(here), abs(earlier)):
+    no_line = 1e-12  # two states whose loads differ by less, relative, are at one place
+    if abs(here - earlier) <= no_line * max(abs(here), abs(earlier)):
         return last
     stretch = float(np.clip((value - here) / (here - earlier), -longest, longest))
     u = fem.Function(problem.V, name="displacement")

@@ -28,10 +28,6 @@ from perfplast_fenicsx.solvers.newton_options import (
 from perfplast_fenicsx.solvers.progress import Step
 from perfplast_fenicsx.solvers.verdicts import BEYOND, above_limit
 
-LOOK_AROUND = 5
-"""So often the whole displacement is looked at as a collapse mechanism, beside the last step, which
-may be of a few pairs alone."""
-
 
 class Newton(LevelSolver):
     """ALG1, which prescribes ζ."""
@@ -82,7 +78,10 @@ class Newton(LevelSolver):
             return None
         far = BEYOND * self._first_work
         descends = self.iterate.descends_until(far, zeta)
-        if not descends and len(history) % LOOK_AROUND == 0:
+        # So often the whole displacement is looked at as a collapse mechanism, beside the last
+        # step, which may be of a few pairs alone.
+        look_around = 5
+        if not descends and len(history) % look_around == 0:
             self.iterate.aim(self.iterate.y)
             descends = self.iterate.descends_until(far, zeta)
         if not descends:

@@ -14,9 +14,6 @@ Monitor = Callable[[Iteration], None]
 CONTACT_SOLVERS = ("active-set", "tfeti")
 """What solves the contact quadratic program of a step."""
 
-UNKNOWNS_EACH = {2: 4000, 3: 6000}
-"""Displacement unknowns of a subdomain, by dimension, where users say nothing."""
-
 
 @dataclass(frozen=True)
 class Subdivision:
@@ -30,7 +27,9 @@ class Subdivision:
 
     def wanted(self, num_dofs: int, gdim: int) -> int:
         """How many subdomains a problem is to have."""
-        return self.asked or max(1, num_dofs // UNKNOWNS_EACH[gdim])
+        # Displacement unknowns of a subdomain, by dimension, where users say nothing.
+        unknowns_each = {2: 4000, 3: 6000}
+        return self.asked or max(1, num_dofs // unknowns_each[gdim])
 
 
 @dataclass(frozen=True)
@@ -100,10 +99,6 @@ class NewtonOptions:
         return Subdivision(self.subdomains) if self.contact_solver == "tfeti" else None
 
 
-LARGEST_RHO, SMALLEST_RHO = 1e-3, 1e-8
-"""Range of the adaptive regularisation."""
-
-
 def regularisation(
     options: NewtonOptions, history: Sequence[Iteration], lifted: bool = False
 ) -> float:
@@ -120,20 +115,13 @@ def regularisation(
     """
     if options.regularisation != "adaptive":
         return float(options.regularisation)
+    largest_rho, smallest_rho = 1e-3, 1e-8  # range of the adaptive regularisation
     if not history:
-        return 1.0 if lifted else LARGEST_RHO
+        return 1.0 if lifted else largest_rho
     last = history[-1]
     if last.beta < 0.5:
-        return min(10 * last.rho, LARGEST_RHO)
-    return max(min(last.rho, LARGEST_RHO) / 10, SMALLEST_RHO)
-
-
-PATIENCE = 10
-"""After so many steps of a level an adaptive active set is determined exactly in each."""
-
-
-FEW_SETS = 4
-"""With so many active sets a step behind a damped one is solved at most."""
+        return min(10 * last.rho, largest_rho)
+    return max(min(last.rho, largest_rho) / 10, smallest_rho)
 
 
 def most_sets(options: NewtonOptions, history: Sequence[Iteration]) -> int | None:
@@ -145,9 +133,12 @@ def most_sets(options: NewtonOptions, history: Sequence[Iteration]) -> int | Non
     """
     if options.active_set != "adaptive":
         return None if options.active_set == "exact" else 1
-    if len(history) >= PATIENCE:
+    # After so many steps of a level an adaptive active set is determined exactly in each.
+    patience = 10
+    if len(history) >= patience:
         return None
-    return FEW_SETS if any(record.beta < 1 for record in history[-1:]) else 1
+    few_sets = 4  # with so many active sets a step behind a damped one is solved at most
+    return few_sets if any(record.beta < 1 for record in history[-1:]) else 1
 
 
 def forcing(history: Sequence[Iteration], tolerance: float) -> float:

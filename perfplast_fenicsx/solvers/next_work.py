@@ -17,20 +17,9 @@ from perfplast_fenicsx.solvers.closing import closing_work, has_closed
 LARGEST_FACTOR = 4.0
 """α grows at most so much from one level to the next."""
 
-FIRST_FACTOR = 3.0
-"""Growth of α behind first yield, and the most where ζ(α) bends."""
 
 SMALLEST_FACTOR = 1.2
 """Growth of α behind levels that were hard to solve."""
-
-LEAST_FACTOR = 1.02
-"""Growth of α up to where a gap closes, lest pairs that are all but closed hold it up."""
-
-MANY_ITERATIONS = 20
-"""Levels that need more Newton steps make the next growth smaller."""
-
-BENT, STRAIGHT = 0.08, 0.02
-"""Growth of ζ in a level above which steps in α shrink, and below which they grow."""
 
 
 @dataclass(frozen=True)
@@ -87,18 +76,24 @@ def next_work(
     if before is None:
         return alpha, before, leap
     event = closing_work(problem, before, last, alpha)
-    event = max(event, min(alpha, rest + (last.alpha - rest) * LEAST_FACTOR))
+    # Growth of α up to where a gap closes, lest pairs that are all but closed hold it up.
+    least_factor = 1.02
+    event = max(event, min(alpha, rest + (last.alpha - rest) * least_factor))
     return event, before, leap if event >= alpha else None
 
 
 def _next_factor(reached: Reached) -> float:
     last, before = reached.last, reached.before
+    first_factor = 3.0  # growth of α behind first yield, and the most where ζ(α) bends
     if before is None or before.alpha <= reached.rest:
-        return FIRST_FACTOR
+        return first_factor
     factor = (last.alpha - reached.rest) / (before.alpha - reached.rest)
     bend = 1 - before.zeta / last.zeta if last.zeta > 0 else 1.0
-    if reached.newton_iterations > MANY_ITERATIONS:
+    many_iterations = 20  # levels that need more Newton steps make the next growth smaller
+    if reached.newton_iterations > many_iterations:
         return max(math.sqrt(factor), SMALLEST_FACTOR)
-    if bend > BENT:
-        return max(min(factor, FIRST_FACTOR), SMALLEST_FACTOR)
-    return min(factor * (2.0 if bend < STRAIGHT else 1.2), LARGEST_FACTOR)
+    # Growth of ζ in a level above which steps in α shrink, and below which they grow.
+    bent, straight = 0.08, 0.02
+    if bend > bent:
+        return max(min(factor, first_factor), SMALLEST_FACTOR)
+    return min(factor * (2.0 if bend < straight else 1.2), LARGEST_FACTOR)

@@ -31,10 +31,6 @@ from perfplast_fenicsx.solvers.newton import Newton, criterion_met, newton_direc
 from perfplast_fenicsx.solvers.newton_options import Monitor, NewtonOptions, regularisation
 from perfplast_fenicsx.solvers.progress import Step
 
-NEAR, FEW = 1e-4, 3
-"""Tolerance of the linear solves for a state near first yield, and how often its active set may
-change."""
-
 
 class WorkNewton(LevelSolver):
     """ALG3, which prescribes α: damped, but for its first step."""
@@ -167,7 +163,10 @@ class WorkNewton(LevelSolver):
         Raises:
             LinearFailure: If the elastic problem cannot be solved.
         """
-        state = self._yielding(rtol=NEAR, rounds=FEW)
+        # Tolerance of the linear solves for a state near first yield, and
+        # how often its active set may change.
+        near, few = 1e-4, 3
+        state = self._yielding(rtol=near, rounds=few)
         alpha = float(f"{state.alpha:.1e}")
         scale = alpha / state.alpha if state.alpha > 0 else 1.0
         state.u.x.array[:] *= scale

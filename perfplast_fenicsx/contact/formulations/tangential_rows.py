@@ -25,9 +25,6 @@ NOTHING = 1e-9
 """Rows with less than this share of the largest area have no friction; so vertices of quadratic
 tetrahedra, on which a constant shear stress exerts no force."""
 
-NORMAL = 0.5
-"""Eigenvalues of directions in the surface are 1, of others 0."""
-
 
 def tangential_rows(
     V: fem.FunctionSpace,
@@ -149,7 +146,8 @@ def _directions(normal: Floats, free: npt.NDArray[np.bool_]) -> tuple[Floats, np
     projection = np.einsum("ni,ij->nij", free, np.eye(normal.shape[1]))
     projection -= along[:, :, None] * along[:, None, :]
     values, vectors = np.linalg.eigh(projection)
-    there = values[:, 1:] > NORMAL
+    most_normal = 0.5  # eigenvalues of directions in the surface are 1, of others 0
+    there = values[:, 1:] > most_normal
     return np.swapaxes(vectors[:, :, 1:], 1, 2) * there[:, :, None], there
 
 

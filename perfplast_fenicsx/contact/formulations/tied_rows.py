@@ -17,9 +17,6 @@ from perfplast_fenicsx.contact.surfaces.surface_nodes import SurfaceNodes, exten
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
-BRIDGED = 0.01
-"""Distance of surfaces that are glued, at most, relative to their size."""
-
 
 def tied_rows(
     V: fem.FunctionSpace,
@@ -78,7 +75,8 @@ def _rows(
     apart = np.abs(chosen.distances.along)
     seen = np.isfinite(apart) & (apart > chosen.distances.slack)
     farthest = comm.allreduce(float(apart[seen].max(initial=0)), MPI.MAX)
-    if farthest > BRIDGED * size:
+    bridged = 0.01  # distance of surfaces that are glued, at most, relative to their size
+    if farthest > bridged * size:
         raise InputError(
             f"{place}: the surfaces are up to {farthest:.3g} apart, and forces across that would"
             " lose their moment; glue surfaces that touch, or move one of the bodies."

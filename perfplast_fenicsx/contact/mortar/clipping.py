@@ -17,9 +17,6 @@ from perfplast_fenicsx.arrays import Floats, Longs
 NONE = 1e-15
 """An overlap is nothing if it is no more than this share of the host's length or area."""
 
-ON_EDGE = 1e-13
-"""Corners this near to an edge, relative to the size of the host, lie on it."""
-
 
 @dataclass(frozen=True)
 class Overlaps:
@@ -140,11 +137,13 @@ def _clipped(guest: Floats) -> tuple[Floats, Longs]:
     num = len(guest)
     polygon = np.broadcast_to(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), (num, 3, 2))
     count = np.full(num, 3)
+    # Corners this near to an edge, relative to the size of the host, lie on it.
+    on_edge = 1e-13
     for k in range(3):
         begin, end = guest[:, k, None], guest[:, (k + 1) % 3, None]
         along = (end - begin) / np.linalg.norm(end - begin, axis=2, keepdims=True)
         inside = _cross(along, polygon - begin)
-        inside = np.where(np.abs(inside) < ON_EDGE, 0.0, inside)
+        inside = np.where(np.abs(inside) < on_edge, 0.0, inside)
         number = np.arange(polygon.shape[1])
         real = number < count[:, None]
         after = np.where(number + 1 < count[:, None], number + 1, 0)

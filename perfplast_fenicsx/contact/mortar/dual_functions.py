@@ -16,12 +16,6 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.contact.surfaces.surface_facets import EDGES, STRAIGHT, Facets
 
-ALPHA = 0.25
-"""α of the functions on triangles of second order."""
-
-SINGULAR = 1e-14
-"""Smallest eigenvalue of a facet's mass matrix, scaled to a diagonal of 1, that is inverted."""
-
 
 def coupled(gdim: int, count: int) -> bool:
     """Whether the Ñ of a host facet with so many nodes are not its N."""
@@ -32,9 +26,10 @@ def own_basis(gdim: int, count: int) -> Floats:
     """Ñ = basis · N of a host facet, shape (count, count)."""
     basis = np.eye(count)
     if coupled(gdim, count):
-        basis[3:, 3:] *= 1 - 2 * ALPHA
+        alpha = 0.25  # α of the functions on triangles of second order
+        basis[3:, 3:] *= 1 - 2 * alpha
         for middle, ends in enumerate(EDGES[3], start=3):
-            basis[ends, middle] = ALPHA
+            basis[ends, middle] = alpha
     return basis
 
 
@@ -59,7 +54,9 @@ def dual_factors(mass: Floats, d: Floats) -> Floats:
     size = np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
     scaled = mass / (size[:, :, None] * size[:, None, :])
     values, vectors = np.linalg.eigh(scaled)
-    sound = (values[:, 0] > SINGULAR) & (d.sum(axis=1) > 0)
+    # Smallest eigenvalue of a facet's mass matrix, scaled to a diagonal of 1, that is inverted.
+    singular = 1e-14
+    sound = (values[:, 0] > singular) & (d.sum(axis=1) > 0)
     roots = np.where(sound[:, None], values, 1.0)
     inverse = np.einsum("nij,nj,nkj->nik", vectors, 1 / roots, vectors)
     inverse /= size[:, :, None] * size[:, None, :]

@@ -12,15 +12,6 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.contact.surfaces.surface_facets import Facets, Pieces
 from perfplast_fenicsx.parallel import bounding_box, send_rows
 
-FACING = 0.7
-"""Pieces face each other if the cosine of their normals is below minus this (45°)."""
-
-OBLIQUE = 1.5
-"""The distance along a normal may be so many times the distance to the nearest piece."""
-
-BINS = 4096
-"""Of the histogram that cuts space into slabs with equal numbers of facets."""
-
 
 def rendezvous(
     comm: MPI.Intracomm, hosts: Facets, guests: Facets, reach: float
@@ -39,9 +30,11 @@ def rendezvous(
     centre = hosts["x"].mean(axis=1)
     low, high = bounding_box(comm, centre)
     axis = int(np.argmax(high - low))
-    width = max(float(high[axis] - low[axis]), np.finfo(float).tiny) / BINS
-    bins = np.clip(((centre[:, axis] - low[axis]) / width).astype(np.int64), 0, BINS - 1)
-    counts = comm.allreduce(np.bincount(bins, minlength=BINS))
+    # Bins of the histogram that cuts space into slabs with equal numbers of facets.
+    most_bins = 4096
+    width = max(float(high[axis] - low[axis]), np.finfo(float).tiny) / most_bins
+    bins = np.clip(((centre[:, axis] - low[axis]) / width).astype(np.int64), 0, most_bins - 1)
+    counts = comm.allreduce(np.bincount(bins, minlength=most_bins))
     before = np.cumsum(counts) - counts
     slab = np.minimum(before * comm.size // max(int(counts.sum()), 1), comm.size - 1)
     here = send_rows(comm, hosts, slab[bins])
@@ -71,7 +64,9 @@ def candidates(host: Pieces, guest: Pieces, reach: float, behind: float) -> tupl
     if not (len(host.facet) and len(guest.facet)):
         return none, none
     nearest, _ = cKDTree(guest.centre).query(host.centre)
-    apart = OBLIQUE * np.minimum(nearest, reach) + host.radius
+    # The distance along a normal may be so many times the distance to the nearest piece.
+    oblique = 1.5
+    apart = oblique * np.minimum(nearest, reach) + host.radius
     firsts: list[Longs] = [none]
     seconds: list[Longs] = [none]
     size = np.floor(np.log2(guest.radius))
@@ -100,8 +95,10 @@ def _opposite(
     along = np.einsum("ni,ni->n", between, n)
     aside = np.linalg.norm(between - along[:, None] * n, axis=1)
     sizes = host.radius[first] + guest.radius[second]
+    # Pieces face each other if the cosine of their normals is below minus this (45°).
+    least_cosine = 0.7
     opposite: npt.NDArray[np.bool_] = (
-        (facing < -FACING)
+        (facing < -least_cosine)
         & (aside <= sizes)
         & (along <= reach + sizes)
         & (along >= -behind - sizes)

@@ -13,12 +13,6 @@ from perfplast_fenicsx.contact.mortar.facet_pairing import rendezvous
 from perfplast_fenicsx.contact.mortar.mortar_integrals import Integrals, integrate
 from perfplast_fenicsx.contact.surfaces.surface_facets import Facets
 
-REACH = 0.1
-"""Facets are first looked for in distances of this share of the size of both surfaces."""
-
-WHOLE = 1 - 1e-9
-"""A facet of which this share is covered is covered in whole."""
-
 
 @dataclass(frozen=True)
 class Facing:
@@ -59,14 +53,17 @@ def facing_facets(
         onward: Whether each host facet searches up to this size.
     """
     parts: list[Facing] = []
-    reach, behind = REACH * size, np.inf
+    # Facets are first looked for in distances of this share of the size of both surfaces.
+    first_reach = 0.1
+    reach, behind = first_reach * size, np.inf
     lean = 3 * sum(comm.allreduce(_radius(facets), MPI.MAX) for facets in (hosts, guests))
     along = comm.allreduce(bool(turning(hosts).any()), MPI.LOR)
+    whole = 1 - 1e-9  # a facet of which this share is covered is covered in whole
     while True:
         here, there = rendezvous(comm, hosts, guests, reach + lean)
         found = integrate(here, there, reach, around, min(reach, behind), along)
         covered = found.covered > 0
-        partly = covered & onward & (found.covered < WHOLE * found.whole)
+        partly = covered & onward & (found.covered < whole * found.whole)
         if partly.any():
             more = integrate(here[partly], there, reach + lean, around, min(reach, behind), along)
             parts.append(Facing(here[partly], there, more))

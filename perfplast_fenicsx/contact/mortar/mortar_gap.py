@@ -14,12 +14,6 @@ from perfplast_fenicsx.contact.mortar.mortar_integrals import Integrals
 from perfplast_fenicsx.contact.surfaces.surface_facets import Facets, shape_functions
 from perfplast_fenicsx.parallel import Exchange, send_rows
 
-STEPS = 6
-"""Newton steps that find where a normal meets a curved facet."""
-
-ASIDE = 1e-9
-"""A normal that passes a facet by this share of it still meets it."""
-
 
 @dataclass(frozen=True)
 class Distances:
@@ -62,7 +56,8 @@ def distances(
     rows["place"], rows["aside"], rows["along"] = hosts["place"][h, corner], aside, along
     rows["slack"] = _sagitta(hosts)[h] + _sagitta(guests)[g]
     rows = send_rows(comm, rows, hosts["rank"][h, corner])
-    order = np.lexsort([np.abs(rows["along"]), np.maximum(rows["aside"], ASIDE), rows["place"]])
+    sideways = 1e-9  # a normal that passes a facet by this share of it still meets it
+    order = np.lexsort([np.abs(rows["along"]), np.maximum(rows["aside"], sideways), rows["place"]])
     rows = rows[order]
     place, first = np.unique(rows["place"], return_index=True)
     result = Distances(np.full(count, np.inf), np.zeros(count))
@@ -106,7 +101,8 @@ def _met(x: Floats, normal: Floats, facet: Floats) -> tuple[Floats, Floats]:
     n, points, gdim = facet.shape
     at: Floats = np.full((n, gdim - 1), 1 / gdim)
     along: Floats = np.zeros(n)
-    for _ in range(STEPS if points > gdim else 1):
+    steps = 6  # Newton steps that find where a normal meets a curved facet
+    for _ in range(steps if points > gdim else 1):
         functions = shape_functions(gdim, points, at)
         slopes = shape_functions(gdim, points, at, 1)
         tangents = np.einsum("rnp,npi->nir", slopes, facet)

@@ -31,9 +31,6 @@ from perfplast_fenicsx.contact.surfaces.surface_facets import (
     shape_functions,
 )
 
-CHUNK = 50_000
-"""Pairs of pieces that are clipped at once."""
-
 
 @dataclass(frozen=True)
 class Integrals:
@@ -128,8 +125,9 @@ def integrate(
 def _chunks(first: Longs) -> list[slice]:
     """Parts of a sorted list, between different entries; one at least."""
     borders = [0]
+    chunk = 50_000  # pairs of pieces that are clipped at once
     while borders[-1] < len(first):
-        last = min(borders[-1] + CHUNK, len(first)) - 1
+        last = min(borders[-1] + chunk, len(first)) - 1
         borders.append(int(np.searchsorted(first, first[last], side="right")))
     return [slice(*ends) for ends in pairwise(borders)] or [slice(0, 0)]
 

@@ -19,12 +19,6 @@ from perfplast_fenicsx.contact.mortar.mortar_integrals import Integrals
 from perfplast_fenicsx.contact.surfaces.surface_facets import EDGES, Facets
 from perfplast_fenicsx.parallel import Exchange, send_rows
 
-LEAST_COVERED = 0.1
-"""A node carries a multiplier if this share of its function is on the covered part."""
-
-ROUNDING = 1e-14
-"""Weights of a row, and shares of a node in the ∫Ñ around it, that are no larger are rounding."""
-
 
 @dataclass(frozen=True)
 class MortarRows:
@@ -82,8 +76,12 @@ def mortar_rows(
     d = summed(found.d)
     touched = summed(np.repeat(found.covered > 0, each).astype(np.float64)) > 0
     around = summed(np.repeat(np.abs(found.d).sum(axis=1), each))
-    able = able & touched & (d > ROUNDING * around)
-    fit = able & (d >= LEAST_COVERED * summed(found.full))
+    # Weights of a row, and shares of a node in the ∫Ñ around it, that are no larger are rounding.
+    rounding = 1e-14
+    able = able & touched & (d > rounding * around)
+    # A node carries a multiplier if this share of its function is on the covered part.
+    least_covered = 0.1
+    fit = able & (d >= least_covered * summed(found.full))
     heirs = _heirs(comm, hosts, found, corners, place, fit)
     provided = _among(count, heirs["place"])
     fit = fit | (able & ~provided)  # these take over from others only where nobody else can
@@ -98,7 +96,7 @@ def mortar_rows(
     weight_of = _sums(place[own], value[own], count)
     divisor = np.where(fit, weight_of, 1.0)[place]
     weight, along = value / divisor, along / divisor[:, None]
-    kept = np.maximum(np.abs(weight), np.abs(along).max(axis=1, initial=0)) > ROUNDING
+    kept = np.maximum(np.abs(weight), np.abs(along).max(axis=1, initial=0)) > rounding
     number = np.cumsum(fit) - 1
     places = np.flatnonzero(fit)
     return MortarRows(

@@ -16,12 +16,6 @@ from perfplast_fenicsx.contact.surfaces.surface_nodes import SurfaceNodes, check
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.kinematics import Kinematics
 
-WHOLE = 0.99
-"""A surface counts as covered from this share on."""
-
-FINER = 0.99
-"""Facets of this share of the other surface's mean size count as smaller."""
-
 
 @dataclass(frozen=True)
 class Surface:
@@ -94,7 +88,9 @@ def choose_side(
     measures = [surface.measure(comm) for surface in surfaces]
     for surface in surfaces:
         check_outside(comm, place, surface.name, surface.nodes)
-    finer = measures[1][1] < FINER * measures[0][1]
+    # Facets of this share of the other surface's mean size count as smaller.
+    finer_by = 0.99
+    finer = measures[1][1] < finer_by * measures[0][1]
     first = int(finer) if hosts is None else ("primary", "secondary").index(hosts)
 
     def side(host: int) -> Side:
@@ -107,7 +103,8 @@ def choose_side(
             f"{place}: the surfaces are nowhere opposite each other; name two surfaces that face"
             " each other and whose projections along their normals overlap."
         )
-    better_covered = chosen.covered[0] < WHOLE <= chosen.covered[1]
+    whole = 0.99  # a surface counts as covered from this share on
+    better_covered = chosen.covered[0] < whole <= chosen.covered[1]
     if hosts is None and (better_covered or chosen.lost):
         other = side(1 - first)
         if other.covered[0] and (better_covered or other.lost < chosen.lost):

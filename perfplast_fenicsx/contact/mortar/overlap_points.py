@@ -16,10 +16,6 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.contact.mortar.clipping import Overlaps
 from perfplast_fenicsx.contact.surfaces.surface_facets import Facets, Pieces, shape_functions
 
-ASTRAY = 0.25
-"""A point of the guest's reference facet that normals would carry farther stays where pieces have
-it: there the gap is too wide, or the facet too oblique, for one step."""
-
 
 @dataclass(frozen=True)
 class OverlapPoints:
@@ -121,5 +117,8 @@ def _carried(x: Floats, normal: Floats, facet: Floats, at: Floats) -> Floats:
         across = [np.asarray(np.cross(a, b), dtype=np.float64) for a, b in pairs]
     whole = np.einsum("nqi,nqi->nq", tangents[0], across[0])
     step = np.stack([np.einsum("nqi,nqi->nq", apart, one) / whole for one in across], axis=2)
-    near = functools.reduce(np.maximum, np.abs(step).transpose(2, 0, 1)) <= ASTRAY
+    # A point of the guest's reference facet that normals would carry farther stays where pieces
+    # have it: there the gap is too wide, or the facet too oblique, for one step.
+    astray = 0.25
+    near = functools.reduce(np.maximum, np.abs(step).transpose(2, 0, 1)) <= astray
     return np.asarray(np.where(near[:, :, None], at + step, at))

@@ -30,9 +30,6 @@ from perfplast_fenicsx.mesh.connected_bodies import Bodies
 APART = 1e-8
 """Entries of a projector on free motions below this one do not couple two bodies."""
 
-DRIVEN = 1e-8
-"""Work of a load on a motion that is more than rounding, relative to what it would be were all
-nodal forces along it."""
 
 log = logging.getLogger(__name__)
 
@@ -92,7 +89,10 @@ class FreeMotions:
         if not self.count:
             return None
         drives = np.abs([self.drive(force) for force in forces]).max(axis=0)
-        some = np.flatnonzero(drives > DRIVEN)
+        # Work of a load on a motion that is more than rounding, relative to what it
+        # would be were all nodal forces along it.
+        driven = 1e-8
+        some = np.flatnonzero(drives > driven)
         if not some.size:
             return None
         return (

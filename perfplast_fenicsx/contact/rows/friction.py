@@ -16,9 +16,6 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, Ints
 
-KINK = 1e-12
-"""A jump below this share of its change is at the kink of ‖s‖."""
-
 
 @dataclass(frozen=True)
 class Friction:
@@ -120,7 +117,8 @@ class Friction:
         moves = (norms(change) > 0) & np.isfinite(self.bound)
         d, at = change[moves], slip[moves] + beta * change[moves]
         sizes, lengths = norms(at), norms(d)
-        kink = sizes <= KINK * lengths
+        rounding = 1e-12  # a jump below this share of its change is at the kink of ‖s‖
+        kink = sizes <= rounding * lengths
         along = np.einsum("ni,ni->n", at, d) / np.where(kink, 1.0, sizes)
         along = np.where(kink, lengths if beta == 0 else -lengths, along)
         return float(self.bound[moves] @ along)

@@ -29,13 +29,6 @@ from perfplast_fenicsx.contact.rows.sparse_rows import (
 )
 from perfplast_fenicsx.errors import InputError, raise_together
 
-LONGEST_CHAIN = 60
-"""Replaced unknowns may refer to replaced unknowns of other nodes, at most this many in a row."""
-
-FADED = 1e-16
-"""Where they refer to each other in a ring, as around an edge at which three bodies meet, this much
-of a displacement is nothing."""
-
 
 @dataclass(frozen=True)
 class JumpBasis:
@@ -214,12 +207,17 @@ def _resolve(Q: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     It ends as chains of contact do, or fades where normals around a ring turn.
     """
     T, term = Q.copy(), Q
-    for _ in range(LONGEST_CHAIN):
+    # Replaced unknowns may refer to replaced unknowns of other nodes, at most this many in a row.
+    longest_chain = 60
+    # Share of a displacement that is nothing, where they refer to each other in a ring, as around
+    # an edge at which three bodies meet.
+    faded = 1e-16
+    for _ in range(longest_chain):
         following = P.matMult(term)
         if term is not Q:
             term.destroy()
         term = following
-        if term.norm(PETSc.NormType.NORM_INFINITY) <= FADED:
+        if term.norm(PETSc.NormType.NORM_INFINITY) <= faded:
             term.destroy()
             return T
         T.axpy(1.0, term)

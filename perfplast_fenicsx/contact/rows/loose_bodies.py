@@ -22,14 +22,6 @@ from perfplast_fenicsx.contact.rows.rigid_motions import rigid_jumps
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
 from perfplast_fenicsx.parallel import bounding_box
 
-WEAK = 0.02
-"""Mean square of the share of a motion that normals and supports take up, below which it is
-looked at."""
-
-ASLANT = 0.35
-"""Where not one of them takes up more than this share (its sine) of the motion of its place, or of
-all places on average, the motion is loose."""
-
 STILL = 1e-3
 """Places that move less than so, relative to all of them, are on the axis of a rotation."""
 
@@ -148,11 +140,17 @@ def _weak(comm: MPI.Intracomm, rows: Floats, motions: Floats) -> list[Floats]:
         return []
     shares, vectors = eigh(taken, moved)
     weak = []
-    for v in vectors.T[shares <= WEAK]:
+    # Mean square of the share of a motion that normals and supports take up, below which it is
+    # looked at.
+    weakest = 0.02
+    # Share (its sine) of the motion of its place, or of all places on average, that one of them has
+    # to take up: otherwise the motion is loose.
+    aslant = 0.35
+    for v in vectors.T[shares <= weakest]:
         size = np.sqrt(v @ moved @ v / count)
         speed = np.linalg.norm(motions @ v, axis=1)
         taken_up = np.abs(rows @ v)
-        resisted = taken_up > ASLANT * np.where(speed > STILL * size, np.minimum(speed, size), size)
+        resisted = taken_up > aslant * np.where(speed > STILL * size, np.minimum(speed, size), size)
         if not comm.allreduce(bool(resisted.any()), MPI.LOR):
             weak.append(v)
     return weak

@@ -18,20 +18,9 @@ from scipy.optimize import linprog
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
 
-AT_ONCE = 20
-"""So many pairs of a rank that a motion would close join a linear program at once."""
-
-MOST_PROGRAMS = 60
-"""Linear programs that are solved at most; without an answer by then nothing is said."""
-
-CLOSED = 1e-8
-"""Jumps below this one, of motions of unit size, are rounding."""
-
 AWAY = 1e-6
 """Work on a motion, relative to what it might be, or mean opening, that is more than rounding."""
 
-STILL = 1e-9
-"""Work on a motion, relative to what it might be, that is none."""
 
 log = logging.getLogger(__name__)
 
@@ -109,14 +98,20 @@ class OneSidedMotions:
         if not len(gain):
             return None
         rows: Floats = -np.reshape([*least], (-1, len(gain))).astype(np.float64)
-        room: Floats = np.full(len(rows), STILL)
-        for _ in range(MOST_PROGRAMS):
+        still = 1e-9  # work on a motion, relative to what it might be, that is none
+        room: Floats = np.full(len(rows), still)
+        # So many pairs of a rank that a motion would close join a linear program at once.
+        at_once = 20
+        # Linear programs that are solved at most; without an answer by then nothing is said.
+        most_programs = 60
+        closed = 1e-8  # jumps below this one, of motions of unit size, are rounding
+        for _ in range(most_programs):
             v = comm.bcast(_best(rows, room, gain) if comm.rank == 0 else None)
             if v is None:
                 return None
             closing = self.jumps @ v
-            worst = np.argsort(-closing)[:AT_ONCE]
-            new = np.concatenate(comm.allgather(self.jumps[worst[closing[worst] > CLOSED]]))
+            worst = np.argsort(-closing)[:at_once]
+            new = np.concatenate(comm.allgather(self.jumps[worst[closing[worst] > closed]]))
             if not len(new):
                 return np.asarray(v)
             rows, room = np.concatenate([rows, new]), np.append(room, np.zeros(len(new)))

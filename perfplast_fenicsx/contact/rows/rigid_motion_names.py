@@ -5,9 +5,6 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
 
-SPIN = 1e-6
-"""Share of rotation in a rigid motion that makes it one, where its body's place is not told."""
-
 
 def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
     """A rigid motion of a body in words.
@@ -24,7 +21,9 @@ def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
     spin = v[gdim:]
     if middle is None:
         along = v[:gdim]
-        turns = np.linalg.norm(spin) > SPIN * np.linalg.norm(v)
+        # Share of rotation in a rigid motion that makes it one, where its body's place is not told.
+        least_spin = 1e-6
+        turns = np.linalg.norm(spin) > least_spin * np.linalg.norm(v)
     else:
         along = bodies.rigid_modes(np.pad(middle, (0, 3 - gdim))[None])[0] @ v
         turns = np.linalg.norm(along) <= np.linalg.norm(spin)

@@ -12,12 +12,6 @@ from perfplast_fenicsx.contact.rows.constraints import Constraints
 from perfplast_fenicsx.contact.rows.sparse_rows import entries_of, matrix_of_entries
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
 
-NEGLIGIBLE = 1e-10
-"""Eigenvalues below this times the largest one count as zero."""
-
-EXACT = 1e-9
-"""Jumps below this share of the largest ones are rounding: a motion with no others is free."""
-
 
 class RigidMotions:
     """What supports and contact say of the rigid motions R of all bodies."""
@@ -59,7 +53,9 @@ class RigidMotions:
         left = self._comm.allreduce(sum(rows.T @ rows for rows in taken))
         values, vectors = np.linalg.eigh(left)
         largest = np.linalg.eigvalsh(gram).max(initial=0)
-        return np.asarray(nearly @ vectors[:, values <= EXACT**2 * max(largest, 1e-300)])
+        # Jumps below this share of the largest ones are rounding: a motion with no others is free.
+        rounding = 1e-9
+        return np.asarray(nearly @ vectors[:, values <= rounding**2 * max(largest, 1e-300)])
 
     def one_sided(self, free: Floats) -> tuple[Floats, Floats]:
         """Motions that supports and ties leave, but for the free ones. Collective.
@@ -132,7 +128,8 @@ def nodes_of(B: PETSc.Mat, gdim: int) -> Longs:
 def null_space(gram: Floats) -> Floats:
     """Orthonormal basis of the motions that cost nothing, as columns."""
     values, vectors = np.linalg.eigh(gram)
-    return vectors[:, values <= NEGLIGIBLE * max(values.max(initial=0), 1e-300)]
+    negligible = 1e-10  # eigenvalues below this times the largest one count as zero
+    return vectors[:, values <= negligible * max(values.max(initial=0), 1e-300)]
 
 
 def _supported(V: fem.FunctionSpace, bodies: Bodies, fixed: npt.NDArray[np.bool_]) -> Floats:

@@ -13,9 +13,6 @@ from perfplast_fenicsx.formulas import evaluate
 MATCHING_TOLERANCE = 1e-6
 """Largest distance of touching nodes, relative to the size of the contact surfaces."""
 
-TILT = 0.5
-"""Nodes that are apart may be shifted sideways by this share of their distance (and of the mesh
-size): matching surfaces that are not parallel are seen so along their mean normal."""
 
 OVERLAP = 1e-9
 """Overlap, relative to the size of the surfaces, that is rounding."""
@@ -68,7 +65,10 @@ def normals_and_gaps(
     sideways = np.linalg.norm(between - apart[:, None] * normal, axis=1)
     least = MATCHING_TOLERANCE * size
     mesh_size = np.minimum(primary["size"], secondary["size"])
-    allowed = least + TILT * np.minimum(np.abs(apart), mesh_size)
+    # Nodes that are apart may be shifted sideways by this share of their distance (and of the mesh
+    # size): matching surfaces that are not parallel are seen so along their mean normal.
+    tilt = 0.5
+    allowed = least + tilt * np.minimum(np.abs(apart), mesh_size)
     shifted = comm.allreduce(int((sideways > allowed).sum()))
     if shifted:
         farthest = comm.allreduce(float(sideways.max(initial=0)), MPI.MAX)

@@ -36,17 +36,6 @@ class Matching:
     farthest: float
 
 
-OBLIQUE = 1.2
-"""The partner of a node may be so many times as far as the nearest node: surfaces that are apart
-and not parallel have their nodes opposite along the mean normal, not at the shortest distance."""
-
-CANDIDATES = 32
-"""Nodes nearest to one that are looked at."""
-
-SAME_PLACE = 1e-9
-"""Distance, relative to the size of the surfaces, of nodes that are at the same place."""
-
-
 def match_nodes(
     comm: MPI.Intracomm, primary: SurfaceNodes, secondary: SurfaceNodes, distance: float
 ) -> Matching:
@@ -119,7 +108,11 @@ def _match_near(
         return np.clip(np.floor((x - low[axis]) / width), 0, comm.size - 1).astype(np.int64)
 
     here = send_rows(comm, primary, slab(primary["x"][:, axis]))
-    along, reach = secondary["x"][:, axis], OBLIQUE * distance
+    # The partner of a node may be so many times as far as the nearest node: surfaces
+    # that are apart and not parallel have their nodes opposite along the mean
+    # normal, not at the shortest distance.
+    oblique = 1.2
+    along, reach = secondary["x"][:, axis], oblique * distance
     lowest, highest = slab(along - reach), slab(along + reach)
     copies = highest - lowest + 1
     offset = np.arange(copies.sum()) - np.repeat(np.cumsum(copies) - copies, copies)
@@ -130,12 +123,15 @@ def _match_near(
     far = np.full(len(here), np.inf)
     nearest = np.zeros(len(here), dtype=np.int64)
     if len(here) and len(there):
-        many = np.arange(1, min(CANDIDATES, len(there)) + 1)
+        most_candidates = 32  # nodes nearest to one that are looked at
+        many = np.arange(1, min(most_candidates, len(there)) + 1)
         fars, candidates = cKDTree(there["row"]["x"]).query(here["x"], k=many)
         far = fars[:, 0]
-        rounding = SAME_PLACE * float(np.linalg.norm(high - low))
+        # Distance, relative to the size of the surfaces, of nodes that are at the same place.
+        same_place = 1e-9
+        rounding = same_place * float(np.linalg.norm(high - low))
         misfit = _misfit(here[:, None], there["row"][candidates], rounding)
-        misfit[fars > OBLIQUE * fars[:, :1] + rounding] = np.inf
+        misfit[fars > oblique * fars[:, :1] + rounding] = np.inf
         nearest = candidates[np.arange(len(here)), np.argmin(misfit, axis=1)]
     paired = far <= distance
     taken = there[nearest[paired]] if len(there) else there

@@ -21,9 +21,6 @@ SHARP = np.cos(np.radians(40.0))
 ASKEW = np.sqrt([1.0, 2.0, 3.0])
 """A direction to which facets of few bodies are symmetric."""
 
-ALIKE = 9
-"""Decimal places to which facets are compared: those in one plane differ by rounding."""
-
 
 @dataclass(frozen=True)
 class FaceNodes:
@@ -146,7 +143,9 @@ def _faces(node: Longs, normals: Floats) -> Longs:
     """
     face = np.full(len(node), -1)
     place = np.empty(len(node), dtype=np.int64)
-    steepness = np.round((normals @ ASKEW[: normals.shape[1]]) ** 2, ALIKE)
+    # Decimal places to which facets are compared: those in one plane differ by rounding.
+    decimals = 9
+    steepness = np.round((normals @ ASKEW[: normals.shape[1]]) ** 2, decimals)
     place[np.lexsort((steepness, node))] = np.arange(len(node))
     number = 0
     while (left := np.flatnonzero(face < 0)).size:

@@ -13,9 +13,6 @@ from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.scaled_load import scaled
 from perfplast_fenicsx.problem.declared.stage import called
 
-WRONG = '/\\:*?"<>|'
-"""Characters that no folder may have in its name, on whatever system."""
-
 
 @dataclass(frozen=True)
 class Combination:
@@ -35,9 +32,11 @@ class Combination:
 
     def __post_init__(self) -> None:
         outside = self.name.strip(" .") != self.name  # ".." is another folder
-        if outside or not self.name or not self.name.isprintable() or set(self.name) & set(WRONG):
+        # Characters that no folder may have in its name, on whatever system.
+        barred = '/\\:*?"<>|'
+        if outside or not self.name or not self.name.isprintable() or set(self.name) & set(barred):
             raise InputError(
-                f"name = {self.name!r} is no name of a folder; give one without {WRONG}, and with"
+                f"name = {self.name!r} is no name of a folder; give one without {barred}, and with"
                 " neither a blank nor a dot at its ends."
             )
         for load, factor in self.factors.items():

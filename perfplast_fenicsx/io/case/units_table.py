@@ -13,17 +13,6 @@ from perfplast_fenicsx.materials.laws import Material
 from perfplast_fenicsx.parallel import bounding_box
 from perfplast_fenicsx.units import Units
 
-COPIED = ("young", "poisson", "yield_stress")
-"""What ``perfplast materials`` shows of a material."""
-
-
-SIZES = 1e-6, 1e4
-"""Lengths of bodies that are computed with (m): a thousandth of a millimetre to ten kilometres."""
-
-
-MILLIMETRE = 1e-3
-"""The smallest unit of length that a case without [units] may be in (m)."""
-
 
 def odd_magnitudes(
     units: Units, materials: Mapping[str, Material], comm: MPI.Intracomm, points: Floats
@@ -45,14 +34,17 @@ def odd_magnitudes(
             told += [f"material '{body}': {text}?" for text in odd]
     low, high = bounding_box(comm, points)
     size = float(np.max(high - low))
-    least, most = SIZES
+    # Lengths of bodies that are computed with (m): a thousandth of a millimetre to ten kilometres.
+    least, most = 1e-6, 1e4
+    # The smallest unit of length that a case without [units] may be in (m).
+    millimetre = 1e-3
     if units.known and not least <= size * units.known.metres <= most:
         length = units.known.length
         told.append(
             f"the mesh is {size:.3g} {length} large, that is {size * units.known.metres:.3g} m; is"
             f" it in {length}, as [units] says?"
         )
-    elif not units.known and not least <= size <= most / MILLIMETRE:
+    elif not units.known and not least <= size <= most / millimetre:
         told.append(f"the mesh is {size:.3g} large, in whatever unit; is that right?")
     return told
 
@@ -72,9 +64,11 @@ def read_units(table: Table, materials: Mapping[str, Material], name: str) -> Un
     units = convert(table, Units, f"{name}, [units]")
     if units.name is None:
         return units
+    # What `perfplast materials` shows of a material.
+    copied = ("young", "poisson", "yield_stress")
     for body, material in materials.items():
-        if all(hasattr(material, key) for key in COPIED):
-            young, poisson, yield_stress = (getattr(material, key) for key in COPIED)
+        if all(hasattr(material, key) for key in copied):
+            young, poisson, yield_stress = (getattr(material, key) for key in copied)
             with at(f"{name}, [material.{body}]"):
                 check_units(young, poisson, yield_stress, units.name)
     return units

@@ -11,12 +11,6 @@ from typing import Any
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.io.case.schema import Table
 
-MOST = 10_000
-"""Cases of a sweep; more are taken for a slip of the pen."""
-
-NAMED_BY = ("name", "on", "primary")
-"""Keys by which an entry of an array of tables is known."""
-
 
 @dataclass(frozen=True)
 class Variation:
@@ -84,8 +78,9 @@ def grid(variations: Sequence[Variation]) -> list[dict[str, Any]]:
     for key in keys:
         if keys.count(key) > 1:
             raise InputError(f"--vary gives '{key}' twice; give all its values at once.")
-    if math.prod(len(variation.values) for variation in variations) > MOST:
-        raise InputError(f"the sweep has more than {MOST} cases; give fewer values.")
+    most_cases = 10_000  # cases of a sweep; more are taken for a slip of the pen
+    if math.prod(len(variation.values) for variation in variations) > most_cases:
+        raise InputError(f"the sweep has more than {most_cases} cases; give fewer values.")
     product = itertools.product(*(variation.values for variation in variations))
     return [dict(zip(keys, values, strict=True)) for values in product]
 
@@ -127,8 +122,10 @@ def _inside(place: Any, part: str, key: str) -> Any:
 
 def _index(entries: Sequence[Any], part: str, key: str) -> int:
     """The number of an entry that is called so, or has this number."""
+    # Keys by which an entry of an array of tables is known.
+    named_by = ("name", "on", "primary")
     names = [
-        [entry[name] for name in NAMED_BY if name in entry] if isinstance(entry, dict) else []
+        [entry[name] for name in named_by if name in entry] if isinstance(entry, dict) else []
         for entry in entries
     ]
     called = [number for number, known in enumerate(names) if part in known]

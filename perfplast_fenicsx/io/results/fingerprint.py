@@ -29,19 +29,16 @@ def first_difference(now: Table, then: Table) -> str | None:
     More load levels behind the earlier ones are no difference.
     """
     entries, earlier = dict(_entries(now)), dict(_entries(then))
+    levels = ("loading.values",)  # lists to which a restart may append
     for key in (*entries, *earlier):
         new, old = entries.get(key, NOTHING), earlier.get(key, NOTHING)
         if new is NOTHING:
             return f"{key} is not given, but was {shown(old)}"
         if old is NOTHING:
             return f"{key} = {shown(new)}, but was not given"
-        if new != old and not (key in LEVELS and _goes_on(new, old)):
+        if new != old and not (key in levels and _goes_on(new, old)):
             return _changed(key, new, old)
     return None
-
-
-LEVELS = ("loading.values",)
-"""Lists to which a restart may append."""
 
 
 def _goes_on(new: object, old: object) -> bool:

@@ -46,8 +46,6 @@ from perfplast_fenicsx.problem.problem import Problem
 CELL_TYPES = {(2, 1): 5, (2, 2): 22, (3, 1): 10, (3, 2): 24}
 """VTK's numbers of simplices by dimension and degree."""
 
-VERSION, TYPE = (2, 0), b"UnstructuredGrid"
-"""Of the format, and of what is in the files; VTK wants a string of fixed length."""
 
 COUNTS = ("NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds")
 BODY_TAGS, BODY_NAMES = f"{FIELD_DATA}/body_tags", f"{FIELD_DATA}/body_names"
@@ -198,8 +196,10 @@ class FieldWriter:
 def make_grid(file: h5py.File) -> None:
     """Make the group that VTK looks for."""
     grid = file.create_group(GRID)
-    grid.attrs["Version"] = VERSION
-    grid.attrs.create("Type", TYPE, dtype=h5py.string_dtype("ascii", len(TYPE)))
+    # Of the format, and of what is in the file; VTK wants a string of fixed length.
+    version, type_name = (2, 0), b"UnstructuredGrid"
+    grid.attrs["Version"] = version
+    grid.attrs.create("Type", type_name, dtype=h5py.string_dtype("ascii", len(type_name)))
 
 
 def add_counts(file: h5py.File, counts: tuple[int, int, int]) -> None:

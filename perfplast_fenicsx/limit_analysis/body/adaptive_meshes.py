@@ -28,16 +28,6 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
 
-PART = {2: 0.4, 3: 0.2}
-"""Part of the gap, and of the dissipation, that the cells have which are refined, by dimension: in
-space their neighbours are divided as well, and theirs."""
-
-VALENCE = 24
-"""Cells that meet at least, in the end, at points where the stress depends on the direction."""
-
-FEWER = 6
-"""How often the part is halved where the finer mesh would have too many cells."""
-
 
 @dataclass(frozen=True)
 class Round:
@@ -215,12 +205,19 @@ def _better(new: Bound, old: Bound, sign: int) -> bool:
 
 def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
     """The next mesh, or why there is none. Collective."""
-    part, too_many = PART[problem.bodies.gdim], f"a finer mesh would have more than {cells} cells"
+    # Part of the gap, and of the dissipation, that the cells have which are refined, by dimension:
+    # in space their neighbours are divided as well, and theirs.
+    fractions = {2: 0.4, 3: 0.2}
+    part, too_many = (
+        fractions[problem.bodies.gdim],
+        f"a finer mesh would have more than {cells} cells",
+    )
     if _count(problem.tagged_mesh) >= cells:
         return too_many
     if found.static is not None and found.static.verdict is Verdict.NO_RESISTANCE:
         part = 1.0  # what carries nothing has no shares: cells are too large anywhere
-    for _ in range(FEWER):
+    fewer = 6  # how often the part is halved where the finer mesh would have too many cells
+    for _ in range(fewer):
         marked = _marked(problem, found, part)
         if not problem.comm.allreduce(int(marked.sum())):
             return "nothing was found that says where to refine"
@@ -254,7 +251,9 @@ def refined(problem: Problem, marked: npt.NDArray[np.bool_]) -> TaggedMesh:
     finer = refine(tagged_mesh, marked, pairs).tagged_mesh
     if problem.bodies.gdim == 3:
         return finer
-    points = singular_points(finer, given, VALENCE)
+    # Cells that meet at least, in the end, at points where the stress depends on the direction.
+    valence = 24
+    points = singular_points(finer, given, valence)
     if problem.comm.allreduce(len(points)):
         finer = fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
     bend_crossings(finer)

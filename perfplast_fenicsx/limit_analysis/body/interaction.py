@@ -31,12 +31,6 @@ from perfplast_fenicsx.problem.declared.scaled_load import scaled
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 
-RAYS = 720
-"""Rays along which the distance of the polygons is looked at, over the whole circle."""
-
-APART = 1.0
-"""Degrees between two directions, at least."""
-
 FIRST = {False: (0.0, 45.0, 90.0), True: (0.0, 60.0, 120.0, 180.0, 240.0, 300.0)}
 """Directions to begin with (degrees), of a quarter of the circle and of all of it."""
 
@@ -220,13 +214,16 @@ def _worst(
         The distance, and the angle (degrees) where they are farthest apart of those that are not
         next to one that was asked; None where there is none.
     """
-    angles = np.linspace(0, 360, RAYS, endpoint=False) if around else np.linspace(0, 90, RAYS // 4)
+    # Rays along which the distance of the polygons is looked at, over the whole circle.
+    rays = 720
+    angles = np.linspace(0, 360, rays, endpoint=False) if around else np.linspace(0, 90, rays // 4)
     inner = _inner(carried, np.radians(angles))
     outer = _outer(sides, np.radians(angles))
     known = np.isfinite(outer) & (inner > 0)
     apart = np.where(known, outer / np.where(known, inner, 1.0) - 1.0, np.inf)
     turns = np.abs(angles[:, None] - np.array(asked)[None, :])
-    new = (np.minimum(turns, 360 - turns) >= APART).all(axis=1)
+    least_apart = 1.0  # degrees between two directions, at least
+    new = (np.minimum(turns, 360 - turns) >= least_apart).all(axis=1)
     order = np.where(new, apart, -np.inf)
     best = int(np.argmax(order))
     return float(apart.max()), float(angles[best]) if new[best] else None

@@ -7,9 +7,6 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
 
-HALVINGS = 60
-"""Steps from the largest share of a cell to the least that is marked."""
-
 
 def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDArray[np.bool_]:
     """The cells with the largest shares, which together have a part of the whole. Collective.
@@ -24,7 +21,8 @@ def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDAr
     shares = np.maximum(shares, 0.0)
     wanted = part * comm.allreduce(float(shares.sum()))
     low, high = 0.0, comm.allreduce(float(shares.max(initial=0.0)), MPI.MAX)
-    for _ in range(HALVINGS):
+    halvings = 60  # steps from the largest share of a cell to the least that is marked
+    for _ in range(halvings):
         middle = (low + high) / 2
         enough = comm.allreduce(float(shares[shares >= middle].sum())) >= wanted
         low, high = (middle, high) if enough else (low, middle)

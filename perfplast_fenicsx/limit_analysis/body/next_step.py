@@ -7,20 +7,6 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import NO_MECHANISM, NOT_
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED, ENTERS
 from perfplast_fenicsx.mesh_estimate import percent
 
-WIDE = 0.1
-"""Distance of bounds, relative, beyond which it is told what narrows them."""
-
-LONGER = {2: (4, 8), 3: (15, 50)}
-"""How many times as long bounds take with half the size of elements, by dimension: with 4 and 8
-times as many cells, whose factors grow faster than their number."""
-
-BOUNDED = {2: (2, 5), 3: (4, 8)}
-"""How many times as long as the limit load of the mesh its bounds take, by dimension."""
-
-ADAPTING = (2, 5)
-"""How many times as long as those of one mesh bounds of some meshes take, the last one of twice as
-many cells."""
-
 ANSWERED = {NO_MECHANISM, CURVED, ENTERS}
 """Why an upper bound is missing or not strict where a lower one may be sought all the same."""
 
@@ -57,23 +43,33 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
     lower, upper = body.lower, body.upper
     if lower == NOT_SOUGHT:
         if body.mesh.estimate is not None and set(upper.why_not) <= ANSWERED:
+            # How many times as long as the limit load of the mesh its bounds take, by dimension.
+            bounded = {2: (2, 5), 3: (4, 8)}
             yield (
                 'what the bodies carry for certain is told by control = "bounds" under [loading],'
-                f" which takes about {_times(BOUNDED[dim], seconds)}"
+                f" which takes about {_times(bounded[dim], seconds)}"
             )
     elif lower.strict and upper.strict and (apart := lower.apart(upper)) is not None:
-        if apart > WIDE and effort.ended:
+        # Distance of bounds, relative, beyond which it is told what narrows them.
+        wide = 0.1
+        if apart > wide and effort.ended:
             yield (
                 f"the bounds are {percent(apart)} apart, and {effort.ended}; more cells, or a"
                 " smaller size of the first mesh, bring them nearer"
             )
-        elif apart > WIDE:
+        elif apart > wide:
+            # How many times as long bounds take with half the size of elements, by dimension: with
+            # 4 and 8 times as many cells, whose factors grow faster than their number.
+            longer = {2: (4, 8), 3: (15, 50)}
+            # How many times as long as those of one mesh bounds of some meshes take,
+            # the last one of twice as many cells.
+            adapting = (2, 5)
             yield (
                 f"the bounds are {percent(apart)} apart, as the mesh is coarse. adapt ="
-                f" {{ until = {WIDE}, cells = {_rounded(2 * effort.cells)} }} under [mesh] brings"
-                f" them nearer, and takes about {_times(ADAPTING, seconds)}; elements of half the"
+                f" {{ until = {wide}, cells = {_rounded(2 * effort.cells)} }} under [mesh] brings"
+                f" them nearer, and takes about {_times(adapting, seconds)}; elements of half the"
                 f" size (some {_rounded(2**dim * effort.cells)} cells) take about"
-                f" {_times(LONGER[dim], seconds)}"
+                f" {_times(longer[dim], seconds)}"
             )
     if NO_MECHANISM in upper.why_not:
         locked = " and ".join(map(repr, body.mesh.locked))

@@ -34,12 +34,6 @@ MOST_SEARCHES = 10
 STEP = 1.3
 """Factor by which F changes where a side of μ is not known, or no two values are."""
 
-AIM = 0.3
-"""Where in the tolerance a root is aimed at, from its safe side."""
-
-FINER = 0.1
-"""Share of the tolerance, in μ, that a strict bound may leave to the best one of its mesh."""
-
 
 @dataclass(frozen=True)
 class FactorOfSafety:
@@ -250,6 +244,7 @@ class _Curve:
         """The factor at which a bound of μ is 1, on the safe side of it. Collective."""
         sign = 1 if kind == "lower" else -1
         best: float | None = None
+        aim = 0.3  # where in the tolerance a root is aimed at, from its safe side
         for _ in range(MOST_SEARCHES):
             known = {}
             for factor, bounds in self.found.items():
@@ -262,7 +257,7 @@ class _Curve:
             if best is not None and abs(known[best]) <= room:
                 break
             if known:
-                factor = _next(known, sign * AIM * room)
+                factor = _next(known, sign * aim * room)
             else:  # confined bodies fall with less strength, coarse meshes carry more with more
                 factor = (max if sign < 0 else min)(self.found) * STEP**-sign
             while known and factor in self.found and factor not in known:  # nothing came of it
@@ -273,7 +268,9 @@ class _Curve:
         return best
 
     def at(self, factor: float) -> None:
-        rtol = FINER * self.tolerance
+        # Share of the tolerance, in μ, that a strict bound may leave to the best one of its mesh.
+        finer = 0.1
+        rtol = finer * self.tolerance
         self.searches += 1
         self.keep(factor, limit_bounds(weakened(self.problem, factor), rtol, self.steps))
 

@@ -17,9 +17,6 @@ from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.given import Given
 
-ROUNDING = 1e-6
-"""What an angle is beyond that of a straight line by rounding."""
-
 RIGHT = np.pi / 2
 
 
@@ -60,7 +57,8 @@ def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int) -> Ints
     sums.scatter_forward()
     angles, cells, facets, kinds, squares = table.T
     changes = facets * squares - kinds**2 > 0.5  # all alike: the square of the mean
-    least = np.where(changes, RIGHT, np.pi) + ROUNDING
+    rounding = 1e-6  # what an angle is beyond that of a straight line by rounding
+    least = np.where(changes, RIGHT, np.pi) + rounding
     turns = np.clip(angles - least, 0.0, RIGHT)
     return np.flatnonzero((facets > 0) & (cells < valence * turns / RIGHT)).astype(np.int32)
 

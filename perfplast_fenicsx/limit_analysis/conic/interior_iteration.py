@@ -19,19 +19,6 @@ from perfplast_fenicsx.limit_analysis.conic.conic_unknowns import Unknowns
 from perfplast_fenicsx.limit_analysis.conic.newton_directions import NewtonDirections, Workspace
 from perfplast_fenicsx.limit_analysis.statements.bound import measure_of
 
-SHORTENED = 0.98
-"""Share of the way to the boundary that a step goes."""
-
-MOST_CORRECTIONS = 3
-"""Of a direction, each a solution with the factors that there are."""
-
-FURTHER = 0.3
-"""By so much a corrected direction should be longer, as a share of a whole step."""
-
-WORTH = 0.02
-"""By so much it must be longer to be taken."""
-
-
 AT_REST = 1e-4
 """Strain rates, relative to those of a flow that meets resistance, that are next to none."""
 
@@ -166,17 +153,21 @@ class InteriorIteration:
             aim = -(here + newton.products(affine.unknowns)).raised(-centre)
         chosen = newton.towards(aim)
         longest = self._longest(chosen.unknowns)
-        for _ in range(MOST_CORRECTIONS):
+        # Corrections of a direction, each a solution with the factors that there are. It should be
+        # longer by the gain, as a share of a whole step; it is taken if it is by what is worth it.
+        most_corrections, gain, worth = 3, 0.3, 0.02
+        for _ in range(most_corrections):
             if not longest < 1:
                 break
-            reach = min(1.0, longest + FURTHER)
+            reach = min(1.0, longest + gain)
             aim += newton.products_after(reach, chosen.unknowns).missing(centre)
             other = newton.towards(aim)
             further = self._longest(other.unknowns)
-            if not further > longest + WORTH:
+            if not further > longest + worth:
                 break
             chosen, longest = other, further
-        length = min(1.0, SHORTENED * longest)
+        shortened = 0.98  # share of the way to the boundary that a step goes
+        length = min(1.0, shortened * longest)
         if not np.isfinite(chosen.unknowns.load):
             return 0.0
         self.velocity.array[:] += length * chosen.velocity

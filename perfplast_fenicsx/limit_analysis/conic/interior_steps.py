@@ -14,23 +14,6 @@ from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIt
 
 MOST_STEPS = 60
 
-SETTLED = 1e-5
-"""Forces without balance, and work that is missing, that the bounds then do away with."""
-
-ALMOST = 1e-3
-"""Forces without balance that may be left where they do next to no work on the mechanism, relative
-to the largest load: of a body force that is spread thin over fine cells this is far below the
-rounding of the forces inside. A velocity that is less admissible is far from a mechanism."""
-
-FAR = 50.0
-"""A load so many times that of a viscous flow, without any mechanism in sight, has no bound."""
-
-NOTHING = 1e-7
-"""A load below this share of that of a viscous flow is none."""
-
-STUCK = 1e-6
-"""Length of a step that counts as none."""
-
 
 class StopSearch(Exception):
     """Raised by a monitor, on every rank alike: the steps end, and what is known is told with it.
@@ -97,13 +80,24 @@ def iterate(
     """
     program, began = iteration.program, time.perf_counter()
     good: tuple[Unknowns, Floats] | None = None  # an iterate and its velocity's entries
-    far = FAR * (program.degree + program.dead_to_live())
+    # A load so many times that of a viscous flow, without any mechanism in sight, has no bound.
+    unbounded = 50.0
+    far = unbounded * (program.degree + program.dead_to_live())
+    # Forces without balance, and work that is missing, that the bounds then do away with.
+    least_residual = 1e-5
+    # Forces without balance that may be left where they do next to no work on the
+    # mechanism, relative to the largest load: of a body force that is spread thin over
+    # fine cells this is far below the rounding of the forces inside. A velocity that is
+    # less admissible is far from a mechanism.
+    almost = 1e-3
+    no_load = 1e-7  # a load below this share of that of a viscous flow is none
+    stuck = 1e-6  # length of a step that counts as none
     while len(steps) < MOST_STEPS:
         try:
             length = iteration.step()
         except SingularStiffness as failure:
             return Verdict.STALLED, str(failure)
-        if length < STUCK:
+        if length < stuck:
             return Verdict.STALLED, "the steps became too short"
         load, gap, size = iteration.now.load, iteration.gap(), iteration.size()
         unbalanced, missing = iteration.unbalanced(), iteration.missing_work()
@@ -121,22 +115,22 @@ def iterate(
         steps.append(step)
         if monitor is not None:
             monitor(step)
-        if load > far and unbalanced <= ALMOST < inadmissible:
+        if load > far and unbalanced <= almost < inadmissible:
             return Verdict.UNBOUNDED, (
                 "stresses within yield carry the loads beyond ζ ="
                 f" {far * program.load_unit:.3g}, so that nothing seems to bound them"
             )
-        at_rest = rate <= NOTHING  # bodies move as rigid ones, and what strains is rounding
+        at_rest = rate <= no_load  # bodies move as rigid ones, and what strains is rounding
         tolerated = share * rtol * size
-        idle = unbalanced <= ALMOST and abs(iteration.unbalanced_work()) <= tolerated
-        balanced = missing <= SETTLED and unbalanced <= SETTLED
+        idle = unbalanced <= almost and abs(iteration.unbalanced_work()) <= tolerated
+        balanced = missing <= least_residual and unbalanced <= least_residual
         if good is not None and not balanced:  # rounding of a K that is nearly singular
             iteration.now, iteration.velocity.array[:] = good
             return Verdict.FOUND, f"the steps have converged to {rtol:g}"
-        settled = missing <= SETTLED and (unbalanced <= SETTLED or idle)
-        if not settled or (inadmissible > ALMOST and not at_rest):
+        settled = missing <= least_residual and (unbalanced <= least_residual or idle)
+        if not settled or (inadmissible > almost and not at_rest):
             continue
-        if not program.has_dead and size + gap <= NOTHING * program.degree:
+        if not program.has_dead and size + gap <= no_load * program.degree:
             reason = (
                 "no stress can carry the loads: they move bodies off what holds them,"
                 " and meet no resistance"

@@ -29,22 +29,6 @@ CONTRAST = 1e4
 moduli of a step would have a range of its square, and in double precision nothing is left of the
 balance of the weak ones."""
 
-SIMILAR = 10.0
-"""Ratio of strengths that are measured in one unit."""
-
-MOSTLY = 0.1
-"""Share of the power, of stresses that nothing bounds, from which on the loads are divided: it is
-1e-5 of a load that a flow resists, and all of one that no flow does."""
-
-NO_FLOW = 1e-16
-"""Share of the power at first that no flow leaves: the square of what rounding leaves of loads that
-are balanced, over the proximal modulus."""
-
-MOST_DIVISIONS = 20
-"""Of the loads; two to four were seen."""
-
-HARD = 1e4
-"""Springs of contact so many times as stiff as bodies leave little of what contact carries."""
 
 RESERVES = (1e-5, 1e-4, 1e-3)
 """Shares of the strengths that beside dead loads are kept for what rounding leaves of a stress: a
@@ -117,6 +101,8 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
         SingularStiffness: If K cannot be factorised.
     """
     flow = program.create_vector()
+    # Springs of contact so many times as stiff as bodies leave little of what contact carries.
+    hard = 1e4
     try:
         if start.scale is not None:
             program.measure(start.scale, CONTRAST * start.scale)
@@ -125,7 +111,7 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
             _flow(program, flow)
         springs = None
         if start.pushed:
-            springs = HARD * program.springs
+            springs = hard * program.springs
             _flow(program, flow, springs)
         found = _divide(program, program.load, flow, springs)
         if found is None:
@@ -178,14 +164,15 @@ def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
     plastic = program.plastic
     radii = program.strengths[plastic] * program.stress_unit
     least, largest = program.range(radii)
-    if not largest > SIMILAR * least:
+    similar = 10.0  # ratio of strengths that are measured in one unit
+    if not largest > similar * least:
         return False
     _, deviator = program.strains.of(flow)
     squares = np.einsum("ni,ni->n", deviator, deviator)[plastic]
     power = program.weights[plastic] ** 2 * program.flow_moduli().a[plastic] * squares
     sums = program.comm.allreduce(np.array([power @ np.log(radii), power.sum()]))
     mean = float(np.exp(sums[0] / sums[1]))
-    near = mean / SIMILAR < program.stress_unit < mean * SIMILAR
+    near = mean / similar < program.stress_unit < mean * similar
     if near and largest <= CONTRAST * mean:
         return False
     program.measure(mean, CONTRAST * mean)
@@ -232,8 +219,15 @@ def _divide(
     pushes: Floats = np.zeros(len(program.jumps))
     bulk, first = program.weights / PROXIMAL, float(load.dot(flow))
     bounded = program.plastic & (program.strains.slopes > 0)
+    # Share of the power, of stresses that nothing bounds, from which on the loads are divided: it
+    # is 1e-5 of a load that a flow resists, and all of one that no flow does.
+    mostly = 0.1
+    # Share of the power at first that no flow leaves: the square of what rounding leaves of loads
+    # that are balanced, over the proximal modulus.
+    no_flow = 1e-16
+    most_divisions = 20  # divisions of the loads; two to four were seen
     try:
-        for _ in range(MOST_DIVISIONS):
+        for _ in range(most_divisions):
             trace, deviator = program.strains.of(flow)
             of_mean = np.where(bounded, 0.0, bulk * trace)
             of_shape = np.where(program.plastic, 0.0, bulk)[:, None] * deviator
@@ -244,9 +238,9 @@ def _divide(
             free = program.weights @ (of_mean * trace + np.einsum("ni,ni->n", of_shape, deviator))
             free = program.total(float(free + np.abs(more) @ np.abs(jumps)))
             power = float(rest.dot(flow))
-            if not power > NO_FLOW * first:
+            if not power > no_flow * first:
                 return None
-            if free <= MOSTLY * power:
+            if free <= mostly * power:
                 break
             pressure, stress, pushes = pressure + of_mean, stress + of_shape, pushes + more
             carried = pressure, stress

@@ -10,23 +10,8 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
 
-BALANCED = 1e-13
-"""Forces without balance, relative to the largest load, that need not be corrected."""
-
-MOST_CORRECTIONS = 20
-"""One or two, and one for each place where edges nearly cross."""
-
-WORTH = 0.5
-"""Share of the least that was left, below which a correction has helped."""
-
-PATIENCE = 4
-"""Corrections in a row that may not help before they end."""
-
 MOST_ROUNDS = 4
 """So often it is balanced, and forces that pull are let go of between."""
-
-LEAST = 1e-6
-"""Share of the largest contact force that one of zero changes with."""
 
 
 def rebalance(iteration: InteriorIteration) -> None:
@@ -41,7 +26,8 @@ def rebalance(iteration: InteriorIteration) -> None:
     program, balanced = iteration.program, iteration.now
     uniform: Floats = np.ones(len(program.weights))
     largest = max(program.comm.allgather(float(balanced.forces.max(initial=0))))
-    springs = program.springs * (balanced.forces / (largest or 1.0) + LEAST)
+    least_change = 1e-6  # share of the largest contact force that one of zero changes with
+    springs = program.springs * (balanced.forces / (largest or 1.0) + least_change)
     try:
         for _ in range(MOST_ROUNDS):
             program.assemble(Moduli(uniform, uniform, np.zeros_like(balanced.deviator)))
@@ -74,13 +60,18 @@ def _balance(iteration: InteriorIteration, springs: Floats) -> None:
     direction, product = program.create_vector(), program.create_vector()
     before: list[tuple[Floats, Floats]] = []
     least, best, since = np.inf, iteration.now, 0
+    # Forces without balance, relative to the largest load, that need not be corrected.
+    balanced = 1e-13
+    most_corrections = 20  # one or two, and one for each place where edges nearly cross
+    worth = 0.5  # share of the least that was left, below which a correction has helped
+    patience = 4  # corrections in a row that may not help before they end
     try:
-        while len(before) <= MOST_CORRECTIONS:
+        while len(before) <= most_corrections:
             missing = iteration.unbalanced()
-            since = 0 if missing < WORTH * least else since + 1
+            since = 0 if missing < worth * least else since + 1
             if missing < least:
                 least, best = missing, iteration.now
-            if not missing > BALANCED or since == PATIENCE:
+            if not missing > balanced or since == patience:
                 break
             left = iteration.balance()
             program.stiffness.solve(left, direction)

@@ -13,12 +13,6 @@ from perfplast_fenicsx.rounding import TINY
 SIZE = 3
 """Rows of a matrix, and what each counts in the degree of a program."""
 
-SWEEPS = 12
-"""Rounds of Jacobi's rotations at most: four to six are usual, each squares what is left."""
-
-ORTHOGONAL = 1e-14
-"""Cosine of the angle of two columns that counts as a right one."""
-
 
 def product(a: Floats, b: Floats) -> Floats:
     """Jordan's product (ab + ba)/2."""
@@ -127,7 +121,10 @@ def _orthogonal_columns(a: Floats) -> tuple[Floats, Floats]:
     """
     columns = [a[..., i].copy() for i in range(SIZE)]
     turned = [np.broadcast_to(row, columns[0].shape).copy() for row in np.eye(SIZE)]
-    for _ in range(SWEEPS):
+    # Rounds of Jacobi's rotations at most: four to six are usual, each squares what is left.
+    sweeps = 12
+    orthogonal = 1e-14  # cosine of the angle of two columns that counts as a right one
+    for _ in range(sweeps):
         largest = 0.0
         for i, j in ((0, 1), (0, 2), (1, 2)):
             one, other = columns[i], columns[j]
@@ -144,7 +141,7 @@ def _orthogonal_columns(a: Floats) -> tuple[Floats, Floats]:
             c = c[..., None]
             columns[i], columns[j] = c * one - s * other, s * one + c * other
             turned[i], turned[j] = c * turned[i] - s * turned[j], s * turned[i] + c * turned[j]
-        if largest <= ORTHOGONAL:
+        if largest <= orthogonal:
             break
     sizes = np.stack([np.linalg.norm(column, axis=-1) for column in columns], axis=-1)
     return np.stack(turned, axis=-1), np.maximum(sizes, TINY)

@@ -22,19 +22,10 @@ from perfplast_fenicsx.rounding import ROUNDING
 IN_BALANCE = 1e-8
 """Largest force without balance, relative to the largest load, that counts as none."""
 
-BALANCED = 1e-12
-"""The same that need not be corrected."""
-
-MOST_CORRECTIONS = 3
 
 EXACT = 1e-10
 """Volume change (and strain of elastic bodies) that counts as none, relative to ‖ε(v)‖."""
 
-STIFF = 1e3
-"""Regions that flow less than the mean are at most so many times stiffer in the projection."""
-
-PENALTY = 1e9
-"""Weight of volume changes in the projection."""
 
 MOST_ITERATIONS, USUAL = 400, 20
 """Of the projection, a solution each with the same factors, and how many do as a rule. Where a mesh
@@ -42,19 +33,6 @@ nearly locks it takes more, as long as each leaves less than :data:`PROGRESS` of
 
 PROGRESS = 0.999
 """Share of what is inadmissible that an iteration of the projection may leave, beyond the usual."""
-
-BETTER = 1e-12
-"""What is inadmissible that the projection goes on to, as long as it is quick: what strict bounds
-and those who check them let pass is about :data:`EXACT`."""
-
-QUICK = 0.8
-"""Share of what is inadmissible that an iteration leaves where it is quick."""
-
-MOST_CENTRINGS = 3
-"""Steps towards the middle of the cones, after which bodies that dilate grow enough."""
-
-MOST_HOLDINGS = 5
-"""So often pairs are held; twice in the hardest case that was seen."""
 
 
 @dataclass(frozen=True)
@@ -93,9 +71,12 @@ def lower_bound(iteration: InteriorIteration) -> LowerBound:
     Where the last step's factors do not balance it, those of uniform moduli do, with one more
     factorisation.
     """
-    for _ in range(MOST_CORRECTIONS):
+    # Force without balance, relative to the largest load, that need not be corrected.
+    balanced = 1e-12
+    most_corrections = 3
+    for _ in range(most_corrections):
         unbalanced = iteration.unbalanced()
-        if unbalanced <= BALANCED:
+        if unbalanced <= balanced:
             break
         iteration.equilibrate()
     if not iteration.unbalanced() <= IN_BALANCE:
@@ -122,7 +103,8 @@ def upper_bound(iteration: InteriorIteration) -> UpperBound:
     closed = (now.forces > program.springs * now.rooms) | (now.rooms < ROUNDING * largest)
     if program.dilates:  # in the end iterates are inside of all cones, and are left there
         closed[:] = False
-    for _ in range(MOST_HOLDINGS):
+    most_holdings = 5  # so often pairs are held; twice in the hardest case that was seen
+    for _ in range(most_holdings):
         try:
             inadmissible = _project(iteration, jumps[closed])
         except SingularStiffness:
@@ -164,20 +146,25 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     program, now, v = iteration.program, iteration.now, iteration.velocity
     strains = program.strains
     if program.dilates:
-        for _ in range(MOST_CENTRINGS):
+        # Steps towards the middle of the cones, after which bodies that dilate grow enough.
+        most_centrings = 3
+        for _ in range(most_centrings):
             if (left := iteration.inadmissible()) <= EXACT:
                 return left
             iteration.step(onwards=False)
     v.array[held] = 0
     sizes = np.linalg.norm(now.Z[:, 1:], axis=1)
-    viscosity = program.at_points(now.S[:, 0] / np.maximum(sizes, 1 / STIFF), 1.0)
+    # Regions that flow less than the mean are at most so many times stiffer in the projection.
+    stiffer = 1e3
+    viscosity = program.at_points(now.S[:, 0] / np.maximum(sizes, 1 / stiffer), 1.0)
     at = program.blocks.cones.at
     flows = program.weights[at] * np.linalg.norm(strains.of(v)[1][at], axis=1)
-    viscosity[at] = program.strengths[at] / np.maximum(flows, 1 / STIFF)
+    viscosity[at] = program.strengths[at] / np.maximum(flows, 1 / stiffer)
     keeps = ~(program.plastic & (strains.slopes > 0))
-    penalty = np.where(keeps, PENALTY, viscosity)
+    stiffest = 1e9  # weight of volume changes in the projection
+    penalty = np.where(keeps, stiffest, viscosity)
     none = np.zeros((len(viscosity), strains.size))
-    stiff = np.where(program.plastic, viscosity, PENALTY)
+    stiff = np.where(program.plastic, viscosity, stiffest)
     program.assemble(Moduli(penalty, stiff, none), held)
     program.stiffness.factorise()
 
@@ -185,16 +172,20 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     forces, correction = program.create_vector(), program.create_vector()
     pressure, stress = np.zeros_like(viscosity), none
     inadmissible = np.inf
+    # What is inadmissible that the projection goes on to, as long as it is quick: what strict
+    # bounds and those who check them let pass is about `EXACT`.
+    better = 1e-12
+    quick = 0.8  # share of what is inadmissible that an iteration leaves where it is quick
     for number in range(MOST_ITERATIONS):
         trace, deviator = strains.of(v)
         elastic = np.where(program.plastic[:, None], 0.0, deviator)
         last, inadmissible = inadmissible, iteration.inadmissible()
-        enough = inadmissible <= (EXACT if number >= USUAL else BETTER)
+        enough = inadmissible <= (EXACT if number >= USUAL else better)
         slow = number >= USUAL and not inadmissible < PROGRESS * last
-        if enough or slow or (inadmissible <= EXACT and not inadmissible < QUICK * last):
+        if enough or slow or (inadmissible <= EXACT and not inadmissible < quick * last):
             break
-        pressure = pressure - np.where(keeps, PENALTY * program.weights * trace, 0.0)
-        stress = stress - PENALTY * program.weights[:, None] * elastic
+        pressure = pressure - np.where(keeps, stiffest * program.weights * trace, 0.0)
+        stress = stress - stiffest * program.weights[:, None] * elastic
         program.internal_forces(pressure, stress, forces)
         forces.array[held] = 0
         program.stiffness.solve(forces, correction)

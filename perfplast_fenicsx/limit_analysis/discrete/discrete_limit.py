@@ -40,10 +40,6 @@ from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.statements.standing import Standing
 from perfplast_fenicsx.problem.problem import Problem
 
-CLOSER = 0.1
-"""Share of the tolerance that the steps leave between static and kinematic load: once the mechanism
-is admissible, its load is larger."""
-
 
 def interior_point(
     problem: Problem, rtol: float = 1e-4, monitor: Callable[[InteriorStep], None] | None = None
@@ -159,8 +155,11 @@ def _search(
             return found, next_start(start, program, None, found.verdict, rtol)
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
+        # Share of the tolerance that the steps leave between static and kinematic load: once the
+        # mechanism is admissible, its load is larger.
+        closer = 0.1
         try:
-            verdict, reason = iterate(iteration, rtol, steps, monitor, CLOSER)
+            verdict, reason = iterate(iteration, rtol, steps, monitor, closer)
         except StopSearch as stop:
             reason = f"the search was stopped after {len(steps)} steps"
             verdict = Verdict.STALLED

@@ -18,14 +18,6 @@ from perfplast_fenicsx.limit_analysis.statements.standing import Standing
 from perfplast_fenicsx.mesh_estimate import percent
 from perfplast_fenicsx.problem.problem import Problem
 
-NEARLY = 1e-6
-"""A mechanism that is less admissible, after it was projected, is none to estimate from."""
-
-POLLUTED = 0.01
-"""Excess of an upper bound over the kinematic load of the last step, relative to what a mechanism
-dissipates, from which on it tells nothing of the limit load: rounding is in it, of the strain of
-bodies that are far too strong to flow."""
-
 
 @dataclass(frozen=True)
 class DiscreteLimit:
@@ -135,7 +127,10 @@ def discrete_result(
             if upper is None:
                 locked = locking_bodies(problem, iteration)
                 reason += f"; no admissible mechanism was found, {_remedy(problem)}"
-                verdict = verdict if inadmissible <= NEARLY else Verdict.STALLED
+                # A mechanism that is less admissible, after it was
+                # projected, is none to estimate from.
+                nearly = 1e-6
+                verdict = verdict if inadmissible <= nearly else Verdict.STALLED
         if verdict is Verdict.FOUND or upper is not None:
             problem.basis.T.mult(iteration.velocity, mechanism.x.petsc_vec)
             mechanism.x.scatter_forward()
@@ -149,7 +144,11 @@ def discrete_result(
                 verdict = Verdict.FOUND if upper - lower <= rtol * size else verdict
             reason = apart if verdict is Verdict.FOUND else f"{reason}; {apart}"
         if verdict is Verdict.FOUND and estimate is None:
-            useful = upper is not None and upper <= kinematic + POLLUTED * power
+            # Excess of an upper bound over the kinematic load of the last step, relative to what a
+            # mechanism dissipates, from which on it tells nothing of the limit load: rounding is in
+            # it, of the strain of bodies that are far too strong to flow.
+            polluted = 0.01
+            useful = upper is not None and upper <= kinematic + polluted * power
             known = [bound for bound in (lower, upper if useful else None) if bound is not None]
             estimate = sum(known) / len(known) if known else steps[-1].load
     return DiscreteLimit(

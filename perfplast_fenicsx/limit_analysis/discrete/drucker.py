@@ -21,10 +21,6 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
-NOTHING = 1e-6
-"""A lower bound below this share of the upper one is the rounding of 0: the interior point method
-ends where sides are no farther apart."""
-
 
 @dataclass(frozen=True)
 class DruckerBounds:
@@ -44,7 +40,10 @@ class DruckerBounds:
         least = f"collapse or slide at no load below {rounded_down(self.lower)}, the limit load"
         least += " without friction"
         finite = self.upper is not None and math.isfinite(self.upper)
-        if self.lower <= NOTHING * (self.upper if finite and self.upper else 0.0):
+        # A lower bound below this share of the upper one is the rounding of 0: the interior point
+        # method ends where sides are no farther apart.
+        rounding = 1e-6
+        if self.lower <= rounding * (self.upper if finite and self.upper else 0.0):
             least = "may slide at any load, as without friction they carry none"
         tied = "if nothing slipped or parted where they rub"
         if self.upper is None:

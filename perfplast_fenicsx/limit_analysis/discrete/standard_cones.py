@@ -24,11 +24,9 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 
-RANK = 1e-12
-"""Singular values of a matrix below this share of its largest count as zero."""
-
-SAME = 1e-12
-"""Entries of matrices of about 1 that differ by less are the same."""
+ROUNDING = 1e-12
+"""Difference of entries of matrices of about 1, or share of the largest singular value, that counts
+as none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +53,7 @@ class PlainCone:
             return False
         values = np.linalg.svd(self.matrix, compute_uv=False)
         k, n = self.matrix.shape
-        return 0 < k <= n and bool(values[-1] > RANK * values[0])
+        return 0 < k <= n and bool(values[-1] > ROUNDING * values[0])
 
     def normalised(self) -> "PlainCone":
         """The same set, the geometric mean of the matrix' singular values being 1."""
@@ -97,7 +95,7 @@ def shadow(cone: PlainCone, at: int, usual: Floats) -> Shadow:
     a, b = cone.matrix[:, at], float(cone.slope[at])
     rest, q = np.delete(cone.matrix, at, axis=1), np.delete(cone.slope, at)
     size = float(np.linalg.norm(a))
-    if size <= RANK * np.linalg.norm(cone.matrix):
+    if size <= ROUNDING * np.linalg.norm(cone.matrix):
         free = b != 0
         return Shadow(None if free else PlainCone(cone.bound, q, rest), usual, 0.0)
     unit, beta = a / size, b / size
@@ -196,14 +194,14 @@ def standard_cone(cone: PlainCone, normal: int) -> StandardCone | None:
         null = np.linalg.svd(M)[2][-1]
         null = null if null[:normal].sum() >= 0 else -null
         pull = float(q @ null)
-        pull = 0.0 if abs(pull) <= SAME * np.linalg.norm(q) else pull
+        pull = 0.0 if abs(pull) <= ROUNDING * np.linalg.norm(q) else pull
     column = math.sqrt(normal) * null
     if pull:
         column = math.copysign(1.0, pull) * column
         alpha = math.sqrt(normal) * abs(pull)
         frame = np.linalg.inv(np.vstack([q / alpha, M]))
         frame[:, 0] = column
-        even = bool(np.abs(q - pull * null).max() <= SAME * alpha)
+        even = bool(np.abs(q - pull * null).max() <= ROUNDING * alpha)
         same = _is_isotropic(M, normal) and even and pull > 0
         return StandardCone(cone.bound, alpha, np.zeros(k), frame, same)
     back = np.linalg.inv(M @ M.T) @ M
@@ -212,7 +210,7 @@ def standard_cone(cone: PlainCone, normal: int) -> StandardCone | None:
     if size >= 1:
         return None
     root = math.sqrt((1 - size) * (1 + size))
-    longer = np.eye(k) + (1 / root - 1) / max(size**2, RANK**2) * np.outer(tilt, tilt)
+    longer = np.eye(k) + (1 / root - 1) / max(size**2, ROUNDING**2) * np.outer(tilt, tilt)
     frame = np.column_stack([column, back.T @ longer])
     same = k == n - 1 and not size and _is_isotropic(M, normal)
     return StandardCone(cone.bound / root, 0.0, tilt, frame, same)
@@ -223,4 +221,5 @@ def _is_isotropic(M: Floats, normal: int) -> bool:
     k, n = M.shape
     unit = np.zeros(n)
     unit[:normal] = 1 / math.sqrt(normal)
-    return k == n - 1 and bool((np.abs(M.T @ M - np.eye(n) + np.outer(unit, unit)) <= SAME).all())
+    off = M.T @ M - np.eye(n) + np.outer(unit, unit)
+    return k == n - 1 and bool((np.abs(off) <= ROUNDING).all())

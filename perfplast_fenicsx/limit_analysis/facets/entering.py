@@ -26,8 +26,6 @@ from perfplast_fenicsx.rounding import ROUNDING
 SAME = 1e-9
 """Normals whose components differ by less are the same."""
 
-MOST_FACES = 64
-"""Directions of contact beyond which surfaces count as curved."""
 
 CURVED = "on curved contact surfaces normals are averaged, or are those of a curved obstacle"
 
@@ -155,8 +153,9 @@ def flat_faces(problem: Problem) -> Floats | None:
     """
     constraints = problem.constraints
     mine = _distinct(np.column_stack([constraints.surface, constraints.normal]))
-    faces = _distinct(np.concatenate(problem.comm.allgather(mine[: MOST_FACES + 1])))
-    return faces if len(faces) <= MOST_FACES else None
+    most_faces = 64  # directions of contact beyond which surfaces count as curved
+    faces = _distinct(np.concatenate(problem.comm.allgather(mine[: most_faces + 1])))
+    return faces if len(faces) <= most_faces else None
 
 
 def rows_of(problem: Problem, face: Floats) -> PairFlags:

@@ -4,9 +4,6 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
 
-DIGITS = 6
-"""Decimals of components of normals that are compared."""
-
 
 def turned_axes(normal: Floats, held: PairFlags, aligned: PairFlags) -> tuple[Floats, PairFlags]:
     """Axes that begin with a normal, and which of them are held.
@@ -21,7 +18,8 @@ def turned_axes(normal: Floats, held: PairFlags, aligned: PairFlags) -> tuple[Fl
         Shapes (n, d, d) and (n, d).
     """
     tdim = normal.shape[1]
-    sizes = np.round(1 - np.abs(normal), DIGITS)
+    digits = 6  # decimals of components of normals that are compared
+    sizes = np.round(1 - np.abs(normal), digits)
     first = np.where(held, 3.0, np.where(aligned, 2.0, sizes))
     order = np.argsort(-first, axis=1, kind="stable")
     columns = np.swapaxes(np.eye(tdim)[order[:, : tdim - 1]], 1, 2)

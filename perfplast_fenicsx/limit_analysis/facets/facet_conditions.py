@@ -19,9 +19,6 @@ from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetNumber
 from perfplast_fenicsx.problem.declared.loads import is_bounded, is_known
 from perfplast_fenicsx.problem.problem import Problem
 
-ALONG = 1e-10
-"""Part of a unit normal that is rounding."""
-
 UNMATCHED = "surfaces in contact do not match facet by facet"
 
 OBLIQUE = "a support holds a surface in contact obliquely to its normal"
@@ -103,11 +100,13 @@ def facet_conditions(problem: Problem) -> FacetConditions:
     rubbing: list[Longs] = [np.zeros(0, dtype=np.int64)]
     oblique, matched, both_held = False, True, False
 
+    along = 1e-10  # part of a unit normal that is rounding
+
     def is_free(on: Ints, normal: Floats) -> npt.NDArray[np.bool_]:
         nonlocal oblique
         part = np.linalg.norm(np.where(held[on], 0.0, normal), axis=1)
-        free: npt.NDArray[np.bool_] = part > ALONG
-        oblique |= bool((free & (part < 1 - ALONG)).any())
+        free: npt.NDArray[np.bool_] = part > along
+        oblique |= bool((free & (part < 1 - along)).any())
         return free
 
     def turn(on: Ints | Longs, normal: Floats, aligned: PairFlags | None = None) -> None:

@@ -12,12 +12,6 @@ from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
 from perfplast_fenicsx.parallel import bounding_box, send_rows
 
-TOUCHING = 1e-6
-"""Distance of the middles of facets that touch, relative to the size of the surfaces."""
-
-SAME = 1e-8
-"""Distance of vertices, relative to the facet, and difference of normals that are rounding."""
-
 Flags = npt.NDArray[np.bool_]
 
 FacetRows = npt.NDArray[np.void]
@@ -77,7 +71,9 @@ def pair_facets(comm: MPI.Intracomm, primary: FacetRows, secondary: FacetRows) -
     gdim = primary["normal"].shape[1]
     corners = np.concatenate([primary["corners"], secondary["corners"]]).reshape(-1, gdim)
     low, high = bounding_box(comm, np.pad(corners, ((0, 0), (0, 3 - gdim))))
-    found = match_nodes(comm, primary, secondary, TOUCHING * float(np.linalg.norm(high - low)))
+    # Distance of the middles of facets that touch, relative to the size of the surfaces.
+    touching = 1e-6
+    found = match_nodes(comm, primary, secondary, touching * float(np.linalg.norm(high - low)))
     a, b = found.primary, found.secondary
     best = np.full(len(a), np.inf)
     order = np.zeros((len(a), gdim), dtype=np.int64)
@@ -90,7 +86,9 @@ def pair_facets(comm: MPI.Intracomm, primary: FacetRows, secondary: FacetRows) -
         best = np.minimum(off, best)
     size = np.ptp(a["corners"], axis=1).max(axis=1)
     turned = np.linalg.norm(a["normal"] + b["normal"], axis=1)
-    same = bool(((best <= SAME * size) & (turned <= SAME)).all())
+    # Distance of vertices, relative to the facet, and difference of normals that are rounding.
+    rounding = 1e-8
+    same = bool(((best <= rounding * size) & (turned <= rounding)).all())
     if found.alone or not comm.allreduce(same, MPI.LAND):
         return None
     return _to_owners(comm, a, b, order)

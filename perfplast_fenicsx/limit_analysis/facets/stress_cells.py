@@ -20,9 +20,6 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
 
-OFF_DIAGONAL = {2: ((0, 1),), 3: ((1, 2), (0, 2), (0, 1))}
-"""Components behind the diagonal ones in a Mandel vector, by dimension."""
-
 
 @dataclass(frozen=True)
 class CellLayout:
@@ -98,9 +95,11 @@ def tensors(gdim: int) -> Floats:
 def components(gdim: int) -> Floats:
     """Their components (Mandel) that are in equations, shape (1 + m, 3 or 6): not σ_zz in plane."""
     E = tensors(gdim)
+    # Components behind the diagonal ones in a Mandel vector, by dimension.
+    off_diagonal = {2: ((0, 1),), 3: ((1, 2), (0, 2), (0, 1))}
     return np.stack(
         [E[:, i, i] for i in range(gdim)]
-        + [math.sqrt(2) * E[:, i, j] for i, j in OFF_DIAGONAL[gdim]],
+        + [math.sqrt(2) * E[:, i, j] for i, j in off_diagonal[gdim]],
         axis=1,
     )
 

@@ -31,19 +31,6 @@ from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING, TINY
 
-MOST_FLOWS = 6
-"""From a velocity to a mechanism."""
-
-SETTLED = 1e-5
-"""Change of the bound in a flow, relative to the dissipation, that makes it the last."""
-
-STIFF = (1e4, 1e2)
-"""What flows less than the mean is at most so many times more viscous; the next one where rounding
-spoils a flow."""
-
-MOST_HOLDS = 4
-"""So many times pairs that a mechanism would close are held as well."""
-
 
 @dataclass(frozen=True)
 class UpperBound:
@@ -124,7 +111,10 @@ class KinematicBound:
         if flow is None:
             return UpperBound(None, None, 0, self.unable)
         before = flow.solves
-        for stiff in STIFF:
+        # What flows less than the mean is at most so many times more viscous; the
+        # next one where rounding spoils a flow.
+        penalties = (1e4, 1e2)
+        for stiff in penalties:
             flow.velocity.x.array[:] = velocity.x.array
             try:
                 self._enter_nothing(flow, active.copy(), stiff)
@@ -146,7 +136,8 @@ class KinematicBound:
     def _enter_nothing(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
         """Let the bodies flow, with pairs that close held as well."""
         self._descend(flow, held, stiff)
-        for _ in range(MOST_HOLDS):
+        most_holds = 4  # so many times pairs that a mechanism would close are held as well
+        for _ in range(most_holds):
             closing = flow.jumps() > ROUNDING
             if not self._comm.allreduce(int((closing & ~held).sum())):
                 return
@@ -157,12 +148,15 @@ class KinematicBound:
     def _descend(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
         """Let the bodies flow until the bound falls no more, and then admissibly."""
         bound = np.inf
-        for _ in range(MOST_FLOWS):
+        most_flows = 6  # from a velocity to a mechanism
+        # Change of the bound in a flow, relative to the dissipation, that makes it the last.
+        settled = 1e-5
+        for _ in range(most_flows):
             self._thicken(flow, stiff)
             flow.solve(held)
             power = self._power() + self._rubbed(flow)
             before, bound = bound, power - flow.dead_work()
-            if abs(before - bound) <= SETTLED * power:
+            if abs(before - bound) <= settled * power:
                 break
         flow.make_admissible()
 

@@ -15,24 +15,8 @@ from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.next_work import Leap, Reached
 
-MOST_LEVELS = 60
-"""Levels after which a curve counts as one that does not level off."""
-
 FAR = 1e6
 """So many times the work at first yield is looked at."""
-
-NEARLY = 1 - 1e-6
-"""Share of a work that counts as reached."""
-
-STRIDE, LEAP = 10.0, 100.0
-"""Growth of α where a mechanism is known, from and to: what ζ lacks of its limit falls by a power
-of α, which is taken to be the root."""
-
-EASY = 10
-"""Newton steps of a level that more than the smaller growth may follow."""
-
-MOST_FLOWS = 8
-"""So many times the last mechanism is improved where no level follows."""
 
 
 @dataclass
@@ -102,8 +86,10 @@ class Judge:
         points.append((state.alpha - (search.rest or 0.0), state.zeta))
         self._look_ahead(before, state)
         self._decide(self._estimate())
-        far = points[-1][0] >= NEARLY * FAR * points[0][0]
-        if not search.ended and (far or len(points) == MOST_LEVELS):
+        nearly = 1 - 1e-6  # share of a work that counts as reached
+        far = points[-1][0] >= nearly * FAR * points[0][0]
+        most_levels = 60  # levels after which a curve counts as one that does not level off
+        if not search.ended and (far or len(points) == most_levels):
             self._give_up(before, state, plastic_cells)
 
     def ahead(self, reached: Reached) -> Leap | None:
@@ -114,8 +100,12 @@ class Judge:
             self.solves = solves  # and counted
         if self._ahead is None:
             return None
-        farthest = LEAP if reached.newton_iterations <= EASY else STRIDE
-        growth = min(max((self._search.apart / self._rtol) ** 2, STRIDE), farthest)
+        # Growth of α where a mechanism is known, from and to: what ζ lacks of its limit falls by a
+        # power of α, which is taken to be the root.
+        stride, leap = 10.0, 100.0
+        easy = 10  # Newton steps of a level that more than the smaller growth may follow
+        farthest = leap if reached.newton_iterations <= easy else stride
+        growth = min(max((self._search.apart / self._rtol) ** 2, stride), farthest)
         end = FAR * self._search.points[0][0]
         far = min(growth * (reached.last.alpha - reached.rest), end)
         return Leap(reached.rest + far, self._ahead)
@@ -150,7 +140,9 @@ class Judge:
         """Bring the bounds together as far as they come without another level."""
         search = self._search
         velocity = self.mechanism or velocity
-        for _ in range(MOST_FLOWS):
+        # So many times the last mechanism is improved where no level follows.
+        most_flows = 8
+        for _ in range(most_flows):
             apart = search.apart
             found = self._improve(velocity, last) if apart > self._rtol else None
             if found is None or not search.apart < apart - self._rtol / 10:

@@ -5,19 +5,15 @@ from collections.abc import Sequence
 Points = Sequence[tuple[float, float]]
 """(α, ζ) of levels, α rising."""
 
-STEADY = 1e-11
-"""Growth of ζ, relative, that is rounding."""
-
-FLAT = 0.1
-"""A level that adds less to ζ, relative, is where a mechanism begins to show."""
-
 
 def is_flat(points: Points) -> bool:
     """Whether the last level has added little to ζ."""
     if len(points) < 2:
         return False
     (_, before), (_, zeta) = points[-2:]
-    return zeta - before <= FLAT * zeta
+    # A level that adds less to ζ, relative, is where a mechanism begins to show.
+    flattest = 0.1
+    return zeta - before <= flattest * zeta
 
 
 def tenfold_growth(points: Points) -> float:
@@ -41,7 +37,8 @@ def extrapolated_limit(points: Points) -> float | None:
     if len(points) < 3:
         return None
     (a, x), (b, y), (c, z) = points
-    if z - y <= STEADY * abs(z):
+    steady = 1e-11  # growth of ζ, relative, that is rounding
+    if z - y <= steady * abs(z):
         return z
     if y - x <= 0:
         return None

@@ -24,13 +24,9 @@ from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
 from perfplast_fenicsx.solvers.linear.petsc_options import BOUND, own_prefix
 
-PENALTY = 1e8
-"""Weight of what is inadmissible against the viscosity."""
-
 EXACT = 1e-11
 """A strain rate that is inadmissible counts as none below this share of ‖ε(v)‖."""
 
-MOST_ITERATIONS = 30
 
 LARGE = 60_000
 """From so many unknowns on the factors may use no more memory than there is to spare."""
@@ -66,12 +62,14 @@ class ViscousFlow:
             for on in laws
         }
 
+        penalty = 1e8  # weight of what is inadmissible against the viscosity
+
         def risen(on: LawOnCells) -> Expr:
-            return multipliers[on] + PENALTY * eta * on.law.yields.inadmissible(rate)
+            return multipliers[on] + penalty * eta * on.law.yields.inadmissible(rate)
 
         def density(on: LawOnCells) -> Expr:
             lost = (on.law.yields.inadmissible(e) for e in (trial, test))
-            return eta * (on.law.yields.resistance(trial, test) + PENALTY * ufl.dot(*lost))
+            return eta * (on.law.yields.resistance(trial, test) + penalty * ufl.dot(*lost))
 
         self._multipliers = [
             (multiplier, LawExpression([on], multiplier.function_space, risen))
@@ -140,7 +138,8 @@ class ViscousFlow:
             NoFlow: If nothing is left of it.
         """
         left, slowed = self._inadmissible(), np.inf
-        for _ in range(MOST_ITERATIONS):
+        most_iterations = 30
+        for _ in range(most_iterations):
             if left <= EXACT:
                 break
             self._ascend(1.0)

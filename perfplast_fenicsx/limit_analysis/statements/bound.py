@@ -12,11 +12,6 @@ TURNED = (
 """Why an axisymmetric mesh has none."""
 
 
-LEAST_SHARE = 1e-3
-"""What differences of bounds are measured by at least, relative to the load factor: where bodies
-that dead loads hold together part, nothing is dissipated."""
-
-
 def measure_of(dissipation: float, load: float) -> float:
     """What differences of load factors are measured by.
 
@@ -24,7 +19,10 @@ def measure_of(dissipation: float, load: float) -> float:
         dissipation: Of a mechanism with L(v) = 1, which is λ without dead loads.
         load: λ.
     """
-    return max(abs(dissipation), LEAST_SHARE * abs(load))
+    # What differences of bounds are measured by at least, relative to the load factor: where bodies
+    # that dead loads hold together part, nothing is dissipated.
+    least_share = 1e-3
+    return max(abs(dissipation), least_share * abs(load))
 
 
 class Scope(StrEnum):

@@ -14,18 +14,10 @@ from perfplast_fenicsx.rounding import TINY
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
 
-AT_ONCE = 3_000_000
-"""Entries of the cells' matrices that are computed at once."""
-
 RIDGE = 1e-13
 """Share of the diagonal that is added: rows of equilibrium may depend on each other where facets
 meet at right angles or cross."""
 
-PATTERN = 1.0
-"""Value of entries of which only it matters that they are there."""
-
-SMALL = 17
-"""Triangular matrices of this size are inverted at once."""
 
 UNPIVOTED = {**DIRECT, "mat_mumps_cntl_1": 0.0}
 """K is nowhere negative: pivots that MUMPS would look for take memory, and time."""
@@ -45,7 +37,8 @@ class CondensedStiffness(SprungMatrix):
         self._strains, self._held, self._out = strains, held, held
         facets, layout = strains.facets, strains.layout
         size = layout.outer + layout.inner
-        self._chunk = max(1, AT_ONCE // size**2)
+        at_once = 3_000_000  # entries of the cells' matrices that are computed at once
+        self._chunk = max(1, at_once // size**2)
         self._springs: Springs | None = None
         matrix = PETSc.Mat().create(facets.vector.comm)
         matrix.setType(PETSc.Mat.Type.AIJ)
@@ -106,7 +99,8 @@ class CondensedStiffness(SprungMatrix):
             TooLarge: With what is needed and what there is.
         """
         outer = self._strains.layout.outer
-        everywhere = np.full((self._strains.num_cells, outer, outer), PATTERN)
+        pattern = 1.0  # value of entries of which only it matters that they are there
+        everywhere = np.full((self._strains.num_cells, outer, outer), pattern)
         self._matrix.zeroEntries()
         self._fill(self._matrix, everywhere)
         self._ksp.setOperators(self._matrix)
@@ -203,7 +197,8 @@ def _roots(moduli: Moduli) -> Floats:
 def _inverse(L: Floats) -> Floats:
     """Inverses of lower triangular matrices, shape (n, size, size), by halves."""
     size = L.shape[-1]
-    if size <= SMALL:
+    small = 17  # triangular matrices of this size are inverted at once
+    if size <= small:
         return np.asarray(np.linalg.solve(L, np.broadcast_to(np.eye(size), L.shape)), np.float64)
     half = size // 2
     found = np.zeros_like(L)

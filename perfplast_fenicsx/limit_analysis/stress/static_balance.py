@@ -9,17 +9,6 @@ from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIt
 from perfplast_fenicsx.limit_analysis.conic.rebalancing import rebalance
 from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram
 
-ROUNDING = 1e-14
-"""Forces without balance, relative to strengths, that need not be corrected: what is left of bounds
-that have met to 1e-7 is still large beside the sum of them over some thousand rows."""
-
-ALMOST_BALANCED = 1e-13
-"""Forces without balance, relative to strengths, that are left to correct with other factors than
-those of the last step."""
-
-MOST_CORRECTIONS = 4
-"""With the same factors, as long as they halve what is left."""
-
 
 class StaticIteration(InteriorIteration):
     """The iteration of a stress, whose balance is judged row by row once it has ended.
@@ -50,13 +39,21 @@ class StaticIteration(InteriorIteration):
         """Bring stress and loads into balance, row by row, as far as rounding lets. Collective."""
         self._rows = self._static.forces_of_strengths()
         left = self.unbalanced()
-        for _ in range(MOST_CORRECTIONS):
-            if left <= ROUNDING:
+        # Forces without balance, relative to strengths, that need not be
+        # corrected: what is left of bounds that have met to 1e-7 is still large
+        # beside the sum of them over some thousand rows.
+        rounding = 1e-14
+        most_corrections = 4  # with the same factors, as long as they halve what is left
+        for _ in range(most_corrections):
+            if left <= rounding:
                 return
             before = left
             self.equilibrate()
             left = self.unbalanced()
             if not left < before / 2:
                 break
-        if not left <= ALMOST_BALANCED:
+        # Forces without balance, relative to strengths, that are left to correct with other
+        # factors than those of the last step.
+        almost_balanced = 1e-13
+        if not left <= almost_balanced:
             rebalance(self)

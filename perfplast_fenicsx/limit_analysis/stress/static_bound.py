@@ -43,12 +43,6 @@ from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.declared.loads import BOUNDED
 from perfplast_fenicsx.problem.problem import Problem
 
-LEFT = 2e-10
-"""Force without balance, relative to the strengths at its row, that rounding may leave. The
-certificate, which decides, has been seen to find half as much. Of mean stresses 1e6 times the
-strengths more is left; the load factor and the stress, still in equilibrium with it, are reduced to
-it."""
-
 CORNERS = (
     "no stress that is linear in the cells can carry the loads: where loaded, free and supported"
     " surfaces meet in a corner, one cell alone would have to; divide it, or refine the mesh there"
@@ -211,7 +205,12 @@ def _result(
     share = 1.0
     if not program.has_dead:
         left = static.unbalanced((pressure, deviator), value, aside)
-        share = min(1.0, LEFT / max(left, LEFT))
+        # Force without balance, relative to the strengths at its row, that rounding may leave.
+        # The certificate, which decides, has been seen to find half as much. Of mean stresses
+        # 1e6 times the strengths more is left; the load factor and the stress, still in
+        # equilibrium with it, are reduced to it.
+        left_over = 2e-10
+        share = min(1.0, left_over / max(left, left_over))
         pressure, deviator = share * pressure, share * deviator
         value, aside = share * value, share * aside
     certificate, pushes = certify_stress(static, pressure, deviator, value, aside)

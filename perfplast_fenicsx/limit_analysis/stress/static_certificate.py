@@ -16,18 +16,6 @@ ROUNDING = 1e-10
 """What may be left of a condition, relative to the least yield radius of the cells it touches: mean
 stresses, which nothing bounds, may be 1e5 times as large, and have their own rounding."""
 
-LEFT_OF_LOAD = 1e-10
-"""All forces without balance together, relative to the loads: bounds are never sought nearer to
-each other than 1e-4, and this is a millionth of it."""
-
-LEFT_OF_STRENGTH = 1e-7
-"""All forces without balance together, relative to what the weakest cell can bear: even if one cell
-had to bear them all, that would be a ten-millionth of its strength."""
-
-ON_MECHANISM = 5e-11
-"""Work of the forces without balance on a mechanism with L(v) = 1, relative to its bound: half of a
-millionth of 1e-4, the least distance of two bounds, as others may add up otherwise."""
-
 
 @dataclass(frozen=True)
 class StaticCertificate:
@@ -73,10 +61,16 @@ class StaticCertificate:
     def in_equilibrium(self) -> bool:
         """Whether the stress is in equilibrium, but for rounding."""
         each = (self.equilibrium, self.traction, self.shear, self.tension)
+        # All forces without balance together, relative to the loads: bounds are never sought nearer
+        # to each other than 1e-4, and this is a millionth of it.
+        left_of_load = 1e-10
+        # All forces without balance together, relative to what the weakest cell can bear: even if
+        # one cell had to bear them all, that would be a ten-millionth of its strength.
+        left_of_strength = 1e-7
         return (
             all(value <= ROUNDING for value in each)
-            and self.left_of_load <= LEFT_OF_LOAD
-            and self.left_of_strength <= LEFT_OF_STRENGTH
+            and self.left_of_load <= left_of_load
+            and self.left_of_strength <= left_of_strength
         )
 
 
@@ -161,7 +155,10 @@ def beside_mechanism(
     """
     mine = float(np.abs(mechanism.x.array).max(initial=0.0))
     speed = mechanism.function_space.mesh.comm.allreduce(mine, MPI.MAX)
-    if not lower.strict or certificate.forces * speed <= ON_MECHANISM * power:
+    # Work of the forces without balance on a mechanism with L(v) = 1, relative to its bound: half
+    # of a millionth of 1e-4, the least distance of two bounds, as others may add up otherwise.
+    on_mechanism = 5e-11
+    if not lower.strict or certificate.forces * speed <= on_mechanism * power:
         return lower
     why = "what rounding leaves of its balance does work on the mechanism"
     return replace(lower, of=Scope.MESH, why_not=(*lower.why_not, why))

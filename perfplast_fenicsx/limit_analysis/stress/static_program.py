@@ -26,16 +26,6 @@ from perfplast_fenicsx.limit_analysis.stress.condensed_stiffness import Condense
 from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains
 from perfplast_fenicsx.problem.problem import Problem
 
-MISSING = 1e-2
-"""Share of the loads that, where it is left, no stress can carry; of a shear beside a free side it
-is a half."""
-
-MOST_REFINEMENTS = 10
-"""Of a flow: slender bodies move so far that some of their loads goes into the ridge of K."""
-
-REFINED = 0.9
-"""Share of what was left before a refinement, above which it has not helped."""
-
 
 @dataclass(frozen=True, eq=False)
 class StaticProgram:
@@ -100,7 +90,14 @@ class StaticProgram:
         program.load.copy(left)
         largest = PETSc.NormType.NORM_INFINITY
         whole, missing = program.load.norm(largest), np.inf
-        for _ in range(MOST_REFINEMENTS):
+        # Share of the loads that, where it is left, no stress can carry; of a
+        # shear beside a free side it is a half.
+        least_missing = 1e-2
+        # Of a flow: slender bodies move so far that some of their loads goes into the ridge of K.
+        most_refinements = 10
+        # Share of what was left before a refinement, above which it has not helped.
+        refined = 0.9
+        for _ in range(most_refinements):
             program.stiffness.solve(left, more)
             flow.axpy(1.0, more)
             pressure, deviator = program.viscous_stress(flow)
@@ -108,11 +105,11 @@ class StaticProgram:
             left.array[program.jumps] += program.springs * flow.array_r[program.jumps]
             left.aypx(-1.0, program.load)
             before, missing = missing, left.norm(largest) / whole
-            if missing <= MISSING or not missing < REFINED * before:
+            if missing <= least_missing or not missing < refined * before:
                 break
         for vector in (flow, left, more):
             vector.destroy()
-        return bool(missing <= MISSING)
+        return bool(missing <= least_missing)
 
     def unbalanced(self, stress: Stress, load: float, aside: float) -> float:
         """Largest force that nothing balances, relative to the strengths at its row. Collective.

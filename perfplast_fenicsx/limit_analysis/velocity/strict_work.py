@@ -43,29 +43,6 @@ GROWS_TOO_LITTLE = (
     " for a mechanism that does everywhere"
 )
 
-PROVABLE = 5e-10
-"""Work of the loads' own stress at what volume changes, relative to that of the loads, up to which
-a mechanism counts as a proof; half of what is left of it to whoever checks it cell by cell."""
-
-ASIDE = 1e-6
-"""Work of live loads on a mechanism of dead ones that counts as none, relative to the norms of
-both. It would count at load factors some million times as large as those that bodies bear."""
-
-AT_REST = 1e-5
-"""Strain rates, relative to velocities over the size of the bodies, that are next to none."""
-
-ADMISSIBLE = 1e-9
-"""Volume change in plastic bodies, or what it lacks in those that dilate, and strain in elastic
-ones that are rounding, beside ‖ε(v)‖."""
-
-MEAN_STRESSES = 10.0
-"""Stresses that nothing bounds, times the largest load: what volume changes and strains of elastic
-bodies that are left cost of the work. Beside pressures that nearly balance each other 1e-12 of
-strain is 1e-6 of the work."""
-
-ROUNDINGS = 32.0
-"""Roundings of a strain rate: there are that many products in the gradient of a quadratic."""
-
 
 def strict_upper_bound(
     problem: Problem,
@@ -93,6 +70,14 @@ def strict_upper_bound(
     if problem.tagged_mesh.axisymmetric:
         return Bound(None, "upper", Scope.MESH, (TURNED,))
     strains, velocity = PointStrains(problem), mechanism.x.petsc_vec
+    # Work of live loads on a mechanism of dead ones that counts as none, relative to the norms of
+    # both. It would count at load factors some million times as large as those that bodies bear.
+    least_parting = 1e-6
+    # Strain rates, relative to velocities over the size of the bodies, that are next to none.
+    slowest = 1e-5
+    # Volume change in plastic bodies, or what it lacks in those that dilate, and strain in elastic
+    # ones that are rounding, beside ‖ε(v)‖.
+    admissible = 1e-9
     try:
         trace, deviator = strains.of_function(mechanism)
         plastic = np.isfinite(strains.radii)
@@ -112,17 +97,17 @@ def strict_upper_bound(
         v = np.abs(mechanism.x.array.reshape(problem.fixed.shape))
         largest = np.array([v[problem.fixed].max(initial=0), v.max(initial=0)])
         comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-        held = largest[0] <= ADMISSIBLE * largest[1]
+        held = largest[0] <= admissible * largest[1]
         slip = slip_work(problem, mechanism)
         whole += slip.squares
         if not problem.loads.is_proportional():  # bodies may part as rigid ones, and strain by none
             total = comm.allreduce(float(weights.sum()))
             usual = largest[1] / total ** (1 / strains.gdim)
-            whole = max(whole, (AT_REST * usual) ** 2 * total)
-        ends = abs(aside) <= ASIDE * problem.loads.live.norm() * velocity.norm()
-        if not (held and ends and whole > 0 and part <= ADMISSIBLE**2 * whole and work > 0):
+            whole = max(whole, (slowest * usual) ** 2 * total)
+        ends = abs(aside) <= least_parting * problem.loads.live.norm() * velocity.norm()
+        if not (held and ends and whole > 0 and part <= admissible**2 * whole and work > 0):
             return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
-        if not lacking <= ADMISSIBLE**2 * whole:
+        if not lacking <= admissible**2 * whole:
             return Bound(None, "upper", Scope.MESH, (GROWS_TOO_LITTLE,))
         mine = dissipation_of_cells(problem, strains, trace, deviator, subdivisions).sum()
         radii = np.where(plastic, strains.radii, 0.0)
@@ -130,7 +115,7 @@ def strict_upper_bound(
         strengths = volumes * steepness[points_of_cells(problem)].min(axis=1)
         added = _of_rounding(problem, mechanism, strengths).sum()
         rates = np.sqrt(squares)
-        rest = rates <= ADMISSIBLE * np.sqrt(whole / comm.allreduce(float(weights.sum())))
+        rest = rates <= admissible * np.sqrt(whole / comm.allreduce(float(weights.sum())))
         at_rest = (weights * radii)[rest] @ rates[rest]
         kept = np.where(dilating, 0.0, trace)
         wrongly = np.column_stack([kept, np.where(plastic[:, None], 0.0, deviator)])
@@ -148,9 +133,17 @@ def strict_upper_bound(
     )
     excess = dissipation - dead
     stress = abs(excess / work) * at_one + at_zero
-    provable = most * stress <= PROVABLE * measure_of(dissipation, excess)
-    excess += MEAN_STRESSES * lost * at_zero
-    work -= np.copysign(MEAN_STRESSES * lost * at_one, excess)
+    # Work of the loads' own stress at what volume changes, relative to that of
+    # the loads, up to which a mechanism counts as a proof; half of what is left
+    # of it to whoever checks it cell by cell.
+    least_charge = 5e-10
+    provable = most * stress <= least_charge * measure_of(dissipation, excess)
+    # Stresses that nothing bounds, times the largest load: what volume changes and strains of
+    # elastic bodies that are left cost of the work. Beside pressures that nearly balance each other
+    # 1e-12 of strain is 1e-6 of the work.
+    mean_stresses = 10.0
+    excess += mean_stresses * lost * at_zero
+    work -= np.copysign(mean_stresses * lost * at_one, excess)
     if not work > 0:
         return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
     why_not = [] if provable else ["volume changes of the mechanism are more than rounding"]
@@ -189,5 +182,7 @@ def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -
     values = mechanism.x.array.reshape(-1, tdim)[V.dofmap.list[: len(vertices)]]
     fastest = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
     steepest = np.linalg.norm(slopes, axis=2).max(axis=1, initial=0.0)
-    added: Floats = ROUNDINGS * np.finfo(np.float64).eps * strengths * fastest * steepest
+    # Roundings of a strain rate: there are that many products in the gradient of a quadratic.
+    roundings = 32.0
+    added: Floats = roundings * np.finfo(np.float64).eps * strengths * fastest * steepest
     return added

@@ -10,15 +10,6 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.loads import Bearing, CosinePressure
 from perfplast_fenicsx.problem.declared.rigid_surface import fitting
 
-MOST_STEPS = 50
-"""Of Newton's method; each halves the distance at least until the facets that are pressed stay."""
-
-EXACT = 1e-11
-"""What is left of the force, relative to it."""
-
-FLAT = 1e-9
-"""Directions whose stiffness is less than this share of the largest cannot be pressed along."""
-
 
 def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
     """The pressure p = max(0, −a·n) whose resultant on the mesh is the force. Collective.
@@ -42,11 +33,16 @@ def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
     size = float(np.linalg.norm(force))
     a: Floats = np.asarray(force / resultant.area(), dtype=np.float64)
     found, slope = resultant.of(a)
-    for _ in range(MOST_STEPS):
+    # Of Newton's method; each halves the distance at least until the facets that are pressed stay.
+    most_steps = 50
+    left_over = 1e-11  # what is left of the force, relative to it
+    # Directions whose stiffness is less than this share of the largest cannot be pressed along.
+    unsupported = 1e-9
+    for _ in range(most_steps):
         left = force - found
-        if np.linalg.norm(left) <= EXACT * size:
+        if np.linalg.norm(left) <= left_over * size:
             return CosinePressure(load.on, tuple(map(float, a)), load.name, load.constant)
-        step = np.linalg.lstsq(slope, left, rcond=FLAT)[0]
+        step = np.linalg.lstsq(slope, left, rcond=unsupported)[0]
         share, before = 1.0, float(np.linalg.norm(left))
         while share > 1e-3:
             trial, steep = resultant.of(a + share * step)

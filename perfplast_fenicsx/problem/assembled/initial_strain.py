@@ -21,9 +21,6 @@ from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, LawO
 from perfplast_fenicsx.problem.assembled.spaces import Spaces
 from perfplast_fenicsx.problem.declared.initial import Initial, InitialStress, Temperature
 
-COMPONENTS = {4: "xx, yy, zz and xy", 6: "xx, yy, zz, yz, xz and xy"}
-"""Of an initial stress, by the number of Mandel components."""
-
 
 def initial_strain(
     tagged_mesh: TaggedMesh,
@@ -80,9 +77,11 @@ def _expansion(
 def _mandel(given: InitialStress, x: Floats, points: Ints, width: int) -> Floats:
     """σ₀ at points as Mandel vectors, shape (num_points, width)."""
     if len(given.stress) != width:
+        # Of an initial stress, by the number of Mandel components.
+        components = {4: "xx, yy, zz and xy", 6: "xx, yy, zz, yz, xz and xy"}
         raise InputError(
             f"the initial stress of '{given.on}' has {len(given.stress)} components, where"
-            f" {COMPONENTS[width]} are needed; give these {width}."
+            f" {components[width]} are needed; give these {width}."
         )
     place = f"the initial stress of '{given.on}'"
     values = np.column_stack([evaluate(value, x[points], place) for value in given.stress])

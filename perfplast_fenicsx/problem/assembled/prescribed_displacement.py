@@ -20,9 +20,6 @@ from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.declared.supports import AXES, Support
 from perfplast_fenicsx.rounding import ROUNDING
 
-SAME = 1e-12
-"""Displacements that differ by this share of the largest are one."""
-
 
 def conditions_at_rest(V: fem.FunctionSpace, held: npt.NDArray[np.bool_]) -> list[fem.DirichletBC]:
     """The conditions of increments: 0 at held components, flags of shape (num_nodes, gdim)."""
@@ -51,6 +48,7 @@ def known_displacements(
     x = V.tabulate_dof_coordinates()[:, :gdim]
     fixed, values, message = np.zeros(x.shape, dtype=bool), np.zeros((2, *x.shape)), None
     holder = np.full(x.shape, -1, dtype=np.int32)
+    rounding = 1e-12  # displacements that differ by this share of the largest are one
     for number, support in enumerate(supports):
         nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(support.on))
         given = np.zeros((2, len(nodes), gdim))
@@ -58,7 +56,7 @@ def known_displacements(
         most = tagged_mesh.mesh.comm.allreduce(float(np.abs(given).max(initial=0)), MPI.MAX)
         for axis in support.axes(gdim):
             old, new = values[:, nodes, axis], given[:, :, axis]
-            apart = np.abs(old - new) > SAME * np.maximum(np.abs(old), most)
+            apart = np.abs(old - new) > rounding * np.maximum(np.abs(old), most)
             differs = fixed[nodes, axis] & apart.any(axis=0)
             if differs.any():
                 first = int(np.argmax(differs))

@@ -23,12 +23,6 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, turned
 from perfplast_fenicsx.problem.declared.supports import AXES
 
-FLAT = 1e-6
-"""Nodes that lie nearer to a point, or a line, relative to the surface, do not lead."""
-
-ALIKE = 1e-9
-"""Distances that differ by less, relative to the surface, are equal: place decides, not ranks."""
-
 
 @dataclass(frozen=True)
 class Leaders:
@@ -114,23 +108,28 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     middle = total / count
     size = comm.allreduce(float(np.linalg.norm(x - middle, axis=1).max(initial=0)), MPI.MAX)
 
+    # Distances that differ by less, relative to the surface, are equal: place decides, not ranks.
+    alike = 1e-9
+
     def farthest(distance: Floats) -> tuple[float, int, Floats]:
-        return _farthest(comm, distance, number, x, ALIKE * size)
+        return _farthest(comm, distance, number, x, alike * size)
 
     _, a, x_a = farthest(np.linalg.norm(x - middle, axis=1))
     length, b, x_b = farthest(np.linalg.norm(x - x_a, axis=1))
     chosen, places, height = [a, b], [x_a, x_b], length
-    along = (x_b - x_a) / max(length, FLAT * size, np.finfo(float).tiny)
+    # Nodes that lie nearer to a point, or a line, relative to the surface, do not lead.
+    in_line = 1e-6
+    along = (x_b - x_a) / max(length, in_line * size, np.finfo(float).tiny)
     if gdim == 2:
         frame = [along, np.array([-along[1], along[0]])]
     else:
         arms = x - x_a
         height, c, x_c = farthest(np.linalg.norm(arms - np.outer(arms @ along, along), axis=1))
         across = x_c - x_a - ((x_c - x_a) @ along) * along
-        across /= max(height, FLAT * size, np.finfo(float).tiny)
+        across /= max(height, in_line * size, np.finfo(float).tiny)
         chosen, places = [a, b, c], [x_a, x_b, x_c]
         frame = [along, across, np.cross(along, across)]
-    if not (length > FLAT * size and height > FLAT * size):
+    if not (length > in_line * size and height > in_line * size):
         kind = "a point" if gdim == 2 else "a line"
         raise InputError(
             f"the nodes of the rigid surface '{surface}' lie in {kind}, which cannot be turned;"

@@ -13,8 +13,6 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.mandel import mandel_size
 from perfplast_fenicsx.mesh.kinematics import Kinematics
 
-DEGREES = (1, 2)
-
 
 @dataclass(frozen=True)
 class Spaces:
@@ -45,7 +43,8 @@ def make_spaces(mesh: Mesh, degree: int, kinematics: Kinematics | None = None) -
     Raises:
         InputError: If the degree is not 1 or 2.
     """
-    if degree not in DEGREES or isinstance(degree, bool):
+    degrees = (1, 2)
+    if degree not in degrees or isinstance(degree, bool):
         raise InputError(f"degree = {degree!r} is not an element here; give 1 (linear) or 2.")
     gdim, cell = mesh.geometry.dim, mesh.basix_cell()
     metadata = {"quadrature_degree": _accuracy(degree), "quadrature_scheme": "default"}

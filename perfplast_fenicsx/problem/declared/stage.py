@@ -12,9 +12,6 @@ from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.declared.supports import Support
 
-MOST_STEPS = 1_000_000
-"""Of a stage. Times nearer to each other could not be told apart."""
-
 Mover = Support | RigidSurface | Obstacle | Contact
 """What may move by a given way, such as the overlap of a contact."""
 
@@ -42,9 +39,11 @@ class Stage:
 
     def __post_init__(self) -> None:
         whole = isinstance(self.steps, int) and not isinstance(self.steps, bool)
-        if not (whole and 1 <= self.steps <= MOST_STEPS):
+        # Of a stage. Times nearer to each other could not be told apart.
+        most_steps = 1_000_000
+        if not (whole and 1 <= self.steps <= most_steps):
             raise InputError(
-                f"steps = {self.steps!r} is no number of levels; give 1 to {MOST_STEPS}."
+                f"steps = {self.steps!r} is no number of levels; give 1 to {most_steps}."
             )
         for name, factor in self.factors.items():
             if not math.isfinite(factor):

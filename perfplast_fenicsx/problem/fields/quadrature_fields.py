@@ -23,9 +23,6 @@ from perfplast_fenicsx.problem.fields.energy_norms import (
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.profiling import phase
 
-LEAST = 1e-4
-"""Share of the energy of the strain, were it elastic, that gaps behind plastic flow are told by."""
-
 
 class QuadratureFields:
     """Strain and stress at u.
@@ -144,7 +141,10 @@ class QuadratureFields:
         are relative to more: at least to 1e-4 of the energy that the strain would have.
         """
         energy = abs(self.potential()) + self.stress_norm2() / 2
-        return max(energy, LEAST * self.u_norm2() / 2) if self._remembers else energy
+        # Share of the energy of the strain, were it elastic, that
+        # gaps behind plastic flow are told by.
+        share = 1e-4
+        return max(energy, share * self.u_norm2() / 2) if self._remembers else energy
 
     def inner_force(self) -> float:
         """Norm of the forces by which stress alone, without any load, pulls at nodes. Collective.

@@ -19,9 +19,6 @@ from perfplast_fenicsx.problem.judged.resultants import Resultants, resultants
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import TINY
 
-ROUNDING = 1e-13
-"""Slip below this share of the largest displacement is none."""
-
 LEAST_PUSH = 1e-6
 """Surfaces that push and rub by less than this share of the forces that stress leaves at nodes are
 judged as if they did by so much: what rounding leaves to them decides nothing."""
@@ -164,7 +161,8 @@ def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats, least:
     if not friction.count:
         return Rubbed(forces, jumps, 0.0, 0.0, 0.0, 0)
     sizes = norms(jumps)
-    slips = sizes > ROUNDING * y.norm(PETSc.NormType.NORM_INFINITY)
+    rounding = 1e-13  # slip below this share of the largest displacement is none
+    slips = sizes > rounding * y.norm(PETSc.NormType.NORM_INFINITY)
     energy = comm.allreduce(friction.energy(np.where(slips[:, None], jumps, 0.0)))
     excess = float((norms(forces) - friction.bound).max(initial=0))
     finite = friction.bound[np.isfinite(friction.bound)]

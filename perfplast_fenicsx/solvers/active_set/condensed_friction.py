@@ -22,13 +22,11 @@ from perfplast_fenicsx.solvers.active_set.equality_qp import (
 )
 from perfplast_fenicsx.solvers.active_set.slip import Slip
 
-MOST_UNKNOWNS = 300
-"""So many pairs and places are condensed at most."""
-
 
 def condensable(program: EqualityProgram, friction: Friction) -> bool:
     """Whether slip has two directions, and pairs and places are few. Collective."""
-    few = program.comm.allreduce(len(program.index) + len(friction.index)) <= MOST_UNKNOWNS
+    most_unknowns = 300  # so many pairs and places are condensed at most
+    few = program.comm.allreduce(len(program.index) + len(friction.index)) <= most_unknowns
     return few and friction.index.shape[1] == 1
 
 

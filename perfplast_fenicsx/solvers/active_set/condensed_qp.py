@@ -15,9 +15,6 @@ from perfplast_fenicsx.solvers.active_set.equality_qp import (
 TOLERANCE = 1e-6
 """Relative tolerance of the linear solves that condense."""
 
-REGULARISATION = 1e-13
-"""Smallest eigenvalue of the scaled matrix, lest rounding make it indefinite."""
-
 
 @dataclass(frozen=True)
 class Condensed:
@@ -106,7 +103,9 @@ def openings(stiffness: Floats, forces: Floats) -> Floats:
     largest = float(np.diag(S).max(initial=1e-300))
     scale = np.sqrt(np.maximum(np.diag(S), 1e-30 * largest))
     values, vectors = np.linalg.eigh(S / np.outer(scale, scale))
-    roots = np.sqrt(np.maximum(values, REGULARISATION))
+    # Smallest eigenvalue of the scaled matrix, lest rounding make it indefinite.
+    regularisation = 1e-13
+    roots = np.sqrt(np.maximum(values, regularisation))
     found, _ = nnls(roots[:, None] * vectors.T, (vectors.T @ (forces / scale)) / roots)
     scaled: Floats = found
     return scaled

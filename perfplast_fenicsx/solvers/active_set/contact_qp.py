@@ -39,9 +39,6 @@ from perfplast_fenicsx.solvers.active_set.variational_inequality import (
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
 
-MOST_CONDENSED = 300
-"""So many pairs are condensed at most; beyond, the step is used as it is."""
-
 
 @dataclass(frozen=True)
 class ContactStep:
@@ -212,7 +209,9 @@ class ContactProgram:
             The last solution, and whether it is that of the contact QP.
         """
         model, held = solution.model, solution.held & ~circling
-        while 0 < self._comm.allreduce(int(circling.sum())) <= MOST_CONDENSED:
+        # So many pairs are condensed at most; beyond, the step is used as it is.
+        most_condensed = 300
+        while 0 < self._comm.allreduce(int(circling.sum())) <= most_condensed:
             condensed = condense(self.equality, model, held=held, undecided=circling)
             held = np.where(circling, condensed.closed, held)
             # not corrected: condensing has solved for other things

@@ -35,23 +35,6 @@ from perfplast_fenicsx.solvers.active_set.slip import (
 )
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
-MOST_LINEARISATIONS = 20
-
-SPLITTINGS = (20, 80, 320)
-"""So many steps of splitting each time that places still stick and slip in turn."""
-
-SETTLED = 1e-9
-"""Distance from the law of friction, relative to the largest force, that is none."""
-
-
-DRAGGED = (0.1, 0.9)
-"""Shares of what resists a step between which drag is too strong: below it hardly matters, and
-above nothing else resists, so that with less of it a body would be thrown about."""
-
-LOOSER, LEAST_DRAG = 0.1, 1e-11
-"""Drag is weakened to so much of itself, and down to so much of the bodies' stiffness, where linear
-systems still have some digits."""
-
 
 @dataclass(frozen=True)
 class FrictionStep:
@@ -134,7 +117,9 @@ class FrictionProgram:
         asked = _Asked(r, room, jumps, rtol, work, first)
         found = self._linearise(asked, active, slip, most_sets)
         condenses = condensable(self._program.equality, self._problem.friction)
-        ways = () if most_sets is not None else (0,) if condenses else SPLITTINGS
+        # So many steps of splitting each time that places still stick and slip in turn.
+        splittings = (20, 80, 320)
+        ways = () if most_sets is not None else (0,) if condenses else splittings
         for steps in ways:
             if found.step.settled or not found.turns:
                 break
@@ -160,7 +145,10 @@ class FrictionProgram:
             asked.jumps,
         )
         iterations = 0
-        for _ in range(MOST_LINEARISATIONS):
+        most_linearisations = 20
+        # Distance from the law of friction, relative to the largest force, that is none.
+        least_distance = 1e-9
+        for _ in range(most_linearisations):
             asked.r.copy(self._r)
             friction.add(forces_of(slip, friction.bound, jumps), self._r.array)
             self._operator.add_springs((friction.index, springs(slip, k, self._drag)))
@@ -180,7 +168,7 @@ class FrictionProgram:
             worst = np.array([off.max(initial=0), largest.max(initial=0)])
             comm.Allreduce(MPI.IN_PLACE, worst, MPI.MAX)
             changes = comm.allreduce(int((following.sticks != slip.sticks).sum()))
-            settled = changes == 0 and worst[0] <= SETTLED * worst[1]
+            settled = changes == 0 and worst[0] <= least_distance * worst[1]
             last, slip, active = slip, following, step.active
             if settled or most_sets is not None:
                 break
@@ -198,9 +186,14 @@ class FrictionProgram:
         resisted = self._image.dot(delta)
         along = np.einsum("ni,ni->n", slip.along, change)
         dragged = float(self._problem.comm.allreduce(self._stiffness @ along**2)) * self._drag
-        low, high = DRAGGED
+        # Shares of what resists a step between which drag is too strong: below it hardly matters,
+        # and above nothing else resists, so that with less of it a body would be thrown about.
+        low, high = 0.1, 0.9
         if low * resisted < dragged < high * resisted:
-            self._drag = max(LOOSER * self._drag, LEAST_DRAG)
+            # Drag is weakened to so much of itself, and down to so much of the bodies' stiffness,
+            # where linear systems still have some digits.
+            looser, least_drag = 0.1, 1e-11
+            self._drag = max(looser * self._drag, least_drag)
 
     def _condense(self, asked: _Asked) -> tuple[Slip, PairFlags, int]:
         """Solve for pairs and places alone; see :func:`condense_friction`. Collective."""

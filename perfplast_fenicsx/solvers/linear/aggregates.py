@@ -28,9 +28,6 @@ AGGREGATION = {
     "mg_coarse_pc_type": "none",
 }
 
-RIGID = 1e-8
-"""A motion that differs less from rigid ones, relative to itself, adds nothing to an aggregate."""
-
 
 @dataclass(frozen=True)
 class Aggregates:
@@ -96,7 +93,10 @@ class Aggregates:
         ones = Aggregates(self.members, self.count, np.ones((len(motion), 1, 1)))
         sums = ones.interpolation(comm)
         whole, size = (np.sqrt(_restrict(sums, (m**2).sum(axis=1))) for m in (motion, left))
-        size[size <= RIGID * whole] = 0.0
+        # A motion that differs less from rigid ones, relative to
+        # itself, adds nothing to an aggregate.
+        rigid = 1e-8
+        size[size <= rigid * whole] = 0.0
         inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
         added = left * _prolong(sums, inverse)[:, None]
         sums.destroy()

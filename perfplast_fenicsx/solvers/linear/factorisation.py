@@ -24,15 +24,6 @@ DIRECT = {
     "mat_mumps_icntl_14": 100,  # more room to work in (%): pivoting in parallel may need it
 }
 
-KEPT = {"ksp_type": "cg", "ksp_norm_type": "unpreconditioned"}
-"""How systems are solved with the factors of another matrix."""
-
-BALANCE = 40.0
-"""An entry of the factors costs CG as much time as so many operations cost a factorisation, which
-works in cache."""
-
-LEAST_WORTH = 5
-"""Factorisations that cost less than so many iterations are always made anew."""
 
 USELESS = 0.1
 """A solution that leaves more of the right-hand side is none."""
@@ -61,7 +52,9 @@ class Factorisation:
         self.name = solver_name(self._ksp.getType(), self._ksp.getPC().getType())
         self._matrix: PETSc.Mat | None = None
         self._cg = PETSc.KSP().create(comm)
-        self._cg.setOptionsPrefix(own_prefix(LINEAR, KEPT, heed=False))
+        # How systems are solved with the factors of another matrix.
+        kept = {"ksp_type": "cg", "ksp_norm_type": "unpreconditioned"}
+        self._cg.setOptionsPrefix(own_prefix(LINEAR, kept, heed=False))
         self._cg.setFromOptions()
         self._cg.setPC(self._ksp.getPC())
         self._kept = self._failed = False
@@ -75,8 +68,13 @@ class Factorisation:
         factors = pc.getFactorMatrix()
         entries = factors.getMumpsInfog(ENTRIES)
         entries = entries if entries >= 0 else -1e6 * entries  # in millions where there are many
-        iterations = int(factors.getMumpsRinfog(OPERATIONS) / (BALANCE * max(entries, 1)))
-        return iterations if iterations >= LEAST_WORTH else 0
+        # An entry of the factors costs CG as much time as so many operations cost a
+        # factorisation, which works in cache.
+        balance = 40.0
+        iterations = int(factors.getMumpsRinfog(OPERATIONS) / (balance * max(entries, 1)))
+        # Factorisations that cost less than so many iterations are always made anew.
+        least_worth = 5
+        return iterations if iterations >= least_worth else 0
 
     def price(self) -> Price:
         """What a factorisation would cost; leaves nothing set up. Collective."""

@@ -14,9 +14,6 @@ from dolfinx.fem import petsc as fem_petsc
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.problem.problem import Problem
 
-AT_VERTEX = 0.9
-"""A linear shape function is larger at its own vertex only; at midsides it is a half at most."""
-
 
 class LinearElements:
     """The linear elements of a problem with quadratic displacements.
@@ -65,7 +62,9 @@ class LinearElements:
 def _vertex_rows(interpolation: PETSc.Mat) -> PETSc.Mat:
     """An interpolation with its rows of vertices alone. Collective."""
     pointer, column, value = interpolation.getValuesCSR()
-    kept = value > AT_VERTEX
+    # A linear shape function is larger at its own vertex only; at midsides it is a half at most.
+    at_vertex = 0.9
+    kept = value > at_vertex
     row = np.repeat(np.arange(len(pointer) - 1), np.diff(pointer))[kept]
     begin = np.searchsorted(row, np.arange(len(pointer))).astype(PETSc.IntType)
     csr = (begin, column[kept], np.ones(len(row)))

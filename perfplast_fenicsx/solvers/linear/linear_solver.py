@@ -30,12 +30,6 @@ DIRECT_LIMIT = {2: 300_000, 3: 40_000}
 FEW_ITERATIONS = 50
 """A solve by multigrid in no more Krylov iterations is not compared with a factorisation."""
 
-SAME = 1e-9
-"""Two stiffness matrices whose norms differ by less, relative, are one."""
-
-CHANGES = 4
-"""Factors are kept where no more than one in so many of the iterations that they are worth is the
-number of unknowns that are held no more, or for the first time: each costs one or two."""
 
 WORTH_A_MOTION = 6.0
 """Krylov iterations a decimal digit from which on coarse spaces get the last solution as a motion;
@@ -131,7 +125,9 @@ class LinearSolver:
         """Take a new operator, or the same one with new values; nothing is held. Collective."""
         self._operator, self._ready = operator, False
         norm = operator.stiffness.norm(PETSc.NormType.FROBENIUS) if self.direct else 0.0
-        self._other = not abs(norm - self._norm) <= SAME * norm
+        # Two stiffness matrices whose norms differ by less, relative, are one.
+        rounding = 1e-9
+        self._other = not abs(norm - self._norm) <= rounding * norm
         self._norm = norm
         if not self._method.prepare(operator):
             self._replace(Factorisation(self._problem.comm, heed=False))
@@ -223,7 +219,11 @@ class LinearSolver:
         """
         if self._setup.due or (self.direct and self._other):
             return True
-        if self.direct and CHANGES * self._changes() > self._method.worth:
+        # Factors are kept where no more than one in so many of the iterations that
+        # they are worth is the number of unknowns that are held no more, or for
+        # the first time: each costs one or two.
+        changes = 4
+        if self.direct and changes * self._changes() > self._method.worth:
             return True
         return self._setup.excess >= self._method.worth
 

@@ -10,14 +10,8 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.machine_memory import has_memory, spare_memory
 from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
 
-ROOM, NEEDED, MOST = 14, 15, 23
-"""MUMPS's numbers of: more room to work in (%), what a rank needs, and what it may take (MB)."""
-
 OPERATIONS, ENTRIES = 3, 29
 """MUMPS's numbers of: operations of the factorisation there is, and entries of its factors."""
-
-ESTIMATED = 1
-"""MUMPS's number of the operations that a factorisation would take, by its analysis."""
 
 
 @dataclass(frozen=True)
@@ -58,10 +52,14 @@ def _analyse(ksp: PETSc.KSP) -> tuple[float, float]:
     pc = ksp.getPC()
     pc.setFactorSetUpSolverType()
     factors = pc.getFactorMatrix()
-    factors.setMumpsIcntl(MOST, 1)
+    # MUMPS's numbers of: more room to work in (%), what a rank needs, and what it may take (MB).
+    room, needed, most = 14, 15, 23
+    factors.setMumpsIcntl(most, 1)
     ksp.setUp()
-    least = factors.getMumpsInfo(NEEDED) * 1e6 / (1 + factors.getMumpsIcntl(ROOM) / 100)
-    operations = factors.getMumpsRinfog(ESTIMATED)
+    least = factors.getMumpsInfo(needed) * 1e6 / (1 + factors.getMumpsIcntl(room) / 100)
+    # MUMPS's number of the operations that a factorisation would take, by its analysis.
+    estimated_operations = 1
+    operations = factors.getMumpsRinfog(estimated_operations)
     forget_factors(ksp)
     return operations, least
 

@@ -34,10 +34,6 @@ INNER = re.compile(
 VIEWERS = re.compile(r"^(ksp|pc|snes|mat)_.*(view|monitor|converged_reason|converged_rate)")
 """Options that show something; a trial would show it, too."""
 
-VALUE = (56, 62, 63, 86, 92)
-"""PETSc's errors of values: not supported, wrong, out of range or no number, of unknown type, and
-of a factorisation that is not there."""
-
 
 def check_options(given: Mapping[str, str | None]) -> None:
     """Refuse options of perfplast's solvers that none of them knows, or whose value is wrong.
@@ -74,13 +70,16 @@ def _check(kind: str, options: Options) -> None:
             inner = inner[match.end() :]
         if not VIEWERS.match(inner):
             groups.setdefault(name.removesuffix(inner), {})[inner] = value
+    # PETSc's errors of values: not supported, wrong, out of range or no number, of unknown type,
+    # and of a factorisation that is not there.
+    petsc_errors = (56, 62, 63, 86, 92)
     for within, tried in groups.items():
         known: set[str] = set()
         for base in BASES:
             try:
                 known |= _read(kind, {**base, **tried})
             except PETSc.Error as error:
-                if error.ierr in VALUE:
+                if error.ierr in petsc_errors:
                     name = _culprit(kind, tried)
                     raise InputError(
                         f"the PETSc option '-{kind}{within}{name} {tried[name]}' cannot be used:"

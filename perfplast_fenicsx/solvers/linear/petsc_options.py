@@ -31,8 +31,6 @@ SUBDOMAINS = "perfplast_tfeti_"
 KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND, LIMIT, SUBDOMAINS}
 """Prefixes of all kinds of solvers."""
 
-NAMES = {("preonly", "cholesky"): "MUMPS Cholesky", ("cg", "mg"): "CG + smoothed aggregation"}
-"""Linear solvers by the types of PETSc's KSP and PC."""
 
 _instances = itertools.count()
 _made: set[str] = set()
@@ -70,7 +68,9 @@ def own_prefix(prefix: str, preset: Mapping[str, object], heed: bool = True) -> 
 
 def solver_name(ksp: str, pc: str) -> str:
     """A linear solver for people, by the types of PETSc's KSP and PC."""
-    return NAMES.get((ksp, pc), f"{ksp} + {pc}")
+    # Linear solvers by the types of PETSc's KSP and PC.
+    names = {("preonly", "cholesky"): "MUMPS Cholesky", ("cg", "mg"): "CG + smoothed aggregation"}
+    return names.get((ksp, pc), f"{ksp} + {pc}")
 
 
 @contextmanager

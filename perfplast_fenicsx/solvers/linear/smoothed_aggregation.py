@@ -31,9 +31,6 @@ from perfplast_fenicsx.solvers.linear.krylov import blocked
 from perfplast_fenicsx.solvers.linear.linear_elements import LinearElements
 from perfplast_fenicsx.solvers.linear.petsc_options import SPECTRUM, default, own_prefix
 
-DAMPING = 1.4
-"""Of the Jacobi step that smooths, over the spectral radius."""
-
 LARGE = 500_000
 """From so many unknowns on memory counts for more than a tenth of the time."""
 
@@ -202,7 +199,8 @@ def _smoothed(A: PETSc.Mat, aggregates: Aggregates, prefix: str) -> PETSc.Mat:
     P = A.matMult(Q)
     diagonal = A.getDiagonal()
     diagonal.reciprocal()
-    diagonal.scale(-DAMPING / _spectral_radius(A, prefix))
+    damping = 1.4  # factor of the Jacobi step that smooths, over the spectral radius
+    diagonal.scale(-damping / _spectral_radius(A, prefix))
     P.diagonalScale(diagonal)
     P.axpy(1.0, Q, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
     P.setBlockSizes(*Q.getBlockSizes())

@@ -17,9 +17,6 @@ from perfplast_fenicsx.contact.rows.sparse_rows import entries_of, matrix_of_ent
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure
 from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains
 
-NEGLIGIBLE = 1e-12
-"""Eigenvalues of GGᵀ below this share of the largest one count as zero."""
-
 
 class CoarseProblem:
     """G of the rows in force, and the projector P on its kernel.
@@ -70,7 +67,9 @@ class CoarseProblem:
         if not self.size:
             return
         values, vectors = eigh(gram)
-        free = vectors[:, values <= NEGLIGIBLE * values[-1]]
+        # Eigenvalues of GGᵀ below this share of the largest one count as zero.
+        negligible = 1e-12
+        free = vectors[:, values <= negligible * values[-1]]
         if free.shape[1] > self._free:
             raise LinearFailure(
                 "a subdomain can move as a rigid body: neither supports nor closed contact hold it"

@@ -14,9 +14,6 @@ from perfplast_fenicsx.solvers.tfeti.gluing import Gluing
 from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains
 from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
 
-POWERS = 12
-"""Steps of the power method for ‖PFP‖."""
-
 
 class DualOperator:
     """Products with B and F, all collective.
@@ -116,7 +113,8 @@ class DualOperator:
         self._measured = True
         P = self.coarse.project
         x = P(np.cos(np.arange(self.size)))
-        for _ in range(POWERS):
+        powers = 12  # steps of the power method for ‖PFP‖
+        for _ in range(powers):
             size = np.sqrt(self.comm.allreduce(float(x @ x)))
             if not size > 0:
                 break

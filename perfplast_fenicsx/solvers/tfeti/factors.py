@@ -8,19 +8,18 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
 from perfplast_fenicsx.solvers.linear.petsc_options import SUBDOMAINS, own_prefix
 
-PRESET = {
-    "ksp_type": "preonly",
-    "pc_type": "cholesky",
-    "pc_factor_mat_solver_type": "mumps",
-}
-
 
 class Factors:
     """Factors of one pattern, made anew for new values."""
 
     def __init__(self) -> None:
         self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
-        self._ksp.setOptionsPrefix(own_prefix(SUBDOMAINS, PRESET))
+        preset = {
+            "ksp_type": "preonly",
+            "pc_type": "cholesky",
+            "pc_factor_mat_solver_type": "mumps",
+        }
+        self._ksp.setOptionsPrefix(own_prefix(SUBDOMAINS, preset))
         self._ksp.setFromOptions()
         self._b, self._x = PETSc.Vec(), PETSc.Vec()
 

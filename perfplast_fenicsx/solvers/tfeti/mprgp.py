@@ -22,9 +22,6 @@ from perfplast_fenicsx.arrays import Floats
 
 Operator = Callable[[Floats], Floats]
 
-LONGEST = 1.9
-"""ᾱ in shares of 1/‖H‖; less than 2."""
-
 
 @dataclass(frozen=True)
 class Split:
@@ -102,7 +99,8 @@ def minimise(program: BoundProgram, enough: Callable[[Floats, float], bool], mos
     Returns:
         Whether it was enough.
     """
-    p, dot, longest = program, program.dot, LONGEST / program.norm
+    longest_step = 1.9  # ᾱ in shares of 1/‖H‖; less than 2
+    p, dot, longest = program, program.dot, longest_step / program.norm
 
     def preconditioned(free: Floats) -> Floats:
         return np.where(p.x <= p.lower, 0.0, p.precondition(free))

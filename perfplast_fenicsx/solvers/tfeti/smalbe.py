@@ -22,20 +22,8 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.solvers.tfeti.mprgp import BoundProgram, Operator, minimise
 
-PENALTY = 1.1
-"""ρ in shares of ‖A‖."""
-
 FIRST_BALANCE, SHRINK = 10.0, 0.1
 """M at first, in shares of ‖A‖, and its factor where the Lagrangian has not grown enough."""
-
-LOOSE = 0.1
-"""η: largest projected gradient that ends an inner iteration, relative to the first one."""
-
-MOST_ROUNDS = 200
-"""Where so many rounds have not led to Qx = 0, nothing within the bounds is in the kernel of Q."""
-
-UNDER = 0.5
-"""An inner iteration goes on to this share of the tolerance at most."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +71,8 @@ class Smalbe:
             start: To begin with; what is below bounds is put there.
         """
         self._program = program
-        self._rho = PENALTY * program.norm
+        penalty = 1.1  # ρ in shares of ‖A‖
+        self._rho = penalty * program.norm
         self._balance = FIRST_BALANCE * program.norm
         x = np.maximum(start, program.lower)
         self.multiplier = np.zeros_like(x)
@@ -124,19 +113,26 @@ class Smalbe:
         """
         program, inner = self._program, self._inner
 
+        # η: largest projected gradient that ends an inner iteration, relative to the first one.
+        loose = 0.1
+        under = 0.5  # an inner iteration goes on to this share of the tolerance at most
+
         def enough(x: Floats, projected: float) -> bool:
             self.projected, self.off = projected, program.length(x - program.project(x))
             if projected <= jumps and self.off <= forces:
                 return True
-            wanted = min(self._balance * self.off, LOOSE * self._first)
-            return projected <= max(wanted, UNDER * jumps)
+            wanted = min(self._balance * self.off, loose * self._first)
+            return projected <= max(wanted, under * jumps)
 
+        # Where so many rounds have not led to Qx = 0, nothing within
+        # the bounds is in the kernel of Q.
+        most_rounds = 200
         while True:
             self.rounds += 1
             going = minimise(inner, enough, most)
             if self.projected <= jumps and self.off <= forces:
                 return True
-            if not going or self.rounds >= MOST_ROUNDS:
+            if not going or self.rounds >= most_rounds:
                 return False
             off = inner.x - program.project(inner.x)
             lagrangian = self._lagrangian()

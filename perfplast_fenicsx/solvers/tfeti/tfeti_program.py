@@ -30,17 +30,12 @@ from perfplast_fenicsx.solvers.tfeti.torn_bodies import TornBodies
 from perfplast_fenicsx.solvers.tfeti.torn_program import TornProgram
 from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
 
-MOST_PRODUCTS = 3000
-"""A dual that has not been solved with so many products with F never will be."""
-
 MOST_EXCHANGES, MOST_SEARCHES = 20, 8
 """So many faces are found by opening and closing wrong pairs, and by SMALBE-M behind them."""
 
 FIRST, SHARPER = 1e-3, 1e-2
 """Relative tolerance by which faces are judged or found at first; its factor for further ones."""
 
-BETTER, BEST = 0.3, 1e-3
-"""Jumps are solved for anew to this share of what nodal forces ask for, at most by that factor."""
 
 MOVES = "a body can move as a rigid one, as where bodies lose all contact: no closed pair holds it"
 
@@ -224,7 +219,9 @@ class TfetiProgram:
             LinearFailure: If that is not possible.
         """
         before = program.smalbe.products
-        solved = program.run(rtol, MOST_PRODUCTS)
+        # A dual that has not been solved with so many products with F never will be.
+        most_products = 3000
+        solved = program.run(rtol, most_products)
         self._linear.iterations += program.smalbe.products - before
         if not solved:
             raise LinearFailure(
@@ -254,6 +251,9 @@ class TfetiProgram:
         start[self._dual.contact] *= closed
         program = self._program(asked, closed, np.full(self._dual.size, -np.inf), start)
         rtol = asked.rtol if given else max(asked.rtol, FIRST)
+        # Jumps are solved for anew to this share of what nodal forces
+        # ask for, at most by that factor.
+        better, best = 0.3, 1e-3
         while True:
             self._run(program, rtol)
             self.multipliers = program.multipliers()
@@ -265,7 +265,7 @@ class TfetiProgram:
                 wrong = self._wrong(asked, closed, rtol)
                 if self._comm.allreduce(int(wrong.sum())):
                     return wrong
-            rtol *= max(BETTER * asked.accuracy / left, BEST)
+            rtol *= max(better * asked.accuracy / left, best)
 
     def _wrong(self, asked: Asked, closed: PairFlags, margin: float) -> PairFlags:
         """Pairs that are wrong by more than a share of the largest force or jump. Collective."""

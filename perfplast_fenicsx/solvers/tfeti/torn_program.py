@@ -16,9 +16,6 @@ from perfplast_fenicsx.solvers.tfeti.dual_operator import DualOperator
 from perfplast_fenicsx.solvers.tfeti.mprgp import Operator
 from perfplast_fenicsx.solvers.tfeti.smalbe import DualProgram, Smalbe
 
-ROUNDING = 1e-14
-"""What is left of forces and jumps, relative to their terms, that is rounding."""
-
 
 class TornProgram:
     """The dual of one contact QP, as it is being solved. All methods are collective.
@@ -67,8 +64,10 @@ class TornProgram:
         length = program.length
         self.jumps = length(program.b)
         self.forces = max(length(missing), self.jumps / dual.norm if dual.norm > 0 else 0.0)
-        self._least_jumps = ROUNDING * (length(self._d) + length(moved))
-        self._least_forces = ROUNDING * length(self._shift)
+        # What is left of forces and jumps, relative to their terms, that is rounding.
+        rounding = 1e-14
+        self._least_jumps = rounding * (length(self._d) + length(moved))
+        self._least_forces = rounding * length(self._shift)
         self.smalbe = Smalbe(program, np.zeros(dual.size))
 
     def run(self, rtol: float, most: int) -> bool:

@@ -24,12 +24,6 @@ from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure
 from perfplast_fenicsx.solvers.tfeti.factors import Factors
 from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains
 
-NOT_RIGID = 1e-7
-"""Forces of a rigid motion of unit size, relative to the stiffness, that are more than rounding."""
-
-SINGULAR = 1e-6
-"""Share of its right-hand side that a solution with good factors does not leave."""
-
 
 class TornStiffness:
     """K with nothing glued or held; all of it on this rank, but where it says so.
@@ -81,7 +75,10 @@ class TornStiffness:
             LinearFailure: If the rigid motions are not the kernel of K.
         """
         moved = self.multiply(self._motions.sum(axis=1))
-        stiff = float(np.abs(moved).max(initial=0)) > NOT_RIGID * self._scale
+        # Forces of a rigid motion of unit size, relative to the
+        # stiffness, that are more than rounding.
+        not_rigid = 1e-7
+        stiff = float(np.abs(moved).max(initial=0)) > not_rigid * self._scale
         self._add_springs(1.0)
         failure = self._factors.make(self.matrix)
         self._add_springs(-1.0)
@@ -100,7 +97,9 @@ class TornStiffness:
         """What is wrong with the factors, tried on forces that are in balance."""
         forces = self.multiply(np.cos(np.arange(self.size)))
         left = self.multiply(self.solve(forces)) - forces
-        if np.linalg.norm(left) <= SINGULAR * np.linalg.norm(forces):
+        # Share of its right-hand side that a solution with good factors does not leave.
+        unsolved = 1e-6
+        if np.linalg.norm(left) <= unsolved * np.linalg.norm(forces):
             return None
         return "what it solves is not solved"
 
