@@ -240,6 +240,7 @@ def describe(title: str, method: str, problem: Problem, options: object = None) 
     ranks = f"{comm.size} rank{'s' if comm.size > 1 else ''}"
     direct = method == LimitMethod.INTERIOR_POINT
     turned = ", axisymmetric" if problem.tagged_mesh.axisymmetric else ""
+    turned = ", plane stress" if problem.tagged_mesh.is_thin else turned
     linear = "MUMPS Cholesky" if direct else chosen_solver(problem)
     if isinstance(options, NewtonOptions) and options.subdivision:
         linear = "Total FETI"

@@ -9,8 +9,9 @@ import ufl
 
 from perfplast_fenicsx.errors import InputError, check_magnitude
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
-from perfplast_fenicsx.materials.law import Law, Old
+from perfplast_fenicsx.materials.law import Elasticity, Law, Old
 from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.materials.sheet_elasticity import SheetElasticity
 from perfplast_fenicsx.materials.yield_set import NeverYields
 
 
@@ -28,7 +29,7 @@ class ElasticLaw(Law):
     projects: ClassVar[bool] = True
 
     @property
-    def elastic(self) -> IsotropicElasticity:
+    def elastic(self) -> Elasticity:
         """C."""
         return IsotropicElasticity(self.bulk, self.shear)
 
@@ -105,9 +106,30 @@ class Elastic:
         """Itself, whatever the factor: it has no strength."""
         return self
 
+    def in_plane_stress(self) -> "ElasticSheet":
+        """The same with σ_zz = 0."""
+        return ElasticSheet(self.young, self.poisson, self.expansion)
+
     def parameters(self) -> dict[str, float]:
         """κ and μ of :class:`ElasticLaw`."""
         return {"bulk": self.bulk, "shear": self.shear}
+
+
+@dataclass(frozen=True)
+class ElasticSheetLaw(ElasticLaw):
+    """Hooke's law in plane stress."""
+
+    @property
+    def elastic(self) -> SheetElasticity:
+        """C."""
+        return SheetElasticity(self.bulk, self.shear)
+
+
+@dataclass(frozen=True)
+class ElasticSheet(Elastic):
+    """A linear elastic body in plane stress."""
+
+    law: ClassVar[type[ElasticSheetLaw]] = ElasticSheetLaw
 
 
 def require_positive(field: str, value: float) -> None:

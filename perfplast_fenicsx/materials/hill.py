@@ -5,36 +5,28 @@ In the axes of the material, in which x is turned about z by an angle, the yield
     F(σ_y − σ_z)² + G(σ_z − σ_x)² + H(σ_x − σ_y)² + 2Lτ_yz² + 2Mτ_xz² + 2Nτ_xy² ≤ Y²
 
 (R. Hill, Proc. R. Soc. A 193 (1948), 281). It leaves the mean stress free. In orthonormal
-coordinates s of deviators along the form's principal axes it is Σ h_i s_i² ≤ Y², and since
-elasticity is isotropic a trial stress t = 2μe outside returns to
-
-    s_i = t_i/(1 + xh_i),    Σ h_i t_i²/(1 + xh_i)² = Y²,    x > 0,
-
-by Newton's method on the inverse of the root of the left-hand side, which rises to x from zero
-without overshooting (J. J. Moré, D. C. Sorensen, SIAM J. Sci. Stat. Comput. 4 (1983), 553). With
-D_i = 2μ/(1 + xh_i) and q_i = D_i h_i s_i the derivative there is diag(D) − q⊗q/Σ h_i s_i q_i.
+coordinates s of deviators along the form's principal axes it is Σ h_i s_i² ≤ Y², and elasticity is
+isotropic: stresses return as in :mod:`quadratic_law`, with B = Qᵀ.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import ClassVar
 
 import numpy as np
-import ufl
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.elastic import Elastic, require_positive
 from perfplast_fenicsx.materials.hill_set import HillForm, HillSet
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
-from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, spherical, trace
-from perfplast_fenicsx.rounding import TINY
+from perfplast_fenicsx.materials.quadratic_law import QuadraticLaw
+from perfplast_fenicsx.materials.sheet import Sheet
 
 
 @dataclass(frozen=True)
-class HillLaw(Law):
+class HillLaw(QuadraticLaw):
     """Hill's condition; see :class:`Law` for the methods.
 
     Args:
@@ -50,9 +42,6 @@ class HillLaw(Law):
         axes: The same.
     """
 
-    bulk: Expr
-    shear: Expr
-    strength: Expr
     first: Expr
     second: Expr
     turn: Expr
@@ -60,7 +49,6 @@ class HillLaw(Law):
     xz: Expr
     xy: Expr
     axes: Expr
-    projects: ClassVar[bool] = True
 
     @property
     def elastic(self) -> IsotropicElasticity:
@@ -78,71 +66,9 @@ class HillLaw(Law):
         """Σ h_i s_i² ≤ Y²."""
         return HillSet(self.form, self.strength)
 
-    def trial(self, e: Expr) -> list[Expr]:
-        """The elastic stress in the form's coordinates, over Y."""
-        parts = ufl.dot(self.form.frame(len(e)), e)
-        return [2 * self.shear / self.strength * parts[i] for i in range(len(e) - 1)]
-
-    def returned(self, e: Expr) -> list[Expr]:
-        """1/(1 + xh_i): what is left of the elastic stress."""
-        t, weights = self.trial(e), self.form.weights(len(e))
-
-        def nearer(x: Expr, _: int) -> Expr:
-            w = [1 + x * h for h in weights]
-            square = sum(h * (a / b) ** 2 for h, a, b in zip(weights, t, w, strict=True))
-            slope = sum(h**2 * a**2 / b**3 for h, a, b in zip(weights, t, w, strict=True))
-            size = ufl.sqrt(ufl.max_value(square, 1.0))
-            return x + (size - 1) * square / ufl.max_value(slope, TINY)
-
-        # Newton steps of a return: they leave rounding alone at ratios of shear stresses of 9 and
-        # strains of 3e6 times those at yield.
-        steps = 10
-        x = reduce(nearer, range(steps), ufl.as_ufl(0.0))
-        return [1 / (1 + x * h) for h in weights]
-
-    def plastic(self, e: Expr, old: Old) -> Expr:
-        """1 where e lies outside the elastic range, else 0."""
-        beyond = self.yields.gauge(self.elastic.hooke(e))
-        return ufl.conditional(ufl.gt(beyond, 1.0), 1.0, 0.0)
-
-    def stress(self, e: Expr, old: Old) -> Expr:
-        """Σ(e), the derivative of ψ."""
-        left = zip(self.trial(e), self.returned(e), strict=True)
-        parts = ufl.as_vector([self.strength * t * share for t, share in left])
-        deviator = ufl.dot(parts, self.form.frame(len(e)))
-        return spherical(self.bulk * trace(e), len(e)) + deviator
-
-    def potential(self, e: Expr, old: Old) -> Expr:
-        """ψ(e) = ½ e:Ce less half of the square of the way to the yield set."""
-        left = zip(self.trial(e), self.returned(e), strict=True)
-        shape = sum(t**2 * share * (2 - share) for t, share in left)
-        return self.bulk * trace(e) ** 2 / 2 + self.strength**2 / (4 * self.shear) * shape
-
-    def conjugate(self, s: Expr, old: Old) -> Expr:
-        """½ s:C⁻¹s."""
-        return ufl.dot(self.elastic.compliance(s), s) / 2
-
-    def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """D, shape (m − 1,), and N, shape (m,): Σ^{o,ρ}[d] = κ tr d δ + Qᵀ(D ∘ Qd) − (N:d) N."""
-        shares, weights = self.returned(e), self.form.weights(len(e))
-        s = [t * share for t, share in zip(self.trial(e), shares, strict=True)]
-        D = [2 * self.shear * share for share in shares]
-        q = [a * h * b for a, h, b in zip(D, weights, s, strict=True)]
-        length = sum(h * a * b for h, a, b in zip(weights, s, q, strict=True))
-        root = self.plastic(e, old) * ufl.sqrt((1 - rho) / ufl.max_value(length, TINY))
-        normal = ufl.dot(ufl.as_vector([root * a for a in q]), self.form.frame(len(e)))
-        return {
-            "D": ufl.as_vector([rho * 2 * self.shear + (1 - rho) * a for a in D]),
-            "N": normal,
-        }
-
-    def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
-        """Σ^{o,ρ}(e)[d]."""
-        D, N, frame = stored["D"], stored["N"], self.form.frame(len(d))
-        parts = ufl.dot(frame, d)
-        scaled = ufl.as_vector([D[i] * parts[i] for i in range(len(d) - 1)])
-        isotropic = spherical(self.bulk * trace(d), len(d))
-        return isotropic + ufl.dot(scaled, frame) - ufl.dot(N, d) * N
+    def free(self, e: Expr) -> Expr:
+        """Mean stress."""
+        return spherical(self.bulk * trace(e), len(e))
 
 
 @dataclass(frozen=True)
@@ -238,6 +164,22 @@ class Hill:
             factor: F > 0.
         """
         return replace(self, yield_stress=self.yield_stress / factor)
+
+    def in_plane_stress(self) -> Sheet:
+        """Gσ_x² + Fσ_y² + H(σ_x − σ_y)² + 2Nτ² ≤ Y² in the axes of the material."""
+        F, G, H, *_, N = self.coefficients
+        own = np.array([[G + H, -H, 0.0], [-H, F + H, 0.0], [0.0, 0.0, N]])
+        c, s = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
+        root = math.sqrt(2)
+        turn = np.array(
+            [
+                [c * c, s * s, root * c * s],
+                [s * s, c * c, -root * c * s],
+                [-root * c * s, root * c * s, c * c - s * s],
+            ]
+        )
+        form: Floats = np.asarray(turn.T @ own @ turn, dtype=np.float64)
+        return Sheet(self.bulk, self.shear, self.yield_stress, form)
 
     def parameters(self) -> dict[str, float]:
         """κ, μ, Y and the form of :class:`HillLaw`."""

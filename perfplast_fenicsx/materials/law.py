@@ -8,13 +8,39 @@ the materials as keywords, each a function over the mesh.
 from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
-from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.materials.yield_set import YieldSet
 
 Old = Mapping[str, Expr]
 """The history at a point by name, as it was after the last accepted level; {} where a law has
 none."""
+
+
+class Elasticity(Protocol):
+    """Hooke's tensor C of an isotropic body, in space or of a sheet.
+
+    Attributes:
+        bulk: κ (stress).
+        shear: μ (stress).
+    """
+
+    @property
+    def bulk(self) -> Expr:
+        """Of the body in space."""
+        ...
+
+    @property
+    def shear(self) -> Expr:
+        """The same."""
+        ...
+
+    def hooke(self, e: Expr) -> Expr:
+        """C e."""
+        ...
+
+    def compliance(self, s: Expr) -> Expr:
+        """C⁻¹ s."""
+        ...
 
 
 class Law(Protocol):
@@ -37,7 +63,7 @@ class Law(Protocol):
     carries_any_load: ClassVar[bool] = False
 
     @property
-    def elastic(self) -> IsotropicElasticity:
+    def elastic(self) -> Elasticity:
         """C, which makes the norms ‖e‖_C of strains and ‖σ‖_E of stresses."""
         ...
 

@@ -15,12 +15,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
 import ufl
 
 from perfplast_fenicsx.materials.elastic import Elastic, require_positive
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
+from perfplast_fenicsx.materials.sheet import Sheet
 from perfplast_fenicsx.materials.yield_set import Cone, axial_cone
 
 
@@ -190,6 +192,11 @@ class VonMises:
             factor: F > 0.
         """
         return replace(self, yield_stress=self.yield_stress / factor)
+
+    def in_plane_stress(self) -> Sheet:
+        """σ_x² − σ_xσ_y + σ_y² + 3τ² ≤ σ_y²."""
+        form = np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 1.5]])
+        return Sheet(self.bulk, self.shear, self.yield_stress, form)
 
     def parameters(self) -> dict[str, float]:
         """κ, μ and γ of :class:`VonMisesLaw`."""

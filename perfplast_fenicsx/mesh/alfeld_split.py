@@ -87,6 +87,6 @@ def alfeld_split(tagged_mesh: TaggedMesh) -> AlfeldSplit:
         ),
         volumes=tagged_mesh.volumes,
         surfaces=tagged_mesh.surfaces,
-        axisymmetric=tagged_mesh.axisymmetric,
+        section=tagged_mesh.section,
         parents=parents,
     )

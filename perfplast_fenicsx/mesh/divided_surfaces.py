@@ -98,7 +98,7 @@ def divided(tagged_mesh: TaggedMesh, surface: str, points: Floats) -> TaggedMesh
         ),
         tagged_mesh.volumes,
         tagged_mesh.surfaces,
-        tagged_mesh.axisymmetric,
+        tagged_mesh.section,
     )
 
 

@@ -68,7 +68,7 @@ def glue(tagged_mesh: TaggedMesh, pairs: Longs, surfaces: Collection[str]) -> Ta
         meshtags(glued, tdim - 1, every.indices[~left], every.values[~left]),
         tagged_mesh.volumes,
         tagged_mesh.surfaces,
-        tagged_mesh.axisymmetric,
+        tagged_mesh.section,
     )
 
 

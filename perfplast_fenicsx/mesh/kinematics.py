@@ -1,4 +1,4 @@
-"""What the coordinates of a mesh mean: space, plane strain, or half a section of revolution.
+"""What the coordinates of a mesh mean: space, plane strain or stress, half a section of revolution.
 
 All that depends on it is told here and nowhere else: the strain of a displacement, what integrals
 are taken over, and which motions strain nothing.
@@ -10,7 +10,7 @@ turn, 2πr dr dz and 2πr ds, and so are all forces and works.
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -35,8 +35,11 @@ class Kinematics(Protocol):
             each unit of depth, and its out-of-plane stress is in no equation of equilibrium.
         forces: What forces and works are of, in words; empty where nothing has to be said.
         motions: The rigid motions in words.
+        thickness: Over which forces are spread that are given of a whole surface (length); 1 but
+            in plane stress.
     """
 
+    thickness: float = 1.0
     name: str
     axes: str
     whole: bool
@@ -134,6 +137,21 @@ class PlaneStrain(Kinematics):
         return _rigid_modes(r, 2, ((0, 1),))
 
 
+@dataclass(frozen=True)
+class PlaneStress(PlaneStrain):
+    """Triangles that are sheets, free to grow thicker or thinner: no stress acts across them.
+
+    The strain across is told as zero, and no law looks at it.
+
+    Attributes:
+        thickness: Length.
+    """
+
+    thickness: float = 1.0
+    name: ClassVar[str] = "plane-stress"
+    forces: ClassVar[str] = "for each unit of thickness"
+
+
 class Axisymmetric(Kinematics):
     """Triangles that are half the section of bodies of revolution: x is r, y the axis z."""
 
@@ -188,7 +206,7 @@ class AroundAxis:
         return self.section.ufl_domain()
 
 
-_ALL: tuple[Kinematics, ...] = (Space(), PlaneStrain(), Axisymmetric())
+_ALL: tuple[Kinematics, ...] = (Space(), PlaneStrain(), PlaneStress(), Axisymmetric())
 
 KINDS = {one.name: one for one in _ALL}
 """By name."""

@@ -157,7 +157,7 @@ def _cut(
             facet_tags=_facet_meshtags(finer, told[:, 2 : dim + 3].astype(np.int32)),
             volumes=tagged_mesh.volumes,
             surfaces=tagged_mesh.surfaces,
-            axisymmetric=tagged_mesh.axisymmetric,
+            section=tagged_mesh.section,
         ),
         parents=told[:, 1],
     )

@@ -1,5 +1,6 @@
 """Bodies in one mesh, with names, and how to read them from a gmsh file on any number of ranks."""
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.mesh.facet_sides import check_sides
 from perfplast_fenicsx.mesh.gmsh_reader import GmshMesh, read_msh
-from perfplast_fenicsx.mesh.kinematics import KINDS, ON_AXIS, Kinematics
+from perfplast_fenicsx.mesh.kinematics import KINDS, ON_AXIS, Kinematics, PlaneStress
 from perfplast_fenicsx.parallel import bounding_box
 
 _CELLS = {1: CellType.interval, 2: CellType.triangle, 3: CellType.tetrahedron}
@@ -35,8 +36,8 @@ class TaggedMesh:
         facet_tags: Tags of the named facets; a facet has one name at most.
         volumes: Name to tag, the same on all ranks.
         surfaces: Name to tag, the same on all ranks.
-        axisymmetric: Whether the plane of the mesh is half a section of bodies of revolution
-            (:meth:`turned`); otherwise triangles are of plane strain.
+        section: What the plane of a mesh of triangles is: plane strain, or half a section of bodies
+            of revolution (:meth:`turned`), or sheets (:meth:`thin`).
         remarks: What a user should know of the mesh, a sentence each.
     """
 
@@ -45,7 +46,7 @@ class TaggedMesh:
     facet_tags: MeshTags
     volumes: dict[str, int]
     surfaces: dict[str, int]
-    axisymmetric: bool = False
+    section: Kinematics = KINDS["plane-strain"]
     remarks: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -60,8 +61,17 @@ class TaggedMesh:
     @property
     def kinematics(self) -> Kinematics:
         """What the coordinates mean."""
-        in_plane = "axisymmetric" if self.axisymmetric else "plane-strain"
-        return KINDS["space" if self.mesh.geometry.dim == 3 else in_plane]
+        return KINDS["space"] if self.mesh.geometry.dim == 3 else self.section
+
+    @property
+    def axisymmetric(self) -> bool:
+        """Whether the plane of the mesh is half a section of bodies of revolution."""
+        return self.section is KINDS["axisymmetric"]
+
+    @property
+    def is_thin(self) -> bool:
+        """Whether bodies are sheets in plane stress."""
+        return isinstance(self.kinematics, PlaneStress)
 
     def turned(self) -> "TaggedMesh":
         """The same mesh as half a section of bodies of revolution: x is r, y the axis z.
@@ -83,7 +93,26 @@ class TaggedMesh:
                 f"the mesh reaches to x = {low[0]:.4g}, but x is the radius in axisymmetry; give"
                 " half the section, where x >= 0."
             )
-        return replace(self, axisymmetric=True)
+        return replace(self, section=KINDS["axisymmetric"])
+
+    def thin(self, thickness: float = 1.0) -> "TaggedMesh":
+        """The same mesh as sheets in plane stress.
+
+        Args:
+            thickness: Over which forces are spread that are given of a whole surface (length).
+
+        Raises:
+            InputError: If the mesh is one of tetrahedra, or the thickness is not positive.
+        """
+        if self.mesh.geometry.dim == 3:
+            raise InputError(
+                "plane stress is of sheets and wants a mesh of triangles, but this one has"
+                " tetrahedra, which are in space; give a mesh of their middle plane, or leave kind"
+                " out."
+            )
+        if not (thickness > 0 and math.isfinite(thickness)):
+            raise InputError(f"thickness = {thickness} is not a positive length; give one.")
+        return replace(self, section=PlaneStress(thickness))
 
     def cells(self, name: str) -> Ints:
         """Local indices of the cells of a volume, sorted; empty on ranks without any.

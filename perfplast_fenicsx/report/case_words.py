@@ -38,6 +38,7 @@ NUMBERS = {
 MODELS = {
     "space": "in space (3D)",
     "plane-strain": "plane strain",
+    "plane-stress": "plane stress: sheets without stress across them",
     "axisymmetric": "axisymmetric: half a section through bodies of revolution",
 }
 

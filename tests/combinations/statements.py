@@ -144,4 +144,17 @@ STATEMENTS = (
             "contact": [{"primary": "lower_top", "secondary": "upper_bottom"}],
         },
     ),
+    Statement(
+        "ground (Mohr–Coulomb)",
+        tables=_both(
+            {
+                "law": "mohr-coulomb",
+                "young": 2e5,
+                "poisson": 0.3,
+                "cohesion": 150.0,
+                "friction_angle": 10.0,
+            }
+        ),
+    ),
+    Statement("sheets (plane stress)", tables={"model": {"kind": "plane-stress"}}),
 )

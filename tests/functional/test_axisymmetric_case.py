@@ -84,7 +84,7 @@ def test_forces_are_told_to_be_of_the_full_turn(
     [
         ("young", "young", -0.1, ["[model]", "reaches to x = -0.1", "x is the radius"]),
         ('file = "ring.msh"', BUILDER, 1.0, ["[model]", "has tetrahedra", "leave kind out"]),
-        ('"axisymmetric"', '"axisymetric"', 1.0, ["[model]", "give 'plane-strain' or"]),
+        ('"axisymmetric"', '"axisymetric"', 1.0, ["[model]", "give 'plane-strain'"]),
         (CASE[CASE.index("[loading]") : CASE.index("[output]")], LIMIT + "\n", 1.0, ["'bounds'"]),
         ('"y"\n', '"z"\n', 1.0, ["components = 'z'", "'xy'"]),
     ],

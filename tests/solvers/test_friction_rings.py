@@ -19,6 +19,7 @@ from perfplast_fenicsx import (
     Traction,
     limit_load,
 )
+from perfplast_fenicsx.mesh.kinematics import KINDS
 from tests.checks import assert_solved
 from tests.contact.blocks_apart import blocks_apart
 from tests.models import STEEL
@@ -31,7 +32,7 @@ def rings(comm: MPI.Intracomm) -> TaggedMesh:
     """Two rings on each other, each as wide as high."""
     section = blocks_apart(comm, (3, 3), (2, 2))
     section.mesh.geometry.x[:, 0] += INNER
-    return replace(section, axisymmetric=True)
+    return replace(section, section=KINDS["axisymmetric"])
 
 
 def test_a_ring_slides_down_a_shaft(comm: MPI.Intracomm) -> None:

@@ -94,20 +94,36 @@ class ModelOptions:
     area and volume, as anywhere; all forces and works in results are those of the full turn, and
     their column r is what pushes outwards all around, not a resultant of vectors.
 
+    In plane stress triangles are sheets that are free to grow thicker or thinner; bodies are of
+    von Mises, Hill or elastic. All forces and works in results are for each unit of thickness.
+
     Args:
         kind: The default is plane strain.
+        thickness: Of sheets in plane stress (length), 1 by default: forces and moments that are
+            given of a whole surface are spread over it.
     """
 
-    kind: Literal["plane-strain", "axisymmetric"] | None = None
+    kind: Literal["plane-strain", "plane-stress", "axisymmetric"] | None = None
+    thickness: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.thickness is not None and self.kind != "plane-stress":
+            raise InputError(
+                f"thickness = {self.thickness} is of sheets, and kind is"
+                f" {self.kind or 'plane-strain'}; give kind = 'plane-stress', or no thickness."
+            )
 
     def of(self, tagged_mesh: TaggedMesh) -> TaggedMesh:
         """The mesh with that meaning. Collective.
 
         Raises:
-            InputError: If it is one of tetrahedra, or reaches to where the radius is negative.
+            InputError: If it is one of tetrahedra, or reaches to where the radius is negative, or
+                the thickness is not positive.
         """
         if self.kind == "axisymmetric":
             return tagged_mesh.turned()
+        if self.kind == "plane-stress":
+            return tagged_mesh.thin(1.0 if self.thickness is None else self.thickness)
         if self.kind is not None and tagged_mesh.mesh.geometry.dim == 3:
             raise InputError(
                 f"kind = '{self.kind}' is for meshes of triangles, but this one has tetrahedra;"

@@ -1,6 +1,6 @@
 """The cones of a problem's bodies, as their laws say them, with the coordinates of each."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from typing import Any
 
@@ -22,6 +22,7 @@ from perfplast_fenicsx.limit_analysis.discrete.standard_cones import (
 from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.mandel import Expr, mandel_size
+from perfplast_fenicsx.materials.plane_stress import in_plane_stress
 from perfplast_fenicsx.materials.yield_set import Cone, PrincipalCone
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -118,13 +119,13 @@ def body_cones(problem: Problem) -> BodyCones:
     Raises:
         InputError: If a body's yield set is none that the method knows.
     """
-    tagged_mesh, materials = problem.tagged_mesh, problem.given.materials
+    tagged_mesh, materials = problem.tagged_mesh, _materials(problem)
     topology = tagged_mesh.mesh.topology
     of_cells = np.zeros(topology.index_map(topology.dim).size_local, dtype=np.int64)
     flat, size = _components(problem)
     found: list[BodyCone] = []
     for name in sorted(tagged_mesh.volumes):
-        cone = _cone_of(materials[name], size, flat)
+        cone = _cone_of(materials[name], size, flat, tagged_mesh.is_thin)
         if cone is None:
             raise InputError(
                 f"the interior point method knows no yield set of"
@@ -142,7 +143,14 @@ def body_cones(problem: Problem) -> BodyCones:
 def has_cones(problem: Problem) -> bool:
     """Whether the method knows the yield sets of all bodies."""
     flat, size = _components(problem)
-    return all(_cone_of(it, size, flat) is not None for it in problem.given.materials.values())
+    thin, materials = problem.tagged_mesh.is_thin, _materials(problem).values()
+    return all(_cone_of(it, size, flat, thin) is not None for it in materials)
+
+
+def _materials(problem: Problem) -> Mapping[str, Material]:
+    """Of each volume, as the mesh has them."""
+    given = problem.given.materials
+    return in_plane_stress(given) if problem.tagged_mesh.is_thin else given
 
 
 def _components(problem: Problem) -> tuple[bool, int]:
@@ -156,13 +164,14 @@ def _is_same(one: BodyCone, other: BodyCone) -> bool:
     return one.plain.is_same(other.plain)
 
 
-def _cone_of(material: Material, size: int, flat: bool) -> BodyCone | None:
+def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone | None:
     """The cone of a body; None if that is not known.
 
     Args:
         material: The body's.
         size: Components of Mandel vectors.
         flat: Whether that out of the plane is in no equation.
+        thin: Whether that is zero then.
     """
     numbers = {name: ufl.as_ufl(value) for name, value in material.parameters().items()}
     law: Any = material.law(**numbers)
@@ -170,7 +179,7 @@ def _cone_of(material: Material, size: int, flat: bool) -> BodyCone | None:
     normal, n = (2, 3) if flat else (3, size)
     if cones is None or len(cones) > 1:
         return None
-    usual = np.array([0.5, 0.5, 0.0])
+    usual = np.zeros(3) if thin else np.array([0.5, 0.5, 0.0])
     none = Shadow(None, usual, 0.0) if flat else None
     if not cones:
         return BodyCone(None, never_yields(n, normal), none)

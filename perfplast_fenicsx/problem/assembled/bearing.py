@@ -27,6 +27,7 @@ def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
             " all around; give a pressure."
         )
     force = fitting(f"value of the bearing force on '{load.on}'", load.value, gdim)
+    force = force / tagged_mesh.kinematics.thickness
     if not force.any():
         raise InputError(f"the bearing force on '{load.on}' is zero; give a force.")
     resultant = _Resultant(tagged_mesh, load.on)

@@ -18,6 +18,7 @@ from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Law, Material
 from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.materials.plane_stress import in_plane_stress
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.assembled.spaces import Spaces, space_at_points
 
@@ -58,6 +59,8 @@ def lay_out(
             variables of different shapes by the same name in their history.
     """
     _check(tagged_mesh, materials)
+    if tagged_mesh.is_thin:
+        materials = in_plane_stress(materials)
     topology = tagged_mesh.mesh.topology
     index_map = topology.index_map(topology.dim)
     every = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)

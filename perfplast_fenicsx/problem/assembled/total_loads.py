@@ -48,4 +48,5 @@ def area_of(tagged_mesh: TaggedMesh, surface: str) -> float:
     ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged_mesh.facet_tags)
     one = fem.Constant(mesh, default_scalar_type(1.0))
     form = one * tagged_mesh.kinematics.measure(ds)(tagged_mesh.surfaces[surface])
-    return float(mesh.comm.allreduce(fem.assemble_scalar(fem.form(form))))
+    whole = mesh.comm.allreduce(fem.assemble_scalar(fem.form(form)))
+    return float(whole * tagged_mesh.kinematics.thickness)

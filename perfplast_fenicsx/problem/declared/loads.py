@@ -136,6 +136,11 @@ class PorePressure(SpreadLoad):
         """P div v."""
         from perfplast_fenicsx.mesh.kinematics import divergence
 
+        if tagged_mesh.is_thin:
+            raise InputError(
+                f"the pore pressure in '{self.on}' is of bodies whose change of volume is known,"
+                " and sheets in plane stress grow thicker; give kind = 'plane-strain'."
+            )
         return value * divergence(tagged_mesh.kinematics, v)
 
 

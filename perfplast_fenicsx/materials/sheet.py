@@ -1,0 +1,190 @@
+r"""Metal in plane stress, σ_zz = 0: a quadratic condition of the stresses in the plane.
+
+Bodies are free to grow thicker or thinner, so that all strain rates in the plane are admissible.
+With the form P, shape (3, 3), of (σ_xx, σ_yy, √2σ_xy) and C = 2μB₀B₀ᵀ of plane stress the principal
+axes of B₀ᵀPB₀ make the coordinates of :mod:`quadratic_law`: what is uniaxial in them is the
+projection in space at σ_zz = 0 (J. C. Simo, R. L. Taylor, Int. J. Numer. Meth. Eng. 22 (1986), 649).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import ufl
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.materials.quadratic_law import QuadraticLaw
+from perfplast_fenicsx.materials.sheet_elasticity import SheetElasticity
+from perfplast_fenicsx.materials.yield_set import Cone
+
+
+@dataclass(frozen=True)
+class SheetForm:
+    """Σ h_i s_i²; rates have the coordinates Bᵀε, and stresses are Bs.
+
+    Args:
+        sizes: H_i.
+        rows: Bᵀ, three components in each row.
+        inverse: B⁻¹ alike.
+    """
+
+    sizes: Sequence[Expr]
+    rows: Sequence[Sequence[Expr]]
+    inverse: Sequence[Sequence[Expr]]
+
+    def weights(self, size: int) -> Sequence[Expr]:
+        """H_i, three."""
+        return self.sizes
+
+    def frame(self, size: int) -> Expr:
+        """Bᵀ, shape (3, 4)."""
+        return ufl.as_matrix([_wide(row) for row in self.rows])
+
+    def back(self) -> Expr:
+        """B⁻¹, shape (3, 4)."""
+        return ufl.as_matrix([_wide(row) for row in self.inverse])
+
+
+def _wide(row: Sequence[Expr]) -> list[Expr]:
+    """With a zero across the plane."""
+    return [row[0], row[1], 0.0, row[2]]
+
+
+@dataclass(frozen=True)
+class SheetSet:
+    """Σ h_i s_i² ≤ Y²; see :class:`YieldSet` for the methods.
+
+    Args:
+        form: Σ h_i s_i².
+        strength: Y (stress).
+    """
+
+    form: SheetForm
+    strength: Expr
+
+    def gauge(self, s: Expr) -> Expr:
+        """√(Σ h_i s_i²)/Y."""
+        parts = ufl.dot(self.form.back(), s)
+        return ufl.sqrt(sum(h * parts[i] ** 2 for i, h in enumerate(self.form.sizes))) / (
+            self.strength
+        )
+
+    def support(self, rate: Expr) -> Expr:
+        """Y √(Σ ε_i²/h_i)."""
+        return self.strength * ufl.sqrt(self.resistance(rate, rate))
+
+    def resistance(self, a: Expr, b: Expr) -> Expr:
+        """Σ a_i b_i/h_i."""
+        frame = self.form.frame(len(a))
+        left, right = ufl.dot(frame, a), ufl.dot(frame, b)
+        return sum(left[i] * right[i] / h for i, h in enumerate(self.form.sizes))
+
+    def cones(self, size: int) -> Sequence[Cone]:
+        """One, which bounds all stresses in the plane."""
+        back = self.form.back()
+        matrix = ufl.as_matrix(
+            [
+                [ufl.sqrt(h) * back[i, j] for j in range(size)]
+                for i, h in enumerate(self.form.sizes)
+            ]
+        )
+        return (Cone(self.strength, ufl.as_vector([0.0] * size), matrix),)
+
+    def inadmissible(self, rate: Expr) -> Expr:
+        """Nothing: every rate in the plane is admissible."""
+        return 0 * rate
+
+
+@dataclass(frozen=True)
+class SheetLaw(QuadraticLaw):
+    """Metal in plane stress; see :class:`Law` for the methods.
+
+    Args:
+        bulk: κ (stress), of the body in space.
+        shear: μ (stress).
+        strength: Y (stress).
+        h0: The largest h_i.
+        h1: The next one.
+        h2: The smallest one.
+        b00: The entries of B.
+        b01: The same.
+        b02: The same.
+        b10: The same.
+        b11: The same.
+        b12: The same.
+        b20: The same.
+        b21: The same.
+        b22: The same.
+    """
+
+    h0: Expr
+    h1: Expr
+    h2: Expr
+    b00: Expr
+    b01: Expr
+    b02: Expr
+    b10: Expr
+    b11: Expr
+    b12: Expr
+    b20: Expr
+    b21: Expr
+    b22: Expr
+
+    @property
+    def elastic(self) -> SheetElasticity:
+        """C."""
+        return SheetElasticity(self.bulk, self.shear)
+
+    @property
+    def form(self) -> SheetForm:
+        """Σ h_i s_i²."""
+        rows = [[getattr(self, f"b{j}{i}") for j in range(3)] for i in range(3)]
+        # B⁻¹ = 2μ Bᵀ C⁻¹
+        back = []
+        for row in rows:
+            flat = self.elastic.compliance(ufl.as_vector(_wide(row)))
+            back.append([2 * self.shear * flat[j] for j in (0, 1, 3)])
+        return SheetForm((self.h0, self.h1, self.h2), rows, back)
+
+    @property
+    def yields(self) -> SheetSet:
+        """Σ h_i s_i² ≤ Y²."""
+        return SheetSet(self.form, self.strength)
+
+    def free(self, e: Expr) -> Expr:
+        """Nothing."""
+        return ufl.as_vector([0.0] * len(e))
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """A metal as plane stress knows it.
+
+    Args:
+        bulk: κ (stress).
+        shear: μ (stress).
+        strength: Y (stress).
+        form: P of (σ_xx, σ_yy, √2σ_xy), positive definite; shape (3, 3).
+    """
+
+    law: ClassVar[type[SheetLaw]] = SheetLaw
+
+    bulk: float
+    shear: float
+    strength: float
+    form: Floats
+
+    def parameters(self) -> dict[str, float]:
+        """κ, μ, Y and the form of :class:`SheetLaw`."""
+        even = 9 * self.bulk / (3 * self.bulk + 4 * self.shear)  # of ½(xx + yy), over 2μ
+        half = math.sqrt(0.5)
+        columns = [[half, half, 0.0], [half, -half, 0.0], [0.0, 0.0, 1.0]]
+        first = np.array(columns).T * [math.sqrt(even), 1.0, 1.0]
+        values, turn = np.linalg.eigh(first.T @ self.form @ first)
+        B = first @ turn[:, ::-1]
+        numbers = {f"h{i}": float(h) for i, h in enumerate(values[::-1])}
+        numbers |= {f"b{i}{j}": float(B[i, j]) for i in range(3) for j in range(3)}
+        return {"bulk": self.bulk, "shear": self.shear, "strength": self.strength, **numbers}
