@@ -1,4 +1,4 @@
-r"""Perfect plasticity with a quadratic condition, in Hencky's form: stresses return to an ellipsoid.
+r"""Perfect plasticity with a quadratic condition, in Hencky's form: returns to an ellipsoid.
 
 In coordinates in which elasticity is 2μ, but for a stress that nothing bounds, the condition is
 Σ h_i s_i² ≤ Y²: strains have the coordinates Bᵀe there, and stresses σ = Bs. A trial stress

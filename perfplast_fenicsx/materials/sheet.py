@@ -2,8 +2,8 @@ r"""Metal in plane stress, σ_zz = 0: a quadratic condition of the stresses in t
 
 Bodies are free to grow thicker or thinner, so that all strain rates in the plane are admissible.
 With the form P, shape (3, 3), of (σ_xx, σ_yy, √2σ_xy) and C = 2μB₀B₀ᵀ of plane stress the principal
-axes of B₀ᵀPB₀ make the coordinates of :mod:`quadratic_law`: what is uniaxial in them is the
-projection in space at σ_zz = 0 (J. C. Simo, R. L. Taylor, Int. J. Numer. Meth. Eng. 22 (1986), 649).
+axes of B₀ᵀPB₀ make the coordinates of :mod:`quadratic_law`, and Σ is the projection in space at
+σ_zz = 0 (J. C. Simo, R. L. Taylor, Int. J. Numer. Meth. Eng. 22 (1986), 649).
 """
 
 import math
@@ -86,10 +86,7 @@ class SheetSet:
         """One, which bounds all stresses in the plane."""
         back = self.form.back()
         matrix = ufl.as_matrix(
-            [
-                [ufl.sqrt(h) * back[i, j] for j in range(size)]
-                for i, h in enumerate(self.form.sizes)
-            ]
+            [[ufl.sqrt(h) * back[i, j] for j in range(size)] for i, h in enumerate(self.form.sizes)]
         )
         return (Cone(self.strength, ufl.as_vector([0.0] * size), matrix),)
 

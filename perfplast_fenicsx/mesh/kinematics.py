@@ -10,7 +10,7 @@ turn, 2πr dr dz and 2πr ds, and so are all forces and works.
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -137,19 +137,18 @@ class PlaneStrain(Kinematics):
         return _rigid_modes(r, 2, ((0, 1),))
 
 
-@dataclass(frozen=True)
 class PlaneStress(PlaneStrain):
     """Triangles that are sheets, free to grow thicker or thinner: no stress acts across them.
 
     The strain across is told as zero, and no law looks at it.
-
-    Attributes:
-        thickness: Length.
     """
 
-    thickness: float = 1.0
-    name: ClassVar[str] = "plane-stress"
-    forces: ClassVar[str] = "for each unit of thickness"
+    name: str = "plane-stress"
+    forces: str = "for each unit of thickness"
+
+    def __init__(self, thickness: float = 1.0) -> None:
+        """Of a thickness (length)."""
+        self.thickness = thickness
 
 
 class Axisymmetric(Kinematics):

@@ -27,7 +27,7 @@ def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
             " all around; give a pressure."
         )
     force = fitting(f"value of the bearing force on '{load.on}'", load.value, gdim)
-    force = force / tagged_mesh.kinematics.thickness
+    force = np.asarray(force / tagged_mesh.kinematics.thickness, dtype=np.float64)
     if not force.any():
         raise InputError(f"the bearing force on '{load.on}' is zero; give a force.")
     resultant = _Resultant(tagged_mesh, load.on)

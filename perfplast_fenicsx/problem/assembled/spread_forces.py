@@ -53,7 +53,8 @@ def _linear(tagged_mesh: TaggedMesh, load: Force) -> Load:
     force = fitting(f"value {what}", load.value, gdim)
     moment = fitting(f"moment {what}", load.moment, 2 * gdim - 3)
     area, centroid, second = _integrals(tagged_mesh, load.on)
-    force, moment = (it / tagged_mesh.kinematics.thickness for it in (force, moment))
+    thickness = tagged_mesh.kinematics.thickness
+    force, moment = (np.asarray(it / thickness, dtype=np.float64) for it in (force, moment))
     if np.size(load.point):
         arm = fitting(f"point {what}", load.point, gdim) - centroid
         moment = moment + np.atleast_1d(_cross(arm, force))
