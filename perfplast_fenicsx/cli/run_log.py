@@ -28,7 +28,6 @@ from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
 LEVELS = ("debug", "info", "warning", "error")
 """Choices of ``--log-level``."""
 
-PACKAGE = logging.getLogger("perfplast_fenicsx")
 
 log = logging.getLogger(__name__)
 
@@ -220,12 +219,13 @@ def _handled(comm: MPI.Intracomm, handler: logging.Handler, level: str) -> Itera
     handler.setLevel(level.upper())
     handler.addFilter(lambda record: comm.rank == 0)
     handler.addFilter(_Once())
-    before = PACKAGE.level
-    PACKAGE.setLevel(min(before or logging.WARNING, handler.level))
-    PACKAGE.addHandler(handler)
+    package = logging.getLogger("perfplast_fenicsx")
+    before = package.level
+    package.setLevel(min(before or logging.WARNING, handler.level))
+    package.addHandler(handler)
     try:
         yield
     finally:
-        PACKAGE.removeHandler(handler)
-        PACKAGE.setLevel(before)
+        package.removeHandler(handler)
+        package.setLevel(before)
         handler.close()

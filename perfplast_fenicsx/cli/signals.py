@@ -13,8 +13,6 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import StopSearch
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
 
 class Interrupted(StopSearch):
     """Raised on all ranks together.
@@ -39,7 +37,8 @@ class Interrupts:
 
     def __enter__(self) -> "Interrupts":
         if threading.current_thread() is threading.main_thread():
-            self._before = {number: signal.signal(number, self._note) for number in SIGNALS}
+            signals = (signal.SIGINT, signal.SIGTERM)
+            self._before = {number: signal.signal(number, self._note) for number in signals}
         return self
 
     def __exit__(

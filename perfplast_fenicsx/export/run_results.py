@@ -14,9 +14,6 @@ from perfplast_fenicsx.report.view_data import view_data
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-HEIGHT = 760
-"""Of the report in a notebook (pixels): a verdict and the bodies below it."""
-
 
 class RunResults:
     """The results of a run on file, which may still be going on. Single-process.
@@ -52,9 +49,11 @@ class RunResults:
         reader = self._reader
         check_summary(reader)
         page = escape(page_of(reader, view_data(reader)))
+        # Height of the report in a notebook (pixels): a verdict and the bodies below it.
+        height = 760
         return (
             f'<iframe title="{escape(reader.scene.title or "A run")}" sandbox="allow-scripts"'
-            f' style="width:100%;height:{HEIGHT}px;border:0" srcdoc="{page}"></iframe>'
+            f' style="width:100%;height:{height}px;border:0" srcdoc="{page}"></iframe>'
         )
 
     @property

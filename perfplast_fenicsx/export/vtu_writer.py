@@ -20,9 +20,6 @@ from perfplast_fenicsx.io.results.result_files import (
     TYPES,
 )
 
-KINDS = {"f": "Float", "i": "Int", "u": "UInt"}
-"""What VTK calls numbers, by NumPy's letters."""
-
 HEADER = (
     '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0"'
     ' byte_order="LittleEndian" header_type="UInt64">\n<UnstructuredGrid>\n'
@@ -76,7 +73,9 @@ def _array(name: str, values: npt.NDArray[Any], field: bool) -> str:
         kind, width = "String", ""
     else:
         content = np.ascontiguousarray(values.astype(values.dtype.newbyteorder("<"))).tobytes()
-        kind = f"{KINDS[values.dtype.kind]}{8 * values.dtype.itemsize}"
+        # What VTK calls numbers, by NumPy's letters.
+        kinds = {"f": "Float", "i": "Int", "u": "UInt"}
+        kind = f"{kinds[values.dtype.kind]}{8 * values.dtype.itemsize}"
         width = f' NumberOfComponents="{int(np.prod(values.shape[1:]))}"'
     size = len(content).to_bytes(8, "little")
     text = base64.b64encode(size + content).decode()

@@ -17,17 +17,6 @@ from perfplast_fenicsx.geometry.parts import Part
 
 Colour = tuple[int, int, int]
 
-HUES = {
-    "red": 0,
-    "orange": 30,
-    "yellow": 60,
-    "green": 120,
-    "cyan": 180,
-    "blue": 230,
-    "magenta": 300,
-}
-"""Words for colours by their hue (degrees)."""
-
 
 @dataclass(frozen=True)
 class Mark:
@@ -52,7 +41,17 @@ def word_of(colour: Colour) -> str:
         # Words for those without a hue, by their value.
         greys = {"black": 0.0, "grey": 0.5, "white": 1.0}
         return min(greys, key=lambda word: abs(greys[word] - value))
-    return min(HUES, key=lambda word: abs((360 * hue - HUES[word] + 180) % 360 - 180))
+    # Words for colours by their hue (degrees).
+    hues = {
+        "red": 0,
+        "orange": 30,
+        "yellow": 60,
+        "green": 120,
+        "cyan": 180,
+        "blue": 230,
+        "magenta": 300,
+    }
+    return min(hues, key=lambda word: abs((360 * hue - hues[word] + 180) % 360 - 180))
 
 
 def hex_of(colour: Colour) -> str:

@@ -13,9 +13,6 @@ from perfplast_fenicsx.geometry.joints import box
 from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.surface_kind import kind_of
 
-WORDS = {"Plane": "flat", "Line": "straight", "Circle": "round", "Ellipse": "round"}
-"""What gmsh's kinds of faces are called, where not as by gmsh."""
-
 ALIKE = 1e-6
 """Normals, radii and places that differ by less, relative to the size of the body, are the same."""
 
@@ -59,7 +56,9 @@ def shape_of(dim: int, tag: int) -> str:
     kind = kind_of(dim, tag)
     if kind == "Cylinder":
         return "cylindrical"
-    return WORDS.get(kind, kind.removesuffix(" surface").lower())
+    # What gmsh's kinds of faces are called, where not as by gmsh.
+    words = {"Plane": "flat", "Line": "straight", "Circle": "round", "Ellipse": "round"}
+    return words.get(kind, kind.removesuffix(" surface").lower())
 
 
 def put_together(

@@ -13,9 +13,6 @@ from perfplast_fenicsx.compat import entity_nodes
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
-ALONG = np.array([0.8, 0.6])
-"""Direction of the way; whichever it is, it bends one of the lines."""
-
 
 def bend_crossings(tagged_mesh: TaggedMesh) -> int:
     """Move such vertices a little, in the mesh itself. Collective.
@@ -65,6 +62,8 @@ def bend_crossings(tagged_mesh: TaggedMesh) -> int:
     shifted = 0.05  # way of a vertex, over the harmonic mean of the lengths of its edges
     step = np.where(nearly, shifted * 8 / np.maximum(table[:, 2], 1e-300), 0.0)
     nodes = entity_nodes(mesh, 0, np.arange(count, dtype=np.int32)).reshape(-1)
-    mesh.geometry.x[nodes, :2] += step[:, None] * ALONG
+    # Direction of the way; whichever it is, it bends one of the lines.
+    way = np.array([0.8, 0.6])
+    mesh.geometry.x[nodes, :2] += step[:, None] * way
     moved: int = comm.allreduce(int(nearly[: index_map.size_local].sum()))
     return moved

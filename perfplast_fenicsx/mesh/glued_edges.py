@@ -99,13 +99,11 @@ class GluedEdges:
         return vector.array.copy()
 
 
-IRRATIONAL = np.array([0.754877666, 0.569840291, 0.328125733])
-"""A direction along which hardly any two edges of a mesh have their middles at the same place."""
-
-
 def _place(middles: Floats) -> Floats:
     """What decides between edges of the same length, whatever their numbers on so many ranks."""
-    place: Floats = (middles * IRRATIONAL[: middles.shape[1]]).sum(axis=1)
+    # A direction along which hardly any two edges of a mesh have their middles at the same place.
+    irrational = np.array([0.754877666, 0.569840291, 0.328125733])
+    place: Floats = (middles * irrational[: middles.shape[1]]).sum(axis=1)
     return place
 
 

@@ -24,10 +24,6 @@ from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
 
-SMOOTH = np.cos(np.deg2rad(25.0))
-"""Facets that are aslant to the mean normal at a vertex by less belong to one curved surface there:
-contact takes facets for one surface up to 40°, of which either has half."""
-
 
 @dataclass(frozen=True)
 class _Cells:
@@ -147,7 +143,10 @@ def _sagittas(
     across = np.einsum("nki,ni->nk", mean[ends], area)
     sizes = np.linalg.norm(mean[ends], axis=2) * np.linalg.norm(area, axis=1)[:, None]
     cosine = np.clip(across / np.maximum(sizes, np.finfo(float).tiny), -1, 1)
-    aslant = np.where(cosine > SMOOTH, np.arccos(cosine), 0.0)
+    # Facets that are aslant to the mean normal at a vertex by less belong to one curved surface
+    # there: contact takes facets for one surface up to 40°, of which either has half.
+    least_cosine = np.cos(np.deg2rad(25.0))
+    aslant = np.where(cosine > least_cosine, np.arccos(cosine), 0.0)
     caution = 2.0  # sagittas count so many times, as mean normals are known roughly alone
     sagitta = caution * length * np.tan(aslant.max(axis=1, initial=0) / 2) / 2
     longest = comm.allreduce(float(length.max(initial=0)), MPI.MAX) or 1.0

@@ -42,8 +42,6 @@ ELEMENTS: dict[str, tuple[Shape, int]] = {
 """Shapes by card, and nodes of a quadratic one."""
 
 TAKEN = {*ELEMENTS, "GRID", "PSOLID", "PSHELL", "MAT1", "SPC", "SPC1"}
-SILENT = {"BEGIN", "BEGIN BULK", "ENDDATA", "PARAM", "CORD2R", "SPCADD", "EIGRL"}
-"""Cards that are read, and that say nothing of a limit load."""
 
 NAMES = re.compile(
     r"^\$(?:HMNAME +(?:PROP|COMP) +(\d+) *\"([^\"]+)\"|ANSA_NAME\w*;(\d+);P\w+;([^;]+);"
@@ -95,8 +93,10 @@ def _mesh(text: str) -> GroupedMesh:
     for card in ("SPC", "SPC1"):
         _supports(card, cards.get(card, []), index, found)
     unknown = Counter({card: len(rows) for card, rows in cards.items() if card not in TAKEN})
+    # Cards that are read, and that say nothing of a limit load.
+    silent = {"BEGIN", "BEGIN BULK", "ENDDATA", "PARAM", "CORD2R", "SPCADD", "EIGRL"}
     for card, number in unknown.items():
-        if card not in SILENT:
+        if card not in silent:
             found.remarks.append(f"{card} ({number} cards) has no counterpart and is left out")
     return found
 

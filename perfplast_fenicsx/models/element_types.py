@@ -81,8 +81,6 @@ LINES = {"T2D2": 2, "T3D2": 2, "T2D3": 3, "T3D3": 3, "B21": 2, "B31": 2, "B22": 
 """Beginnings of the names of flat elements, and nodes of lines by theirs."""
 
 STRAIN, AXIS, STRESS = "plane strain", "axisymmetry", "plane stress"
-MODELS = {"CPE": STRAIN, "CAX": AXIS, "CPS": STRESS}
-"""What elements in the plane mean."""
 
 
 @dataclass(frozen=True)
@@ -106,10 +104,11 @@ def element_type(name: str) -> ElementType | None:
     if match:
         nodes = int(match[1])
         return ElementType(SOLIDS[nodes], nodes) if nodes in SOLIDS else None
+    models = {"CPE": STRAIN, "CAX": AXIS, "CPS": STRESS}  # what elements in the plane mean
     for kind in PLANE:
         match = re.fullmatch(rf"{kind}(\d)[A-Z]*\d?", name)
         if match and int(match[1]) in FLAT:
             nodes = int(match[1])
-            return ElementType(FLAT[nodes], nodes, MODELS.get(kind, ""))
+            return ElementType(FLAT[nodes], nodes, models.get(kind, ""))
     line = LINES.get(name.rstrip("RHO"))
     return ElementType(LINE, line) if line else None

@@ -17,7 +17,6 @@ NAMED_SUPPORTS = {"ENCASTRE": "123", "PINNED": "123", "XSYMM": "1", "YSYMM": "2"
 """Components that names of supports hold."""
 
 AXES = "xyz"
-UNIAXIAL, GRAVITY = "P", "GRAV"
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,16 +189,17 @@ class OnSurfaces:
 
     def _distributed(self, keyword: Keyword) -> list[Pushed]:
         pushed = []
+        uniaxial, gravity = "P", "GRAV"
         for row in keyword.rows():
             if len(row) < 3:
                 continue
             name, kind = row[0].upper(), row[1].upper()
-            if kind == GRAVITY and len(row) >= 6:
+            if kind == gravity and len(row) >= 6:
                 pushed += self._weight(name, [number_of(cell, keyword) for cell in row[2:6]])
                 continue
-            if keyword.name == "DSLOAD" and kind == UNIAXIAL:
+            if keyword.name == "DSLOAD" and kind == uniaxial:
                 on = self._use.named(name, "*DSLOAD")
-            elif keyword.name == "DLOAD" and kind[:1] == UNIAXIAL and kind[1:].isdigit():
+            elif keyword.name == "DLOAD" and kind[:1] == uniaxial and kind[1:].isdigit():
                 on = self._pressed(name, kind, number_of(row[2], keyword))
             else:
                 on = None

@@ -11,18 +11,17 @@ from perfplast_fenicsx.child_process import REFUSED
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.pictures.result_figures import animate, parts, plot
 
-COMMANDS: dict[str, Callable[..., Iterator[str]]] = {
-    "plot": plot,
-    "animate": animate,
-    "parts": parts,
-}
-
 
 def main(argv: Sequence[str]) -> int:
     """Draw, and say what has been drawn, a line each."""
     command, source, *output = argv
+    commands: dict[str, Callable[..., Iterator[str]]] = {
+        "plot": plot,
+        "animate": animate,
+        "parts": parts,
+    }
     try:
-        for line in COMMANDS[command](source, *output):
+        for line in commands[command](source, *output):
             print(line, flush=True)
     except InputError as error:
         print(error, file=sys.stderr)

@@ -12,8 +12,6 @@ from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.problem.declared.load import SpreadLoad
 from perfplast_fenicsx.problem.declared.loads import Bearing, Force, Load, Pressure
 
-VIEWS = np.array([(1.1, -1.9, 1.0), (-1.1, -1.9, 1.0), (1.1, 1.9, 1.0), (-1.1, 1.9, 1.0)])
-
 
 @dataclass(frozen=True)
 class Arrows:
@@ -165,6 +163,7 @@ def best_view(surface: Surface) -> tuple[float, float, float]:
         return (0.0, 0.0, 1.0)
     weighed = surface.normals * (surface.at_cells["yield_ratio"] ** 4 + 1e-6)[:, None]
     weighed = weighed[~surface.marks["contact"]]
-    seen = np.maximum(weighed @ VIEWS.T, 0).sum(axis=0)
-    x, y, z = VIEWS[int(np.argmax(seen > 0.95 * seen.max()))]
+    views = np.array([(1.1, -1.9, 1.0), (-1.1, -1.9, 1.0), (1.1, 1.9, 1.0), (-1.1, 1.9, 1.0)])
+    seen = np.maximum(weighed @ views.T, 0).sum(axis=0)
+    x, y, z = views[int(np.argmax(seen > 0.95 * seen.max()))]
     return (x, y, z)

@@ -16,9 +16,6 @@ from matplotlib.patches import Patch
 
 from perfplast_fenicsx.arrays import Floats
 
-VIEWS = {"from the front": (1.0, -1.6, 0.9), "from behind": (-1.0, 1.6, -0.9)}
-"""Directions from which bodies in space are seen."""
-
 PIXELS, DPI = (1000, 800), 100
 """Of each view."""
 
@@ -33,7 +30,9 @@ def save_parts(source: str | Path, output: Path) -> None:
     with np.load(source) as file:
         skin = {name: file[name] for name in file.files}
     flat = np.ptp(skin["points"][:, 2]) == 0
-    views = {"": (0.0, 0.0, 1.0)} if flat else VIEWS
+    # Directions from which bodies in space are seen.
+    directions = {"from the front": (1.0, -1.6, 0.9), "from behind": (-1.0, 1.6, -0.9)}
+    views = {"": (0.0, 0.0, 1.0)} if flat else directions
     figure = Figure(figsize=(len(views) * 7.0, 6.4), dpi=DPI)
     FigureCanvasAgg(figure)
     for column, (words, view) in enumerate(views.items(), start=1):

@@ -26,13 +26,6 @@ from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 SCRIPTS = ("decode", "camera", "shaders", "colours", "drawing", "viewer", "gestures", "controls")
 """Files of the view, in the order in which they are read."""
 
-MARKS = {
-    "proven": ("✓", "Proven of the bodies"),
-    "one-sided": ("◐", "One bound is proven of the bodies"),
-    "found": ("●", "Found on this mesh"),
-    "open": ("!", "Open"),
-}
-
 
 def page_of(reader: ResultReader, view: View) -> str:
     """The HTML of a report.
@@ -71,7 +64,13 @@ def asset(name: str) -> str:
 
 
 def _verdict(verdict: Verdict, meaning: str) -> str:
-    sign, word = MARKS[verdict.mark]
+    marks = {
+        "proven": ("✓", "Proven of the bodies"),
+        "one-sided": ("◐", "One bound is proven of the bodies"),
+        "found": ("●", "Found on this mesh"),
+        "open": ("!", "Open"),
+    }
+    sign, word = marks[verdict.mark]
     details = "".join(f"<p>{_words(text)}</p>" for text in (meaning, *verdict.details) if text)
     return (
         f'<section id="verdict" class="{verdict.mark}" aria-label="Verdict">'

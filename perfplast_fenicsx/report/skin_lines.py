@@ -5,9 +5,6 @@ import numpy as np
 from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 
-SHARP = np.cos(np.radians(30.0))
-"""Triangles that meet at a larger angle meet at a line."""
-
 
 def skin_lines(surface: Surface) -> tuple[Longs, Longs]:
     """Edges of triangles that are shown as lines.
@@ -23,7 +20,9 @@ def skin_lines(surface: Surface) -> tuple[Longs, Longs]:
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
     a, b = order[first], order[first + (count > 1)]
     normals = _unit_normals(surface)
-    smooth = np.einsum("ni,ni->n", normals[triangle[a]], normals[triangle[b]]) > SHARP
+    # Triangles that meet at a larger angle meet at a line.
+    least_cosine = np.cos(np.radians(30.0))
+    smooth = np.einsum("ni,ni->n", normals[triangle[a]], normals[triangle[b]]) > least_cosine
     same = surface.body[triangle[a]] == surface.body[triangle[b]]
     shown = a[(count != 2) | ~smooth | ~same]
     body = surface.body[triangle[shown]]

@@ -18,9 +18,6 @@ from perfplast_fenicsx.parallel import Exchange
 SHARP = np.cos(np.radians(40.0))
 """Facets at a node whose normals have a smaller cosine belong to different faces."""
 
-ASKEW = np.sqrt([1.0, 2.0, 3.0])
-"""A direction to which facets of few bodies are symmetric."""
-
 
 @dataclass(frozen=True)
 class FaceNodes:
@@ -145,7 +142,9 @@ def _faces(node: Longs, normals: Floats) -> Longs:
     place = np.empty(len(node), dtype=np.int64)
     # Decimal places to which facets are compared: those in one plane differ by rounding.
     decimals = 9
-    steepness = np.round((normals @ ASKEW[: normals.shape[1]]) ** 2, decimals)
+    # A direction to which facets of few bodies are symmetric.
+    askew = np.sqrt([1.0, 2.0, 3.0])
+    steepness = np.round((normals @ askew[: normals.shape[1]]) ** 2, decimals)
     place[np.lexsort((steepness, node))] = np.arange(len(node))
     number = 0
     while (left := np.flatnonzero(face < 0)).size:

@@ -13,8 +13,6 @@ from perfplast_fenicsx.io.case.schema import Table
 LARGEST_FILE = 1_000_000
 """Bytes of a file."""
 
-_INT64 = range(-(2**63), 2**63)
-
 
 def read_text(path: Path) -> str:
     """The text of a file that is to be TOML. Not collective.
@@ -89,13 +87,14 @@ def parse(text: str, name: str) -> Table:
         remedy = _remedy(text, reason)
         raise InputError(f"{name} is not valid TOML: {reason}; {remedy}.") from error
     entries: list[tuple[str, Any]] = list(table.items())
+    int64 = range(-(2**63), 2**63)
     while entries:
         key, value = entries.pop()
         if isinstance(value, dict):
             entries += value.items()
         elif isinstance(value, list):
             entries += [(key, item) for item in value]
-        elif isinstance(value, int) and value not in _INT64:
+        elif isinstance(value, int) and value not in int64:
             raise InputError(
                 f"{name}: {key} = {hex(value)[:20]}... has {value.bit_length()} bits, but whole"
                 " numbers have 64; write a smaller one, or 1e30 for a large number."

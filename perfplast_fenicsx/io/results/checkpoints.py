@@ -49,9 +49,6 @@ from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.next_work import Reached
 
-GENERIC = np.array([0.5377, 0.8319, 0.1379])
-"""Along this direction the normals of the faces that meet at a node are all different."""
-
 HISTORY = "history"
 """Group of the internal variables, arrays of numbers at the points of each cell."""
 
@@ -258,7 +255,9 @@ class Checkpoints:
 def _bits(problem: Problem) -> npt.NDArray[np.uint8]:
     """A bit for each pair hosted here, another one for each pair of the same host."""
     constraints = problem.constraints
-    along = constraints.normal @ GENERIC[: constraints.normal.shape[1]]
+    # Along this direction the normals of the faces that meet at a node are all different.
+    generic = np.array([0.5377, 0.8319, 0.1379])
+    along = constraints.normal @ generic[: constraints.normal.shape[1]]
     order = np.lexsort([along, constraints.surface, constraints.host])
     _, first, counts = np.unique(constraints.host[order], return_index=True, return_counts=True)
     slot = np.empty(len(order), dtype=np.uint8)

@@ -17,8 +17,6 @@ from dolfinx.mesh import Mesh
 from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.parallel import exchange_rows, send_rows
 
-UNSEEN = np.iinfo(np.int64).max
-
 
 class Ordering:
     """The order of things by a key.
@@ -85,7 +83,8 @@ def node_ordering(mesh: Mesh, cells: Ints, index_map: IndexMap) -> Ordering:
     owned, per_cell = index_map.size_local, cells.shape[1]
     cells = cells[: len(_input_cells(mesh))]
     keys = _input_cells(mesh)[:, None] * per_cell + np.arange(per_cell)
-    least = np.full(owned + index_map.num_ghosts, UNSEEN)
+    unseen = np.iinfo(np.int64).max
+    least = np.full(owned + index_map.num_ghosts, unseen)
     np.minimum.at(least, cells.ravel(), keys.ravel())
     rows = np.stack([index_map.ghosts, least[owned:]], axis=1)
     rows = send_rows(mesh.comm, rows, index_map.owners)

@@ -31,9 +31,6 @@ from perfplast_fenicsx.io.results.vtkhdf import add_counts, add_facts, make_grid
 from perfplast_fenicsx.problem.assembled.spaces import by_cell
 from perfplast_fenicsx.problem.problem import Problem
 
-VERTEX = 1
-"""VTK's number of a cell that is a point."""
-
 
 class PointWriter:
     """Writes fields at the points where the laws of a problem are evaluated."""
@@ -91,7 +88,8 @@ class PointWriter:
         last = self._folder.comm.rank == self._folder.comm.size - 1
         blocks[CONNECTIVITY] = Block(number, first, total)
         blocks[OFFSETS] = Block(np.arange(first, first + len(number) + last), first, total + 1)
-        blocks[TYPES] = Block(np.full(len(number), VERTEX, dtype=np.uint8), first, total)
+        vertex = 1  # VTK's number of a cell that is a point
+        blocks[TYPES] = Block(np.full(len(number), vertex, dtype=np.uint8), first, total)
 
         def describe(file: h5py.File) -> None:
             make_grid(file)

@@ -55,8 +55,6 @@ RESULT_FILES = (
 )
 """What a run looks for before it writes, and removes when it is told to."""
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What the system says where there is no room."""
 
 STEP_KEYS = (
     *("zeta", "alpha", "converged", "reason"),
@@ -142,11 +140,13 @@ class ResultFolder:
             InputError: On every rank, if the system refuses on any.
         """
         fault = None
+        # What the system says where there is no room.
+        full = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
         try:
             action()
         except OSError as error:
             fault = self._unwritable(error.strerror or str(error))
-            if error.errno in FULL:
+            if error.errno in full:
                 fault = (
                     f"the output folder '{self.path}' cannot be written ({error.strerror}); make"
                     " room, then go on with --restart: what was written before is whole."

@@ -43,10 +43,6 @@ from perfplast_fenicsx.io.results.result_files import (
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.problem.problem import Problem
 
-CELL_TYPES = {(2, 1): 5, (2, 2): 22, (3, 1): 10, (3, 2): 24}
-"""VTK's numbers of simplices by dimension and degree."""
-
-
 COUNTS = ("NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds")
 BODY_TAGS, BODY_NAMES = f"{FIELD_DATA}/body_tags", f"{FIELD_DATA}/body_names"
 
@@ -124,7 +120,9 @@ class FieldWriter:
         body[tagged_mesh.cell_tags.indices] = tagged_mesh.cell_tags.values
         last = comm.rank == comm.size - 1  # of the offsets there is one more than of the cells
         offsets = per_cell * np.arange(cells.first, cells.first + cells.count + last)
-        kind = np.full(cells.count, CELL_TYPES[tdim, self._degree], dtype=np.uint8)
+        # VTK's numbers of simplices by dimension and degree.
+        cell_types = {(2, 1): 5, (2, 2): 22, (3, 1): 10, (3, 2): 24}
+        kind = np.full(cells.count, cell_types[tdim, self._degree], dtype=np.uint8)
         points = self._space.tabulate_dof_coordinates()[: dofmap.index_map.size_local]
         facets, tags = self._named_facets(problem, number)
         first, total = comm.exscan(len(facets)) or 0, comm.allreduce(len(facets))

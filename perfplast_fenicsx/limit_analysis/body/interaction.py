@@ -31,9 +31,6 @@ from perfplast_fenicsx.problem.declared.scaled_load import scaled
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 
-FIRST = {False: (0.0, 45.0, 90.0), True: (0.0, 60.0, 120.0, 180.0, 240.0, 300.0)}
-"""Directions to begin with (degrees), of a quarter of the circle and of all of it."""
-
 
 @dataclass(frozen=True, eq=False)
 class Envelope:
@@ -140,7 +137,9 @@ def envelope(
             )
     stay = [load for load in problem.given.loads if load.constant]
     carried, sides, asked = list[Floats](), list[Floats](), list[float]()
-    queue, gap = list(FIRST[around]), math.inf
+    # Directions to begin with (degrees), of a quarter of the circle and of all of it.
+    at_first = {False: (0.0, 45.0, 90.0), True: (0.0, 60.0, 120.0, 180.0, 240.0, 300.0)}
+    queue, gap = list(at_first[around]), math.inf
     while len(asked) < directions:
         if not queue:
             gap, angle = _worst(np.array(carried), np.array(sides), around, asked)

@@ -7,9 +7,6 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import NO_MECHANISM, NOT_
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED, ENTERS
 from perfplast_fenicsx.mesh_estimate import percent
 
-ANSWERED = {NO_MECHANISM, CURVED, ENTERS}
-"""Why an upper bound is missing or not strict where a lower one may be sought all the same."""
-
 
 @dataclass(frozen=True)
 class Effort:
@@ -42,7 +39,9 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
     seconds, dim = effort.seconds, effort.dim
     lower, upper = body.lower, body.upper
     if lower == NOT_SOUGHT:
-        if body.mesh.estimate is not None and set(upper.why_not) <= ANSWERED:
+        # Why an upper bound is missing or not strict where a lower one may be sought all the same.
+        answered = {NO_MECHANISM, CURVED, ENTERS}
+        if body.mesh.estimate is not None and set(upper.why_not) <= answered:
             # How many times as long as the limit load of the mesh its bounds take, by dimension.
             bounded = {2: (2, 5), 3: (4, 8)}
             yield (

@@ -17,8 +17,6 @@ from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.given import Given
 
-RIGHT = np.pi / 2
-
 
 def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int) -> Ints:
     """Local vertices of a plane mesh that need more cells. Collective.
@@ -58,9 +56,10 @@ def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int) -> Ints
     angles, cells, facets, kinds, squares = table.T
     changes = facets * squares - kinds**2 > 0.5  # all alike: the square of the mean
     rounding = 1e-6  # what an angle is beyond that of a straight line by rounding
-    least = np.where(changes, RIGHT, np.pi) + rounding
-    turns = np.clip(angles - least, 0.0, RIGHT)
-    return np.flatnonzero((facets > 0) & (cells < valence * turns / RIGHT)).astype(np.int32)
+    right = np.pi / 2
+    least = np.where(changes, right, np.pi) + rounding
+    turns = np.clip(angles - least, 0.0, right)
+    return np.flatnonzero((facets > 0) & (cells < valence * turns / right)).astype(np.int32)
 
 
 def _columns(*columns: Floats | float) -> Floats:

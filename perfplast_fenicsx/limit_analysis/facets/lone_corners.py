@@ -32,12 +32,6 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 log = logging.getLogger(__name__)
 
-OTHERS = np.array([[1, 2], [0, 2], [0, 1]])
-"""Facets at each vertex of a triangle, those opposite the others."""
-
-COMPONENTS: Floats = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]], dtype=float)
-"""Of a plane stress."""
-
 
 def with_divided_corners(problem: Problem) -> Problem:
     """The problem on a mesh on which such corners have two cells; itself where it has none.
@@ -70,8 +64,10 @@ def lone_corners(problem: Problem, conditions: FacetConditions) -> Ints:
     """
     topology, facets = problem.tagged_mesh.mesh.topology, conditions.numbers.facets
     outside = np.isin(facets, exterior_facet_indices(topology))
-    cell, corner = np.nonzero(outside[:, OTHERS].all(axis=2))
-    side = OTHERS[corner]
+    # Facets at each vertex of a triangle, those opposite the others.
+    others = np.array([[1, 2], [0, 2], [0, 1]])
+    cell, corner = np.nonzero(outside[:, others].all(axis=2))
+    side = others[corner]
     here = facets[cell[:, None], side]
     slopes, _ = gradients(conditions.vertices[cell])
     normal = -slopes[np.arange(len(cell))[:, None], side]
@@ -81,7 +77,11 @@ def lone_corners(problem: Problem, conditions: FacetConditions) -> Ints:
     pressed = np.isin(here, conditions.in_contact)
     told[..., 0] &= ~pressed  # by a pressure that is not known
     told[np.isin(here, conditions.rubbing)] = False  # by no shear that is, either
-    every = np.einsum("nfai,nfj,mij->nfam", axes, normal, COMPONENTS)
+    # Components of a plane stress.
+    components: Floats = np.array(
+        [[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]], dtype=float
+    )
+    every = np.einsum("nfai,nfj,mij->nfam", axes, normal, components)
     rows = (every * told[..., None]).reshape(-1, 4, 3)
     beside = corner[:, None] - (side < corner[:, None])  # the corner among the facet's vertices
     place = conditions.numbers.places[cell[:, None], side, beside]

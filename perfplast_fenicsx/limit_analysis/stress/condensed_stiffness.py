@@ -19,10 +19,6 @@ RIDGE = 1e-13
 meet at right angles or cross."""
 
 
-UNPIVOTED = {**DIRECT, "mat_mumps_cntl_1": 0.0}
-"""K is nowhere negative: pivots that MUMPS would look for take memory, and time."""
-
-
 class CondensedStiffness(SprungMatrix):
     """See :class:`discretisation.Stiffness`; y and b are vectors of :class:`MultiplierStrains`."""
 
@@ -42,7 +38,9 @@ class CondensedStiffness(SprungMatrix):
         self._springs: Springs | None = None
         matrix = PETSc.Mat().create(facets.vector.comm)
         matrix.setType(PETSc.Mat.Type.AIJ)
-        super().__init__(facets.vector.comm, matrix, jumps, UNPIVOTED)
+        # K is nowhere negative: pivots that MUMPS would look for take memory, and time.
+        unpivoted = {**DIRECT, "mat_mumps_cntl_1": 0.0}
+        super().__init__(facets.vector.comm, matrix, jumps, unpivoted)
         self._preallocate()
         inner = layout.inner
         self._inverse = np.empty((strains.num_cells, inner, inner))
