@@ -181,7 +181,7 @@ def _on_friction(problem: Problem, searched: bool) -> list[str]:
         return []
     step = "a step from the one before" if problem.in_stages else "one step"
     told = [f"Coulomb's friction: each level is {step}, whose solution need not be the only one"]
-    bounded = problem.loads.is_proportional() and not searched
+    bounded = not problem.loads.has_dead() and not searched
     if bounded and method_for(problem) is LimitMethod.INTERIOR_POINT:
         told.append(drucker_bounds(problem).in_words())
     return told

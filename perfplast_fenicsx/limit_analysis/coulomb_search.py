@@ -71,7 +71,7 @@ def coulomb_limit(
             f"limit_tolerance = {rtol:g} is finer than what tells bodies that slide from those at"
             f" rest with Coulomb's friction; give {finest:g} or more."
         )
-    direct = method_for(problem) is LimitMethod.INTERIOR_POINT and problem.loads.is_proportional()
+    direct = method_for(problem) is LimitMethod.INTERIOR_POINT and not problem.loads.has_dead()
     drucker = drucker_bounds(problem) if direct else None
     search = search or Search()
     path = _Path(solver, rtol, search, monitor, on_level)

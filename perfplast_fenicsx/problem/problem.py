@@ -222,16 +222,15 @@ class Problem:
             self.basis = replace(self.basis, gap=self.motion.gap_at(zeta))
         self.friction.origin[:] = self.motion.slide_at(zeta)
 
-    def is_proportional(self) -> bool:
-        """Whether nothing but ζ loads or moves the bodies. Collective."""
+    def loaded_at_zero(self) -> bool:
+        """Whether anything but ζ loads or moves the bodies. Collective."""
         strained = self.initial_strain is not None
         moves = self.motion.moves_supports or self.motion.driven
-        at_rest = not (moves or self.interferes or strained)
-        return at_rest and self.loads.is_proportional()
+        return moves or self.interferes or strained or self.loads.has_dead()
 
     def is_elastic_at_first(self) -> bool:
         """Whether the bodies begin with multiples of one state, but for gaps. Collective."""
-        return self.is_proportional() and not self.friction.count
+        return not self.loaded_at_zero() and not self.friction.count
 
     def create_vector(self) -> PETSc.Vec:
         """A vector of zeros with an entry for each displacement unknown. Collective."""

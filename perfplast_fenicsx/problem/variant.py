@@ -4,6 +4,8 @@ import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from perfplast_fenicsx.contact.rows.constraints import Constraints
 from perfplast_fenicsx.contact.rows.friction import Friction
 from perfplast_fenicsx.contact.rows.jump_basis import JumpBasis
@@ -61,8 +63,8 @@ def variant(
     other.sliding = sliding or problem.sliding
     if basis is not None:
         other.basis = basis
-        other.num_pairs = problem.comm.allreduce(len(basis.index))
-        other.num_tied = problem.num_tied + problem.num_pairs - other.num_pairs
+        counts = problem.comm.allreduce(np.array([len(basis.index), len(basis.tied)]))
+        other.num_pairs, other.num_tied = map(int, counts)
     resisting = friction or problem.friction
     bound, origin = resisting.bound.copy(), resisting.origin.copy()
     other.friction = replace(resisting, bound=bound, origin=origin)

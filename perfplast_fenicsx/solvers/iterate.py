@@ -240,7 +240,7 @@ class Iterate:
         self.advance(beta)
         after = self.energy(zeta)
         total = max(abs(after) + abs(before), self.least_norm2())
-        if self.problem.history or not self.problem.is_proportional():  # J_ζ may pass zero
+        if self.problem.history or self.problem.loaded_at_zero():  # J_ζ may pass zero
             total = max(total, self.fields.size())
         return abs(after - before) / total if total > 0 else 0.0
 
@@ -271,7 +271,7 @@ class Iterate:
         """
         fields, loads = self.fields, self.problem.loads
         forces = abs(zeta) * loads.live.norm()
-        if not self.problem.is_proportional():
+        if self.problem.loaded_at_zero():
             forces = max(forces, loads.dead.norm(), fields.assemble_all_forces().norm())
         if fields.u_norm2() <= self.least_norm2():
             forces = max(forces, RIGID * fields.gross_force())

@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
     """Whether a path begins with ζ = 0 without being told: where loads are constant. Collective."""
     told = solver.prescribes is Prescribed.LOAD_FACTOR and len(values) > 0 and values[0] == 0
-    return not told and not solver.problem.loads.is_proportional()
+    return not told and solver.problem.loads.has_dead()
 
 
 Ahead = Callable[[Reached], Leap | None]

@@ -72,7 +72,7 @@ class WorkNewton(LevelSolver):
             InputError: If α is not finite, or negative where nothing but ζ loads the bodies, which
                 remember nothing.
         """
-        if value < 0 and self.problem.is_proportional() and not self.problem.history:
+        if value < 0 and not self.problem.loaded_at_zero() and not self.problem.history:
             raise InputError(f"the work alpha = {value} is negative; give zero or more.")
         return super().solve(value, start, monitor)
 

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from unittest.mock import Mock
 
 from mpi4py import MPI
 
@@ -17,6 +18,7 @@ from perfplast_fenicsx.limit_analysis import (
     limit_load,
 )
 from perfplast_fenicsx.limit_analysis.body import body_bounds
+from perfplast_fenicsx.limit_analysis.facets import facet_conditions
 from perfplast_fenicsx.problem import LoadCase
 from tests.checks import assert_refused
 from tests.limit_analysis.test_interior_point import BLOCK, COMM, K, blocks, footing, made
@@ -30,8 +32,10 @@ def upper(bounds: BodyBounds) -> float:
     return bounds.upper.value
 
 
-def test_a_footing(shared_tmp_path: Path) -> None:
+def test_a_footing(shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[InteriorStep] = []
+    reads = Mock(wraps=facet_conditions._read)
+    monkeypatch.setattr(facet_conditions, "_read", reads)
     bounds = limit_bounds(footing(shared_tmp_path), monitor=told.append)
     assert 5.17 < upper(bounds) / K < 5.18  # exact: 5.1416
     assert bounds.mesh.upper is not None
@@ -49,6 +53,8 @@ def test_a_footing(shared_tmp_path: Path) -> None:
     gap = upper(bounds) - bounds.lower.value
     assert COMM.allreduce(bounds.shares.sum()) == pytest.approx(gap, rel=1e-9)
     assert COMM.allreduce(float(bounds.shares.min()), MPI.MIN) > -1e-9 * gap
+    meshes = [call.args[0].tagged_mesh for call in reads.call_args_list]
+    assert len(meshes) == len({id(mesh) for mesh in meshes})  # read once for each
 
 
 def test_a_limit_load_bounds_that_of_the_body_from_above(shared_tmp_path: Path) -> None:

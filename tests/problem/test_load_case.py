@@ -82,8 +82,8 @@ def test_loads_of_a_load_factor(both: Problem) -> None:
     force = total.copy()
     both.loads.subtract_from(force, ZETA)
     assert force.norm() <= 1e-14 * total.norm()
-    assert not both.loads.is_proportional()
-    assert LoadCase(both.create_vector(), both.loads.live).is_proportional()
+    assert both.loads.has_dead()
+    assert not LoadCase(both.create_vector(), both.loads.live).has_dead()
 
 
 def test_gradient_is_the_derivative_of_the_energy(both: Problem, known: Level) -> None:

@@ -63,7 +63,7 @@ def interior_point(
         return _of_dead_loads(_searched(problem, rtol, monitor, Question.STANDS))
     found = _searched(problem, rtol, monitor, Question.LIMIT)
     unknown = found.verdict is Verdict.STALLED and found.lower is None
-    if problem.loads.is_proportional() or not unknown:
+    if not problem.loads.has_dead() or not unknown:
         return found
     return _with_standing(found, _searched(problem, rtol, monitor, Question.STANDS))
 

@@ -10,7 +10,6 @@ mechanisms that are looked for neither slip there nor part: they are fewer, and 
 any of them is an upper bound all the same.
 """
 
-import copy
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +23,7 @@ from perfplast_fenicsx.contact.rows.sparse_rows import (
     unknowns,
 )
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.variant import variant
 
 
 def with_associated_slip(problem: Problem) -> Problem:
@@ -63,8 +63,7 @@ def _glued(problem: Problem, rows: PairFlags) -> Problem:
     moving.array[held] = 0.0
     T.diagonalScale(None, moving)
     moving.destroy()
-    glued = copy.copy(problem)
-    glued.basis = replace(
+    glued = replace(
         basis,
         T=T,
         index=basis.index[~rows],
@@ -72,11 +71,8 @@ def _glued(problem: Problem, rows: PairFlags) -> Problem:
         tied=np.concatenate([basis.tied, held]),
         sliding=np.setdiff1d(basis.sliding, held),
     )
-    glued.friction = _some(friction, places, np.cumsum(~rows) - 1, problem)
-    counts = problem.comm.allreduce(np.array([np.sum(~rows), len(held)]))
-    glued.num_pairs = int(counts[0])
-    glued.num_tied = problem.num_tied + int(counts[1])
-    return glued
+    left = _some(friction, places, np.cumsum(~rows) - 1, problem)
+    return variant(problem, basis=glued, friction=left)
 
 
 def _some(friction: Friction, places: PairFlags, numbers: Ints, problem: Problem) -> Friction:
@@ -126,8 +122,7 @@ def _wedged(problem: Problem) -> Problem:
         product.destroy()
     for matrix in (to_jumps, from_jumps):
         matrix.destroy()
-    wedged = copy.copy(problem)
-    wedged.basis = replace(
+    wedged = replace(
         basis,
         T=changed[0],
         M=changed[1],
@@ -139,7 +134,7 @@ def _wedged(problem: Problem) -> Problem:
     shares = np.tile([[[1.0, 0.0]]], (len(index), 1, 1))
     index[places] = np.column_stack([normal, along])
     shares[places, 0] = np.column_stack([half / mu, -half / mu])
-    wedged.friction = replace(
+    slips = replace(
         friction,
         index=index,
         shares=shares,
@@ -147,5 +142,4 @@ def _wedged(problem: Problem) -> Problem:
         bound=friction.adhesion,
         follows_pressure=False,
     )
-    wedged.num_pairs = problem.num_pairs + comm.allreduce(len(along))
-    return wedged
+    return variant(problem, basis=wedged, friction=slips)

@@ -1,6 +1,7 @@
 """What supports, loads and contact say of the tractions on each facet."""
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -73,8 +74,20 @@ class FacetConditions:
     prevents: str | None
 
 
+_known: WeakKeyDictionary[Problem, FacetConditions] = WeakKeyDictionary()
+
+
 def facet_conditions(problem: Problem) -> FacetConditions:
-    """Read them off a problem. Collective."""
+    """What they say of a problem, read once for as long as it lives. Collective.
+
+    Its mesh, its declaration and its contact, all of which they follow from, never change.
+    """
+    if problem not in _known:
+        _known[problem] = _read(problem)
+    return _known[problem]
+
+
+def _read(problem: Problem) -> FacetConditions:
     mesh, given = problem.tagged_mesh.mesh, problem.given
     tdim = mesh.topology.dim
     numbers = facet_numbers(mesh)

@@ -121,7 +121,7 @@ class ViscousFlow:
         if not self._work > ROUNDING * problem.loads.live.norm() * largest:
             raise NoFlow("the loads do no work on the flow")
         self._rest.set(0)
-        if not problem.loads.is_proportional():
+        if problem.loads.has_dead():
             problem.loads.dead.copy(self._force)
             self._solve(self._force, self._rest)
         self._combine()

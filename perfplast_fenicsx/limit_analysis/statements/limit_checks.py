@@ -55,7 +55,7 @@ def collapses_by_loads(problem: Problem) -> bool:
 
 
 def _is_loaded(problem: Problem) -> bool:
-    return problem.loads.grows() or not problem.loads.is_proportional()
+    return problem.loads.grows() or problem.loads.has_dead()
 
 
 def check_loads(problem: Problem) -> None:

@@ -24,7 +24,7 @@ def with_standing_stress(
     """
     if static.bound.value is not None or question is Question.STANDS:
         return static
-    if problem.loads.is_proportional() or static.verdict is not Verdict.STALLED:
+    if not problem.loads.has_dead() or static.verdict is not Verdict.STALLED:
         return static
     stands = strict_lower_bound(problem, rtol, monitor, Question.STANDS)
     times = stands.bound.value

@@ -100,7 +100,7 @@ def strict_upper_bound(
         held = largest[0] <= admissible * largest[1]
         slip = slip_work(problem, mechanism)
         whole += slip.squares
-        if not problem.loads.is_proportional():  # bodies may part as rigid ones, and strain by none
+        if problem.loads.has_dead():  # bodies may part as rigid ones, and strain by none
             total = comm.allreduce(float(weights.sum()))
             usual = largest[1] / total ** (1 / strains.gdim)
             whole = max(whole, (slowest * usual) ** 2 * total)

@@ -72,7 +72,7 @@ def declared_loads(
     dead, live = (work_vector(V, tagged_mesh, part) for part in (constant, growing))
     case = LoadCase.of(dead, live, bcs)
     still = bool(loads) and not case.grows()
-    if not driven and still and (growing or case.is_proportional()):
+    if not driven and still and (growing or not case.has_dead()):
         raise InputError(
             "the loads do no work on any admissible displacement, so nothing can be increased;"
             " give a load that is not zero on a surface that is free to move."

@@ -73,9 +73,9 @@ class LoadCase:
                 force.axpy(zeta, loads.live)
                 force.axpy(1.0, loads.dead)
 
-    def is_proportional(self) -> bool:
-        """Whether nothing is loaded at ζ = 0."""
-        return float(self.dead.norm()) == 0
+    def has_dead(self) -> bool:
+        """Whether anything is loaded at ζ = 0. Collective."""
+        return float(self.dead.norm()) > 0
 
     def grows(self) -> bool:
         """Whether ζ multiplies anything."""

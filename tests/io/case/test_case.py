@@ -229,7 +229,7 @@ def test_loads_that_are_constant(read: Read, comm: MPI.Intracomm) -> None:
         PorePressure("lower", "10*maximum(1 - z, 0)"),
     ]
     assert [load.constant for load in case.loads] == [False, True, True]
-    assert not case.problem(comm).is_proportional()
+    assert case.problem(comm).loaded_at_zero()
     falling = replaced("[solve]\n", WEIGHT).replace("[20.0, 40.0]", "[-20.0, -40.0]")
     assert read(falling).loading.values == [-20.0, -40.0]
 
