@@ -125,7 +125,7 @@ def regularisation(
 
 
 def most_sets(options: NewtonOptions, history: Sequence[Iteration]) -> int | None:
-    """With how many active sets the next step may be solved; None until its set is right.
+    """How often the next step may update its active set; None: until it is right.
 
     One update a step costs one linear system, and near the solution it is the right one. A damped
     step tells that the model behind it was poor; the last few of thousands of pairs can wait for
@@ -137,7 +137,7 @@ def most_sets(options: NewtonOptions, history: Sequence[Iteration]) -> int | Non
     patience = 10
     if len(history) >= patience:
         return None
-    few_sets = 4  # with so many active sets a step behind a damped one is solved at most
+    few_sets = 4  # most active sets of the step after a damped one
     return few_sets if any(record.beta < 1 for record in history[-1:]) else 1
 
 

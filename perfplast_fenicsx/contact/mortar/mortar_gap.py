@@ -22,8 +22,8 @@ class Distances:
     Attributes:
         along: Distance along the node's normal, negative where it lies inside; inf where nothing
             is opposite, shape (num_nodes,).
-        slack: How large the distance of surfaces may seem, in either direction, that are curved
-            and touch each other, as facets differ from what they stand for (length).
+        slack: Geometric error of the facets (length): two curved surfaces in contact may appear
+            this far apart, or overlapping, because facets differ from what they stand for.
     """
 
     along: Floats

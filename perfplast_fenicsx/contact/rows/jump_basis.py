@@ -10,7 +10,7 @@ rigid motions of both bodies together, and 105 where the whole jump had replaced
 displacement.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
 from perfplast_fenicsx.contact.rows.constraints import Constraints
 from perfplast_fenicsx.contact.rows.sparse_rows import (
     Entries,
@@ -52,6 +52,21 @@ class JumpBasis:
     gap: Floats
     tied: Ints
     sliding: Ints
+
+    def holding(self, held: Ints, left: PairFlags) -> "JumpBasis":
+        """The basis in which more entries of y are zero for ever. Collective.
+
+        Args:
+            held: Local (owned) indices of all that are.
+            left: Which pairs are left as bounds, shape (num_pairs,).
+        """
+        T = self.T.copy()
+        moving = T.createVecRight()
+        moving.set(1.0)
+        moving.array[held] = 0.0
+        T.diagonalScale(None, moving)
+        moving.destroy()
+        return replace(self, T=T, index=self.index[left], gap=self.gap[left], tied=held)
 
 
 def make_basis(

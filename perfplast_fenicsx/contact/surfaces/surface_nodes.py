@@ -13,7 +13,8 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
 
 LEAST_COSINE = 0.1
-"""A displacement component may stand for the normal if its share of it is at least this."""
+"""Smallest size of n_i for which the normal jump may take the place of component i of the host:
+smaller pivots make the change of basis T ill-conditioned."""
 
 SurfaceNodes = npt.NDArray[np.void]
 """Rows of :func:`surface_node_type`; a node on an edge has one for each face of the surface."""

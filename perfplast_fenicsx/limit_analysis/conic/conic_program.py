@@ -31,8 +31,9 @@ from perfplast_fenicsx.limit_analysis.conic.principal_blocks import MOST_VISCOUS
 from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import SIZE
 
 PROXIMAL = 1e-5
-"""δ: stresses that nothing bounds change by 1/δ times a strain. With 1e-4 linear elements that
-nearly lock take three times the steps; with less K is worse conditioned."""
+"""Proximal parameter δ of stresses that nothing bounds: they change by 1/δ times a strain. Larger:
+slow where linear elements nearly lock (three times the steps at 1e-4); smaller: K is
+ill-conditioned."""
 
 
 Stress: TypeAlias = tuple[Floats, Floats]

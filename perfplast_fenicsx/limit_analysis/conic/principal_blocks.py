@@ -11,7 +11,8 @@ from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import (
 from perfplast_fenicsx.mandel_arrays import vectors
 
 MOST_VISCOUS = 1e4
-"""Strong bodies are so viscous at first, at most, beside those that bear the loads."""
+"""Cap on the initial viscosity of strong bodies, beside those that bear the loads, for the
+conditioning of the first K."""
 
 
 class Blocks:

@@ -155,8 +155,8 @@ def _search(
             return found, next_start(start, program, None, found.verdict, rtol)
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
-        # Share of the tolerance that the steps leave between static and kinematic load: once the
-        # mechanism is admissible, its load is larger.
+        # The steps end at this share of rtol: making the mechanism exactly admissible afterwards
+        # raises the upper bound, and this leaves room for it.
         closer = 0.1
         try:
             verdict, reason = iterate(iteration, rtol, steps, monitor, closer)

@@ -95,14 +95,6 @@ def without_slip(problem: Problem) -> Problem:
     parts = np.ones(len(basis.index), dtype=np.bool_)
     parts[friction.pair] = False
     held = np.concatenate([basis.tied, basis.index[~parts], basis.sliding])
-    T = basis.T.copy()
-    moving = T.createVecRight()
-    moving.set(1.0)
-    moving.array[held] = 0.0
-    T.diagonalScale(None, moving)
-    moving.destroy()
     none = np.zeros(0, dtype=np.int32)
-    glued = replace(
-        basis, T=T, index=basis.index[parts], gap=basis.gap[parts], tied=held, sliding=none
-    )
+    glued = replace(basis.holding(held, parts), sliding=none)
     return variant(problem, basis=glued, friction=friction.nowhere())

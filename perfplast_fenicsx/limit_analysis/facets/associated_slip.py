@@ -57,18 +57,8 @@ def _glued(problem: Problem, rows: PairFlags) -> Problem:
     basis, friction = problem.basis, problem.friction
     places = ~rows[friction.pair]
     held = np.concatenate([basis.index[rows], friction.unknowns(~places)])
-    T = basis.T.copy()
-    moving = T.createVecRight()
-    moving.set(1.0)
-    moving.array[held] = 0.0
-    T.diagonalScale(None, moving)
-    moving.destroy()
     glued = replace(
-        basis,
-        T=T,
-        index=basis.index[~rows],
-        gap=basis.gap[~rows],
-        tied=np.concatenate([basis.tied, held]),
+        basis.holding(np.concatenate([basis.tied, held]), ~rows),
         sliding=np.setdiff1d(basis.sliding, held),
     )
     left = _some(friction, places, np.cumsum(~rows) - 1, problem)

@@ -100,10 +100,10 @@ class Judge:
             self.solves = solves  # and counted
         if self._ahead is None:
             return None
-        # Growth of α where a mechanism is known, from and to: what ζ lacks of its limit falls by a
-        # power of α, which is taken to be the root.
+        # Smallest and largest factor by which α leaps along a known mechanism, on the assumption
+        # that ζ_lim − ζ falls as α^(−1/2), so that an n times smaller gap needs n² times the work.
         stride, leap = 10.0, 100.0
-        easy = 10  # Newton steps of a level that more than the smaller growth may follow
+        easy = 10  # a leap exceeds the stride only after a level of at most so many Newton steps
         farthest = leap if reached.newton_iterations <= easy else stride
         growth = min(max((self._search.apart / self._rtol) ** 2, stride), farthest)
         end = FAR * self._search.points[0][0]

@@ -28,8 +28,8 @@ class GivenMotion:
             (2, num_nodes, gdim), of local nodes, ghosts too.
         gap: Gaps of the pairs hosted by this rank (length), less what u_D closes of them, constant
             and times ζ, shape (2, num_pairs).
-        slide: Jumps in the jump basis at which, beside this motion, nothing has slipped (length),
-            constant and times ζ, shape (2, num_places, gdim − 1).
+        slide: Tangential jumps caused by the given motion alone (length), from which slip is
+            counted, constant and times ζ, shape (2, num_places, gdim − 1).
         sources: How far what is opposite moves by itself for ζ = 1 (length), for each source of
             contact, shape (num_sources, gdim).
         overlap: How much more the bodies of each pair overlap by themselves for ζ = 1 (length),

@@ -28,7 +28,7 @@ class LawOnCells:
     """A law and where it holds.
 
     Attributes:
-        law: Its parameters are functions of Q, which bodies of other laws have no values of.
+        law: Its parameters are functions on all of Q; outside ``cells`` their values mean nothing.
         old: Its history by name, functions of the points; those of other laws by the same names.
         cells: Its cells of this rank, ghosts too, sorted.
         dx: Integrates over its cells.

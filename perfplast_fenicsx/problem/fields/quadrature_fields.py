@@ -166,9 +166,10 @@ class QuadratureFields:
         return self.force
 
     def leave(self) -> None:
-        """Let rounding errors be relative to u as it is now, too: steps are what it changes by.
+        """Remember the size of u at the start of a level. Collective.
 
-        Where bodies are unloaded to nothing, all that is left are such errors. Collective.
+        Rounding errors of later strains are judged against the larger of this and that of the
+        current u, which is needed where bodies are unloaded to nearly nothing.
         """
         self._left = (0.0, 0.0)
         self._left = (self.jagged_norm2(), self.gross_force())
