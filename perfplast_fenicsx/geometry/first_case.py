@@ -111,7 +111,7 @@ def first_case(
     text += LOADS.format(
         components=_quoted("xyz"[: survey.dim]),
         traction=[*zero[1:], -1.0],
-        loading=loading_for(survey, glued, options),
+        loading=loading_for(survey, options),
         system=_quoted(TABLE),
     )
     text += "# Free faces, with their areas and places:\n"

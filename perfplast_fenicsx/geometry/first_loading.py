@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 
-from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Joint, Survey
 
@@ -34,18 +33,17 @@ until = "limit"                 # of the mesh: an estimate, which may lie above 
 """
 
 
-def loading_for(survey: Survey, glued: Glued, options: MeshingOptions) -> str:
+def loading_for(survey: Survey, options: MeshingOptions) -> str:
     """``[loading]`` and ``[mesh]`` of a first case, with the reason where no bounds are asked for.
 
     Args:
         survey: What there is; all bodies yield by one law, and all loads grow.
-        glued: What is glued.
         options: By which it was meshed.
     """
     why = next(_against(survey, options), None)
     if why is not None:
         return ESTIMATE.format(why=why)
-    why = next(_against_adapting(survey, glued), None)
+    why = next(_against_adapting(survey), None)
     if why is not None:
         return BOUNDS + ONE_MESH.format(why=why)
     growth = 2.0  # how many times the cells of the first mesh the last one may have
@@ -62,17 +60,13 @@ def _against(survey: Survey, options: MeshingOptions) -> Iterator[str]:
     if survey.degree > 1:
         yield "none are known of curved elements (order = 2)"
     # Cells by dimension up to which a first case asks for bounds: some minutes on one core.
-    affordable = {2: 60_000, 3: 12_000}
+    affordable = {2: 60_000, 3: 30_000}
     if (cells := _cells(survey)) > _most(survey, affordable):
         yield f"they take long on {cells} elements (a larger size has fewer)"
 
 
-def _against_adapting(survey: Survey, glued: Glued) -> Iterator[str]:
+def _against_adapting(survey: Survey) -> Iterator[str]:
     """Why bounds are asked for on one mesh."""
-    for joint in survey.joints:
-        if _curved(joint) and not glued.glues(joint):
-            one, other = joint.bodies
-            yield f"'{one}' and '{other}' touch on curved faces: the lower bound alone is strict"
     if _cells(survey) > _most(survey, ADAPTED):
         yield f"finer ones than {_cells(survey)} elements take long; see adapt under [mesh]"
 

@@ -6,7 +6,6 @@ import pytest
 
 from perfplast_fenicsx.geometry import MeshingOptions, Survey
 from perfplast_fenicsx.geometry.first_loading import loading_for
-from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.survey import Body, Joint
 
 pytestmark = pytest.mark.serial
@@ -18,9 +17,9 @@ def survey(cells: int = 100, dim: int = 3, degree: int = 1, shape: str = "flat")
     return Survey(dim, degree, 4, bodies, [joint])
 
 
-def asked(found: Survey, glued: Glued = Glued.NOTHING, apart: bool = False) -> tuple[dict, str]:
+def asked(found: Survey, apart: bool = False) -> tuple[dict, str]:
     options = MeshingOptions(meshed="apart" if apart else "together")
-    text = loading_for(found, glued, options)
+    text = loading_for(found, options)
     return tomllib.loads(text), text
 
 
@@ -30,43 +29,37 @@ def test_bounds_on_finer_meshes() -> None:
     assert case["mesh"]["adapt"] == {"until": 0.1, "cells": 9000}
 
 
-@pytest.mark.parametrize(
-    ("found", "why"),
-    [(survey(7_500), "7500 elements take long"), (survey(shape="cylindrical"), "curved faces")],
-)
-def test_bounds_on_one_mesh(found: Survey, why: str) -> None:
-    case, text = asked(found)
+def test_bounds_on_one_mesh() -> None:
+    case, text = asked(survey(7_500))
     assert case == {"loading": {"control": "bounds"}}
-    assert why in text
+    assert "7500 elements take long" in text
 
 
 @pytest.mark.parametrize(
-    ("found", "glued", "apart", "why"),
+    ("found", "apart", "why"),
     [
-        (survey(), Glued.NOTHING, True, "do not match"),
-        (survey(), Glued.ALL, True, "do not match"),
-        (survey(degree=2), Glued.NOTHING, False, "curved elements"),
-        (survey(40_000), Glued.NOTHING, False, "40000 elements"),
+        (survey(), True, "do not match"),
+        (survey(degree=2), False, "curved elements"),
+        (survey(40_000), False, "40000 elements"),
     ],
 )
-def test_estimates_say_why(found: Survey, glued: Glued, apart: bool, why: str) -> None:
-    case, text = asked(found, glued, apart)
+def test_estimates_say_why(found: Survey, apart: bool, why: str) -> None:
+    case, text = asked(found, apart)
     assert case["loading"] == {"control": "work", "until": "limit"}
     assert why in text
 
 
-def test_glued_bodies_that_are_meshed_together_are_one() -> None:
-    for found in (survey(4213), survey(4213, shape="cylindrical")):
-        case, _ = asked(found, Glued.ALL)
-        assert case["loading"] == {"control": "bounds"}
-        assert case["mesh"]["adapt"] == {"until": 0.1, "cells": 9000}
+def test_curved_faces_are_as_good_as_flat_ones() -> None:
+    case, _ = asked(survey(4213, shape="cylindrical"))
+    assert case["loading"] == {"control": "bounds"}
+    assert case["mesh"]["adapt"] == {"until": 0.1, "cells": 9000}
 
 
 def test_plane_bodies_that_are_meshed_apart() -> None:
     flat = survey(4213, dim=2, shape="straight")
-    assert asked(flat, Glued.NOTHING, True)[0]["loading"] == {"control": "bounds"}
+    assert asked(flat, True)[0]["loading"] == {"control": "bounds"}
     round_ = survey(4213, dim=2, shape="circular")
-    assert "do not match" in asked(round_, Glued.NOTHING, True)[1]
+    assert "do not match" in asked(round_, True)[1]
 
 
 def test_the_plane_is_cheaper() -> None:

@@ -80,8 +80,8 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
         )
     if CURVED in upper.why_not and lower.strict and lower.value:
         yield (
-            "the lower bound is the one to rely on; of contact on curved faces there is no strict"
-            " upper one, however fine the mesh"
+            "the lower bound is the one to rely on; there is no strict upper one of contact on"
+            " curved obstacles, or with friction on curved faces, however fine the mesh"
         )
 
 

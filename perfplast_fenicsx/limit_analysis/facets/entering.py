@@ -18,7 +18,9 @@ from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.contact.formulations.tangential_rows import tangential_rows
 from perfplast_fenicsx.contact.rows.constraints import stacked
 from perfplast_fenicsx.contact.rows.jump_basis import make_basis
-from perfplast_fenicsx.limit_analysis.facets.contact_facets import contact_facets
+from perfplast_fenicsx.limit_analysis.facets.contact_facets import ContactFacets, contact_facets
+from perfplast_fenicsx.limit_analysis.facets.facet_contact import with_facet_contact
+from perfplast_fenicsx.limit_analysis.facets.matched_facets import matched_facets
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.rounding import ROUNDING
@@ -45,31 +47,52 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
         return [IN_MEAN]
     if not problem.num_pairs:
         return []
-    comm = problem.comm
     faces = flat_faces(problem)
-    if faces is None:
-        return [CURVED]
-    jumps = problem.constraints.jumps(velocity.x.petsc_vec)
     facets = contact_facets(problem)
+    if faces is None or not _are_flat(problem, facets, faces):
+        return _entering_facets(problem, velocity)
+    jumps = problem.constraints.jumps(velocity.x.petsc_vec)
     nodes = facets.nodes
     _, paired = at_nodes(problem, jumps, np.ones(len(jumps), dtype=bool))
-    seen, entered = ~paired[nodes].any(axis=1), 0.0
+    entered = 0.0
     for face in faces:
         jump, known = at_nodes(problem, jumps, rows_of(problem, face))
         kept = ~paired & (problem.fixed | (np.abs(face[1:]) <= SAME)).all(axis=1)
         here = known[nodes].any(axis=1) & (known | kept)[nodes].all(axis=1)
-        seen |= here
         entered = max(entered, float(jump[nodes[here]].max(initial=0)))
         if problem.degree == 2:
             w = jump[facets.edges(here)]
             entered = max(entered, float((2 * w[:, 0] - w[:, 1:].mean(axis=1)).max(initial=0)))
+    return _if_entered(problem, velocity, entered)
+
+
+def _if_entered(problem: Problem, velocity: fem.Function, entered: float) -> list[str]:
+    """Words for what a velocity enters by, if that is more than rounding. Collective."""
+    comm = problem.comm
     largest = comm.allreduce(float(np.abs(velocity.x.array).max(initial=0)), MPI.MAX)
-    why = []
-    if not comm.allreduce(bool(seen.all()), MPI.LAND):
-        why.append(CURVED)
-    if comm.allreduce(entered, MPI.MAX) > ROUNDING * largest:
-        why.append(ENTERS)
-    return why
+    return [ENTERS] if comm.allreduce(entered, MPI.MAX) > ROUNDING * largest else []
+
+
+def _entering_facets(problem: Problem, velocity: fem.Function) -> list[str]:
+    """The same where normals are averaged: of each facet and that opposite it. Collective."""
+    matched = None if problem.given.obstacles else matched_facets(problem, velocity)
+    if matched is None or problem.friction.count:
+        return [CURVED]
+    entered = [float(facets.coefficients().max(initial=0)) for facets in matched]
+    return _if_entered(problem, velocity, max(entered, default=0.0))
+
+
+def _are_flat(problem: Problem, facets: ContactFacets, faces: Floats) -> bool:
+    """Whether the pairs around each facet have its normal. Collective."""
+    nodes = facets.nodes
+    none = np.zeros(len(problem.constraints.host))
+    _, paired = at_nodes(problem, none, np.ones(len(none), dtype=bool))
+    seen = ~paired[nodes].any(axis=1)
+    for face in faces:
+        _, known = at_nodes(problem, none, rows_of(problem, face))
+        kept = ~paired & (problem.fixed | (np.abs(face[1:]) <= SAME)).all(axis=1)
+        seen |= known[nodes].any(axis=1) & (known | kept)[nodes].all(axis=1)
+    return bool(problem.comm.allreduce(bool(seen.all()), MPI.LAND))
 
 
 def without_entering(problem: Problem) -> Problem | None:
@@ -83,19 +106,22 @@ def without_entering(problem: Problem) -> Problem | None:
 
     Returns:
         A problem that shares all but contact with the given one; that one itself if its elements
-        are linear; None where contact is on curved faces or of nodes that do not match.
+        are linear and contact is flat; None where nodes do not match, and on curved faces that
+        :func:`facet_contact.with_facet_contact` cannot do.
     """
-    in_mean = problem.constraints.in_mean or problem.num_tied
-    faces = None if in_mean else flat_faces(problem)
-    if faces is None:
+    if problem.constraints.in_mean or problem.num_tied:
         return None
-    if problem.degree == 1 or not problem.num_pairs:
+    if not problem.num_pairs:
+        return problem
+    faces, facets = flat_faces(problem), contact_facets(problem)
+    if faces is None or not _are_flat(problem, facets, faces):
+        return with_facet_contact(problem)
+    if problem.degree == 1:
         return problem
     constraints = problem.constraints
     first = constraints.B.getOwnershipRange()[0]
     count = len(constraints.host)
     numbers = np.arange(first, first + count, dtype=np.float64)
-    facets = contact_facets(problem)
     nodes, areas = facets.nodes, facets.areas
     num_nodes = len(problem.fixed)
     area = np.zeros(count)

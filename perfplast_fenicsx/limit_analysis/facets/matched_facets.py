@@ -1,0 +1,156 @@
+"""Facets of bodies in contact with those opposite them, and the nodes that face each other."""
+
+from dataclasses import dataclass
+from itertools import combinations, permutations
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
+from perfplast_fenicsx.limit_analysis.facets.contact_facets import contact_facets
+from perfplast_fenicsx.parallel import bounding_box
+from perfplast_fenicsx.problem.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedFacets:
+    """Pairs of facets, each on one rank; nodes are vertices and then, in order, midsides.
+
+    Attributes:
+        first: Global numbers of the primary facet's nodes, shape (n, num_nodes).
+        second: Those of the nodes opposite, in the same order.
+        held_first: Components that supports hold, shape (n, num_nodes, d).
+        held_second: The same of the nodes opposite.
+        normals: Unit normals out of the primary body, shape (n, d).
+        jumps: u_first − u_second (length) of a displacement, shape (n, num_nodes, d).
+    """
+
+    first: Longs
+    second: Longs
+    held_first: npt.NDArray[np.bool_]
+    held_second: npt.NDArray[np.bool_]
+    normals: Floats
+    jumps: Floats
+
+    def edges(self) -> list[tuple[int, int]]:
+        """Places of the vertices between which the midsides are, in their order."""
+        d = self.normals.shape[1]
+        return list(combinations(range(d), 2)) if self.first.shape[1] > d else []
+
+    def coefficients(self) -> Floats:
+        """Bernstein coefficients of the jumps along the normals, shape (n, num_nodes)."""
+        along: Floats = np.einsum("fni,fi->fn", self.jumps, self.normals)
+        found = along.copy()
+        for node, (a, b) in enumerate(self.edges(), start=self.normals.shape[1]):
+            found[:, node] = 2 * along[:, node] - (along[:, a] + along[:, b]) / 2
+        return found
+
+
+def matched_facets(
+    problem: Problem, displacement: fem.Function | None = None
+) -> list[MatchedFacets] | None:
+    """The facets of each contact, as its surfaces are declared. Collective.
+
+    Args:
+        problem: The bodies and their contact, on straight cells.
+        displacement: Of which the jumps are; of nothing where it is missing.
+
+    Returns:
+        A list as the contacts; None if facets of one of them do not match.
+    """
+    comm = problem.comm
+    rows = _rows(problem, displacement)
+    touching = 1e-6  # distance of the middles of facets that touch, relative to their surfaces
+    rounding = 1e-8  # distance of vertices, relative to the facet, and difference of normals
+    found = []
+    for contact in problem.given.contacts:
+        tags = [problem.tagged_mesh.surfaces[it] for it in (contact.primary, contact.secondary)]
+        primary, secondary = (rows[rows["tag"] == tag] for tag in tags)
+        gdim = rows["normal"].shape[1]
+        low, high = bounding_box(comm, np.concatenate([primary["x"], secondary["x"]]))
+        reach = touching * float(np.linalg.norm(high - low))
+        matching = match_nodes(comm, primary, secondary, reach)
+        a, b = matching.primary, matching.secondary
+        order, off = _order(a["at"][:, :gdim], b["at"][:, :gdim], a["normal"])
+        size = np.ptp(a["at"][:, :gdim], axis=1).max(axis=1)
+        turned = np.linalg.norm(a["normal"] + b["normal"], axis=1)
+        same = bool(((off <= rounding * size) & (turned <= rounding)).all())
+        if matching.alone or not comm.allreduce(same, MPI.LAND):
+            return None
+        nodes = _with_midsides(order, a["nodes"].shape[1])
+
+        def opposite(values: npt.NDArray, nodes: Longs = nodes) -> npt.NDArray:
+            return values[np.arange(len(nodes))[:, None], nodes]
+
+        found.append(
+            MatchedFacets(
+                a["nodes"],
+                opposite(b["nodes"]),
+                a["held"],
+                opposite(b["held"]),
+                a["normal"],
+                a["u"] - opposite(b["u"]),
+            )
+        )
+    return found
+
+
+def _rows(problem: Problem, displacement: fem.Function | None) -> npt.NDArray[np.void]:
+    """Owned facets in contact, in rows that travel. Collective."""
+    facets = contact_facets(problem)
+    gdim = facets.normals.shape[1]
+    middles = np.take_along_axis(facets.nodes, facets.middles, axis=1)
+    nodes = np.concatenate([facets.nodes[:, :gdim], middles], axis=1)[facets.areas > 0]
+    count = nodes.shape[1]
+    rows = np.zeros(
+        len(nodes),
+        dtype=[
+            ("x", np.float64, 3),
+            ("normal", np.float64, gdim),
+            ("at", np.float64, (count, gdim)),
+            ("nodes", np.int64, count),
+            ("held", np.bool_, (count, gdim)),
+            ("u", np.float64, (count, gdim)),
+            ("tag", np.int32),
+        ],
+    )
+    x = problem.V.tabulate_dof_coordinates()
+    rows["at"] = x[nodes][..., :gdim]
+    rows["x"] = x[nodes[:, :gdim]].mean(axis=1)
+    rows["normal"] = facets.normals[facets.areas > 0]
+    numbers = problem.V.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32))
+    rows["nodes"] = numbers.reshape(nodes.shape)
+    rows["held"] = problem.fixed[nodes]
+    if displacement is not None:
+        rows["u"] = displacement.x.array.reshape(-1, gdim)[nodes]
+    rows["tag"] = facets.tags[facets.areas > 0]
+    return rows
+
+
+def _order(one: Floats, other: Floats, normals: Floats) -> tuple[Longs, Floats]:
+    """Which vertex of the other facet is opposite each vertex, and how far off along the facet."""
+    best = np.full(len(one), np.inf)
+    order = np.zeros(one.shape[:2], dtype=np.int64)
+    for permutation in permutations(range(one.shape[1])):
+        between = other[:, permutation] - one
+        along = np.einsum("fvi,fi->fv", between, normals).mean(axis=1)
+        between = between - along[:, None, None] * normals[:, None]
+        off = np.linalg.norm(between, axis=2).max(axis=1, initial=0.0)
+        order[off < best] = permutation
+        best = np.minimum(off, best)
+    return order, best
+
+
+def _with_midsides(order: Longs, count: int) -> Longs:
+    """The order of all nodes, of which the vertices' is given."""
+    d = order.shape[1]
+    place = np.zeros((d, d), dtype=np.int64)
+    for node, (a, b) in enumerate(combinations(range(d), 2), start=d):
+        place[a, b] = place[b, a] = node
+    edges = combinations(range(d), 2)
+    middles = [place[order[:, a], order[:, b]] for a, b in edges] if count > d else []
+    return np.column_stack([order, *middles]).astype(np.int64)
