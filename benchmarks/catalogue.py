@@ -99,6 +99,12 @@ def step42(ranks: int, refinements: int = 5) -> Job:
     return Job(name, (*command, "--refinements", str(refinements)), 0, peer="step-42")
 
 
+def calculix(name: str) -> Job:
+    """CalculiX and the program on one ``.inp``."""
+    command = ("-m", "benchmarks.peers.calculix", name)
+    return Job(f"{name}, both", command, 0, peer="calculix")
+
+
 def plate(n: int) -> tuple[Job, ...]:
     """The plate on 1 and 2 ranks, and what it is compared with."""
     return tuple(
@@ -214,6 +220,11 @@ GROUPS = {
             case("punch", 32, ranks=2),
             step42(2),
         ),
+    ),
+    "calculix": Group(
+        "the same .inp by CalculiX, with its last converged increment beside the bracket",
+        tuple(calculix(name) for name in ("punch", "lug", "leaves")),
+        rounds=1,
     ),
     "scaling": Group(
         "two blocks on more ranks than cores: counts and memory, not times",

@@ -24,6 +24,7 @@ from typing import Any
 
 from benchmarks.catalogue import GROUPS, Group, Job
 from benchmarks.goals import Record
+from benchmarks.peers import ccx_program
 from benchmarks.peers.step42 import program
 from benchmarks.table import is_wrong, report
 
@@ -38,6 +39,8 @@ def missing(job: Job) -> bool:
     """Whether the job needs a peer that is not installed."""
     if job.peer == "step-42":
         return not program().exists()
+    if job.peer == "calculix":
+        return ccx_program.program() is None
     return bool(job.peer) and find_spec(job.peer) is None
 
 
@@ -83,7 +86,7 @@ def run_group(group: Group, rounds: int, limit: float) -> dict[str, list[Record 
     """Run the jobs of a group in turn."""
     absent = [job.name for job in group.jobs if missing(job)]
     if absent:
-        print(f"  left out, as benchmarks/peers/setup has not been run: {', '.join(absent)}")
+        print(f"  left out, as benchmarks/peers has not set it up: {', '.join(absent)}")
     jobs = [job for job in group.jobs if job.name not in absent]
     records: dict[str, list[Record | None]] = {job.name: [] for job in jobs}
     for number in range(rounds):

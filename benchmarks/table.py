@@ -130,6 +130,27 @@ def level_table(results: Results) -> list[str]:
     return lines(heading, rows) if rows else []
 
 
+def beside_table(results: Results) -> list[str]:
+    """CalculiX beside the program: a line for each load, with how far they are apart."""
+    heading = [
+        *("beside CalculiX", "load", "plastic", "work", "displacement", "contact"),
+        *("last converged", "bracket", "time over CalculiX's"),
+    ]
+    rows = []
+    for runs in results.get("calculix", {}).values():
+        for record in filter(None, runs[:1]):
+            bracket = f"{shown(record['lower'], '.6g')} ... {shown(record['upper'], '.6g')}"
+            ratio = record["seconds"]["path"] / record["seconds"]["calculix"]
+            ends = [shown(record["last_converged"], ".6g"), bracket, f"{ratio:.2f}"]
+            for k, one in enumerate(record["beside"]):
+                apart = [
+                    f"{one[f'{key}_apart']:.2%}" for key in ("alpha", "displacement", "contact")
+                ]
+                cells = [f"{one['load']:.6g}", f"{one['plastic_fraction']:.1%}", *apart]
+                rows.append([record["case"], *cells, *(ends if k == 0 else [""] * 3)])
+    return lines(heading, rows) if rows else []
+
+
 def rank_table(results: Results) -> list[str]:
     """What each rank has and sends, of the group ``scaling``."""
     heading = [
@@ -170,6 +191,6 @@ def goal_table(results: Results) -> list[str]:
 
 def report(results: Results) -> str:
     """All tables."""
-    tables = (main_table, phase_table, level_table, rank_table, goal_table)
+    tables = (main_table, phase_table, level_table, beside_table, rank_table, goal_table)
     texts = ["\n".join(table(results)) for table in tables]
     return "\n\n".join(text for text in texts if text)

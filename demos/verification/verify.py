@@ -41,6 +41,8 @@ CASES = (
     "bounds_in_space",
     "bound_costs",
     "published",
+    "published_blocks",
+    "published_contact",
 )
 
 

@@ -1,0 +1,196 @@
+"""CalculiX beside the program: the same ``.inp``, elastic–plastic with contact, up to collapse.
+
+CalculiX raises the load in increments of its own choice until it gives up or the load is far above
+the limit. The program reads the same file by ``perfplast mesh``, solves the same load factors
+below the limit, and brackets the limit load. Works, displacements and contact forces are compared
+there, processor times as a ratio, and the last converged increment with the bracket.
+
+python3 -m benchmarks.peers.calculix punch -o record.json    (after benchmarks/peers/get_calculix)
+"""
+
+import argparse
+import json
+import re
+import sys
+import tempfile
+import tomllib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.peers.ccx_program import calculix, program, timed
+from benchmarks.peers.inp_deck import Array, Deck, Mesh, deck_text, read_mesh, work
+from meshes.leaf_spring import write_leaf_spring
+from meshes.pin_in_lug import write_pin_in_lug
+from meshes.square_punch import write_square_punch
+
+CASES: dict[str, tuple[Callable[..., None], float, tuple[str, str], Deck]] = {
+    "punch": (
+        write_square_punch,
+        0.4,
+        ("punch_seam", "ground_seam"),
+        Deck(
+            yields={"ground": 240.0, "punch": None},
+            held={"x0": "1", "y0": "2", "bottom": "123", "sides": "12"},
+            most=1000.0,
+            pressed="top",
+        ),
+    ),
+    "lug": (
+        write_pin_in_lug,
+        0.4,
+        ("pin_bore", "lug_bore"),
+        Deck(
+            yields={"lug": 240.0, "pin": None},
+            held={"x0": "1", "z0": "3", "end": "123"},
+            most=250.0,
+            pulled="pin",
+        ),
+    ),
+    "leaves": (
+        write_leaf_spring,
+        0.3,
+        ("upper_seam", "lower_seam"),
+        Deck(
+            yields={"lower": 240.0, "upper": 240.0},
+            held={"held": "123", "y0": "2"},
+            most=5.0,
+            pressed="top",
+        ),
+    ),
+}
+"""Mesh and its size, surfaces in contact, and the rest."""
+
+SHARES = (0.3, 0.6, 0.8, 0.9)
+"""Of the limit load, next to which both are compared."""
+
+SAME = 0.01
+"""How far displacements and contact forces may be apart there, relatively."""
+
+
+def perfplast(folder: Path, *arguments: str) -> float:
+    """Run the program; its processor time (s)."""
+    command = [sys.executable, "-m", "perfplast_fenicsx", *arguments]
+    seconds, status, output = timed(command, folder)
+    if status:
+        raise RuntimeError(f"{' '.join(arguments)}: status {status}\n{output[-2000:]}")
+    return seconds
+
+
+def with_loading(text: str, loading: str) -> str:
+    """A case with another [loading], or stages, and without pictures."""
+    kept = re.sub(r"^\[(loading|output)\]\n(?:(?!\[).*\n?)*", "", text, flags=re.M)
+    return f"{kept}\n{loading}\n[output]\npictures = false\nfields = false\n"
+
+
+def history(text: str, factors: Sequence[float]) -> str:
+    """Stages of one level each, in which bodies remember plastic flow as in CalculiX."""
+    (load,) = tomllib.loads(text)["load"]
+    name = json.dumps(load.get("name") or load["on"])
+    return "".join(f"[[stage]]\nfactors = {{ {name} = {factor!r} }}\n" for factor in factors)
+
+
+def compare(name: str, size: float | None = None) -> dict[str, Any]:
+    """Both programs on one problem."""
+    write, usual, contact, deck = CASES[name]
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        write(folder / "model.msh", size=size or usual)
+        mesh = read_mesh(folder / "model.msh")
+        (folder / "model.inp").write_text(deck_text(mesh, deck, contact))
+        theirs = calculix(folder, len(mesh.points))
+        read = perfplast(folder, "mesh", "model.inp", "-o", "ours")
+        case = folder / "ours/case.toml"
+        text = case.read_text(encoding="utf-8")
+        case.write_text(with_loading(text, '[loading]\ncontrol = "bounds"\n'), encoding="utf-8")
+        bounded = perfplast(folder, "run", "ours/case.toml", "-o", "bounds")
+        limit = json.loads((folder / "bounds/summary.json").read_text())["limit"]
+        most = limit["estimate"]
+        below = [k for k, time in enumerate(theirs["times"]) if time < max(SHARES) * most]
+        stages = [theirs["times"][k] for k in below]
+        case.write_text(with_loading(text, history(text, stages)), encoding="utf-8")
+        solved = perfplast(folder, "run", "ours/case.toml", "-o", "levels")
+        summary = json.loads((folder / "levels/summary.json").read_text())
+    steps = summary["steps"][-len(below) :]
+    near = sorted({int(np.argmin(np.abs(np.array(stages) - s * most))) for s in SHARES})
+    beside = [level(theirs, mesh, deck, below[k], stages[k], steps[k]) for k in near]
+    apart = max(one[f"{key}_apart"] for one in beside for key in ("displacement", "contact"))
+    ours = solved + bounded
+    return {
+        "case": name,
+        "dofs": summary["mesh"]["dofs"],
+        "cells": summary["mesh"]["cells"],
+        "converged": apart <= SAME,
+        "apart": apart,
+        "beside": beside,
+        "last_converged": theirs["times"][-1] * deck.most if theirs["times"] else None,
+        "reached": deck.most,
+        "end": theirs["end"],
+        "estimate": most * deck.most,
+        "lower": times(limit["body"]["lower"], deck.most),
+        "upper": times(limit["body"]["upper"], deck.most),
+        "increments": len(theirs["times"]),
+        "iterations": theirs["iterations"],
+        "seconds": {
+            "path": ours,
+            "run": read + ours,
+            "calculix": theirs["seconds"],
+            "read": read,
+            "levels": solved,
+            "bounds": bounded,
+        },
+    }
+
+
+def times(bound: float | None, most: float) -> float | None:
+    """A bound as a load."""
+    return None if bound is None else bound * most
+
+
+def level(
+    theirs: dict[str, Any],
+    mesh: Mesh,
+    deck: Deck,
+    k: int,
+    factor: float,
+    step: dict[str, Any],
+) -> dict[str, float]:
+    """Both at one load: α of the load of time 1, largest displacement, resultant of contact."""
+    u: Array = theirs["fields"][k]
+    forces = [force for name, force in step["reactions"].items() if name.startswith("contact")]
+    ours = float(np.linalg.norm(forces[0]))
+    found = {
+        "load": factor * deck.most,
+        "plastic_fraction": step["plastic_fraction"],
+        "alpha": deck.most * work(mesh, deck, u),
+        "our_alpha": next(iter(step["works"].values())),
+        "displacement": float(np.linalg.norm(u, axis=1).max()),
+        "our_displacement": step["max_displacement"],
+        "contact": float(np.linalg.norm(theirs["forces"][k])),
+        "our_contact": ours,
+    }
+    for key in ("alpha", "displacement", "contact"):
+        found[f"{key}_apart"] = abs(found[f"our_{key}"] / found[key] - 1)
+    return found
+
+
+def main() -> None:
+    """Run one problem, and write the record."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("case", choices=CASES)
+    parser.add_argument("--size", type=float)
+    parser.add_argument("-o", "--output", type=Path)
+    arguments = parser.parse_args()
+    if program() is None:
+        sys.exit("no ccx here: run benchmarks/peers/get_calculix")
+    text = json.dumps(compare(arguments.case, arguments.size), indent=1)
+    if arguments.output:
+        arguments.output.write_text(f"{text}\n")
+    else:
+        print(text)
+
+
+if __name__ == "__main__":
+    main()

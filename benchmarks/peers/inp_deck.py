@@ -1,0 +1,171 @@
+"""A mesh of gmsh as a model of CalculiX: quadratic tetrahedra, contact, a load that grows.
+
+Midsides lie on straight edges, as they do where ``perfplast mesh`` reads the file.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import gmsh
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.mesh import gmsh_session
+
+Array = npt.NDArray[np.float64]
+Longs = npt.NDArray[np.int64]
+
+TO_C3D10 = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)
+"""Places of gmsh's nodes of a tetrahedron in that of Abaqus."""
+
+FACES = ((0, 1, 2), (0, 1, 3), (1, 2, 3), (2, 0, 3))
+"""Corners of the faces S1 to S4."""
+
+TETRAHEDRON, TRIANGLE = 11, 9
+"""Gmsh's numbers of quadratic elements."""
+
+STIFFNESS = 2000.0
+"""Of contact, in Young's moduli for each unit of length.
+
+The manual advises 5 to 50, with which bodies sink into each other by one to three hundredths of the
+largest displacement."""
+
+
+@dataclass(frozen=True)
+class Deck:
+    """What is solved.
+
+    Attributes:
+        yields: Yield stress of each body (MPa); None in elastic ones.
+        held: Components, such as "13", that surfaces hold.
+        pressed: The surface with a pressure of 1 at time 1, or
+        pulled: the body with a force of 1 for each unit of volume, along y.
+        most: What multiplies the load at time 1.
+        young: Modulus (MPa).
+        poisson: Ratio.
+    """
+
+    yields: Mapping[str, float | None]
+    held: Mapping[str, str]
+    most: float
+    pressed: str = ""
+    pulled: str = ""
+    young: float = 210000.0
+    poisson: float = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """The mesh of a deck.
+
+    Attributes:
+        points: Shape (num_nodes, 3); node k has the number k + 1.
+        cells: Nodes of each body's elements, by its name, in the order of C3D10.
+        surfaces: Nodes of the triangles of each surface, corners first.
+    """
+
+    points: Array
+    cells: dict[str, Longs]
+    surfaces: dict[str, Longs]
+
+    @property
+    def first(self) -> dict[str, int]:
+        """Number of the first element of each body."""
+        counts = np.cumsum([1, *map(len, self.cells.values())])
+        return {name: int(first) for name, first in zip(self.cells, counts, strict=False)}
+
+    def faces(self, surface: str) -> Iterator[tuple[int, int]]:
+        """Elements with the numbers of their faces on a surface."""
+        wanted = np.sort(self.surfaces[surface][:, :3], axis=1)
+        keys = {tuple(row) for row in wanted.tolist()}
+        for name, cells in self.cells.items():
+            for k, face in enumerate(FACES, start=1):
+                corners = np.sort(cells[:, face], axis=1)
+                on = np.isin(corners, wanted).all(axis=1).nonzero()[0]
+                yield from (
+                    (self.first[name] + int(row), k)
+                    for row in on
+                    if tuple(corners[row].tolist()) in keys
+                )
+
+
+def read_mesh(path: Path) -> Mesh:
+    """A mesh of linear tetrahedra, with midsides."""
+    with gmsh_session():
+        gmsh.merge(str(path))
+        gmsh.model.mesh.setOrder(2)
+        tags, points, _ = gmsh.model.mesh.getNodes()
+        number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+        number[tags] = np.arange(len(tags))
+        cells = _named(3, TETRAHEDRON, 10, number)
+        surfaces = _named(2, TRIANGLE, 6, number)
+    ordered = {name: rows[:, TO_C3D10] for name, rows in cells.items()}
+    return Mesh(points.reshape(-1, 3), ordered, surfaces)
+
+
+def _named(dim: int, kind: int, width: int, number: Longs) -> dict[str, Longs]:
+    found: dict[str, list[Longs]] = {}
+    for _, group in gmsh.model.getPhysicalGroups(dim):
+        name = gmsh.model.getPhysicalName(dim, group)
+        for entity in gmsh.model.getEntitiesForPhysicalGroup(dim, group):
+            _, nodes = gmsh.model.mesh.getElementsByType(kind, entity)
+            found.setdefault(name, []).append(number[nodes.astype(np.int64)].reshape(-1, width))
+    return {name: np.concatenate(rows) for name, rows in found.items()}
+
+
+def deck_text(mesh: Mesh, deck: Deck, contact: tuple[str, str]) -> str:
+    """The file for both programs."""
+    return "".join(_lines(mesh, deck, contact))
+
+
+def _lines(mesh: Mesh, deck: Deck, contact: tuple[str, str]) -> Iterator[str]:
+    yield "*NODE, NSET=NALL\n"
+    for k, (x, y, z) in enumerate(mesh.points.tolist(), start=1):
+        yield f"{k},{x:.12g},{y:.12g},{z:.12g}\n"
+    for name, cells in mesh.cells.items():
+        yield f"*ELEMENT, TYPE=C3D10, ELSET={name}\n"
+        for k, nodes in enumerate((cells + 1).tolist(), start=mesh.first[name]):
+            yield ",".join(map(str, [k, *nodes])) + "\n"
+    for name in deck.held:
+        yield f"*NSET, NSET={name}_nodes\n"
+        yield from (f"{node + 1}\n" for node in np.unique(mesh.surfaces[name]).tolist())
+    for name in contact:
+        yield f"*SURFACE, NAME={name}, TYPE=ELEMENT\n"
+        yield from (f"{element},S{face}\n" for element, face in mesh.faces(name))
+    for name, limit in deck.yields.items():
+        yield f"*MATERIAL, NAME=of_{name}\n*ELASTIC\n{deck.young},{deck.poisson}\n"
+        yield "*DENSITY\n1.\n" if name == deck.pulled else ""
+        yield f"*PLASTIC\n{limit},0.\n" if limit is not None else ""
+        yield f"*SOLID SECTION, ELSET={name}, MATERIAL=of_{name}\n"
+    yield "*SURFACE INTERACTION, NAME=touch\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n"
+    yield f"{STIFFNESS * deck.young:g}\n"
+    yield "*CONTACT PAIR, INTERACTION=touch, TYPE=SURFACE TO SURFACE\n"
+    yield f"{contact[0]},{contact[1]}\n"
+    yield "*BOUNDARY\n"
+    for name, components in deck.held.items():
+        yield from (f"{name}_nodes,{one},{one}\n" for one in components)
+    yield "*STEP, INC=500\n*STATIC\n0.05,1.,1e-5,0.05\n*DLOAD\n"
+    if deck.pressed:
+        faces = mesh.faces(deck.pressed)
+        yield from (f"{element},P{face},{deck.most:g}\n" for element, face in faces)
+    else:
+        yield f"{deck.pulled},GRAV,{deck.most:g},0.,1.,0.\n"
+    yield "*NODE PRINT, NSET=NALL\nU\n"
+    yield f"*CONTACT PRINT, SLAVE={contact[0]}, MASTER={contact[1]}\nCF\n*END STEP\n"
+
+
+def work(mesh: Mesh, deck: Deck, u: Array) -> float:
+    """Work that the load of factor 1 does on displacements: α. Shape of ``u``: (num_nodes, 3)."""
+    if deck.pressed:
+        nodes = mesh.surfaces[deck.pressed]
+        a, b, c = (mesh.points[nodes[:, k]] for k in range(3))
+        area = np.cross(b - a, c - a) / 2
+        outside = np.sign(area @ (a.mean(axis=0) - mesh.points.mean(axis=0)))
+        mean = u[nodes[:, 3:]].mean(axis=1)  # corners have no share
+        return float(-(outside[:, None] * area * mean).sum())
+    nodes = mesh.cells[deck.pulled]
+    edges = mesh.points[nodes[:, 1:4]] - mesh.points[nodes[:, :1]]
+    volume = np.abs(np.linalg.det(edges)) / 6
+    mean = u[nodes[:, 4:], 1].sum(axis=1) / 5 - u[nodes[:, :4], 1].sum(axis=1) / 20
+    return float(volume @ mean)

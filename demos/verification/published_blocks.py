@@ -1,0 +1,75 @@
+# %% [markdown]
+# # Published limit loads of blocks: SSNV124
+#
+# Code_Aster's test of limit analysis by Norton's and Hoff's regularisation (V6.04.124; its data are
+# `astest/ssnv124a.comm` to `c`): σ_y = 10, uniform states but in the tube.
+#
+# - A: a rectangle in plane strain, pressed by 0.8ζ along x and by a constant 0.2 along y: 14.6837;
+#   by ζ along x alone: 11.547.
+# - B: a cube, pressed by 0.2ζ along x and 0.8ζ along y: 13.8675.
+# - C: a tube whose ends cannot move along its axis, of radii 1 and 3 (which the published value
+#   says, 2σ_y/√3 ln 3), under ζ inside: 12.6857.
+#
+# The lower values that are published beside them (9.6225, 11.556, 8.5545) are estimates.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/published_blocks.py
+
+# %%
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+from demos.verification.study import Row, collapse, mesh, run
+from meshes.box import write_box
+from perfplast_fenicsx import Pressure, Problem, Support, Traction, VonMises
+from perfplast_fenicsx.io import ResultFolder
+
+TITLE = "Published limit loads of blocks"
+METAL = VonMises(young=200e3, poisson=0.3, yield_stress=10.0)
+DIGITS = 1e-5
+"""To which the published numbers are given, relatively."""
+
+
+def rectangle(folder: ResultFolder, live: float, dead: float) -> Problem:
+    """A, with a constant pressure along y. Collective."""
+    section = mesh(folder, write_box, corner=(0.0, 0.0), extent=(3.0, 1.0), size=1.0)
+    held = [Support("x_low", "x"), Support("y_low", "y")]
+    loads = [Traction("x_high", (-live, 0.0))]
+    if dead:
+        loads.append(Traction("y_high", (0.0, -dead), constant=True))
+    return Problem(section, {"box": METAL}, held, loads, degree=2)
+
+
+def cube(folder: ResultFolder) -> Problem:
+    """B. Collective."""
+    block = mesh(folder, write_box, size=1.0)
+    held = [Support(f"{axis}_low", axis) for axis in "xyz"]
+    loads = [Traction("x_high", (-0.2, 0.0, 0.0)), Traction("y_high", (0.0, -0.8, 0.0))]
+    return Problem(block, {"box": METAL}, held, loads, degree=2)
+
+
+def tube(folder: ResultFolder) -> Problem:
+    """C. Collective."""
+    section = mesh(folder, write_box, corner=(1.0, 0.0), extent=(2.0, 1.0), size=0.1).turned()
+    held = [Support("y_low", "y"), Support("y_high", "y")]
+    return Problem(section, {"box": METAL}, held, [Pressure("x_low", 1.0)], degree=2)
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """All of them, with what is proven of the bodies. Collective."""
+    found = [
+        collapse(rectangle(folder, 0.8, 0.2)).row("SSNV124 A, dead load", 1.0, 14.6837, DIGITS),
+        collapse(rectangle(folder, 1.0, 0.0)).row("SSNV124 A", 1.0, 11.547, DIGITS),
+        collapse(cube(folder)).row("SSNV124 B", 1.0, 13.867505, DIGITS),
+    ]
+    return [*found, collapse(tube(folder)).row("SSNV124 C", 0.1, 12.6857, 1e-3)]
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()
