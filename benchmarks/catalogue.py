@@ -223,7 +223,7 @@ GROUPS = {
     ),
     "calculix": Group(
         "the same .inp by CalculiX, with its last converged increment beside the bracket",
-        tuple(calculix(name) for name in ("punch", "lug", "leaves")),
+        tuple(calculix(name) for name in ("punch", "lug", "prop")),
         rounds=1,
     ),
     "scaling": Group(

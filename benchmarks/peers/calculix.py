@@ -22,8 +22,8 @@ import numpy as np
 
 from benchmarks.peers.ccx_program import calculix, program, timed
 from benchmarks.peers.inp_deck import Array, Deck, Mesh, deck_text, read_mesh, work
-from meshes.leaf_spring import write_leaf_spring
 from meshes.pin_in_lug import write_pin_in_lug
+from meshes.propped_beam import write_propped_beam
 from meshes.square_punch import write_square_punch
 
 CASES: dict[str, tuple[Callable[..., None], float, tuple[str, str], Deck]] = {
@@ -49,14 +49,14 @@ CASES: dict[str, tuple[Callable[..., None], float, tuple[str, str], Deck]] = {
             pulled="pin",
         ),
     ),
-    "leaves": (
-        write_leaf_spring,
+    "prop": (
+        write_propped_beam,
         0.3,
-        ("upper_seam", "lower_seam"),
+        ("beam_seam", "block_seam"),
         Deck(
-            yields={"lower": 240.0, "upper": 240.0},
-            held={"held": "123", "y0": "2"},
-            most=5.0,
+            yields={"beam": 240.0, "block": None},
+            held={"held": "123", "y0": "2", "floor": "123"},
+            most=30.0,
             pressed="top",
         ),
     ),
