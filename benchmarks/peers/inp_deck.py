@@ -6,6 +6,7 @@ Midsides lie on straight edges, as they do where ``perfplast mesh`` reads the fi
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import gmsh
 import numpy as np
@@ -78,16 +79,22 @@ class Mesh:
     def faces(self, surface: str) -> Iterator[tuple[int, int]]:
         """Elements with the numbers of their faces on a surface."""
         wanted = np.sort(self.surfaces[surface][:, :3], axis=1)
-        keys = {tuple(row) for row in wanted.tolist()}
+        keys = set(map(tuple, listed(wanted)))
         for name, cells in self.cells.items():
             for k, face in enumerate(FACES, start=1):
                 corners = np.sort(cells[:, face], axis=1)
-                on = np.isin(corners, wanted).all(axis=1).nonzero()[0]
+                on = np.flatnonzero(np.all(np.isin(corners, wanted), axis=1))
                 yield from (
                     (self.first[name] + int(row), k)
                     for row in on
-                    if tuple(corners[row].tolist()) in keys
+                    if tuple(listed(corners[row])) in keys
                 )
+
+
+def listed(array: npt.NDArray[Any]) -> list[Any]:
+    """The rows of an array as lists, whose types NumPy does not tell."""
+    rows: Any = array.tolist()
+    return list(rows)
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -121,15 +128,15 @@ def deck_text(mesh: Mesh, deck: Deck, contact: tuple[str, str]) -> str:
 
 def _lines(mesh: Mesh, deck: Deck, contact: tuple[str, str]) -> Iterator[str]:
     yield "*NODE, NSET=NALL\n"
-    for k, (x, y, z) in enumerate(mesh.points.tolist(), start=1):
+    for k, (x, y, z) in enumerate(listed(mesh.points), start=1):
         yield f"{k},{x:.12g},{y:.12g},{z:.12g}\n"
     for name, cells in mesh.cells.items():
         yield f"*ELEMENT, TYPE=C3D10, ELSET={name}\n"
-        for k, nodes in enumerate((cells + 1).tolist(), start=mesh.first[name]):
+        for k, nodes in enumerate(listed(cells + 1), start=mesh.first[name]):
             yield ",".join(map(str, [k, *nodes])) + "\n"
     for name in deck.held:
         yield f"*NSET, NSET={name}_nodes\n"
-        yield from (f"{node + 1}\n" for node in np.unique(mesh.surfaces[name]).tolist())
+        yield from (f"{node + 1}\n" for node in listed(np.unique(mesh.surfaces[name])))
     for name in contact:
         yield f"*SURFACE, NAME={name}, TYPE=ELEMENT\n"
         yield from (f"{element},S{face}\n" for element, face in mesh.faces(name))

@@ -19,7 +19,7 @@
 # %%
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from mpi4py import MPI
 
@@ -57,7 +57,12 @@ Numbers = tuple[float, float, float | None]
 
 
 def rows(
-    case: str, size: float, problem: Problem, level: Level, began: float, found: dict[str, Numbers]
+    case: str,
+    size: float,
+    problem: Problem,
+    level: Level,
+    began: float,
+    found: Mapping[str, Numbers],
 ) -> list[Row]:
     """A row for each quantity with its computed, published and allowed numbers."""
     return [
