@@ -24,6 +24,9 @@ from .limit_analysis.body.safety_factor import FactorOfSafety as FactorOfSafety
 from .limit_analysis.body.safety_factor import factor_of_safety as factor_of_safety
 from .limit_analysis.discrete.limit_methods import LimitLoad as LimitLoad
 from .limit_analysis.limit_search import limit_load as limit_load
+from .limit_analysis.shakedown.load_domain import LoadDomain as LoadDomain
+from .limit_analysis.shakedown.shakedown_load import shakedown_load as shakedown_load
+from .limit_analysis.shakedown.shakedown_result import ShakedownLoad as ShakedownLoad
 from .materials.coulomb_ground import MohrCoulomb as MohrCoulomb
 from .materials.coulomb_ground import Tresca as Tresca
 from .materials.drucker_prager import DruckerPrager as DruckerPrager

@@ -53,6 +53,10 @@ BELOW: dict[str, set[str]] = {
         *("mesh", "problem", "limit_analysis.conic", "limit_analysis.discrete"),
         *("limit_analysis.facets", "limit_analysis.statements"),
     },
+    "limit_analysis.shakedown": {
+        *("materials", "mesh", "problem", "solvers.linear", "limit_analysis.conic"),
+        *("limit_analysis.discrete", "limit_analysis.facets", "limit_analysis.statements"),
+    },
     "limit_analysis.body": {
         *("contact", "materials", "mesh", "problem", "solvers.linear"),
         *("limit_analysis.conic", "limit_analysis.discrete", "limit_analysis.facets"),

@@ -1,6 +1,7 @@
 """What is written and shown of a run, level by level; where a run that was ended goes on."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from perfplast_fenicsx.cli.force_table import force_lines
@@ -21,6 +22,8 @@ from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_wor
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
+from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
+from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
 from perfplast_fenicsx.problem.judged.report import Iteration
@@ -266,6 +269,21 @@ class Recorder:
         self._run.journal.say(found.in_words())
         self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
         self._writer.write_envelope(found, names)
+
+    def shakedown(self, found: ShakedownLoad, diagram: Sequence[Direction]) -> None:
+        """Write and show a shakedown load, and the diagram of two of what varies. Collective.
+
+        Raises:
+            InputError: On every rank, if the system refuses.
+        """
+        solve = time.perf_counter() - self._solving
+        for one in diagram:
+            ends = "none found" if one.first is None else f"{one.first:.5g}, {one.second:.5g}"
+            self._run.terminal.say(f"At {one.angle:.4g} degrees: {ends}; {one.failure}.")
+        for tell in (self._run.terminal.say, self._run.journal.say):
+            tell(found.in_words())
+        self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
+        self._writer.write_shakedown(found, diagram)
 
     def elapsed(self) -> float:
         """Wall time of the run, with what it has gone on from (s)."""

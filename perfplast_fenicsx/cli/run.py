@@ -32,7 +32,6 @@ from perfplast_fenicsx.limit_analysis.discrete.limit_methods import (
     LimitMethod,
     method_for,
 )
-from perfplast_fenicsx.limit_analysis.statements.limit_checks import ignored
 from perfplast_fenicsx.pictures.drawing_process import draw
 from perfplast_fenicsx.problem.halved import halved
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
@@ -114,7 +113,7 @@ def run(
             said = [*case.remarks]
             said += _on_friction(problem, case.loading.limit_tolerance is not None)
             if method == LimitMethod.INTERIOR_POINT:
-                said += ignored(problem)
+                said += case.loading.remarks(problem)
             for remark in said:
                 terminal.say(f"{remark}.")
             warn_of(comm, case, problem)

@@ -19,7 +19,10 @@ from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
+from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
+from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import ignored
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
@@ -74,6 +77,9 @@ class Record(Protocol):
 
     def envelope(self, found: Envelope, names: tuple[str, str]) -> None:
         """Which pairs of two loads, with these names, are carried."""
+
+    def shakedown(self, found: ShakedownLoad, diagram: Sequence[Direction]) -> None:
+        """A shakedown load, and those of directions between two of what varies."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +155,9 @@ class Control(Protocol):
             InputError: Naming what does not fit.
         """
 
+    def remarks(self, problem: Problem) -> Sequence[str]:
+        """What is to be said of a problem before the interior point method begins. Collective."""
+
     def find(self, run: Run) -> LimitLoad | None:
         """Find the answer, and hand it on. Collective.
 
@@ -173,6 +182,10 @@ class OfLevels:
         """None."""
         return ()
 
+    def remarks(self, problem: Problem) -> Sequence[str]:
+        """None."""
+        return ()
+
 
 class OfBody:
     """What controls have in common that ask for bounds of the bodies."""
@@ -191,6 +204,10 @@ class OfBody:
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
         """None."""
         return none_moved
+
+    def remarks(self, problem: Problem) -> Sequence[str]:
+        """What of it changes no limit load. Collective."""
+        return ignored(problem)
 
 
 def none_moved(name: str, on: str) -> bool:

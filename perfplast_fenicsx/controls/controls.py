@@ -5,6 +5,7 @@ from perfplast_fenicsx.controls.control import Control
 from perfplast_fenicsx.controls.displacement_control import DisplacementControl
 from perfplast_fenicsx.controls.envelope_control import EnvelopeControl
 from perfplast_fenicsx.controls.load_control import LoadControl
+from perfplast_fenicsx.controls.shakedown_control import ShakedownControl
 from perfplast_fenicsx.controls.strength_control import StrengthControl
 from perfplast_fenicsx.controls.work_control import WorkControl
 
@@ -15,5 +16,6 @@ CONTROLS: dict[str, type[Control]] = {
     "bounds": BoundsControl,
     "strength": StrengthControl,
     "envelope": EnvelopeControl,
+    "shakedown": ShakedownControl,
 }
 """Dataclasses whose fields are the keys of ``[loading]`` beside ``control``."""

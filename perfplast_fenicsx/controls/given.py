@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.declared.stage import Mover, follows
@@ -22,6 +23,7 @@ class Given:
         obstacles: What surfaces cannot penetrate.
         contacts: Some of which may overlap more and more.
         strained: Whether bodies are strained at first, or overlap so.
+        initial: What strains them.
     """
 
     loads: Sequence[Load]
@@ -29,6 +31,7 @@ class Given:
     obstacles: Sequence[Obstacle]
     contacts: Sequence[Contact]
     strained: bool
+    initial: Sequence[Initial] = ()
 
     @property
     def movers(self) -> tuple[Mover, ...]:

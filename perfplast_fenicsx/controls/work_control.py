@@ -16,11 +16,12 @@ from perfplast_fenicsx.limit_analysis.discrete.limit_methods import (
 )
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.limit_analysis.statements.design_factor import check_design
-from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance, ignored
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.declared.stage import Stage
+from perfplast_fenicsx.problem.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,10 @@ class WorkControl:
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
         """None."""
         return none_moved
+
+    def remarks(self, problem: Problem) -> Sequence[str]:
+        """What of it changes no limit load. Collective."""
+        return ignored(problem)
 
     def check(self, given: Given) -> None:
         """Refuse loads that do not grow, obstacles that move, and unloading from nothing."""

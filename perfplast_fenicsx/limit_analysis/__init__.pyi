@@ -21,6 +21,11 @@ from .facets.entering import without_entering as without_entering
 from .limit_search import limit_load as limit_load
 from .path.kinematic_bound import dissipation_bound as dissipation_bound
 from .path.limit_judge import collapse_mechanism as collapse_mechanism
+from .shakedown.diagram import Direction as Direction
+from .shakedown.diagram import shakedown_diagram as shakedown_diagram
+from .shakedown.load_domain import LoadDomain as LoadDomain
+from .shakedown.shakedown_load import shakedown_load as shakedown_load
+from .shakedown.shakedown_result import ShakedownLoad as ShakedownLoad
 from .statements.bound import Bound as Bound
 from .statements.bound import Scope as Scope
 from .stress.static_bound import StaticBound as StaticBound

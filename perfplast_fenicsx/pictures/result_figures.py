@@ -48,6 +48,13 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
             pairs = reader.limit.envelope
             save_envelope(pairs["rows"], pairs["names"], reader.scene.title, path)
         yield str(path)
+    elif reader.limit is not None and reader.limit.shakedown:
+        if rows := reader.limit.shakedown["diagram"]:
+            with _drawing(target / "shakedown.png") as path:
+                from perfplast_fenicsx.pictures.shakedown_picture import save_shakedown
+
+                save_shakedown(rows, reader.limit.shakedown["names"], reader.scene.title, path)
+            yield str(path)
     surface = reader.surface(reader.levels[-1]) if reader.levels else None
     found = _mechanism(reader, surface) if surface or not reader.reports else None
     if found is not None:
@@ -184,6 +191,8 @@ def _collapse(limit: StoredLimit) -> str:
         return f"collapse mechanism of the constant loads{reduced}"
     if limit.envelope:
         return f"collapse mechanism in the last direction, {limit.envelope['directions'][-1]:.4g}°"
+    if limit.shakedown:
+        return f"what a cycle leaves behind just above shakedown: {limit.shakedown['failure']}"
     if limit.standing:
         return "collapse mechanism of the constant loads"
     lower, upper = (limit.body.get(name) for name in ("lower", "upper"))

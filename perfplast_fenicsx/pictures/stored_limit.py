@@ -19,6 +19,7 @@ class StoredLimit:
         standing: Whether constant loads alone are carried, in a sentence, where that was sought.
         strength: A factor of safety, where that was (:meth:`safety_factor.FactorOfSafety.table`).
         envelope: Which pairs of loads are carried, where that was.
+        shakedown: A shakedown load, where that was (:class:`shakedown_result.ShakedownLoad`).
     """
 
     lower: float
@@ -29,6 +30,7 @@ class StoredLimit:
     standing: str = ""
     strength: Mapping[str, Any] | None = None
     envelope: Mapping[str, Any] | None = None
+    shakedown: Mapping[str, Any] | None = None
 
 
 def stored_limit(table: Mapping[str, Any]) -> StoredLimit:
@@ -48,4 +50,5 @@ def stored_limit(table: Mapping[str, Any]) -> StoredLimit:
         standing=table.get("standing") or "",
         strength=table.get("strength"),
         envelope=table.get("envelope"),
+        shakedown=table.get("shakedown"),
     )

@@ -149,6 +149,18 @@ class _Envelope(TypedDict):
     in_words: str
 
 
+class _Shakedown(TypedDict):
+    names: list[str]
+    corners: list[list[float]]
+    load: float | None
+    koiter: float | None
+    accumulated: float | None
+    failure: str
+    within_cells: bool
+    diagram: list[_Degree]
+    in_words: str
+
+
 class _Limit(TypedDict):
     lower: float | None
     estimate: float | None
@@ -163,6 +175,7 @@ class _Limit(TypedDict):
     design: NotRequired[_Design | None]
     strength: NotRequired[_Strength | None]
     envelope: NotRequired[_Envelope | None]
+    shakedown: NotRequired[_Shakedown | None]
 
 
 class _Case(TypedDict, total=False):

@@ -102,6 +102,32 @@ def _of_envelope(table: Mapping[str, Any]) -> Verdict:
     return Verdict(mark, table["in_words"], [says, proof])
 
 
+def _of_shakedown(table: Mapping[str, Any]) -> Verdict:
+    """How many times loads may vary in a domain."""
+    corners = "; ".join(
+        ", ".join(f"{factor:g} × {name}" for name, factor in zip(table["names"], row, strict=True))
+        for row in table["corners"]
+    )
+    where = "in all of each cell" if table["within_cells"] else "at the points of the quadrature"
+    says = [
+        f"The load domain is all that lies between: {corners}. Beside it all constant loads act.",
+        "By Melan's theorem the bodies answer elastically after some flow where a stress that is in"
+        " balance with nothing keeps all corners within yield. It is sought on this mesh, with the"
+        f" elastic stresses of this mesh, which are within yield {where}: an estimate, and no bound"
+        " of the bodies' load.",
+    ]
+    if table["load"] is None:
+        return Verdict("open", table["in_words"], [*says, FINER])
+    share = table["accumulated"]
+    says.append(
+        f"Koiter's value, of the flow of a cycle, is {table['koiter']:.5g}. Of that flow"
+        f" {share:.1%} is left at the end of the cycle: {table['failure']}."
+    )
+    if table["diagram"]:
+        says.append("path.csv and shakedown.png have the load of each ratio of both.")
+    return Verdict("found", table["in_words"], [*says, FINER])
+
+
 def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     if not limit.theorem:
         return _of_path(limit, table)
@@ -109,6 +135,8 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
         return _of_strength(strength)
     if envelope := table.get("envelope"):
         return _of_envelope(envelope)
+    if shakedown := table.get("shakedown"):
+        return _of_shakedown(shakedown)
     if limit.standing:
         proven = (table.get("body") or {}).get("standing") is not None
         ended = [f"{step[:1].upper()}{step[1:]}." for step in table.get("next_steps", [])]

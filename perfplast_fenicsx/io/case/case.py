@@ -109,7 +109,8 @@ class Case:
         with at(f"{self.path.name}, [[combination]] '{combination.name}'"):
             loads = combination.of(self.loads)
             movers = (self.obstacles, self.contacts)
-            self.loading.check(Given(loads, [*self.supports, *self.rigid], *movers, strained))
+            held: list[Support | RigidSurface] = [*self.supports, *self.rigid]
+            self.loading.check(Given(loads, held, *movers, strained, self.initial))
             return replace(
                 self,
                 title=f"{self.title}: {combination.name}",

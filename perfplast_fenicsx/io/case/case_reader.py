@@ -126,7 +126,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         if stages := loading.in_turn():
             check_stages(stages, loads, initial, [*held, *rigid, *obstacles, *touching])
     with at(place):
-        loading.check(Given(loads, [*held, *rigid], obstacles, touching, strained))
+        loading.check(Given(loads, [*held, *rigid], obstacles, touching, strained, initial))
     mesh = read_mesh(top.mesh, top.geometry, name)
     model = convert(top.model, ModelOptions, f"{name}, [model]")
     if model.kind == "axisymmetric" and loading.of_body:

@@ -17,11 +17,14 @@ def limit_rows(summary: Summary) -> list[dict[str, Any]]:
         the best bounds of the bodies so far; ``seconds`` since the first began. Of a factor of
         safety, each ``factor`` with strict bounds, ``lower`` and ``upper``, of how many times the
         loads are carried. Of an envelope, each ``angle`` (degrees) with how far pairs are
-        ``carried``, and ``not carried from`` where on.
+        ``carried``, and ``not carried from`` where on. Of a diagram of shakedown, each ``angle``
+        with the factors ``first`` and ``second`` to which bodies shake down, and its ``failure``.
     """
     limit = summary.limit or {}
     if envelope := limit.get("envelope"):
         return [dict(row) for row in envelope["rows"]]
+    if diagram := (limit.get("shakedown") or {}).get("diagram"):
+        return [dict(row) for row in diagram]
     if strength := limit.get("strength"):
         return [dict(row) for row in strength["curve"]]
     body = limit.get("body") or {}

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
+
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.io.case.scene import Scene, write_scene
 from perfplast_fenicsx.io.results.bound_fields import bound_fields
@@ -26,6 +28,8 @@ from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
 from perfplast_fenicsx.limit_analysis.limit_forces import limit_forces
+from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
+from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
@@ -221,6 +225,26 @@ class ResultWriter:
             limit = self.results.summary.limit or {}
             told = {"envelope": table, "verdict": found.in_words()}
             self.results.summary.limit = limit | told | {"body": None, "design": None}
+            self.results.write()
+
+    def write_shakedown(self, found: ShakedownLoad, diagram: Sequence[Direction]) -> None:
+        """Write a shakedown load, what a cycle leaves behind, and the residual stress. Collective.
+
+        Raises:
+            InputError: On every rank, if the system refuses; what was there before is whole.
+        """
+        limit = found.as_limit()
+        with self.results.timed("output"):
+            if self._fields is not None and found.converged and found.load is not None:
+                output = OutputFields(found.problem)
+                fields = output.of_stress(found.residual, np.zeros(0))
+                fields |= {"mechanism": found.mechanism, "dissipation": found.of_cells()}
+                self._fields.write_mechanism(fields, found.load, 0.0)
+            table = {key: getattr(limit, key) for key in LIMIT_KEYS}
+            shakedown = found.table() | {"diagram": [asdict(one) for one in diagram]}
+            table |= {"shakedown": shakedown, "verdict": found.in_words(), "body": None}
+            table |= {"drucker": None, "standing": "", "forces": None, "design": None}
+            self.results.summary.limit = table | {"next_steps": []}
             self.results.write()
 
     def _prove(self, name: str, lower: StressProof | None, upper: VelocityProof | None) -> None:

@@ -103,3 +103,11 @@ class Scaling:
         size2 = 1 + 2 * np.einsum("ni,ni->n", self._w, self._w)
         along = (2 * slopes * self._w0 / size2)[:, None] * self._w
         return self._eta**2 * size2 / slopes**2, along
+
+    def inverse_square(self) -> tuple[Floats, Floats]:
+        """W⁻² as (2 n nᵀ − J)/η² with J = diag(1, −1, …, −1).
+
+        Returns:
+            1/η², shape (num_cones,); n, shape (num_cones, 1 + m).
+        """
+        return self._eta**-2.0, np.column_stack([self._w0, -self._w])

@@ -189,7 +189,7 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
             return BodyCone(None, principal.around(n, normal), None, principal)
         plain = principal.in_plane()
     else:
-        plain = _plain(cones[0], law, size)
+        plain = plain_cone(cones[0], law, size)
         if flat:
             none = shadow(plain, OUT_OF_PLANE, usual)
             if none.cone is None:
@@ -200,9 +200,11 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
     return None if standard is None else BodyCone(plain, standard, none)
 
 
-def _plain(cone: Cone, law: Any, size: int) -> PlainCone:
+def plain_cone(cone: Cone, law: Any, size: int) -> PlainCone:
     """The numbers of a second-order cone of vectors of so many components."""
-    plain = PlainCone(float(_value(cone.bound)), _value(cone.slope), _value(cone.matrix))
+    plain = PlainCone(
+        float(numbers_of(cone.bound)), numbers_of(cone.slope), numbers_of(cone.matrix)
+    )
     if not plain.is_cone:
         raise InputError(
             f"the cone of {type(law).__name__} is none with zero inside: bound ="
@@ -214,7 +216,7 @@ def _plain(cone: Cone, law: Any, size: int) -> PlainCone:
 
 def _principal(cone: PrincipalCone, law: Any) -> PlainPrincipal:
     """The numbers of a cone of principal stresses."""
-    found = PlainPrincipal(float(_value(cone.bound)), float(_value(cone.sine)))
+    found = PlainPrincipal(float(numbers_of(cone.bound)), float(numbers_of(cone.sine)))
     if not (found.bound > 0 and 0 <= found.sine < 1):
         raise InputError(
             f"the set of {type(law).__name__} has bound = {found.bound:.6g}, which has to be"
@@ -224,7 +226,7 @@ def _principal(cone: PrincipalCone, law: Any) -> PlainPrincipal:
     return found
 
 
-def _value(expression: Expr) -> Floats:
+def numbers_of(expression: Expr) -> Floats:
     """Numbers of an expression of numbers; UFL evaluates scalars."""
     expression = ufl.as_ufl(expression)
     shape = expression.ufl_shape

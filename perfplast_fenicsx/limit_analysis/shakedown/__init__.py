@@ -1,0 +1,1 @@
+"""Loads that vary again and again: what of them bodies adapt to."""

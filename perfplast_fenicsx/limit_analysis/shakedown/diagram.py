@@ -1,0 +1,101 @@
+"""Shakedown loads of all ratios of two of what varies: Bree's diagram of any bodies.
+
+J. Bree, Elastic-plastic behaviour of thin tubes subjected to internal pressure and intermittent
+high-heat fluxes, Journal of Strain Analysis 2 (1967), 226, has that of a tube under pressure whose
+wall is heated again and again.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep
+from perfplast_fenicsx.limit_analysis.shakedown.load_domain import LoadDomain
+from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import shakedown_load
+from perfplast_fenicsx.problem.problem import Problem
+
+
+@dataclass(frozen=True)
+class Direction:
+    """The shakedown load of one ratio of both.
+
+    Attributes:
+        angle: Its arc tangent (degrees), in units of the shakedown loads of each alone: 0 where the
+            first varies alone.
+        first: What multiplies the first at the end of shakedown; None where none was found.
+        second: The same of the second.
+        failure: What ends it.
+    """
+
+    angle: float
+    first: float | None
+    second: float | None
+    failure: str
+
+
+def check_directions(domain: LoadDomain, directions: int) -> None:
+    """Make sure that there are two to draw a diagram of.
+
+    Raises:
+        InputError: If there are not, or too few directions.
+    """
+    if directions and (directions < 3 or len(domain.names) != 2):
+        raise InputError(
+            f"directions = {directions} with {len(domain.names)} of what varies; give 3 or more"
+            " with two names, or leave it out."
+        )
+
+
+def shakedown_diagram(
+    problem: Problem,
+    domain: LoadDomain,
+    directions: int = 13,
+    rtol: float = 1e-4,
+    monitor: Callable[[Direction], None] | None = None,
+    steps: Callable[[InteriorStep], None] | None = None,
+) -> list[Direction]:
+    """Find the shakedown loads of ratios of two of what varies, evenly apart. Collective.
+
+    Args:
+        problem: The bodies.
+        domain: With two names; the factors of each are multiplied.
+        directions: How many, over a quarter of the circle.
+        rtol: As of :func:`shakedown_load`.
+        monitor: Called on every rank after each.
+        steps: Called on every rank after each step of the interior point method.
+
+    Raises:
+        InputError: As :func:`shakedown_load`, and if there are not two names.
+    """
+    check_directions(domain, directions)
+    told = (problem, domain, rtol, steps)
+    ends = [_at(angle, axis, *told) for angle, axis in ((0.0, (1.0, 0.0)), (90.0, (0.0, 1.0)))]
+    one, other = ends[0].first or 1.0, ends[1].second or 1.0
+    found = []
+    for number, angle in enumerate(np.linspace(0.0, 90.0, directions)):
+        between = 0 < number < directions - 1
+        ray = (one * math.cos(math.radians(angle)), other * math.sin(math.radians(angle)))
+        found.append(_at(float(angle), ray, *told) if between else ends[number > 0])
+        if monitor is not None:
+            monitor(found[-1])
+    return found
+
+
+def _at(
+    angle: float,
+    ray: tuple[float, float],
+    problem: Problem,
+    domain: LoadDomain,
+    rtol: float,
+    steps: Callable[[InteriorStep], None] | None,
+) -> Direction:
+    """The shakedown load along a ray. Collective."""
+    along = replace(domain, corners=domain.corners * np.array(ray))
+    found = shakedown_load(problem, along, rtol, steps)
+    first, second = None, None
+    if found.converged and found.load is not None:
+        first, second = (found.load * part for part in ray)
+    return Direction(angle, first, second, str(found.failure))

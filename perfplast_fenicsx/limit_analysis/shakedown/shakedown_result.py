@@ -1,0 +1,129 @@
+"""What is known of a shakedown load."""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from dolfinx import fem
+
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.shakedown.load_domain import LoadDomain
+from perfplast_fenicsx.problem.assembled.spaces import by_cell
+from perfplast_fenicsx.problem.problem import Problem
+
+class Failure(StrEnum):
+    """What ends shakedown above the load that was found."""
+
+    ALTERNATING = "alternating plasticity"
+    COLLAPSE = "incremental collapse"
+    BOTH = "alternating plasticity and incremental collapse at once"
+    NONE = "nothing that was found"
+
+    @staticmethod
+    def of(accumulated: float) -> "Failure":
+        """What it is by the share of the flow of a cycle that is left at its end."""
+        if accumulated <= 0.05:
+            return Failure.ALTERNATING
+        return Failure.COLLAPSE if accumulated >= 0.5 else Failure.BOTH
+
+
+@dataclass(frozen=True, eq=False)
+class ShakedownLoad:
+    """How many times a load domain is shaken down to, on this mesh.
+
+    Attributes:
+        domain: What varies.
+        problem: Its points are those of the stresses.
+        linear: Whether these are the vertices of cells, in which stresses are linear.
+        load: λ of Melan's programme, an estimate of that of the bodies; None where none was found.
+        upper: Koiter's value, which meets it: what both differ by is what the steps have left.
+        over: Largest ratio of stress to yield at any corner and point, 1 but for rounding.
+        unbalanced: Largest force of the residual stress, relative.
+        first_yield: Factor of the domain at which the first point yields at a corner, without
+            residual stress; None beside constant loads.
+        accumulated: Share of the flow of a cycle that is left at its end.
+        failure: What ends shakedown there.
+        mechanism: Displacement that a cycle leaves behind, in proportion.
+        dissipation: Of a cycle, at the points, in proportion.
+        residual: ρ, Mandel vectors at the points (stress).
+        steps: Of the interior point method.
+        factorisations: All.
+        linear_solves: All.
+        converged: Whether both values have met.
+        reason: Why it ended.
+    """
+
+    domain: LoadDomain
+    problem: Problem
+    linear: bool
+    load: float | None
+    upper: float | None
+    over: float
+    unbalanced: float
+    first_yield: float | None
+    accumulated: float
+    failure: Failure
+    mechanism: fem.Function
+    dissipation: fem.Function
+    residual: fem.Function
+    steps: int
+    factorisations: int
+    linear_solves: int
+    converged: bool
+    reason: str
+
+    def in_words(self) -> str:
+        """What was found, in a sentence."""
+        if self.load is None or not self.converged:
+            return f"No shakedown load was found: {self.reason}."
+        words = (
+            f"Shakedown to {self.load:.5g} times the load domain (an estimate: the elastic"
+            f" stresses are those of this mesh); above that, {self.failure}"
+        )
+        if self.first_yield is not None:
+            words += f". The first point yields at {self.first_yield:.5g} times it"
+        return f"{words}."
+
+    def as_limit(self) -> LimitLoad:
+        """The same as what is known of a limit load, for files and pictures."""
+        return LimitLoad(
+            method=LimitMethod.INTERIOR_POINT,
+            lower=self.load if self.converged and self.load is not None else -math.inf,
+            estimate=self.load if self.converged else None,
+            residual=None,
+            upper=self.upper if self.converged else None,
+            alpha=None,
+            levelled_off=self.converged,
+            reason=self.reason,
+            iterations=self.steps,
+            linear_solves=self.linear_solves,
+            factorisations=self.factorisations,
+            mechanism=self.mechanism,
+        )
+
+    def of_cells(self) -> fem.Function:
+        """Dissipation of a cycle, the mean of each cell. Collective."""
+        cells = fem.functionspace(self.problem.tagged_mesh.mesh, ("DG", 0))
+        mean = fem.Function(cells, name="dissipation")
+        mean.x.array[:] = by_cell(self.dissipation).mean(axis=1)
+        return mean
+
+    def table(self) -> dict[str, Any]:
+        """What ``summary.json`` has of it."""
+        return {
+            "names": self.domain.names,
+            "corners": self.domain.corners.tolist(),
+            "load": self.load if self.converged else None,
+            "koiter": self.upper if self.converged else None,
+            "stress_over_yield": self.over if self.converged else None,
+            "unbalanced": self.unbalanced if self.converged else None,
+            "first_yield": self.first_yield,
+            "accumulated": self.accumulated if self.converged else None,
+            "failure": str(self.failure),
+            "within_cells": self.linear,
+            "in_words": self.in_words(),
+        }
+
+    def __repr__(self) -> str:
+        return f"ShakedownLoad({self.load}, {self.failure})"

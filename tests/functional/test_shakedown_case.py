@@ -1,0 +1,133 @@
+"""Shakedown from a case file: what is told, written and drawn, and what is refused."""
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import BAD_INPUT, NO_SOLUTION, SOLVED
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.report.verdict import verdict_on
+from tests.models import write_case
+
+CASE = """
+mesh = { builder = "stacked_blocks", n = 1 }
+tie = [{ primary = "lower_top", secondary = "upper_bottom" }]
+support = [
+    { on = "x0", components = "x" },
+    { on = "y0", components = "y" },
+    { on = "bottom", components = "z" },
+    { on = "top", components = "x" },
+]
+load = [
+    { on = "top", traction = [0.0, 0.0, 1.0], name = "pull" },
+    { on = "top", traction = [0.0, 0.0, 1.0], name = "stays", constant = true },
+]
+temperature = [{ on = "lower", change = 100.0, name = "heat" }]
+loading = { control = "shakedown", ranges = { pull = [0, 1], heat = [0, 1] }, directions = 3 }
+output = { pictures = false }
+[material.lower]
+law = "von-mises"
+young = 2e5
+poisson = 0.3
+yield_stress = 100.0
+expansion = 1e-5
+[material.upper]
+law = "elastic"
+young = 2e5
+poisson = 0.3
+"""
+
+
+def test_a_run(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = write_case(comm, shared_tmp_path / "case.toml", CASE)
+    folder = shared_tmp_path / "r"
+    assert main(["run", str(case), "-o", str(folder), "--report"]) == SOLVED
+    out = comm.bcast(capsys.readouterr().out)
+    assert "are ignored" not in out  # temperatures count
+    assert "Shakedown to " in out
+    assert "the elastic stresses are those of this mesh" in out
+    assert "At 45 degrees: " in out
+    text = comm.bcast((folder / "summary.json").read_text() if comm.rank == 0 else "")
+    limit: dict[str, Any] = json.loads(text)["limit"]
+    found = limit["shakedown"]
+    assert limit["levelled_off"]
+    assert found["names"] == ["pull", "heat"]
+    assert len(found["corners"]) == 4
+    assert found["load"] == pytest.approx(found["koiter"], rel=2e-4)
+    alone = found["diagram"][0]
+    assert alone["second"] == 0.0
+    assert alone["first"] > 99.0  # a bar alone; what is glued to it keeps it from narrowing
+    assert limit["body"] is None
+    if comm.rank == 0:
+        with (folder / "path.csv").open(encoding="utf-8", newline="") as file:
+            assert [float(row["angle"]) for row in csv.DictReader(file)] == [0.0, 45.0, 90.0]
+        verdict = verdict_on(ResultReader(folder))
+        assert verdict.mark == "found"
+        assert "1 × pull, 1 × heat" in verdict.details[0]
+        assert "Melan" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.serial
+def test_pictures(tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(CASE.replace("pictures = false", "pictures = true"))
+    assert main(["run", str(tmp_path / "case.toml"), "-o", str(tmp_path / "r")]) == SOLVED
+    for name in ("shakedown.png", "mechanism.png"):
+        assert (tmp_path / "r" / name).stat().st_size > 10_000
+
+
+def test_constant_loads_that_are_too_much(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = CASE.replace('1.0], name = "stays"', '120.0], name = "stays"')
+    text = text.replace(", directions = 3", "")
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == NO_SOLUTION
+    assert "No shakedown load was found" in comm.bcast(capsys.readouterr().out)
+
+
+RANGES = "ranges = { pull = [0, 1], heat = [0, 1] }"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        (RANGES, "limit_tolerance = 1e-4", "there is neither ranges nor corners"),
+        (RANGES, RANGES + ", corners = [{ pull = 1 }]", "there is both ranges and corners"),
+        (RANGES, "ranges = {}", "ranges is empty"),
+        (RANGES, "ranges = { pull = [1, 1] }", "the range of 'pull' is [1, 1], which is none"),
+        (RANGES, "ranges = { pull = [1, 0] }", "the range of 'pull' is [1, 0], which is none"),
+        (RANGES, "corners = [{ pull = 1, heat = 1 }]", "corners has 1 corner that differs"),
+        (RANGES, "ranges = { pul = [0, 1], heat = [0, 1] }", "'pul' varies, but there is no load"),
+        (RANGES, "ranges = { stays = [0, 1], heat = [0, 1] }", "it is a constant load"),
+        (RANGES + ", directions = 3", "ranges = { heat = [0, 1] }", "the load 'pull' has no range"),
+        ("directions = 3", "directions = 2", "directions = 2 with 2 of what varies"),
+        ("tie = [", "contact = [", "is for bodies that neither part nor slide"),
+        (
+            'components = "x" },\n]',
+            'components = "x", value = 0.1 },\n]',
+            "or a rigid surface moves",
+        ),
+    ],
+)
+def test_refused_in_one_sentence(
+    old: str,
+    new: str,
+    part: str,
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert old in CASE
+    case = write_case(comm, shared_tmp_path / "case.toml", CASE.replace(old, new))
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == BAD_INPUT
+    err = comm.bcast(capsys.readouterr().err)
+    assert part in err
+    assert len(err.strip().splitlines()) == 1
