@@ -16,7 +16,7 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
-from perfplast_fenicsx.limit_analysis.conic.interior_steps import MOST_STEPS, STUCK, InteriorStep
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import MOST_STEPS, InteriorStep
 from perfplast_fenicsx.limit_analysis.shakedown.corner_cones import CornerCones
 from perfplast_fenicsx.limit_analysis.shakedown.elastic_stresses import (
     check_names,
@@ -110,7 +110,7 @@ def _iterate(
             if iteration.load <= rtol:
                 return number, False, "the constant loads alone are not carried"
             return number, True, f"the steps have converged to {rtol:g}"
-        if length < STUCK:
+        if length < 1e-7:
             return number, False, "the steps became too short"
     return MOST_STEPS, False, f"both values have not met in {MOST_STEPS} steps"
 
