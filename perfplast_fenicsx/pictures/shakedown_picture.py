@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from perfplast_fenicsx.pictures.heading import heading
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 
+
 def save_shakedown(
     rows: Sequence[Mapping[str, Any]], names: Sequence[str], title: str, path: Path
 ) -> None:

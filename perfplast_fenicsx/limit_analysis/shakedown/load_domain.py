@@ -10,6 +10,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 
+
 @dataclass(frozen=True)
 class LoadDomain:
     """The hull of corners, each of which is a factor for every name.

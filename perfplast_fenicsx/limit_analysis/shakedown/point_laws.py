@@ -16,6 +16,7 @@ from perfplast_fenicsx.materials.yield_set import Cone
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 
+
 @dataclass(frozen=True)
 class PointLaws:
     """Cones ‖Mσ‖ ≤ c − q·σ and elasticity at the points of this rank.

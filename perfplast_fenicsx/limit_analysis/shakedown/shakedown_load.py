@@ -36,6 +36,7 @@ from perfplast_fenicsx.problem.declared.initial import Temperature
 from perfplast_fenicsx.problem.declared.stage import called
 from perfplast_fenicsx.problem.problem import Problem
 
+
 def shakedown_load(
     problem: Problem,
     domain: LoadDomain,

@@ -12,6 +12,7 @@ from perfplast_fenicsx.limit_analysis.shakedown.load_domain import LoadDomain
 from perfplast_fenicsx.problem.assembled.spaces import by_cell
 from perfplast_fenicsx.problem.problem import Problem
 
+
 class Failure(StrEnum):
     """What ends shakedown above the load that was found."""
 
