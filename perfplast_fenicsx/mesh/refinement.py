@@ -114,6 +114,30 @@ def fan(tagged_mesh: TaggedMesh, points: Ints, opposite: Longs | None = None) ->
     return _cut(tagged_mesh, edges, marks, first)
 
 
+def fan_around(
+    tagged_mesh: TaggedMesh, edges: npt.NDArray[np.bool_], opposite: Longs | None = None
+) -> Refined:
+    """Cut cells in space in two, each so that there are two around an edge of it. Collective.
+
+    They are cut at the edge opposite, and so are the other cells that have it.
+
+    Args:
+        tagged_mesh: As of :func:`refine`, of tetrahedra.
+        edges: Of each owned cell those that it is to be cut around, in DOLFINx's order, shape
+            (num_cells, 6).
+        opposite: As of :func:`refine`.
+
+    Raises:
+        InputError: If cells are curved.
+    """
+    check_refinable(tagged_mesh)
+    glued = GluedEdges(tagged_mesh.mesh, _pairs(opposite))
+    marks: npt.NDArray[np.bool_] = np.zeros(len(glued.order), dtype=np.bool_)
+    marks[glued.of_cell[edges[:, ::-1]]] = True  # edge k is opposite edge 5 - k
+    marks = glued.anywhere(marks)
+    return _cut(tagged_mesh, glued, marks, glued.order[glued.of_cell])
+
+
 def _pairs(opposite: Longs | None) -> Longs:
     return np.empty((0, 2), dtype=np.int64) if opposite is None else opposite
 

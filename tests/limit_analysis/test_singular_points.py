@@ -12,7 +12,10 @@ from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
 from meshes.tube_polygon import write_tube_polygon
 from perfplast_fenicsx import Contact, Pressure, Support, TaggedMesh
 from perfplast_fenicsx.limit_analysis.body.marking import largest_shares
+from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
 from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
+from perfplast_fenicsx.mesh.bisection import edges_of_simplex
+from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.declared.given import Given
 from tests.models import Read
@@ -84,3 +87,28 @@ def test_largest_shares(comm: MPI.Intracomm) -> None:
     most = largest_shares(comm, mine, 0.999999)
     assert most.tolist() == [True, False, True, False]
     assert not largest_shares(comm, np.zeros(3), 0.4).any()
+
+
+def test_edges_in_space_where_a_pressure_ends() -> None:
+    """Those between the pressed square and what is free, and none else."""
+    lower, upper = (0.0, 0.0, -1.0), (3.0, 3.0, 0.0)
+    block = structured_mesh(
+        MPI.COMM_WORLD,
+        [Box("block", lower, upper, (3, 3, 1))],
+        [
+            Surface("pressed", ("block",), lambda x: (x[2] == 0) & (x[0] <= 1) & (x[1] <= 1)),
+            Surface("x0", ("block",), lambda x: x[0] == 0),
+            Surface("y0", ("block",), lambda x: x[1] == 0),
+        ],
+    )
+    given = declared([Support("x0", "x"), Support("y0", "y")], [Pressure("pressed", 1.0)])
+
+    def found(valence: int) -> set[tuple[float, ...]]:
+        cells, points = corners(block.mesh)
+        edges = singular_edges(block, given, valence)
+        ends = points[cells[:, edges_of_simplex(3)][edges]]
+        parts = block.mesh.comm.allgather(ends.mean(axis=1))
+        return {tuple(map(float, middle)) for middle in np.concatenate(parts)}
+
+    assert found(MANY) == {(1.0, 0.5, 0.0), (0.5, 1.0, 0.0)}
+    assert found(2) == set()

@@ -15,7 +15,8 @@ from perfplast_fenicsx import Contact, InputError, TaggedMesh, stacked_blocks, t
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.mesh import Refined, fan, refine
-from perfplast_fenicsx.mesh.bisection import cut
+from perfplast_fenicsx.mesh.bisection import cut, edges_of_simplex
+from perfplast_fenicsx.mesh.refinement import fan_around
 from perfplast_fenicsx.parallel import fetch_rows
 from tests.mesh.test_meshes import area_vector, check_interface, volume
 from tests.models import Read
@@ -155,6 +156,28 @@ def test_fan_doubles_the_cells_at_a_point(comm: MPI.Intracomm, read: Read) -> No
         check_finer(coarse, finer)
         coarse = finer.tagged_mesh
         assert comm.allreduce(np.count_nonzero(near(coarse, at, "ground"))) == 2 * before
+
+
+def test_fan_around_an_edge_in_space(comm: MPI.Intracomm) -> None:
+    """Twice as many cells meet at an edge of a contact, on both sides of it."""
+    coarse = two_blocks(comm, 1)
+    ends = np.array([[1.0, 0.0, 1.0], [1.0, 1.0, 1.0]])
+
+    def at_edge(tagged_mesh: TaggedMesh) -> npt.NDArray[np.bool_]:
+        x = corners(tagged_mesh)
+        on = [(np.linalg.norm(x - end, axis=2) < 1e-9).any(axis=1) for end in ends]
+        return on[0] & on[1]
+
+    x = corners(coarse)
+    here = np.linalg.norm(x[:, :, None] - ends, axis=3).min(axis=2) < 1e-9
+    edges = here[:, edges_of_simplex(3)].all(axis=2)
+    before = comm.allreduce(np.count_nonzero(at_edge(coarse)))
+    pairs = opposite_vertices(coarse, [Contact("upper_bottom", "lower_top")])
+    finer = fan_around(coarse, edges, pairs)
+    check_finer(coarse, finer)
+    check_interface(finer.tagged_mesh, "upper_bottom", "lower_top")
+    assert before > 0
+    assert comm.allreduce(np.count_nonzero(at_edge(finer.tagged_mesh))) == 2 * before
 
 
 def test_parts_fit_whatever_edges_are_cut() -> None:

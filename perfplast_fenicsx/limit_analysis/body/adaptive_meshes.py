@@ -12,10 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.body.marking import largest_shares
+from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
 from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, Verdict
 from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
@@ -23,8 +25,9 @@ from perfplast_fenicsx.limit_analysis.facets.lone_corners import with_divided_co
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
-from perfplast_fenicsx.mesh.refinement import fan, refine
+from perfplast_fenicsx.mesh.refinement import fan, fan_around, refine
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import fetch_rows
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
 
@@ -204,25 +207,37 @@ def _better(new: Bound, old: Bound, sign: int) -> bool:
 
 
 def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
-    """The next mesh, or why there is none. Collective."""
+    """The next mesh, or why there is none. Collective.
+
+    Where it would have too many cells, as many are marked as fit. A mesh that has hardly more
+    cells than this one would cost as much and find nothing new.
+    """
+    worth_while, halvings = 1.2, 5
     # Dörfler's fraction by dimension: the marked cells carry this share of the gap, and of the
     # dissipation. Smaller in space, where closing the refinement divides many more cells.
-    part = {2: 0.4, 3: 0.2}[problem.bodies.gdim]
-    too_many = f"a finer mesh would have more than {cells} cells"
-    if _count(problem.tagged_mesh) >= cells:
+    fractions = {2: 0.4, 3: 0.2}
+    now, too_many = _count(problem.tagged_mesh), f"a finer mesh would have more than {cells} cells"
+    if now >= cells:
         return too_many
+    part = fractions[problem.bodies.gdim]
     if found.static is not None and found.static.verdict is Verdict.NO_RESISTANCE:
         part = 1.0  # what carries nothing has no shares: cells are too large anywhere
-    fewer = 6  # how often the part is halved where the finer mesh would have too many cells
-    for _ in range(fewer):
-        marked = _marked(problem, found, part)
-        if not problem.comm.allreduce(int(marked.sum())):
-            return "nothing was found that says where to refine"
-        finer = refined(problem, marked)
-        if _count(finer) <= cells:
-            return finer
-        part /= 2
-    return too_many
+    marked = _marked(problem, found, part)
+    if not problem.comm.allreduce(int(marked.sum())):
+        return "nothing was found that says where to refine"
+    largest = refined(problem, marked, found)
+    fits, exceeds = 0.0, part
+    if _count(largest) > cells:
+        for _ in range(halvings):
+            part = (fits + exceeds) / 2
+            finer = refined(problem, _marked(problem, found, part), found)
+            if _count(finer) > cells:
+                exceeds = part
+            else:
+                fits, largest = part, finer
+        if not worth_while * now <= _count(largest) <= cells:
+            return too_many
+    return largest
 
 
 def _marked(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.bool_]:
@@ -236,18 +251,26 @@ def _marked(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.
     return marked
 
 
-def refined(problem: Problem, marked: npt.NDArray[np.bool_]) -> TaggedMesh:
+def refined(
+    problem: Problem, marked: npt.NDArray[np.bool_], found: BodyBounds | None = None
+) -> TaggedMesh:
     """The mesh of a problem, finer where it is marked, with fans where it needs them. Collective.
 
     Args:
         problem: The bodies with their loads.
         marked: Of the cells that this rank owns.
+        found: Bounds on the mesh. In space cells at singular edges, where the lower one loses most,
+            are made fans in place of being refined: what it loses there is for want of directions.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
+    if problem.bodies.gdim == 3:
+        if found is not None and found.static is not None:
+            tagged_mesh, marked = _with_fans(problem, marked, found.static.dissipation)
+        return refine(
+            tagged_mesh, marked, opposite_vertices(tagged_mesh, given.contacts)
+        ).tagged_mesh
     pairs = opposite_vertices(tagged_mesh, given.contacts)
     finer = refine(tagged_mesh, marked, pairs).tagged_mesh
-    if problem.bodies.gdim == 3:
-        return finer
     # Cells that meet at least, in the end, at points where the stress depends on the direction.
     valence = 24
     points = singular_points(finer, given, valence)
@@ -255,3 +278,23 @@ def refined(problem: Problem, marked: npt.NDArray[np.bool_]) -> TaggedMesh:
         finer = fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
     bend_crossings(finer)
     return finer
+
+
+def _with_fans(
+    problem: Problem, marked: npt.NDArray[np.bool_], dissipation: Floats
+) -> tuple[TaggedMesh, npt.NDArray[np.bool_]]:
+    """A mesh in space with fans at those of the marked cells that want them. Collective.
+
+    Returns:
+        The mesh, and which of its owned cells are still marked.
+    """
+    comm, given, tagged_mesh = problem.comm, problem.given, problem.tagged_mesh
+    most = 0.5  # of the dissipation of the multipliers, which often is that of a few cells
+    valence = 12  # around edges; each costs as many cells as the edge has
+    edges = singular_edges(tagged_mesh, given, valence)
+    edges &= largest_shares(comm, dissipation, most)[:, None]
+    cut = edges.any(axis=1)
+    if not comm.allreduce(int(cut.sum())):
+        return tagged_mesh, marked
+    fans = fan_around(tagged_mesh, edges, opposite_vertices(tagged_mesh, given.contacts))
+    return fans.tagged_mesh, fetch_rows(comm, marked & ~cut, fans.parents)

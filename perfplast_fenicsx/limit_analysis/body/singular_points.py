@@ -43,7 +43,7 @@ def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int) -> Ints
     topology.create_connectivity(1, 0)
     outer = exterior_facet_indices(topology)
     ends = topology.connectivity(1, 0).array.reshape(-1, 2)[outer]
-    kind = _kinds(tagged_mesh, given)[outer]
+    kind = kinds_of_facets(tagged_mesh, given)[outer]
 
     count = topology.index_map(0).size_local + topology.index_map(0).num_ghosts
     sums = la.vector(topology.index_map(0), 5, dtype=np.float64)
@@ -54,20 +54,39 @@ def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int) -> Ints
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
     angles, cells, facets, kinds, squares = table.T
+    wanted = valence * turns(angles, facets, kinds, squares)
+    return np.flatnonzero((facets > 0) & (cells < wanted)).astype(np.int32)
+
+
+def turns(angles: Floats, facets: Floats, kinds: Floats, squares: Floats) -> Floats:
+    """By how much principal stresses may turn where outer facets meet, in right angles, 0 to 1.
+
+    Args:
+        angles: Of the body, from facet to facet, shape (n,).
+        facets: How many meet there.
+        kinds: Sum of their numbers of :func:`kinds_of_facets`.
+        squares: Sum of the squares of these.
+    """
     changes = facets * squares - kinds**2 > 0.5  # all alike: the square of the mean
     rounding = 1e-6  # what an angle is beyond that of a straight line by rounding
+<<<<<<< HEAD
     right = np.pi / 2
     least = np.where(changes, right, np.pi) + rounding
     turns = np.clip(angles - least, 0.0, right)
     return np.flatnonzero((facets > 0) & (cells < valence * turns / right)).astype(np.int32)
+=======
+    least = np.where(changes, RIGHT, np.pi) + rounding
+    right_angles: Floats = np.clip(angles - least, 0.0, RIGHT) / RIGHT
+    return right_angles
+>>>>>>> 46b503c (Meshes in space get fans around edges where the lower bound lacks directions; the last round fills what cells are left, or is not made)
 
 
 def _columns(*columns: Floats | float) -> Floats:
     return np.stack(np.broadcast_arrays(*columns), axis=1)
 
 
-def _kinds(tagged_mesh: TaggedMesh, given: Given) -> Longs:
-    """A number for each local facet, the same where the same holds and pushes it."""
+def kinds_of_facets(tagged_mesh: TaggedMesh, given: Given) -> Longs:
+    """A number for each local facet, the same where the same holds and pushes it. Collective."""
     loads = [load for load in given.loads if not load.in_volume]
     acting: dict[str, set[Hashable]] = {name: set() for name in tagged_mesh.surfaces}
     surroundings: list[Any] = [*given.supports, *loads, *given.obstacles]
@@ -77,7 +96,8 @@ def _kinds(tagged_mesh: TaggedMesh, given: Given) -> Longs:
         for name in (contact.primary, contact.secondary):
             acting[name].add("contact")
     known = list(dict.fromkeys([frozenset[Hashable](), *map(frozenset, acting.values())]))
-    facets = tagged_mesh.mesh.topology.index_map(1)
+    topology = tagged_mesh.mesh.topology
+    facets = topology.index_map(topology.dim - 1)
     kinds = np.zeros(facets.size_local + facets.num_ghosts, dtype=np.int64)
     for name, acts in acting.items():
         kinds[tagged_mesh.facets(name)] = known.index(frozenset(acts))
