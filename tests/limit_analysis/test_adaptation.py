@@ -125,7 +125,7 @@ def test_a_round_that_worsens_bounds_does_not_count(
         return found
 
     monkeypatch.setattr(adaptive_meshes, "limit_bounds", worse_and_worse)
-    found = adaptive_bounds(footing(shared_tmp_path), Adaptation(until=0.01, cells=600))
+    found = adaptive_bounds(footing(shared_tmp_path), Adaptation(until=0.01, cells=1000))
     assert len(meshes) > 2
     assert found.last is meshes[-1]
     assert found.best is meshes[1]
