@@ -68,17 +68,13 @@ def turns(angles: Floats, facets: Floats, kinds: Floats, squares: Floats) -> Flo
         squares: Sum of the squares of these.
     """
     changes = facets * squares - kinds**2 > 0.5  # all alike: the square of the mean
-    rounding = 1e-6  # what an angle is beyond that of a straight line by rounding
-<<<<<<< HEAD
-    right = np.pi / 2
+    right, rounding = (
+        np.pi / 2,
+        1e-6,
+    )  # the latter is what an angle is beyond that of a straight line by rounding
     least = np.where(changes, right, np.pi) + rounding
-    turns = np.clip(angles - least, 0.0, right)
-    return np.flatnonzero((facets > 0) & (cells < valence * turns / right)).astype(np.int32)
-=======
-    least = np.where(changes, RIGHT, np.pi) + rounding
-    right_angles: Floats = np.clip(angles - least, 0.0, RIGHT) / RIGHT
+    right_angles: Floats = np.clip(angles - least, 0.0, right) / right
     return right_angles
->>>>>>> 46b503c (Meshes in space get fans around edges where the lower bound lacks directions; the last round fills what cells are left, or is not made)
 
 
 def _columns(*columns: Floats | float) -> Floats:
