@@ -3,13 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.proof.cones import Cones
-from perfplast_fenicsx.proof.load_kinds import ANY, CONSTANT, SOUGHT, Loads, with_all
+from perfplast_fenicsx.proof.load_kinds import EVERY, KINDS, NAMES, Loads, with_all
 from perfplast_fenicsx.proof.plain_arrays import ProofError, checked
+from perfplast_fenicsx.proof.rigid_arrays import with_rigid
 from perfplast_fenicsx.proof.rubbing import OF as RUBBING
 from perfplast_fenicsx.proof.rubbing import fault_of, with_rubbing
 
@@ -32,20 +34,15 @@ class Body:
         cone_matrix: M, shape (num_cones, m, m).
         cone_sine: s of each bound (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses, which has q = 0
             and M = 0, NaN of others; shape (num_cones,).
-        body_force: Force per volume of λ = 1, shape (num_cells, d).
-        constant_body_force: The same of loads that stay as they are.
-        any_body_force: The same of loads that may have any factor, of factor 1.
-        pore_pressure: Pressure of λ = 1 in the pores at the cells' vertices, linear between, shape
-            (num_cells, d + 1). The cones bound effective stresses, which are those in equilibrium
-            and the pressure.
-        constant_pore_pressure: The same of loads that stay as they are.
-        any_pore_pressure: The same of loads that may have any factor, of factor 1.
+        sought: Loads of λ = 1.
+        constant: Loads that stay as they are.
+        others: Loads that may have any factor, of factor 1.
         facets: Vertices of the outer facets, shape (num_facets, d).
         surface: Tag of the surface of each; 0 for none.
         held: Which components of the velocity are zero there, shape (num_facets, d).
-        traction: Force per area of λ = 1 at their vertices, linear between, (num_facets, d, d).
-        constant_traction: The same of loads that stay as they are.
-        any_traction: The same of loads that may have any factor, of factor 1.
+        rigid: Tags of surfaces that a rigid plate is glued to, which moves as loads make it.
+        rigid_held: Which components of its velocity are zero, shape (num_rigid, d); where any is it
+            does not turn.
         contacts: Tags of two surfaces that cannot enter each other, shape (num_contacts, 2).
         contact_adhesion: Shear stress c that slip has to overcome without pressure, of each.
         contact_friction: μ ≥ 0 of each: the shear may be larger by μ times the pressure.
@@ -62,18 +59,14 @@ class Body:
     cone_slope: Floats
     cone_matrix: Floats
     cone_sine: Floats
-    body_force: Floats
-    constant_body_force: Floats
-    any_body_force: Floats
-    pore_pressure: Floats
-    constant_pore_pressure: Floats
-    any_pore_pressure: Floats
+    sought: Loads
+    constant: Loads
+    others: Loads
     facets: Longs
     surface: Longs
     held: Flags
-    traction: Floats
-    constant_traction: Floats
-    any_traction: Floats
+    rigid: Longs
+    rigid_held: Flags
     contacts: Longs
     contact_adhesion: Floats
     contact_friction: Floats
@@ -84,25 +77,29 @@ class Body:
 
     def __post_init__(self) -> None:
         n, d = self.vertices.shape if self.vertices.ndim == 2 else (0, 0)
-        c, f, k, pairs = (
+        c, f, k, pairs, rigid = (
             a.shape[0] if a.ndim else 0
-            for a in (self.cells, self.facets, self.obstacles, self.contacts)
+            for a in (self.cells, self.facets, self.obstacles, self.contacts, self.rigid)
         )
         shapes = {
             "cells": (c, d + 1),
             "cone": (c,),
-            **{names[0]: (c, d) for names in (SOUGHT, CONSTANT, ANY)},
             "facets": (f, d),
             "surface": (f,),
             "held": (f, d),
-            **{names[1]: (f, d, d) for names in (SOUGHT, CONSTANT, ANY)},
-            **{names[2]: (c, d + 1) for names in (SOUGHT, CONSTANT, ANY)},
+            "rigid": (rigid,),
+            "rigid_held": (rigid, d),
             "contacts": (pairs, 2),
             "obstacles": (k,),
             "obstacle_normals": (k, d),
             **{name: (pairs if of == "contacts" else k,) for name, of in RUBBING.items()},
         }
         wrong = [name for name, shape in shapes.items() if getattr(self, name).shape != shape]
+        of_loads = ((c, d), (f, d, d), (c, d + 1), (rigid, d), (rigid, 2 * d - 3))
+        kinds = dict(zip(KINDS, (self.sought, self.constant, self.others), strict=True))
+        for prefix, loads in kinds.items():
+            shown = zip(NAMES, of_loads, strict=True)
+            wrong += [prefix + n for n, shape in shown if getattr(loads, n).shape != shape]
         if d not in (2, 3) or wrong:
             raise ProofError(f"the shape of {', '.join(wrong) or 'vertices'} fits nothing.")
         if not c:
@@ -111,7 +108,7 @@ class Body:
             numbers = getattr(self, name)
             if numbers.size and not (numbers.min() >= 0 and numbers.max() < n):
                 raise ProofError(f"{name} names vertices that there are not.")
-        every = (getattr(self, name) for names in (SOUGHT, CONSTANT, ANY) for name in names)
+        every = (getattr(loads, name) for loads in kinds.values() for name in NAMES)
         known = (self.vertices, *every, self.obstacle_normals)
         if not all(np.isfinite(values).all() for values in known):
             raise ProofError("vertices, loads or normals are not finite.")
@@ -123,6 +120,8 @@ class Body:
         for name in RUBBING:
             if (fault := fault_of(getattr(self, name))) is not None:
                 raise ProofError(f"{name} {fault}.")
+        if len(np.unique(self.rigid)) < rigid or not np.isin(self.rigid, self.surface).all():
+            raise ProofError("rigid names a surface twice, or one that there is not.")
         if not self.plastic.any():
             raise ProofError("no cell can yield, so that nothing limits the load.")
         if not self.sought:
@@ -150,11 +149,24 @@ class Body:
         Raises:
             ProofError: If one is missing or of another kind, or they do not fit together.
         """
-        values = checked(with_rubbing(with_all(arrays)), tuple(cls.__dataclass_fields__))
+        given = with_rubbing(with_all(with_rigid(arrays)))
+        kinds = {"sought": KINDS[0], "constant": KINDS[1], "others": KINDS[2]}
+        fields = [name for name in cls.__dataclass_fields__ if name not in kinds]
+        values = checked(given, (*fields, *EVERY))
+        loads: dict[str, Any] = {
+            kind: Loads(*(values[f"{prefix}{name}"] for name in NAMES))
+            for kind, prefix in kinds.items()
+        }
+        plain: dict[str, Any] = {name: values[name] for name in fields}
         same = known is not None and all(
-            np.array_equal(getattr(known, name), value) for name, value in values.items()
+            np.array_equal(getattr(known, name), value) for name, value in plain.items()
         )
-        return known if known is not None and same else cls(**values)
+        same = same and all(
+            np.array_equal(getattr(getattr(known, kind), name), getattr(of, name))
+            for kind, of in loads.items()
+            for name in NAMES
+        )
+        return known if known is not None and same else cls(**plain, **loads)
 
     @property
     def dim(self) -> int:
@@ -249,24 +261,6 @@ class Body:
         slope = np.linalg.norm(self.gradients.reshape(-1, self.dim)[sides], axis=1)
         areas: Floats = self.dim * self.volumes[sides // (self.dim + 1)] * slope
         return areas
-
-    @cached_property
-    def sought(self) -> Loads:
-        """Loads of λ = 1."""
-        return self._loads(SOUGHT)
-
-    @cached_property
-    def constant(self) -> Loads:
-        """Loads that stay as they are."""
-        return self._loads(CONSTANT)
-
-    @cached_property
-    def others(self) -> Loads:
-        """Loads that may have any factor."""
-        return self._loads(ANY)
-
-    def _loads(self, names: tuple[str, str, str]) -> Loads:
-        return Loads(*(getattr(self, name) for name in names))
 
     @property
     def contact_pairs(self) -> list[tuple[np.int64, np.int64]]:

@@ -41,6 +41,8 @@ def differences(lower: Body, upper: Body) -> list[str]:
         for one, other in kinds
     ):
         found.append("the halves have different loads")
+    if not _alike(*(_rigid(body) for body in (lower, upper))):
+        found.append("the halves have different rigid surfaces")
     if not _same_contacts(lower, upper):
         found.append("the halves have different contacts, or the upper one rubs less")
     return found
@@ -178,7 +180,11 @@ def _resultants(body: Body, loads: Loads, tags: np.ndarray) -> Floats:
     sizes = body.areas @ np.linalg.norm(loads.traction, axis=2).mean(axis=1)
     whole = sizes + body.volumes @ np.linalg.norm(loads.body_force, axis=1)
     extent = np.abs(body.vertices[body.cells]).max()
-    return np.concatenate([found[0], found[1] / extent, [[whole]], _pores(body, loads)])
+    plates = np.zeros((len(tags), d + 2 * d - 3))
+    at_plates = np.searchsorted(tags, body.rigid)
+    plates[at_plates] = np.hstack([loads.rigid_force, loads.rigid_moment / extent])
+    every = [found[0], found[1] / extent, plates.reshape(-1, 1), [[whole]], _pores(body, loads)]
+    return np.concatenate(every)
 
 
 def _pores(body: Body, loads: Loads) -> Floats:
@@ -189,6 +195,14 @@ def _pores(body: Body, loads: Loads) -> Floats:
     moments = np.einsum("c,ca,ab,cbi->i", body.volumes, u, means, x) / np.abs(x).max()
     size = np.sqrt(squares * body.volumes.sum())
     return np.array([body.volumes @ u.mean(axis=1), *moments, size])[:, None]
+
+
+def _rigid(body: Body) -> Floats:
+    """Whether each surface is rigid, and what holds it, in the order of all tags."""
+    tags = np.unique(body.surface)
+    ways = np.zeros(len(tags))
+    ways[np.searchsorted(tags, body.rigid)] = 1.0 + body.rigid_held @ (2 << np.arange(body.dim))
+    return ways[:, None]
 
 
 def _contacts(body: Body) -> Floats:

@@ -11,24 +11,29 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 
-SOUGHT = ("body_force", "traction", "pore_pressure")
-"""Loads whose factor is bounded, by the names of their arrays."""
+NAMES = ("body_force", "traction", "pore_pressure", "rigid_force", "rigid_moment")
+"""Arrays of a kind of loads."""
 
-CONSTANT = ("constant_body_force", "constant_traction", "constant_pore_pressure")
-"""Those that stay as they are; a file without them has none."""
+KINDS = ("", "constant_", "any_")
+"""What is before these: loads whose factor is bounded, those that stay as they are, and those that
+may have any factor. A file without them has none."""
 
-ANY = ("any_body_force", "any_traction", "any_pore_pressure")
-"""Those that may have any factor."""
+EVERY = tuple(f"{kind}{name}" for kind in KINDS for name in NAMES)
+"""All arrays of loads."""
 
 
 def with_all(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
     """Arrays with zeros for the loads of which a file has none."""
     like = {"body_force": "body_force", "traction": "traction", "pore_pressure": "cells"}
+    shapes = {name: np.shape(arrays[of]) for name, of in like.items() if of in arrays}
+    axes = np.shape(arrays.get("vertices", ()))[1:]
+    rigid = (*np.shape(arrays.get("rigid", ())), *axes)
+    shapes |= {"rigid_force": rigid, "rigid_moment": (*rigid[:-1], *(2 * d - 3 for d in axes))}
     none = {
-        f"{prefix}{name}": np.zeros(np.shape(arrays[shape]))
-        for prefix in ("", "constant_", "any_")
-        for name, shape in like.items()
-        if f"{prefix}{name}" not in arrays and shape in arrays
+        f"{kind}{name}": np.zeros(shape)
+        for kind in KINDS
+        for name, shape in shapes.items()
+        if f"{kind}{name}" not in arrays
     }
     return {**arrays, **none}
 
@@ -42,24 +47,24 @@ class Loads:
         traction: Force per area at the vertices of facets, linear between, (num_facets, d, d).
         pore_pressure: u at the vertices of cells, linear between, (num_cells, d + 1): of effective
             stresses σ′, which the cones bound, σ′ − uI are those in equilibrium.
+        rigid_force: Force on each rigid surface, shape (num_rigid, d).
+        rigid_moment: Moment on it about the origin, shape (num_rigid, 1 or 3).
     """
 
     body_force: Floats
     traction: Floats
     pore_pressure: Floats
+    rigid_force: Floats
+    rigid_moment: Floats
 
     def __bool__(self) -> bool:
-        return bool(self.body_force.any() or self.traction.any() or self.pore_pressure.any())
+        return any(getattr(self, name).any() for name in NAMES)
 
     def __add__(self, other: "Loads") -> "Loads":
-        return Loads(
-            self.body_force + other.body_force,
-            self.traction + other.traction,
-            self.pore_pressure + other.pore_pressure,
-        )
+        return Loads(*(getattr(self, name) + getattr(other, name) for name in NAMES))
 
     def __rmul__(self, factor: float) -> "Loads":
-        return Loads(factor * self.body_force, factor * self.traction, factor * self.pore_pressure)
+        return Loads(*(factor * getattr(self, name) for name in NAMES))
 
     def total(self, stress: Floats) -> Floats:
         """The stresses in equilibrium, of effective ones at the cells' vertices."""

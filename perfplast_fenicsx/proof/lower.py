@@ -18,6 +18,7 @@ import numpy as np
 from perfplast_fenicsx.proof.body import Body, Flags, Floats
 from perfplast_fenicsx.proof.cones import vectors
 from perfplast_fenicsx.proof.load_kinds import Loads
+from perfplast_fenicsx.proof.rigid import Rigid, rigid_of, sums_of
 from perfplast_fenicsx.proof.rubbing import excess, unheld
 from perfplast_fenicsx.proof.touching import Touching, touching
 
@@ -35,7 +36,8 @@ class Left:
             without balance relative to those of the loads at λ, and ``left_of_strength``, relative
             to the least γV^((d − 1)/d) of a cell of volume V; ``yield_ratio``, the largest
             (‖Mσ‖ + q·σ)/c: the stress divided by it keeps to the cone, as 0 is inside. With
-            contact that rubs also ``unequal_shears``, ``shear``, beyond μq where nothing adheres,
+            rigid surfaces also ``rigid_forces``, force and moment over the area, and with contact
+            that rubs also ``unequal_shears``, ``shear``, beyond μq where nothing adheres,
             and ``shear_ratio``, the largest (‖τ‖ − μq)/c elsewhere.
         forces: The sum of the magnitudes of all forces without balance.
         loads: That of the loads at λ.
@@ -58,6 +60,7 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
         kinds: All loads at λ, each kind by itself.
     """
     loads = sum(kinds[1:], start=kinds[0])
+    rigid = rigid_of(body)
     d, radii, effective = body.dim, body.yield_radius, stress
     stress = loads.total(effective)
     weakest = float(radii.min())
@@ -73,7 +76,7 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     around = radii.copy()
     for side in (0, 1):
         np.minimum.at(around, inner[:, side] // (d + 1), between)
-    outer, forces, reason = _outer(body, stress, loads)
+    outer, forces, reason = _outer(body, stress, loads, rigid)
     size = np.ptp(body.vertices[body.cells], axis=1).max(axis=1)
     ratios = {
         "equilibrium": np.linalg.norm(divergence, axis=1) * size / _finite(around, weakest),
@@ -83,7 +86,7 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     measured = {"asymmetry": _largest(stress - stress.transpose(0, 1, 3, 2)) / weakest}
     measured |= {name: _largest(values) for name, values in ratios.items()}
     forces += float(in_cells.sum() + body.areas_of(inner[:, 0]) @ on_facets.mean(axis=1))
-    loaded = sum(kind.size(body.volumes, body.areas) for kind in kinds)
+    loaded = sum(kind.size(body.volumes, body.areas) + sums_of(rigid, kind)[0] for kind in kinds)
     measured["left_of_load"] = _share(forces, loaded)
     measured["left_of_strength"] = _share(forces, float((radii * section).min()))
     plastic = body.plastic
@@ -121,7 +124,9 @@ def _inner_tractions(body: Body, stress: Floats, sides: np.ndarray) -> Floats:
     return tractions
 
 
-def _outer(body: Body, stress: Floats, loads: Loads) -> tuple[dict[str, Floats], float, str | None]:
+def _outer(
+    body: Body, stress: Floats, loads: Loads, rigid: Sequence[Rigid]
+) -> tuple[dict[str, Floats], float, str | None]:
     """What is left on outer facets, relative to the weakest; the sum of forces, and a reason."""
     d = body.dim
     cells = body.outer // (d + 1)
@@ -159,6 +164,11 @@ def _outer(body: Body, stress: Floats, loads: Loads) -> tuple[dict[str, Floats],
     if (times > 1).any():
         reason = "a facet touches two others"
     radii = _finite(radii, float(body.yield_radius.min()))[:, None]
+    glued = np.isin(body.surface, body.rigid)
+    if (times[glued] > 0).any() or body.held[glued].any():
+        reason = "a rigid surface is in contact, or held by supports"
+    off = [surface.resultant(body, rest) - surface.wanted(loads) for surface in rigid]
+    rest = rest * ~glued[:, None, None]
     share = np.where(free, into, 0.0)
     square = np.einsum("fi,fi->f", share, share)
     # A contact whose normal leaves less than this free beside supports has no force to find.
@@ -187,6 +197,14 @@ def _outer(body: Body, stress: Floats, loads: Loads) -> tuple[dict[str, Floats],
         left |= {"shear": beyond, "unequal_shears": apart}
         ratios["shear_ratio"] = excess(*told_of)
     forces = float(body.areas @ sum(left.values()).mean(axis=1))
+    if rigid:
+        forces += float(np.abs(off).sum())
+        ratios["rigid_forces"] = np.array(
+            [
+                np.linalg.norm(of) / surface.area / radii[surface.facets].min()
+                for of, surface in zip(off, rigid, strict=True)
+            ]
+        )
     return {name: values / radii for name, values in left.items()} | ratios, forces, reason
 
 

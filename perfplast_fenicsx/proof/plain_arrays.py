@@ -7,19 +7,17 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.proof.load_kinds import ANY, CONSTANT, SOUGHT
+from perfplast_fenicsx.proof.load_kinds import EVERY
 
 FLOATS = (
     *("vertices", "cone_bound", "cone_slope", "cone_matrix", "cone_sine"),
     "obstacle_normals",
-    *SOUGHT,
-    *CONSTANT,
-    *ANY,
+    *EVERY,
     *("contact_adhesion", "contact_friction", "obstacle_adhesion", "obstacle_friction"),
     *("stress", "velocity"),
 )
-LONGS = ("cells", "cone", "facets", "surface", "contacts", "obstacles", "nodes")
-FLAGS = ("held",)
+LONGS = ("cells", "cone", "facets", "surface", "contacts", "obstacles", "nodes", "rigid")
+FLAGS = ("held", "rigid_held")
 
 
 class ProofError(ValueError):

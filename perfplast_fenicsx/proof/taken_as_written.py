@@ -15,6 +15,7 @@ def taken_as_written(body: Body) -> str:
         _strengths(body),
         _supports(body),
         _contacts(body),
+        *_rigid(body),
         f"loads whose resultants at λ = 1 are {_loads(body, body.sought)}",
     ]
     if body.constant:
@@ -90,6 +91,16 @@ def _contacts(body: Body) -> str:
     return "; ".join(kinds) if kinds else "no contact"
 
 
+def _rigid(body: Body) -> list[str]:
+    words = []
+    for tag, held in zip(body.rigid, body.rigid_held, strict=True):
+        axes = ", ".join(
+            axis for axis, is_so in zip("xyz", np.atleast_1d(held), strict=False) if is_so
+        )
+        words.append(f"surface {tag}" + (f" (held in {axes}, and not turning)" if axes else ""))
+    return [f"rigid plates glued to {_listed(words)}"] if words else []
+
+
 def _friction(adhesion: float, friction: float) -> str:
     parts = [f"{adhesion:.6g}"] * bool(adhesion > 0)
     parts += [f"{friction:.6g} times the pressure"] * bool(friction > 0)
@@ -104,6 +115,11 @@ def _loads(body: Body, loads: Loads) -> str:
         words.append(f"{_vector(total)} on surface {tag}")
     if loads.body_force.any():
         words.append(f"{_vector(body.volumes @ loads.body_force)} in the volume")
+    for number, tag in enumerate(body.rigid):
+        force, moment = loads.rigid_force[number], loads.rigid_moment[number]
+        if force.any() or moment.any():
+            about = f" with the moment {_vector(moment)} about the origin"
+            words.append(f"{_vector(force)}{about} on the rigid surface {tag}")
     if loads.pore_pressure.any():
         there = body.volumes[loads.pore_pressure.any(axis=1)].sum()
         least, most = loads.pore_pressure.min(), loads.pore_pressure.max()

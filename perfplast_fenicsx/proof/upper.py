@@ -23,6 +23,7 @@ from perfplast_fenicsx.proof.cones import vectors
 from perfplast_fenicsx.proof.entering import entering_of
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.plain_arrays import ProofError
+from perfplast_fenicsx.proof.rigid import Rigid, rigid_of, sums_of
 
 CHILDREN = {
     2: ("00 01 02", "01 11 12", "02 12 22", "01 02 12"),
@@ -116,28 +117,57 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
     contact = entering_of(body, at_facets, float(np.abs(v).max(initial=0)))
     dissipation += contact.slip
-    kinds = (body.sought, body.constant, body.others)
+    kinds, rigid = (body.sought, body.constant, body.others), rigid_of(body)
+    motions, bent, of_plates = _motions(body, rigid, at_facets)
     growth = np.einsum("cvii->cv", rates)
     work, constant_work, other_work = (
-        _work(body, of, v, at_facets) + of.pore_work(body.volumes, growth) for of in kinds
+        _work(body, of, v, at_facets)
+        + of.pore_work(body.volumes, growth)
+        + float(sum(one.wanted(of) @ motion for one, motion in zip(rigid, motions, strict=True)))
+        for of in kinds
     )
     volumes = wrong.max(axis=1) * body.volumes
     strains = np.linalg.norm(rates[~plastic], axis=(2, 3)).max(axis=1) @ body.volumes[~plastic]
     moved = float(np.abs(at_facets * body.held[:, None]).max(initial=0))
     fastest = float(np.abs(v).max(initial=0))
-    at_one, at_zero, of_others = (of.stress(body.vertices[body.cells]) for of in kinds)
+    at_one, at_zero, of_others = (
+        of.stress(body.vertices[body.cells]) + sums_of(rigid, of)[1] for of in kinds
+    )
     factor = abs(dissipation - constant_work) / work if work > 0 else 0.0
     stress = factor * at_one + at_zero
-    left = (float(volumes.sum()), float(strains), contact.volume)
-    names = ("volume_change", "elastic_strain", "entering_work")
+    left = (float(volumes.sum()), float(strains), contact.volume, of_plates)
+    names = ("volume_change", "elastic_strain", "entering_work", "bending_work")
     size = size_of(dissipation, dissipation - constant_work)
     measured = {name: _share(stress * x, size) for name, x in zip(names, left, strict=True)}
     measured |= {"moved_supports": _share(moved, fastest), "entering": contact.relative}
+    if rigid:
+        measured["bent"] = _share(bent, fastest)
     if body.others:
-        most = body.others.size(body.volumes, body.areas) * fastest
+        most = body.others.size(body.volumes, body.areas) + sums_of(rigid, body.others)[0]
+        most *= fastest
         measured["work_of_others"] = _share(abs(other_work), most)
     others = abs(other_work) + of_others * sum(left)
     return Flow(measured, dissipation, work, constant_work, others, contact.reason)
+
+
+def _motions(
+    body: Body, rigid: list[Rigid], at_facets: Floats
+) -> tuple[list[Floats], float, float]:
+    """Motions of rigid surfaces, and what velocities differ from them: the most, and times area."""
+    every = np.append(body.vertices[body.facets], _middles(body), axis=1)
+    motions, largest, volume = [], 0.0, 0.0
+    for surface in rigid:
+        x, v = every[surface.facets], at_facets[surface.facets]
+        motion, off = surface.motion(x.reshape(-1, body.dim), v.reshape(-1, body.dim))
+        motions.append(motion)
+        largest, volume = max(largest, off), volume + off * surface.area
+    return motions, largest, volume
+
+
+def _middles(body: Body) -> Floats:
+    """Of the edges of facets, in the order of the nodes."""
+    x = body.vertices[body.facets]
+    return np.stack([x[:, pair].mean(axis=1) for pair in combinations(range(body.dim), 2)], axis=1)
 
 
 def size_of(dissipation: float, excess: float) -> float:

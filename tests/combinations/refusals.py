@@ -10,7 +10,6 @@ REFUSALS: Mapping[str, str] = {
     "is no projection on a yield set": f"{STAYS}: the algorithm is made of that projection",
     "knows no friction": f"{STAYS}: contact is a bound there, and friction is none",
     "is a formula": f"{STAYS}: stresses are linear in cells, and balance linear tractions",
-    "is rigid, and of such surfaces": f"{TO_COME}: resultants as conditions",
     "no limit theorem holds": (
         f"{STAYS} of limit theorems; where a path loses equilibrium is found, with Drucker's pair"
         " beside it"

@@ -62,7 +62,7 @@ def best_load(body: Body) -> float | None:
     rows = equal.new(len(body.cells), d)
     terms = np.einsum("nij,cvj->civn", basis, body.gradients)
     equal.add(rows[:, :, None, None], at[:, None], terms)
-    equal.add(rows, np.array(load), body.body_force)
+    equal.add(rows, np.array(load), body.sought.body_force)
 
     def traction(rows: npt.NDArray, sides: npt.NDArray, places: npt.NDArray) -> None:
         terms = np.einsum("nij,fj->fin", basis, body.normals_of(sides))
@@ -79,7 +79,7 @@ def best_load(body: Body) -> float | None:
     rows = equal.new(len(body.facets), d, d)
     loose = equal.count
     traction(rows, body.outer, body.places)
-    equal.add(rows, np.array(load), -body.traction)
+    equal.add(rows, np.array(load), -body.sought.traction)
     for facet, column, normal in _pushed(body, pushes):
         equal.add(rows[facet], column[:, None], normal[None])
     keep = np.ones(loose, dtype=bool)
@@ -201,8 +201,8 @@ def _loads(body: Body, nodes: npt.NDArray, facet_nodes: npt.NDArray, count: int)
     facet = {2: [1 / 6, 1 / 6, 4 / 6], 3: [0, 0, 0, 1 / 3, 1 / 3, 1 / 3]}[d]
     cell = {2: [0, 0, 0, *[1 / 3] * 3], 3: [*[-1 / 20] * 4, *[1 / 5] * 6]}[d]
     for places, shares, sizes, values in (
-        (facet_nodes, facet, body.areas, body.traction.mean(axis=1)),
-        (nodes, cell, body.volumes, body.body_force),
+        (facet_nodes, facet, body.areas, body.sought.traction.mean(axis=1)),
+        (nodes, cell, body.volumes, body.sought.body_force),
     ):
         parts = np.array(shares)[None, :, None] * (sizes[:, None] * values)[:, None]
         np.add.at(forces, places, parts)

@@ -4,14 +4,12 @@ The groups ``lower`` and ``upper`` have a stress and a velocity, each with the b
 of as plain arrays; :class:`proof.body.Body` says which, :mod:`proof.checker` checks them.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
 import h5py
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
@@ -25,6 +23,7 @@ from perfplast_fenicsx.io.results.global_ordering import (
 )
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
 from perfplast_fenicsx.io.results.proof_cones import cones_on_file, table_of
+from perfplast_fenicsx.io.results.proof_loads import Places, loads_on_file
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.facets.contact_strength import strength_of
@@ -32,14 +31,8 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_b
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
-from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
-from perfplast_fenicsx.problem.assembled.linear_tractions import linear_pores, linear_tractions
-from perfplast_fenicsx.problem.declared.loads import (
-    BodyForce,
-    Load,
-    PorePressure,
-    check_bounded,
-)
+from perfplast_fenicsx.mesh.straight_geometry import corners, outer_facets
+from perfplast_fenicsx.problem.declared.loads import check_bounded
 from perfplast_fenicsx.problem.problem import Problem
 
 Blocks = dict[str, Block]
@@ -209,21 +202,15 @@ def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
     for name, number in tags.items():
         surface[np.isin(outer.facets, tagged_mesh.facets(name))] = number
     held = np.zeros((len(surface), d), dtype=np.uint8)
-    for support in given.supports:
+    rigid = [surface for surface in given.rigid if surface.free]
+    for support in (one for one in given.holding if one not in rigid):
         held[np.ix_(surface == tags[support.on], support.axes(d))] = 1
     contacts = [[tags[contact.primary], tags[contact.secondary]] for contact in given.contacts]
     walls = [obstacle for obstacle in given.obstacles if isinstance(obstacle, Plane)]
     rubbing = {"contact": given.contacts, "obstacle": walls}
     into = [plane.towards(np.zeros((1, d)))[1][0] for plane in walls]
-    loads: Blocks = {}
-    for prefix, constant in _kinds(problem, question).items():
-        chosen = [load for load in given.loads if load.constant is constant]
-        pushes = _tractions(chosen, outer, points[facets], surface, tags)
-        loads[f"{prefix}body_force"] = block(of_cells, _body_forces(problem, chosen, len(cells)))
-        loads[f"{prefix}traction"] = block(of_facets, pushes)
-        pores = _pores(problem, chosen, points[cells])
-        if pores is not None:
-            loads[f"{prefix}pore_pressure"] = block(of_cells, pores)
+    places = Places(of_cells, of_facets, points[cells], points[facets], surface)
+    loads = loads_on_file(problem, question, outer, places, tags)
     for kind, ones in rubbing.items():
         strengths = [strength_of(one) for one in ones]
         for name in ("adhesion", "friction"):
@@ -237,54 +224,14 @@ def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
         "facets": block(of_facets, numbers[facets]),
         "surface": block(of_facets, surface),
         "held": block(of_facets, held),
+        "rigid": table_of(problem, [tags[surface.on] for surface in rigid], (), np.int64),
+        "rigid_held": table_of(
+            problem,
+            [np.isin(np.arange(d), surface.axes(d) if surface.held else []) for surface in rigid],
+            (d,),
+            np.uint8,
+        ),
         "contacts": table_of(problem, contacts, (2,), np.int64),
         "obstacles": table_of(problem, [tags[plane.on] for plane in walls], (), np.int64),
         "obstacle_normals": table_of(problem, into, (d,), np.float64),
     }
-
-
-def _kinds(problem: Problem, question: Question) -> dict[str, bool]:
-    """Whether the loads of each kind that the file knows are the constant ones."""
-    if question is Question.STANDS:
-        return {"": True, "any_": False}
-    if any(load.constant for load in problem.given.loads):
-        return {"": False, "constant_": True}
-    return {"": False}
-
-
-def _body_forces(problem: Problem, loads: Sequence[Load], count: int) -> Floats:
-    """Force per volume of each owned cell."""
-    tagged_mesh = problem.tagged_mesh
-    forces = np.zeros((count, tagged_mesh.mesh.geometry.dim))
-    for load in loads:
-        if isinstance(load, BodyForce):
-            cells = tagged_mesh.cells(load.on)
-            forces[cells[cells < count]] += np.asarray(load.value, dtype=np.float64)
-    return forces
-
-
-def _pores(problem: Problem, loads: Sequence[Load], corners: Floats) -> Floats | None:
-    """Pressure in the pores at the vertices of owned cells, if there is such a load."""
-    pores = [load for load in loads if isinstance(load, PorePressure)]
-    values = np.zeros(corners.shape[:2])
-    for load in pores:
-        cells = problem.tagged_mesh.cells(load.on)
-        cells = cells[cells < len(corners)]
-        values[cells] += linear_pores(load, corners[cells])[0]
-    return values if pores else None
-
-
-def _tractions(
-    loads: Sequence[Load],
-    outer: OuterFacets,
-    corners: Floats,
-    surface: npt.NDArray,
-    tags: dict[str, int],
-) -> Floats:
-    """Force per area at the vertices of outer facets."""
-    values = np.zeros_like(corners)
-    for load in loads:
-        if not isinstance(load, BodyForce | PorePressure):
-            here = surface == tags[load.on]
-            values[here] += linear_tractions(load, corners[here], outer.normals[here])[0]
-    return values

@@ -194,12 +194,6 @@ def limit_bounds(
         raise InputError(
             f"{TURNED}; seek the limit load of the mesh with control = 'work' and until = 'limit'."
         )
-    if problem.given.rigid:
-        raise InputError(
-            f"the surface '{problem.given.rigid[0].on}' is rigid, and of such surfaces resultants"
-            " are known but no tractions, which bounds of the body need; give control = 'work' and"
-            " until = 'limit', for that of the mesh."
-        )
     for load in problem.given.loads:
         check_bounded(load)
     check_bodies_have_limits(problem)

@@ -85,7 +85,7 @@ def kinds_of_facets(tagged_mesh: TaggedMesh, given: Given) -> Longs:
     """A number for each local facet, the same where the same holds and pushes it. Collective."""
     loads = [load for load in given.loads if not load.in_volume]
     acting: dict[str, set[Hashable]] = {name: set() for name in tagged_mesh.surfaces}
-    surroundings: list[Any] = [*given.supports, *loads, *given.obstacles]
+    surroundings: list[Any] = [*given.supports, *given.rigid, *loads, *given.obstacles]
     for what in surroundings:
         acting[what.on].add(repr(replace(what, on="")))
     for contact in given.contacts:

@@ -17,6 +17,7 @@ from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetGeometry
 from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads, loads_of
 from perfplast_fenicsx.limit_analysis.facets.facet_pairs import FacetRows, facet_type, pair_facets
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetNumbers, facet_numbers
+from perfplast_fenicsx.limit_analysis.facets.rigid_facets import RigidFacets, rigid_facets
 from perfplast_fenicsx.problem.declared.loads import is_bounded, is_known
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -30,7 +31,7 @@ UNKNOWN = "a load is of a kind that strict bounds do not know"
 
 TWICE = "a surface is in contact with more than one other"
 
-RIGID = "a surface is rigid, of which resultants are known and no tractions"
+RIGID = "a surface is rigid and in contact, and of the tractions there only sums are known"
 
 TIED = "surfaces are glued together in the mean alone"
 
@@ -54,6 +55,7 @@ class FacetConditions:
             the components at each vertex, of the first one alone where nothing rubs.
         in_contact: Owned facets of surfaces in contact.
         adhesion: Shear stress that slip has to overcome on a host facet, shape (num_facets,).
+        rigid: Facets of surfaces that move as rigid ones.
         rubbing: Owned facets whose shear tractions are those of such a resistance, both sides.
         why_not: Why what is found does not hold for the body.
         prevents: Why nothing can be found.
@@ -69,6 +71,7 @@ class FacetConditions:
     twins: Longs
     in_contact: Longs
     adhesion: Floats
+    rigid: RigidFacets
     rubbing: Longs
     why_not: tuple[str, ...]
     prevents: str | None
@@ -94,10 +97,10 @@ def _read(problem: Problem) -> FacetConditions:
     nodes = geometry_dofmap(mesh)[: len(numbers.facets), : tdim + 1]
     vertices: Floats = np.asarray(mesh.geometry.x[nodes][:, :, :tdim], dtype=np.float64)
     facets = FacetGeometry(problem, numbers, vertices)
-    held = _held(problem, facets)
+    held, rigid = _held(problem, facets), rigid_facets(problem, facets)
     known = [load for load in given.loads if is_bounded(load)]
     live, dead = (
-        loads_of(problem, facets, [load for load in known if load.constant is constant])
+        loads_of(problem, facets, rigid, [load for load in known if load.constant is constant])
         for constant in (False, True)
     )
     bent = live[1] or dead[1]
@@ -160,8 +163,8 @@ def _read(problem: Problem) -> FacetConditions:
             why_not.append(CURVED)
     every = np.concatenate(touching)
     faults = {
-        RIGID: len(given.rigid) > 0,
-        TIED: problem.num_tied > 0,
+        RIGID: bool((rigid.surface[every] >= 0).any()),
+        TIED: len(given.ties) > 0,
         VARYING: varies,
         UNKNOWN: unknown,
         str(bent): bent is not None,
@@ -182,6 +185,7 @@ def _read(problem: Problem) -> FacetConditions:
         twins=twins,
         in_contact=every.astype(np.int64),
         adhesion=adhesion,
+        rigid=rigid,
         rubbing=np.concatenate(rubbing),
         why_not=tuple(dict.fromkeys(why_not)),
         prevents=found[0] if found else None,
@@ -193,7 +197,7 @@ def _held(problem: Problem, facets: FacetGeometry) -> npt.NDArray[np.bool_]:
     tdim = facets.tdim
     flags = la.vector(facets.index_map, tdim)
     array = flags.array.reshape(-1, tdim)
-    for support in problem.given.supports:
+    for support in problem.given.holding:
         on = problem.tagged_mesh.facets(support.on)
         for axis in support.axes(tdim):
             array[on, axis] = 1.0

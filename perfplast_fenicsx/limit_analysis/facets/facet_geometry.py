@@ -31,6 +31,13 @@ class FacetGeometry:
         normals: Floats = -slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
         return normals
 
+    def areas(self, facets: Ints | Longs) -> Floats:
+        """Areas, in the plane lengths."""
+        slopes, volumes = gradients(self.vertices[self._cell[facets]])
+        heights = np.linalg.norm(slopes[np.arange(len(facets)), self._side[facets]], axis=1)
+        found: Floats = self.tdim * volumes * heights
+        return found
+
     def corners(self, facets: Ints) -> Floats:
         """Vertices by their places, shape (n, d, d)."""
         tdim, cell, side = self.tdim, self._cell[facets], self._side[facets]

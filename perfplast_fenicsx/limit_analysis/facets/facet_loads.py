@@ -9,12 +9,14 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetGeometry
+from perfplast_fenicsx.limit_analysis.facets.rigid_facets import RigidFacets, free_surfaces
 from perfplast_fenicsx.problem.assembled.linear_tractions import (
     ROUNDING,
     linear_pores,
     linear_tractions,
 )
-from perfplast_fenicsx.problem.declared.loads import BodyForce, Load, PorePressure
+from perfplast_fenicsx.problem.assembled.rigid_resultants import rigid_resultants
+from perfplast_fenicsx.problem.declared.loads import BodyForce, Force, Load, PorePressure
 from perfplast_fenicsx.problem.problem import Problem
 
 BENT = "a formula that is not linear"
@@ -28,11 +30,15 @@ class FacetLoads:
         tractions: At the vertices by their places, shape (num_facets, d, d); cartesian.
         forces: Per volume, shape (num_cells, d).
         pores: Pressure in the pores at the vertices of each cell, shape (num_cells, d + 1).
+        resultants: Of forces on rigid surfaces (:meth:`RigidFacets.resultants`).
+        on_rigid: The largest of these over the area of its surface.
     """
 
     tractions: Floats
     forces: Floats
     pores: Floats
+    resultants: Floats
+    on_rigid: float
 
     def pushes(self, slopes: Floats, volumes: Floats) -> tuple[Floats, Floats]:
         """Forces that a pressure u in pores stands for: u n all around each cell, and −∇u in it.
@@ -61,17 +67,19 @@ class FacetLoads:
         """
         tractions = np.linalg.norm(self.tractions, axis=2).max(initial=0.0)
         forces = np.linalg.norm(self.forces, axis=1).max(initial=0.0)
-        return float(tractions + np.abs(self.pores).max(initial=0.0) + forces * extent)
+        pores = np.abs(self.pores).max(initial=0.0)
+        return float(tractions + pores + forces * extent + self.on_rigid)
 
 
 def loads_of(
-    problem: Problem, facets: FacetGeometry, loads: Sequence[Load]
+    problem: Problem, facets: FacetGeometry, rigid: RigidFacets, loads: Sequence[Load]
 ) -> tuple[FacetLoads, str | None]:
     """Sums of loads, and what of them is not linear, in words. Collective.
 
     Args:
         problem: The bodies.
         facets: Of them.
+        rigid: Those of rigid surfaces.
         loads: What acts, of kinds that strict bounds know.
     """
     count, corners, tdim = facets.vertices.shape
@@ -88,6 +96,8 @@ def loads_of(
             cells = cells[cells < count]
             there, off = linear_pores(load, facets.vertices[cells])
             pores[cells] += there
+        elif isinstance(load, Force):
+            continue
         else:
             on = facets.of(problem, load.on)
             there, off = linear_tractions(load, facets.corners(on), facets.normals(on))
@@ -99,4 +109,6 @@ def loads_of(
     if bent:
         where = "in each cell" if isinstance(bent[0], PorePressure) else "on each facet"
         words = f"the load on '{bent[0].on}' is {BENT} {where}"
-    return FacetLoads(values, forces, pores), words
+    resultants = rigid.resultants(*rigid_resultants(free_surfaces(problem), loads, tdim))
+    on_rigid = float((np.linalg.norm(resultants, axis=1) / rigid.area).max(initial=0.0))
+    return FacetLoads(values, forces, pores, resultants, on_rigid), words

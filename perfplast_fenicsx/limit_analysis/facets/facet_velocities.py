@@ -2,7 +2,7 @@
 
 Facets have DOLFINx's numbers, their vertices follow each other by global number. Where two bodies
 touch, the velocity of one side along the normal is that of the other side plus the jump: the jump
-is the unknown there, and the facet has a *twin*.
+is the unknown there, and the facet has a *twin*. Facets of a rigid surface *follow* few unknowns.
 """
 
 from dataclasses import dataclass
@@ -43,6 +43,25 @@ def facet_numbers(mesh: Mesh) -> FacetNumbers:
     return FacetNumbers(facets, places)
 
 
+@dataclass(frozen=True, eq=False)
+class Followers:
+    """Cells with facets that follow others' unknowns, the *leads*.
+
+    Attributes:
+        leads: Global numbers of all leads, on every rank.
+        cells: Numbers of the cells.
+        keep: 0 for unknowns of facets that follow and 1 for others, shape (n, num_outer).
+        shares: What those of facets that follow are in the leads, shape (n, num_outer, num_leads).
+        tall: Unknowns of all ranks that follow a lead, shape (num_leads,).
+    """
+
+    leads: Longs
+    cells: Longs
+    keep: Floats
+    shares: Floats
+    tall: Floats
+
+
 class FacetVelocities:
     """Facet velocities as a PETSc vector, and as arrays of the cells.
 
@@ -52,15 +71,19 @@ class FacetVelocities:
             :class:`stress_cells.CellLayout`, shape (num_cells, num_outer).
         numbers: Global numbers of the local unknowns, ghosts too.
         twins: Global number that the value of a local unknown is to be added to, −1 for none.
+        followers: Cells whose facets follow others.
     """
 
-    def __init__(self, mesh: Mesh, numbers: FacetNumbers, twins: Longs) -> None:
+    def __init__(
+        self, mesh: Mesh, numbers: FacetNumbers, twins: Longs, followers: Followers
+    ) -> None:
         """Number the unknowns. Collective.
 
         Args:
             mesh: The mesh.
             numbers: Of its facets.
             twins: Of the local unknowns, ghosts too.
+            followers: Cells whose facets follow others.
         """
         tdim = mesh.topology.dim
         index_map, size = mesh.topology.index_map(tdim - 1), tdim**2
@@ -68,11 +91,12 @@ class FacetVelocities:
         of_facets = index_map.local_to_global(np.arange(num_local, dtype=np.int32))
         self.count = index_map.size_local * size
         self.numbers: Longs = (of_facets[:, None] * size + np.arange(size)).ravel()
-        self.twins = twins
+        self.twins, self.followers = twins, followers
         at = (numbers.facets[:, :, None] * tdim + numbers.places)[..., None] * tdim
         self.of_cells: Longs = (at + np.arange(tdim)).reshape(len(at), -1).astype(np.int64)
         self._hosts = np.flatnonzero(twins >= 0)
-        needed = np.concatenate([self.numbers, twins[self._hosts]]).astype(PETSc.IntType)
+        needed = np.concatenate([self.numbers, twins[self._hosts], followers.leads])
+        needed = needed.astype(PETSc.IntType)
         self.vector = PETSc.Vec().createMPI((self.count, None), comm=mesh.comm)
         self._local = PETSc.Vec().createSeq(len(needed))
         there = PETSc.IS().createGeneral(needed, comm=mesh.comm)
@@ -90,15 +114,34 @@ class FacetVelocities:
         self._scatter.scatter(self.vector, self._local, addv=PETSc.InsertMode.INSERT)
         local = self._local.array_r
         values: Floats = local[: len(self.numbers)].copy()
-        values[self._hosts] += local[len(self.numbers) :]
-        return values[self.of_cells]
+        count, leads = len(self.numbers), len(local) - len(self.followers.leads)
+        values[self._hosts] += local[count:leads]
+        found: Floats = values[self.of_cells]
+        at = self.followers
+        found[at.cells] *= at.keep
+        found[at.cells] += at.shares @ local[leads:]
+        return found
 
     def add_up(self, forces: Floats) -> Floats:
         """Forces of those owned here from those by cell, the transpose of that. Collective."""
+        at = self.followers
+        return self._add_up(forces, np.einsum("nol,no->l", at.shares, forces[at.cells]))
+
+    def meet(self, sizes: Floats) -> Floats:
+        """Sums of positive numbers of cells at their unknowns; of leads their mean. Collective."""
+        at = self.followers
+        met = np.einsum("nol,no->l", at.shares != 0, sizes[at.cells])
+        return self._add_up(sizes, met / np.maximum(at.tall, 1.0))
+
+    def _add_up(self, forces: Floats, of_leads: Floats) -> Floats:
+        forces = forces.copy()
+        forces[self.followers.cells] *= self.followers.keep
         at, count = self.of_cells.ravel(), len(self.numbers)
+        leads = count + len(self._hosts)
         sums = np.bincount(at, weights=forces.ravel(), minlength=count)
         self._local.array[:count] = sums
-        self._local.array[count:] = sums[self._hosts]
+        self._local.array[count:leads] = sums[self._hosts]
+        self._local.array[leads:] = of_leads
         self.vector.set(0)
         self._scatter.scatter(
             self._local,

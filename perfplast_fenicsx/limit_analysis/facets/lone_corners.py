@@ -76,6 +76,7 @@ def lone_corners(problem: Problem, conditions: FacetConditions) -> Ints:
     axes, told = conditions.axes[here], ~conditions.held[here]
     pressed = np.isin(here, conditions.in_contact)
     told[..., 0] &= ~pressed  # by a pressure that is not known
+    told[conditions.rigid.surface[here] >= 0] = False  # by resultants alone
     told[np.isin(here, conditions.rubbing)] = False  # by no shear that is, either
     # Components of a plane stress.
     components: Floats = np.array(

@@ -61,6 +61,13 @@ class CondensedStiffness(SprungMatrix):
         self._blocks = np.ascontiguousarray(numbers[:, ::block] // block)
         self._coupled = np.flatnonzero((twins >= 0).any(axis=1))
         self._numbers, self._twins = numbers[self._coupled], twins[self._coupled]
+        at = facets.followers
+        kept = at.keep > 0
+        self._leads = np.broadcast_to(at.leads, (len(at.cells), len(at.leads)))
+        self._leads = np.ascontiguousarray(self._leads, dtype=PETSc.IntType)
+        self._beside = [
+            np.where(kept, of[at.cells], -1).astype(PETSc.IntType) for of in (numbers, twins)
+        ]
         room = PETSc.Mat().create(self._matrix.comm)
         room.setType(PETSc.Mat.Type.PREALLOCATOR)
         for matrix in (room, self._matrix):
@@ -72,11 +79,19 @@ class CondensedStiffness(SprungMatrix):
 
     def _fill(self, matrix: PETSc.Mat, values: Floats) -> None:
         """Add matrices of cells, shape (num_cells, outer, outer). Collective."""
-        add = PETSc.InsertMode.ADD
+        add, at = PETSc.InsertMode.ADD, self._strains.facets.followers
+        led = values[at.cells] @ at.shares
+        values[at.cells] *= at.keep[:, :, None] * at.keep[:, None]
         matrix.setValuesBlockedRCV(self._blocks, self._blocks, values, addv=add)
         numbers, twins, there = self._numbers, self._twins, values[self._coupled]
         for rows, columns in ((numbers, twins), (twins, numbers), (twins, twins)):
             matrix.setValuesRCV(rows, columns, there, addv=add)
+        if len(at.leads):
+            shares, across = np.swapaxes(at.shares, 1, 2), np.ascontiguousarray(led.swapaxes(1, 2))
+            for beside in self._beside:
+                matrix.setValuesRCV(beside, self._leads, led, addv=add)
+                matrix.setValuesRCV(self._leads, beside, across, addv=add)
+            matrix.setValuesRCV(self._leads, self._leads, shares @ led, addv=add)
         matrix.assemble()
 
     def add_springs(self, springs: Springs) -> None:

@@ -176,7 +176,7 @@ def _weakness(static: StaticProgram) -> tuple[Floats, Floats]:
     strains, facets = static.strains, static.strains.facets
     inverse = (1 / strains.radii).reshape(strains.num_cells, -1)[:, 0]
     everywhere = static.program.comm.allreduce(float(inverse.max(initial=0)), MPI.MAX)
-    met = facets.add_up(np.repeat(inverse, facets.of_cells.shape[1]))
+    met = facets.meet(np.repeat(inverse[:, None], facets.of_cells.shape[1], axis=1))
     around = facets.gather(met).max(axis=1)
     of_facets, of_cells = (np.where(sums > 0, sums, everywhere) for sums in (met, around))
     return of_facets, of_cells

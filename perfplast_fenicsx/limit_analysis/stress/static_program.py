@@ -141,7 +141,7 @@ class StaticProgram:
         inverse = (1 / strains.radii).reshape(strains.num_cells, -1).max(axis=1)
         everywhere = self.program.comm.allreduce(float(inverse.max(initial=0.0)), MPI.MAX)
         least = 1 / self.program.stress_unit
-        met = strains.facets.add_up(np.repeat(inverse[:, None], strains.layout.outer, axis=1))
+        met = strains.facets.meet(np.repeat(inverse[:, None], strains.layout.outer, axis=1))
         around = strains.facets.gather(met).max(axis=1)
         weakness, inside = (
             np.where(sums > 0, np.maximum(sums, least), max(everywhere, least))
@@ -169,7 +169,8 @@ def static_program(
     mesh, at = problem.tagged_mesh.mesh, conditions
     tdim, on = mesh.topology.dim, conditions.numbers.facets
     size = tdim**2
-    facets = FacetVelocities(mesh, at.numbers, at.twins.ravel())
+    followers = at.rigid.followers(problem.comm, at.numbers, at.vertices)
+    facets = FacetVelocities(mesh, at.numbers, at.twins.ravel(), followers)
     axes = np.where(at.held[:, :, None], 0.0, at.axes)[on]
     strains = MultiplierStrains(facets, at.vertices, axes, body_cones(problem))
 
@@ -180,6 +181,11 @@ def static_program(
     slips[at.in_contact, :, 1:] = True
     slips[at.rubbing] = False
     held[:] = at.held[:num_owned, None]
+    held[at.rigid.surface[:num_owned] >= 0] = True
+    lead = at.rigid.lead - mesh.topology.index_map(tdim - 1).local_range[0]
+    mine = np.flatnonzero((lead >= 0) & (lead < num_owned))
+    lead, unknowns = lead[mine], at.rigid.free.shape[1]
+    held.reshape(num_owned, size)[lead, :unknowns] = at.rigid.free[mine] == 0
     stiffness = CondensedStiffness(
         strains,
         np.flatnonzero(held).astype(np.int32),
@@ -204,9 +210,12 @@ def static_program(
         load = strains.create_vector()
         load.array[: facets.count] = facets.add_up(pushes.reshape(len(on), -1))
         inside += loads.forces * volumes[:, None]
+        at_leads = load.array[: facets.count].reshape(-1, size)
+        at_leads[lead, :unknowns] += loads.resultants[mine]
         strains.inner(load.array)[:, parts] = (inside / len(parts))[:, None]
         return load
 
+    areas[lead] = at.rigid.area[mine] / tdim
     load, dead, free = question.loads(vector(at.live), vector(at.dead))
     unscaled = [of.array_r.copy() for of in (load, dead, free)]
     return StaticProgram(

@@ -261,8 +261,8 @@ def is_uniform(load: Load) -> bool:
 
 
 def is_bounded(load: Load) -> bool:
-    """Whether strict bounds know a load: a traction, a pressure or a uniform force per volume."""
-    return type(load) in (*ON_SURFACES, PorePressure) or (
+    """Whether strict bounds know a load: all but forces per volume that are formulas."""
+    return type(load) in (*ON_SURFACES, PorePressure, Force) or (
         type(load) is BodyForce and is_uniform(load)
     )
 

@@ -1,0 +1,111 @@
+"""Surfaces that a rigid plate is glued to: resultants of their tractions, and their motions.
+
+Of what the plate pushes with nothing is known but force and moment on it, which are those of the
+tractions; a surface that is held along some axes does not turn, and has but the force along the
+others. Its velocity is a + ω × (x − c) with the centre c of the surface.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.load_kinds import Loads
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """A rigid surface.
+
+    Attributes:
+        number: Among those on file.
+        facets: Its facets.
+        free: Which of the components of force and moment count, shape (3 or 6,).
+        middle: c.
+        extent: The largest distance from it.
+        area: Of the surface.
+    """
+
+    number: int
+    facets: Longs
+    free: Flags
+    middle: Floats
+    extent: float
+    area: float
+
+    def wanted(self, loads: Loads) -> Floats:
+        """Force and moment about c over the extent, of loads; zero where the surface is held."""
+        force, moment = loads.rigid_force[self.number], loads.rigid_moment[self.number]
+        about = moment - moments(self.middle[None], force[None])[0]
+        return np.append(force, about / self.extent) * self.free
+
+    def resultant(self, body: Body, tractions: Floats) -> Floats:
+        """The same of tractions at the facets' vertices, linear between; exact.
+
+        Args:
+            body: The bodies.
+            tractions: Of all facets, shape (num_facets, d, d).
+        """
+        d, here = body.dim, tractions[self.facets]
+        areas = body.areas[self.facets]
+        places = body.vertices[body.facets[self.facets]]
+        arms = np.reshape((places - self.middle) / self.extent, (-1, d))
+        means = (np.eye(d) + 1) / (d * (d + 1))  # of products of barycentric coordinates
+        weighted = np.einsum("f,ab,fbi->fai", areas, means, here)
+        about = moments(np.asarray(arms, dtype=np.float64), weighted.reshape(-1, d)).sum(axis=0)
+        found: Floats = np.append(areas @ here.mean(axis=1), about) * self.free
+        return found
+
+    def motion(self, x: Floats, v: Floats) -> tuple[Floats, float]:
+        """The rigid motion next to velocities, in the mean, and the largest difference.
+
+        Args:
+            x: Places, shape (n, d).
+            v: Velocities there.
+
+        Returns:
+            a and ω times the extent, zero where the surface is held.
+        """
+        d = x.shape[1]
+        arms = np.asarray((x - self.middle) / self.extent, dtype=np.float64)
+        turns = [turned(axis, arms) for axis in np.eye(2 * d - 3)]
+        shifts = [np.broadcast_to(axis, x.shape) for axis in np.eye(d)]
+        every = np.stack([*shifts, *turns], axis=2) * self.free
+        found = np.linalg.lstsq(every.reshape(-1, every.shape[2]), v.ravel(), rcond=None)[0]
+        motion: Floats = found * self.free
+        return motion, float(np.abs(v - every @ motion).max(initial=0))
+
+
+def rigid_of(body: Body) -> list[Rigid]:
+    """The rigid surfaces of a file."""
+    found = []
+    for number, tag in enumerate(body.rigid):
+        facets, held = body.on(tag), body.rigid_held[number]
+        x = body.vertices[body.facets[facets]]
+        areas = body.areas[facets]
+        middle = areas @ x.mean(axis=1) / areas.sum()
+        free = np.append(~held, np.full(2 * body.dim - 3, not held.any()))
+        extent = float(np.linalg.norm(x - middle, axis=2).max())
+        found.append(Rigid(number, facets, free, middle, extent, float(areas.sum())))
+    return found
+
+
+def sums_of(rigid: list[Rigid], loads: Loads) -> tuple[float, float]:
+    """The sum of forces, and of moments over extents, and the largest of them over its area."""
+    sizes = [float(np.abs(surface.wanted(loads)).sum()) for surface in rigid]
+    stresses = [size / surface.area for size, surface in zip(sizes, rigid, strict=True)]
+    return sum(sizes), max(stresses, default=0.0)
+
+
+def moments(arms: Floats, forces: Floats) -> Floats:
+    """Arms × forces, both of shape (n, d): shape (n, 1) in the plane, (n, 3) in space."""
+    if arms.shape[1] == 2:
+        return (arms[:, :1] * forces[:, 1:] - arms[:, 1:] * forces[:, :1])[:, :1]
+    return np.asarray(np.cross(arms, forces), dtype=np.float64)
+
+
+def turned(turn: Floats, arms: Floats) -> Floats:
+    """Rotation × arms, shape (n, d)."""
+    if arms.shape[1] == 2:
+        return turn[0] * np.column_stack([-arms[:, 1], arms[:, 0]])
+    return np.asarray(np.cross(turn, arms), dtype=np.float64)

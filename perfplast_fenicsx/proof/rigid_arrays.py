@@ -1,0 +1,16 @@
+"""Arrays of rigid surfaces, of files that have none."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+
+def with_rigid(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
+    """Arrays with no rigid surfaces where none are named."""
+    d = np.shape(arrays.get("vertices", ()))[1:]
+    none: dict[str, npt.NDArray] = {}
+    if "rigid" not in arrays:
+        none["rigid"] = np.zeros(0, dtype=np.int64)
+        none["rigid_held"] = np.zeros((0, *d), dtype=np.uint8)
+    return {**none, **arrays}

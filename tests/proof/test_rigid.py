@@ -1,0 +1,140 @@
+"""Forged rigid surfaces are refused, of honest proofs of plates that are pushed and turned."""
+
+import re
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import (
+    Force,
+    Problem,
+    ResultFolder,
+    RigidSurface,
+    Support,
+    VonMises,
+    read_gmsh,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.proof import ProofError, check
+from tests.proof.test_forgeries import (
+    Arrays,
+    Forgery,
+    Halves,
+    alone,
+    both,
+    drop,
+    high,
+    in_turn,
+    low,
+    make,
+    put,
+    times,
+    write,
+)
+from tests.random_bodies import Stack, write_stack
+
+pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is serial")
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
+    """The halves of a proof of a block on a plane, with a plate on top that is loaded aside."""
+    dim, path = request.param, tmp_path_factory.mktemp("honest")
+    it = Stack(1, dim, (0.7,), ((1.0, 1.0),), 0.4 if dim == 2 else 0.7, plain=True)
+    write_stack(path / "stack.msh", it)
+    turn = 0.05 if dim == 2 else (0.0, 0.05, 0.0)
+    aside = [0.2] + [0.0] * (dim - 2)
+    problem = Problem(
+        read_gmsh(MPI.COMM_WORLD, path / "stack.msh"),
+        {"block0": VonMises(young=1e3, poisson=0.3, yield_stress=1.0)},
+        [Support("bottom")],
+        [Force("top", [*aside, -1.0], turn, point=[0.4] * dim)],
+        degree=2,
+        rigid=[RigidSurface("top")],
+    )
+    bounds = limit_bounds(problem)
+    assert bounds.strict
+    folder = ResultFolder(MPI.COMM_WORLD, path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
+    checked = check(path / "bounds.h5")
+    assert not any(of.faults for of in checked.values())
+    assert "rigid plates glued to surface" in checked["lower"].words[0]
+    with h5py.File(path / "bounds.h5") as file:
+        return {
+            kind: {name: np.asarray(half[name]) for name in half}
+            | {"bound": np.asarray(half.attrs["bound"])}
+            for kind, half in file.items()
+        }
+
+
+def bent(them: Arrays) -> None:
+    """One node of the plate moves."""
+    d = them["vertices"].shape[1]
+    cells, nodes = them["cells"], them["nodes"]
+    tag = them["rigid"][0]
+    vertex = them["facets"][them["surface"] == tag][0, 0]
+    node = nodes[:, : d + 1][cells == vertex][0]
+    them["velocity"][node] *= 1 + 1e-6
+
+
+def without_plate(them: Arrays) -> None:
+    """No rigid surface, and none of its loads."""
+    for name in ("rigid", "rigid_held", "rigid_force", "rigid_moment"):
+        del them[name]
+
+
+RIGID: dict[str, tuple[Forgery, str]] = {
+    "no plate at all": (both(without_plate), "nothing is loaded"),
+    "no loads of the plate": (
+        alone("lower", in_turn(drop("rigid_force"), drop("rigid_moment"))),
+        "loaded",
+    ),
+    "more force than it has": (low(times("rigid_force", 1.1)), "rigid forces"),
+    "another moment": (low(times("rigid_moment", 1.1)), "rigid forces"),
+    "another moment above": (high(in_turn(times("rigid_moment", 0.5), times("bound", 4))), "loads"),
+    "held, so that nothing counts": (low(make("rigid_held", np.ones_like)), "rigid"),
+    "held above": (high(make("rigid_held", np.ones_like)), "no work|bent|rigid"),
+    "a plate that bends": (high(bent), "bent|volume"),
+    "a surface that there is not": (both(make("rigid", lambda a: a + 77)), "not"),
+    "a plate twice": (
+        both(
+            lambda them: them.update(
+                {
+                    name: np.concatenate([them[name]] * 2)
+                    for name in ("rigid", "rigid_held", "rigid_force", "rigid_moment")
+                }
+            )
+        ),
+        "twice",
+    ),
+    "another surface below": (low(make("rigid", lambda a: a * 0)), "tractions|rigid"),
+    "a plate that supports hold": (
+        both(lambda them: them["held"].__setitem__(them["surface"] == them["rigid"][0], 1)),
+        "held by supports",
+    ),
+    "not finite": (both(put("rigid_force", (0, 0), np.nan)), "not finite"),
+    "flags": (both(put("rigid_held", (0, 0), 2)), "flags"),
+    "one number": (both(make("rigid_force", lambda a: a[:, 0])), "fits nothing"),
+    "no flags": (both(drop("rigid_held")), "missing"),
+    "half the bound": (high(times("bound", 0.5)), "only|above"),
+    "twice the bound": (low(times("bound", 2.0)), "rigid forces"),
+}
+
+
+@pytest.mark.parametrize("name", RIGID)
+def test_a_forged_plate(honest: Halves, tmp_path: Path, name: str) -> None:
+    forge, why = RIGID[name]
+    halves = {kind: {key: value.copy() for key, value in of.items()} for kind, of in honest.items()}
+    forge(halves)
+    path = write(tmp_path / "forged.h5", halves)
+    try:
+        faults = [fault for half in check(path).values() for fault in half.faults]
+    except ProofError as refusal:
+        faults = [str(refusal)]
+    assert faults, "the forgery passed"
+    assert any(re.search(why, fault) for fault in faults), faults
