@@ -66,8 +66,8 @@ class MeshEstimate:
 
 
 def percent(share: float) -> str:
-    """A distance in percent, in two digits: "0.74 %"."""
+    """A distance in percent, in two digits: "0.74 %", "430 %"."""
     touching = 1e-5  # distance of the sides, relative, below which its number tells nothing
     if share < touching:
         return f"less than {100 * touching:g} %"
-    return f"{100 * share:.2g} %"
+    return f"{float(f'{100 * share:.2g}'):g} %"

@@ -15,6 +15,7 @@ from perfplast_fenicsx import (
     Problem,
     Support,
     TaggedMesh,
+    Traction,
     read_gmsh,
     two_blocks,
 )
@@ -103,3 +104,56 @@ def test_surfaces_that_look_the_same_way_are_refused() -> None:
             [BodyForce("one", (0.0, 0.0, 1.0))],
             [Contact("one_top", "other_top")],
         )
+
+
+def test_a_wall_meets_two_blocks_on_each_other_along_one_edge() -> None:
+    """There both blocks push along the same normal, which the wall cannot be the host of twice."""
+    names = ("wall", "lower", "upper")
+    ends = {"wall": ((-1.0, 0.0), (0.0, 2.0)), "lower": ((0.0, 0.0), (1.0, 1.0))}
+    ends["upper"] = ((0.0, 1.0), (1.0, 2.0))
+    boxes = [
+        Box(name, (x[0], 0.0, x[1]), (y[0], 1.0, y[1]), (1, 1, 2 if name == "wall" else 1))
+        for name, (x, y) in ends.items()
+    ]
+    tagged_mesh = structured_mesh(
+        MPI.COMM_WORLD,
+        boxes,
+        [
+            Surface("wall_low", ("wall",), lambda x: (x[0] == 0) & (x[2] <= 1)),
+            Surface("wall_high", ("wall",), lambda x: (x[0] == 0) & (x[2] >= 1)),
+            Surface("lower_side", ("lower",), lambda x: x[0] == 0),
+            Surface("upper_side", ("upper",), lambda x: x[0] == 0),
+            Surface("lower_top", ("lower",), lambda x: x[2] == 1),
+            Surface("upper_bottom", ("upper",), lambda x: x[2] == 1),
+            Surface("left", ("wall",), lambda x: x[0] == -1),
+            Surface("bottom", ("lower",), lambda x: x[2] == 0),
+            Surface("right", ("lower", "upper"), lambda x: x[0] == 1),
+            Surface("front", names, lambda x: x[1] == 0),
+            Surface("top", ("upper",), lambda x: x[2] == 2),
+        ],
+    )
+    sides = [("wall_low", "lower_side"), ("wall_high", "upper_side")]
+    alphas = []
+    for wall_first in (True, False):
+        problem = Problem(
+            tagged_mesh,
+            dict.fromkeys(names, STEEL),
+            [Support("left"), Support("bottom", "z"), Support("front", "y")],
+            [Traction("right", (-1.0, 0.0, 0.0)), Traction("top", (0.0, 0.0, -1.0))],
+            [
+                *(Contact(*(pair if wall_first else pair[::-1])) for pair in sides),
+                Contact("lower_top", "upper_bottom"),
+            ],
+        )
+        assert problem.num_pairs == 12
+        assert_inverse(problem.basis)
+        level = Newton(problem).solve(100.0)
+        assert level.report.converged
+        assert level.report.max_penetration < 1e-12
+        alphas.append(level.state.alpha)
+    assert alphas[0] == pytest.approx(alphas[1], rel=1e-9)
+
+
+def test_two_contacts_of_the_same_surfaces_are_refused() -> None:
+    contacts = [Contact("lower_top", "upper_bottom"), Contact("upper_bottom", "lower_top")]
+    assert_refused(lambda: touching_blocks(contacts=contacts), ["contact 2 has the surfaces of"])

@@ -1,12 +1,15 @@
 """Which formulation makes the rows of which contact."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle, move_of
 from perfplast_fenicsx.contact.formulations.node_to_node import NodeToNode
@@ -14,6 +17,7 @@ from perfplast_fenicsx.contact.formulations.node_to_obstacle import NodeToObstac
 from perfplast_fenicsx.contact.mortar.mortar_contact import Mortar
 from perfplast_fenicsx.contact.rows.constraints import Constraints, Formulation, Source, joined
 from perfplast_fenicsx.contact.surfaces.gap_function import NoPartners
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
@@ -25,11 +29,13 @@ class NodesOrMortar:
         contact: The two surfaces.
         place: Where it stands, for messages.
         number: Of the contact.
+        hosting: Of how many rows each local node is the host already; None for none.
     """
 
     contact: Contact
     place: str
     number: int
+    hosting: Ints | None = None
 
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
@@ -37,7 +43,7 @@ class NodesOrMortar:
         """See :meth:`constraints.Formulation.constraints`."""
         named = (self.contact, self.place, self.number)
         try:
-            return NodeToNode(*named).constraints(V, tagged_mesh, fixed)
+            return NodeToNode(*named, self.hosting).constraints(V, tagged_mesh, fixed)
         except NoPartners:
             return Mortar(*named).constraints(V, tagged_mesh, fixed)
 
@@ -67,8 +73,16 @@ def find_constraints(
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
 
     Raises:
-        InputError: If surfaces do not fit each other or an obstacle.
+        InputError: If surfaces do not fit each other or an obstacle, or two contacts are of
+            the same ones.
     """
+    pairs = [frozenset((contact.primary, contact.secondary)) for contact in contacts]
+    for count, pair in enumerate(pairs):
+        if pair in pairs[:count]:
+            raise InputError(
+                f"contact {count + 1} has the surfaces of contact {1 + pairs.index(pair)}, and so"
+                " more conditions than freedom; name each pair of surfaces once."
+            )
     chosen: list[Formulation] = []
     sources = [_of_contact(contact) for contact in contacts]
     sources += [_of_obstacle(obstacle, V.mesh.geometry.dim) for obstacle in obstacles]
@@ -78,8 +92,28 @@ def find_constraints(
     for count, obstacle in enumerate(obstacles, start=1):
         place = f"obstacle {count} ({type(obstacle).__name__.lower()} at '{obstacle.on}')"
         chosen.append(NodeToObstacle(obstacle, place, len(chosen)))
-    parts = [formulation.constraints(V, tagged_mesh, fixed) for formulation in chosen]
-    return joined(V, parts, sources)
+    hosting = np.zeros(len(fixed), dtype=np.int32)
+    parts: dict[int, Constraints] = {}
+    # where supports hold one side the other one has to be the host, and is known to be first
+    held = [_is_held(V, tagged_mesh, contact, fixed) for contact in contacts]
+    held += [True] * len(obstacles)
+    for number in sorted(range(len(chosen)), key=lambda number: not held[number]):
+        formulation = chosen[number]
+        if isinstance(formulation, NodeToNode | NodesOrMortar):
+            formulation = replace(formulation, hosting=hosting)
+        parts[number] = formulation.constraints(V, tagged_mesh, fixed)
+        np.add.at(hosting, parts[number].host, 1)
+    return joined(V, [parts[number] for number in range(len(chosen))], sources)
+
+
+def _is_held(
+    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, contact: Contact, fixed: npt.NDArray[np.bool_]
+) -> bool:
+    """Whether supports hold a component of a node in contact. Collective."""
+    names = [name for name in (contact.primary, contact.secondary) if name in tagged_mesh.surfaces]
+    facets = np.concatenate([np.zeros(0, np.int32), *map(tagged_mesh.facets, names)])
+    nodes = fem.locate_dofs_topological(V, V.mesh.topology.dim - 1, np.unique(facets))
+    return bool(V.mesh.comm.allreduce(bool(fixed[nodes].any()), MPI.LOR))
 
 
 def _of_contact(contact: Contact) -> Source:

@@ -26,7 +26,8 @@ def surface_node_type(gdim: int) -> np.dtype:
     Its fields are the coordinates ``x`` (3 numbers), the ``rank`` that owns the node, its local
     block dof ``node`` there and its global one ``number``, the ``size`` of the facets around it
     (length), the ``weight`` ∫N of its shape function over the face (length, area), the outward unit
-    ``normal`` of the face, and which components no support holds, ``free``.
+    ``normal`` of the face, which components no support holds, ``free``, and of how many rows of
+    other contacts it is the host already, ``hosts``.
     """
     return np.dtype(
         [
@@ -38,6 +39,7 @@ def surface_node_type(gdim: int) -> np.dtype:
             ("weight", np.float64),
             ("normal", np.float64, gdim),
             ("free", np.bool_, gdim),
+            ("hosts", np.int32),
         ]
     )
 
@@ -69,6 +71,7 @@ def rows_of_nodes(
     rows["weight"] = faces.weight
     rows["normal"] = faces.normal
     rows["free"] = ~fixed[faces.node]
+    rows["hosts"] = 0
     return rows
 
 
