@@ -9,9 +9,11 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from meshes.strip_footing import write_strip_footing
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import (
     Contact,
+    Elastic,
     MohrCoulomb,
     Pressure,
     Problem,
@@ -142,6 +144,24 @@ def test_thick_spheres_by_their_sections(read: Read, angle: float, exact: float)
     )
     assert found.lower == pytest.approx(exact, rel=2e-3)
     assert found.upper == pytest.approx(exact, rel=2e-3)
+
+
+@pytest.mark.parametrize(("angle", "exact"), [(0.0, 5.6894), (10.0, 9.987), (20.0, 20.077)])
+def test_smooth_circular_footings(read: Read, angle: float, exact: float) -> None:
+    """Pressed by a strong punch; exact by characteristics (A. D. Cox, G. Eason, H. G. Hopkins)."""
+    mesh = read(write_strip_footing, size=0.2, punch=True).turned()
+    found = interior_point(
+        Problem(
+            mesh,
+            {"ground": ground(angle, 1.0), "punch": Elastic(1e7, 0.3)},
+            [Support("side", "x"), Support("bottom")],
+            [Pressure("top", 1.0)],
+            [Contact("ground_footing", "punch_footing")],
+            degree=2,
+        )
+    )
+    assert found.upper == pytest.approx(exact, rel=2e-2)
+    assert found.lower == pytest.approx(exact, rel=2e-2)
 
 
 def test_moduli_are_those_of_the_linear_system() -> None:
