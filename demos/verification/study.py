@@ -163,7 +163,7 @@ def collapse(problem: Problem, rtol: float = 1e-4, method: str = "interior-point
     seconds = time.perf_counter() - began
     bracket = ""
     if problem.degree == 2 and limit.factorisations is not None:
-        if problem.tagged_mesh.axisymmetric:
+        if problem.tagged_mesh.axisymmetric and any(on.law.dilates for on in problem.laws):
             bracket = "none: axisymmetric"
         else:
             bracket = in_brackets(limit_bounds(problem, rtol))

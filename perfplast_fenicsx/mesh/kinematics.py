@@ -187,14 +187,61 @@ class Axisymmetric(Kinematics):
 
 
 @dataclass(frozen=True)
+class RingFlux(Axisymmetric):
+    """The same bodies by v = ru in the place of the displacement u, zero on the axis.
+
+    The volume is kept where v has no divergence in the plane of the section: what is polynomial can
+    do that everywhere, with any flow through a ring. Strains and measures are such that works are
+    those of u: rε and 2π dμ.
+
+    Attributes:
+        shift: Radius of the bodies' centre over their size (:class:`connected_bodies.Bodies`).
+    """
+
+    shift: float = 0.0
+
+    def strain(self, u: Any) -> Any:
+        """Rε of v."""
+        grad, r = ufl.grad(u), _radius(extract_unique_domain(u))
+        shear = (grad[0, 1] + grad[1, 0] - u[1] / r) / math.sqrt(2)
+        return ufl.as_vector([grad[0, 0] - u[0] / r, grad[1, 1], u[0] / r, shear])
+
+    def measure(self, measure: ufl.Measure) -> Any:
+        """See :meth:`Kinematics.measure`."""
+        return AroundAxis(measure, weighed=False)
+
+    def around(self, x: Floats) -> Floats:
+        """See :meth:`Kinematics.around`."""
+        return np.full(x.shape[:-1], 2 * math.pi)
+
+    def rigid_modes(self, r: Floats) -> Floats:
+        """See :meth:`Kinematics.rigid_modes`; r is measured from the bodies' centre."""
+        modes = np.zeros((len(r), 2, 1))
+        modes[:, 1, 0] = r[:, 0] + self.shift
+        return modes
+
+    def held(self, x: Floats, size: float) -> npt.NDArray[np.bool_]:
+        """See :meth:`Kinematics.held`."""
+        radius = super().held(x, size)[:, :1]
+        return np.repeat(radius, 2, axis=1)
+
+
+@dataclass(frozen=True)
 class AroundAxis:
-    """The measure 2πr dμ of the full turn, for a measure dμ of the section."""
+    """The measure 2πr dμ of the full turn, for a measure dμ of the section.
+
+    Attributes:
+        section: The latter.
+        weighed: Whether r is in it; else 2π dμ.
+    """
 
     section: ufl.Measure
+    weighed: bool = True
 
     def __rmul__(self, integrand: Any) -> ufl.Form:
         """∫ of a function over the full turn."""
-        return (2 * math.pi * _radius(self.ufl_domain()) * integrand) * self.section
+        radius = _radius(self.ufl_domain()) if self.weighed else 1.0
+        return (2 * math.pi * radius * integrand) * self.section
 
     def __call__(self, *args: Any, **arguments: Any) -> "AroundAxis":
         """The same over a part of the section, as of a :class:`ufl.Measure`."""

@@ -18,7 +18,7 @@ from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.mesh.facet_sides import check_sides
 from perfplast_fenicsx.mesh.gmsh_reader import GmshMesh, read_msh
-from perfplast_fenicsx.mesh.kinematics import KINDS, ON_AXIS, Kinematics, PlaneStress
+from perfplast_fenicsx.mesh.kinematics import KINDS, ON_AXIS, Axisymmetric, Kinematics, PlaneStress
 from perfplast_fenicsx.parallel import bounding_box
 
 _CELLS = {1: CellType.interval, 2: CellType.triangle, 3: CellType.tetrahedron}
@@ -66,7 +66,7 @@ class TaggedMesh:
     @property
     def axisymmetric(self) -> bool:
         """Whether the plane of the mesh is half a section of bodies of revolution."""
-        return self.section is KINDS["axisymmetric"]
+        return isinstance(self.section, Axisymmetric)
 
     @property
     def is_thin(self) -> bool:
@@ -76,7 +76,7 @@ class TaggedMesh:
     def turned(self) -> "TaggedMesh":
         """The same mesh as half a section of bodies of revolution: x is r, y the axis z.
 
-        Collective.
+        Vertices next to the axis are put on it. Collective.
 
         Raises:
             InputError: If the mesh is one of tetrahedra, or reaches to where r < 0.
@@ -87,12 +87,15 @@ class TaggedMesh:
                 " and y along the axis, but this one has tetrahedra; give such a mesh, or leave"
                 " kind out."
             )
+        radii = self.mesh.geometry.x[:, 0]
         low, high = bounding_box(self.mesh.comm, self.mesh.geometry.x.astype(np.float64))
-        if low[0] < -ON_AXIS * np.linalg.norm(high - low):
+        axis = ON_AXIS * float(np.linalg.norm(high - low))
+        if low[0] < -axis:
             raise InputError(
                 f"the mesh reaches to x = {low[0]:.4g}, but x is the radius in axisymmetry; give"
                 " half the section, where x >= 0."
             )
+        radii[np.abs(radii) <= axis] = 0.0
         return replace(self, section=KINDS["axisymmetric"])
 
     def thin(self, thickness: float = 1.0) -> "TaggedMesh":

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.proof.cell_shapes import check_cells, check_sections, with_kind
 from perfplast_fenicsx.proof.cones import Cones
 from perfplast_fenicsx.proof.load_kinds import EVERY, KINDS, NAMES, Loads, with_all
 from perfplast_fenicsx.proof.plain_arrays import ProofError, checked
@@ -39,6 +40,7 @@ class Body:
         others: Loads that may have any factor, of factor 1.
         facets: Vertices of the outer facets, shape (num_facets, d).
         surface: Tag of the surface of each; 0 for none.
+        revolved: Whether cells are sections of rings around x = 0; without it they are not.
         held: Which components of the velocity are zero there, shape (num_facets, d).
         rigid: Tags of surfaces that a rigid plate is glued to, which moves as loads make it.
         rigid_held: Which components of its velocity are zero, shape (num_rigid, d); where any is it
@@ -64,6 +66,7 @@ class Body:
     others: Loads
     facets: Longs
     surface: Longs
+    revolved: Flags
     held: Flags
     rigid: Longs
     rigid_held: Flags
@@ -77,15 +80,14 @@ class Body:
 
     def __post_init__(self) -> None:
         n, d = self.vertices.shape if self.vertices.ndim == 2 else (0, 0)
-        c, f, k, pairs, rigid = (
-            a.shape[0] if a.ndim else 0
-            for a in (self.cells, self.facets, self.obstacles, self.contacts, self.rigid)
-        )
+        counted = (self.cells, self.facets, self.obstacles, self.contacts, self.rigid)
+        c, f, k, pairs, rigid = (a.shape[0] if a.ndim else 0 for a in counted)
         shapes = {
             "cells": (c, d + 1),
             "cone": (c,),
             "facets": (f, d),
             "surface": (f,),
+            "revolved": (),
             "held": (f, d),
             "rigid": (rigid,),
             "rigid_held": (rigid, d),
@@ -112,7 +114,7 @@ class Body:
         known = (self.vertices, *every, self.obstacle_normals)
         if not all(np.isfinite(values).all() for values in known):
             raise ProofError("vertices, loads or normals are not finite.")
-        self.cones.check(d * (d + 1) // 2)
+        self.cones.check(self.components)
         if not ((self.cone >= -1) & (self.cone < len(self.cone_bound))).all():
             raise ProofError("cone names cones that there are not.")
         if not (np.abs(np.linalg.norm(self.obstacle_normals, axis=1) - 1) <= 1e-12).all():
@@ -127,15 +129,9 @@ class Body:
         if not self.sought:
             raise ProofError("nothing is loaded, and every load factor would be a bound.")
         places = self.vertices[self.cells]
-        size = np.ptp(places, axis=1).max(axis=1)
-        # From the origin, relative to the cell: farther away its shape is lost to rounding.
-        farthest = 1e12
-        if not (np.abs(places).max(axis=(1, 2)) <= farthest * size).all():
-            raise ProofError("a cell is too small for where it is: its shape is lost to rounding.")
-        if not (np.isfinite(size**d).all() and (self.volumes > 1e-12 * size**d).all()):
-            raise ProofError("a cell has no volume.")
-        if not (np.isfinite(self.gradients).all() and (size**d > 0).all()):
-            raise ProofError("cells are too small or too large to compute with.")
+        check_cells(places, self.volumes, lambda: self.gradients)
+        if self.is_revolved:
+            check_sections(places, (self.sought + self.constant + self.others).pore_pressure)
         self._check_facets()
 
     @classmethod
@@ -149,7 +145,7 @@ class Body:
         Raises:
             ProofError: If one is missing or of another kind, or they do not fit together.
         """
-        given = with_rubbing(with_all(with_rigid(arrays)))
+        given = with_rubbing(with_all(with_rigid(with_kind(arrays))))
         kinds = {"sought": KINDS[0], "constant": KINDS[1], "others": KINDS[2]}
         fields = [name for name in cls.__dataclass_fields__ if name not in kinds]
         values = checked(given, (*fields, *EVERY))
@@ -172,6 +168,16 @@ class Body:
     def dim(self) -> int:
         """D."""
         return self.vertices.shape[1]
+
+    @property
+    def is_revolved(self) -> bool:
+        """Whether the cells are sections of bodies of revolution."""
+        return bool(self.revolved)
+
+    @property
+    def components(self) -> int:
+        """Components of a stress."""
+        return 4 if self.is_revolved else self.dim * (self.dim + 1) // 2
 
     @property
     def plastic(self) -> Flags:
@@ -200,20 +206,16 @@ class Body:
     def volumes(self) -> Floats:
         """Of the cells."""
         x = self.vertices[self.cells]
-        size: Floats = np.abs(np.linalg.det(x[:, 1:] - x[:, :1]))
-        return size / (2 if self.dim == 2 else 6)
+        return np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / (2 if self.dim == 2 else 6)
 
     @cached_property
     def corners(self) -> Longs:
         """Places in a cell of the vertices of the facet opposite each, shape (d + 1, d)."""
-        every = range(self.dim + 1)
-        return np.array([[j for j in every if j != i] for i in every])
+        return np.array([np.delete(np.arange(self.dim + 1), i) for i in range(self.dim + 1)])
 
     @cached_property
     def sides(self) -> tuple[Longs, Longs]:
-        """Cell and place in it of each inner facet's two sides and of each outer facet's one.
-
-        Sides are numbers cell · (d + 1) + place.
+        """Two sides of each inner facet and one of each outer one, cell · (d + 1) + place in it.
 
         Returns:
             Shapes (num_inner, 2) and (num_outer,).
@@ -259,8 +261,7 @@ class Body:
     def areas_of(self, sides: Longs) -> Floats:
         """Of sides."""
         slope = np.linalg.norm(self.gradients.reshape(-1, self.dim)[sides], axis=1)
-        areas: Floats = self.dim * self.volumes[sides // (self.dim + 1)] * slope
-        return areas
+        return np.asarray(self.dim * self.volumes[sides // (self.dim + 1)] * slope)
 
     @property
     def contact_pairs(self) -> list[tuple[np.int64, np.int64]]:

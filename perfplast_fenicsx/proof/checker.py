@@ -32,6 +32,7 @@ ROUNDING = 1e-9
 LIMITS: Mapping[str, float] = {
     "asymmetry": 0.0,
     "moved_supports": 0.0,
+    "axis": 0.0,
     "equilibrium": 1e-10,
     "inner_tractions": 1e-10,
     "outer_tractions": 1e-10,
@@ -154,6 +155,8 @@ def check(path: str | Path) -> dict[str, Checked]:
 def check_lower(arrays: Mapping[str, npt.NDArray]) -> Checked:
     """Check a stress: ``stress`` (num_cells, d + 1, d, d), ``bound``, and those of the bodies.
 
+    Of bodies of revolution the coefficients of rσ (:mod:`rings`), shape (num_cells, 6, 2, 2).
+
     Raises:
         ProofError: If the arrays do not fit together.
     """
@@ -176,7 +179,8 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     body, overlaps = _body(arrays, before)
     claimed = bound_of(arrays["bound"], bool(body.constant))
     other = number_of("any_factor", arrays.get("any_factor", 0.0))
-    if stress.shape != (len(body.cells), body.dim + 1, body.dim, body.dim):
+    places = 6 if body.is_revolved else body.dim + 1
+    if stress.shape != (len(body.cells), places, body.dim, body.dim):
         raise ProofError("the stress does not fit the cells.")
     left = measure_stress(body, stress, (claimed * body.sought, body.constant, other * body.others))
     faults = (*_reasons(overlaps, left.reason), *_left(left.measured))
@@ -210,7 +214,7 @@ def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     if not flow.work > 0:
         faults = (*faults, "the loads do no work")
     else:
-        proven, speed = flow.excess / flow.work, float(np.abs(v).max() / flow.work)
+        proven, speed = flow.excess / flow.work, flow.speed / flow.work
         power = flow.size / flow.work
         if not proven <= claimed + ROUNDING * power:
             faults = (*faults, f"only {proven:.9g} is proven")

@@ -3,9 +3,10 @@
 Or, in space, (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses. Rates are admissible then where
 tr ε ≥ s Σ|ε_i| and dissipate (c/2s) tr ε; of s = 0 where tr ε = 0, and then (c/2) Σ|ε_i|.
 
-Stresses are vectors (σ_xx, σ_yy, √2σ_xy) in the plane, of what is in it, and in space (σ_xx, σ_yy,
-σ_zz, √2σ_yz, √2σ_xz, √2σ_xy); strain rates alike, so that σ:ε is their product. By duality the sup
-of σ:ε is the least cz with ε = Mᵀy + qz, ‖y‖ ≤ z. With y = η − rz for η = M⁺ᵀε and r = M⁺ᵀq it is
+Stresses are vectors (σ_xx, σ_yy, √2σ_xy) in the plane, of what is in it, around an axis (σ_rr,
+σ_zz, σ_θθ, √2σ_rz), and in space (σ_xx, σ_yy, σ_zz, √2σ_yz, √2σ_xz, √2σ_xy); strain rates alike, so
+that σ:ε is their product. By duality the sup of σ:ε is the least cz with ε = Mᵀy + qz, ‖y‖ ≤ z.
+With y = η − rz for η = M⁺ᵀε and r = M⁺ᵀq it is
 
 - if M has a null vector ν with q·ν > 0: z = ε·ν/(q·ν), which has to be at least ‖η − rz‖;
 - else, where ‖r‖ < 1, z = (√((η·r)² + (1 − ‖r‖²)‖η‖²) − η·r)/(1 − ‖r‖²); and ε·ν has to be zero
@@ -48,11 +49,12 @@ def vectors(tensors: Floats) -> Floats:
 
 
 def eigenvalues(vector: Floats) -> Floats:
-    """Principal values, the least first, shape (..., 3) of vectors of space (..., 6)."""
+    """Principal values, the least first, shape (..., 3) of vectors (..., 4) or (..., 6)."""
     tensors = np.zeros((*vector.shape[:-1], 3, 3))
     for i in range(3):
         tensors[..., i, i] = vector[..., i]
-    for place, (i, j) in enumerate([(1, 2), (0, 2), (0, 1)], start=3):
+    pairs = [(0, 1)] if vector.shape[-1] == 4 else [(1, 2), (0, 2), (0, 1)]
+    for place, (i, j) in enumerate(pairs, start=3):
         tensors[..., i, j] = tensors[..., j, i] = np.sqrt(0.5) * vector[..., place]
     return np.asarray(np.linalg.eigvalsh(tensors), dtype=np.float64)
 
@@ -106,8 +108,8 @@ class Cones:
         sines = self.sine[principal]
         if not ((sines == 0) | ((sines > RANK) & (sines < STEEPEST))).all():
             raise ProofError("cone_sine is nearly zero, negative or too near to 1.")
-        space = 6  # components of stresses with three principal values
-        if principal.any() and m != space:
+        spaces = (4, 6)  # components of stresses with three principal values: of rings, of space
+        if principal.any() and m not in spaces:
             raise ProofError("cone_sine is of principal stresses of space, and this is the plane.")
         if self.slope[principal].any() or self.matrix[principal].any():
             raise ProofError("a cone of principal stresses has a slope or a matrix.")
@@ -196,7 +198,7 @@ class Cones:
             at: Cone of each cell, shape (num_cells,).
             rates: Vectors, shape (num_cells, places, m).
         """
-        root = np.sqrt({3: 2, 6: 3}[rates.shape[2]])
+        root = np.sqrt({3: 2, 4: 3, 6: 3}[rates.shape[2]])
         free = np.einsum("ci,cvi->cv", self._null[at], rates)
         heads, sizes = self._at_apex(at, rates)
         pull = np.abs(self._pull[at])[:, None]

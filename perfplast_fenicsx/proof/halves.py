@@ -4,6 +4,7 @@ import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
+from perfplast_fenicsx.proof.rings import normals_of
 
 SAME = 1e-9
 """Volumes, areas, places and forces that differ by less, relative to the largest, are the same."""
@@ -21,6 +22,8 @@ def differences(lower: Body, upper: Body) -> list[str]:
     """
     if lower.dim != upper.dim:
         return ["one half is plane, and the other in space"]
+    if lower.is_revolved != upper.is_revolved:
+        return ["one half is of bodies of revolution, and the other is not"]
     found = []
     if not _alike(_masses(lower), _masses(upper)):
         found.append("the halves have bodies of different volume or place")
@@ -105,9 +108,9 @@ def _strengths(*bodies: Body) -> list[Floats]:
     A shape is MᵀM and q, for a matrix M of size 1, or s of principal stresses. Elastic cells are as
     bodies of infinite strength that keep their volume.
     """
-    m = bodies[0].dim * (bodies[0].dim + 1) // 2
+    m, n = bodies[0].components, normals_of(bodies[0])
     plain = np.eye(m)
-    plain[: bodies[0].dim, : bodies[0].dim] -= 1 / bodies[0].dim
+    plain[:n, :n] -= 1 / n
     no_sine = -1.0  # in the place of s where no principal stresses are bounded
     none: Floats = np.array([[*np.zeros(m), no_sine]])
     shapes, bounds = [np.append(_shape(plain[None]), none, axis=1)], []

@@ -17,7 +17,7 @@ FLOATS = (
     *("stress", "velocity"),
 )
 LONGS = ("cells", "cone", "facets", "surface", "contacts", "obstacles", "nodes", "rigid")
-FLAGS = ("held", "rigid_held")
+FLAGS = ("held", "rigid_held", "revolved")
 
 
 class ProofError(ValueError):
@@ -91,7 +91,7 @@ def stored_arrays(group: Any) -> dict[str, npt.NDArray]:
     found: dict[str, npt.NDArray] = {}
     most_axes = 4  # of an array of a proof
     for name in (*FLOATS, *LONGS, *FLAGS):
-        if name not in group:
+        if name not in group or name == "revolved":  # a number of the group
             continue
         if not isinstance(group.get(name, getlink=True), h5py.HardLink):
             raise ProofError(f"{name} is a link.")
@@ -110,7 +110,7 @@ def stored_arrays(group: Any) -> dict[str, npt.NDArray]:
         found[name] = np.asarray(data)
     if "bound" not in group.attrs:
         raise ProofError("bound is missing.")
-    numbers = ("bound", "any_factor")
+    numbers = ("bound", "any_factor", "revolved")
     return found | {name: np.asarray(group.attrs[name]) for name in numbers if name in group.attrs}
 
 

@@ -4,14 +4,17 @@ import numpy as np
 
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.load_kinds import Loads
+from perfplast_fenicsx.proof.rings import around, normals_of, times_radius
 
 
 def taken_as_written(body: Body) -> str:
     """The bodies, strengths, supports, contact and loads of a half, in one sentence."""
     d = body.dim
+    shape = "triangles" if d == 2 else "tetrahedra"
+    shape += ", sections of rings around x = 0," if body.is_revolved else ""
     parts = [
-        f"{len(body.cells)} {'triangles' if d == 2 else 'tetrahedra'} of volume"
-        f" {body.volumes.sum():.6g}, glued where they share vertices",
+        f"{len(body.cells)} {shape} of volume {body.volumes @ around(body):.6g}, glued where they"
+        " share vertices",
         _strengths(body),
         _supports(body),
         _contacts(body),
@@ -34,7 +37,8 @@ def _listed(words: list[str]) -> str:
 
 
 def _strengths(body: Body) -> str:
-    volumes = np.bincount(body.cone + 1, weights=body.volumes, minlength=len(body.cone_bound) + 1)
+    weights = body.volumes * around(body)
+    volumes = np.bincount(body.cone + 1, weights=weights, minlength=len(body.cone_bound) + 1)
     words = ["elastic cells"] if volumes[0] else []
     cones = {number: _cone(body, number) for number in np.flatnonzero(volumes[1:])}
     for number, cone in cones.items():
@@ -49,7 +53,7 @@ def _cone(body: Body, number: np.int64) -> str:
         s = body.cone_sine[number]
         what = f"{1 + s:.6g} σ₁ − {1 - s:.6g} σ₃" if s else "σ₁ − σ₃"
         return f"{body.cone_bound[number]:.6g} as the largest {what}"
-    d, M, q = body.dim, body.cone_matrix[number], body.cone_slope[number]
+    d, M, q = normals_of(body), body.cone_matrix[number], body.cone_slope[number]
     unit = np.append(np.ones(d), np.zeros(len(q) - d))
     size = np.sqrt((M**2).sum() / (len(q) - 1))
     usual = np.abs(M.T @ M / size**2 - np.eye(len(q)) + np.outer(unit, unit) / d).max() < 1e-9
@@ -110,11 +114,15 @@ def _friction(adhesion: float, friction: float) -> str:
 def _loads(body: Body, loads: Loads) -> str:
     words = []
     force = body.areas[:, None] * loads.traction.mean(axis=1)
+    if body.is_revolved:
+        radii = body.vertices[body.facets][..., 0]
+        means = times_radius(radii, loads.traction).mean(axis=1)
+        force = 2 * np.pi * body.areas[:, None] * means
     for tag in np.unique(body.surface[loads.traction.any(axis=(1, 2))]):
         total = force[body.on(tag)].sum(axis=0)
         words.append(f"{_vector(total)} on surface {tag}")
     if loads.body_force.any():
-        words.append(f"{_vector(body.volumes @ loads.body_force)} in the volume")
+        words.append(f"{_vector((body.volumes * around(body)) @ loads.body_force)} in the volume")
     for number, tag in enumerate(body.rigid):
         force, moment = loads.rigid_force[number], loads.rigid_moment[number]
         if force.any() or moment.any():

@@ -14,6 +14,8 @@ AT_ONCE = 2_000_000
 class Touching:
     """Facets of one surface and those of the other that are the same but for a shift along n.
 
+    Of bodies of revolution the shift leaves radii as they are.
+
     Attributes:
         first: Numbers of facets, shape (num_pairs,).
         second: Those opposite.
@@ -46,6 +48,9 @@ def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
     order = np.argmin(gaps, axis=2)
     whole = (gaps.min(axis=2) <= _close(body, a)[:, None]).all(axis=1)
     whole &= (np.sort(order, axis=1) == np.arange(body.dim)).all(axis=1)
+    if body.is_revolved:  # rings of one size
+        apart = np.take_along_axis(x[b][..., 0], order, axis=1) - x[a][..., 0]
+        whole &= (np.abs(apart) <= _close(body, a)[:, None]).all(axis=1)
     first, second = a[whole], b[whole]
     left = np.setdiff1d(firsts, first), np.setdiff1d(seconds, second)
     return Touching(first, second, order[whole], _overlapping(body, *left))

@@ -8,11 +8,11 @@ surfaces rub, ∫D has what slip dissipates (:mod:`entering`). ε(v) is linear i
 rate that vanishes at the vertices does so everywhere, and what growth lacks, which is convex, is
 nowhere positive if it is not there. The integral of a convex D is at most that of its linear
 interpolation on any subdivision, and that of a linear one is the mean of the vertices (kinematic
-theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951).
+theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). Of bodies of revolution
+the velocity is v = ru (:mod:`rings`), and works are over 2π.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import combinations
 from math import factorial
 
@@ -22,18 +22,10 @@ from perfplast_fenicsx.proof.body import Body, Floats, Longs
 from perfplast_fenicsx.proof.cones import vectors
 from perfplast_fenicsx.proof.entering import entering_of
 from perfplast_fenicsx.proof.load_kinds import Loads
+from perfplast_fenicsx.proof.parts import halved
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.rigid import Rigid, rigid_of, sums_of
-
-CHILDREN = {
-    2: ("00 01 02", "01 11 12", "02 12 22", "01 02 12"),
-    3: (
-        *("00 01 02 03", "01 11 12 13", "02 12 22 23", "03 13 23 33"),
-        *("01 02 03 13", "01 02 12 13", "02 03 13 23", "02 12 13 23"),
-    ),
-}
-"""Parts of a simplex whose edges are halved, by dimension: ends of the edges whose middles are the
-vertices. The order is that of J. Bey, Tetrahedral grid refinement, Computing 55 (1995), 355."""
+from perfplast_fenicsx.proof.rings import on_axis, ring_flow, speed_of
 
 
 def check_nodes(body: Body, nodes: Longs, count: int) -> None:
@@ -77,10 +69,12 @@ class Flow:
             could do at that speed.
             ``entering``: relative to the largest velocity on the same facets, or to a share of the
             largest of all (:data:`entering.SLOWEST`) if that is more.
-            ``moved_supports``: relative to the largest velocity.
+            ``moved_supports``, and of bodies of revolution ``axis``: relative to the largest
+            velocity.
         dissipation: From above.
         work: L(v).
         constant_work: Work of the loads that stay as they are.
+        speed: The largest velocity.
         others: What loads of any factor 1 can do in all, by what is left of the conditions too.
         reason: Why the conditions of contact cannot be told, or None.
     """
@@ -89,6 +83,7 @@ class Flow:
     dissipation: float
     work: float
     constant_work: float
+    speed: float
     others: float
     reason: str | None
 
@@ -111,23 +106,20 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
         v: Velocity at the nodes of each cell, shape (num_cells, nodes_per_cell, d).
         subdivisions: How often an edge is halved for the integral.
     """
-    d, plastic = body.dim, body.plastic
-    rates = strain_rates(body, v)
-    wrong, dissipation = _dissipated(body, vectors(rates), subdivisions)
+    flow = ring_flow if body.is_revolved else _plain_flow
+    volumes, strains, dissipation = flow(body, v, subdivisions)
+    d, growth = body.dim, np.einsum("cvii->cv", strain_rates(body, v))  # of v, around an axis too
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
     contact = entering_of(body, at_facets, float(np.abs(v).max(initial=0)))
     dissipation += contact.slip
     kinds, rigid = (body.sought, body.constant, body.others), rigid_of(body)
     motions, bent, of_plates = _motions(body, rigid, at_facets)
-    growth = np.einsum("cvii->cv", rates)
     work, constant_work, other_work = (
         _work(body, of, v, at_facets)
         + of.pore_work(body.volumes, growth)
         + float(sum(one.wanted(of) @ motion for one, motion in zip(rigid, motions, strict=True)))
         for of in kinds
     )
-    volumes = wrong.max(axis=1) * body.volumes
-    strains = np.linalg.norm(rates[~plastic], axis=(2, 3)).max(axis=1) @ body.volumes[~plastic]
     moved = float(np.abs(at_facets * body.held[:, None]).max(initial=0))
     fastest = float(np.abs(v).max(initial=0))
     at_one, at_zero, of_others = (
@@ -135,7 +127,7 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     )
     factor = abs(dissipation - constant_work) / work if work > 0 else 0.0
     stress = factor * at_one + at_zero
-    left = (float(volumes.sum()), float(strains), contact.volume, of_plates)
+    left = (volumes, strains, contact.volume, of_plates)
     names = ("volume_change", "elastic_strain", "entering_work", "bending_work")
     size = size_of(dissipation, dissipation - constant_work)
     measured = {name: _share(stress * x, size) for name, x in zip(names, left, strict=True)}
@@ -147,7 +139,11 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
         most *= fastest
         measured["work_of_others"] = _share(abs(other_work), most)
     others = abs(other_work) + of_others * sum(left)
-    return Flow(measured, dissipation, work, constant_work, others, contact.reason)
+    speed = fastest
+    if body.is_revolved:
+        measured["axis"] = _share(on_axis(body, v), fastest)
+        speed = speed_of(body, v)
+    return Flow(measured, dissipation, work, constant_work, speed, others, contact.reason)
 
 
 def _motions(
@@ -182,6 +178,14 @@ def _share(part: float, whole: float) -> float:
     if part == 0:
         return 0.0
     return part / whole if whole > 0 else np.inf
+
+
+def _plain_flow(body: Body, v: Floats, subdivisions: int) -> tuple[float, float, float]:
+    """What rates lack, strain of elastic cells, both integrated, and ∫D from above."""
+    rates, plastic = strain_rates(body, v), body.plastic
+    wrong, dissipation = _dissipated(body, vectors(rates), subdivisions)
+    strains = np.linalg.norm(rates[~plastic], axis=(2, 3)).max(axis=1) @ body.volumes[~plastic]
+    return float((wrong.max(axis=1) * body.volumes).sum()), float(strains), dissipation
 
 
 def _dissipated(body: Body, rates: Floats, subdivisions: int) -> tuple[Floats, float]:
@@ -220,23 +224,6 @@ def strain_rates(body: Body, v: Floats) -> Floats:
         gradient[:, b] += 4 * np.einsum("ci,cj->cij", v[:, node], g[:, a])
     rates: Floats = (gradient + gradient.transpose(0, 1, 3, 2)) / 2
     return rates
-
-
-@lru_cache
-def halved(dim: int, times: int) -> tuple[Floats, Floats]:
-    """Points and shares of the vertex rule on a simplex whose edges are halved some times.
-
-    Returns:
-        Barycentric coordinates, shape (num_points, dim + 1), and shares of the volume.
-    """
-    parts: Floats = np.eye(dim + 1)[None]
-    ends = np.array([[list(map(int, edge)) for edge in child.split()] for child in CHILDREN[dim]])
-    for _ in range(times):
-        parts = ((parts[:, ends[..., 0]] + parts[:, ends[..., 1]]) / 2).reshape(
-            -1, dim + 1, dim + 1
-        )
-    points, inverse = np.unique(parts.reshape(-1, dim + 1), axis=0, return_inverse=True)
-    return points, np.bincount(inverse.ravel()) / inverse.size
 
 
 def _facet_nodes(body: Body) -> Longs:

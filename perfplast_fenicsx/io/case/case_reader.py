@@ -8,7 +8,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.controls.given import Given
-from perfplast_fenicsx.errors import InputError, on_rank0
+from perfplast_fenicsx.errors import on_rank0
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.combinations import (
     designed_for,
@@ -129,11 +129,6 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         loading.check(Given(loads, [*held, *rigid], obstacles, touching, strained, initial))
     mesh = read_mesh(top.mesh, top.geometry, name)
     model = convert(top.model, ModelOptions, f"{name}, [model]")
-    if model.kind == "axisymmetric" and loading.of_body:
-        raise InputError(
-            f"{name}, [model]: control = 'bounds' or 'strength' is for plane strain and space; give"
-            " control = 'work' and until = 'limit' for the limit load of the mesh."
-        )
     return Case(
         path=path,
         text=text,

@@ -7,6 +7,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
+from perfplast_fenicsx.mesh.straight_geometry import corners
 
 
 def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
@@ -19,7 +20,11 @@ def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
     fields = {}
     tagged_mesh = body.problem.tagged_mesh
     if body.stress is not None:
-        fields["lower_bound_stress"] = _tensors(body, body.stress.mean(axis=1))
+        means = body.stress.mean(axis=1)
+        if tagged_mesh.axisymmetric:  # of rσ
+            vertices, points = corners(tagged_mesh.mesh)
+            means /= points[vertices][..., 0].mean(axis=1)[:, None]
+        fields["lower_bound_stress"] = _tensors(body, means)
     if body.shares is not None:
         scalars = fem.functionspace(tagged_mesh.mesh, ("DG", 0))
         shares = fem.Function(scalars, name="gap_share")

@@ -20,8 +20,9 @@ def cones_on_file(problem: Problem, of_cells: Ordering) -> dict[str, Block]:
         of_cells: Where cells are on file.
     """
     found = body_cones(problem)
-    d = problem.tagged_mesh.mesh.topology.dim
-    m = d * (d + 1) // 2
+    tagged_mesh = problem.tagged_mesh
+    d = tagged_mesh.mesh.topology.dim
+    m = 4 if tagged_mesh.axisymmetric else d * (d + 1) // 2
     numbers = np.full(len(found.cones), -1)
     rows: list[tuple[Any, ...]] = []
     for number, cone in enumerate(found.cones):

@@ -45,7 +45,8 @@ class StressProof:
     Attributes:
         problem: On straight cells.
         bound: λ.
-        stress: Mandel vectors at the vertices of this rank's cells, shape (num_cells, tdim + 1, m).
+        stress: Mandel vectors at the vertices of this rank's cells, shape (num_cells, tdim + 1, m),
+            or coefficients of rσ (:mod:`ring_cells`), shape (num_cells, 6, 4).
         question: Of which loads λ is the factor.
         aside: Factor of the loads of any factor.
     """
@@ -64,7 +65,7 @@ class VelocityProof:
     Attributes:
         problem: On straight cells.
         bound: λ.
-        velocity: A function of its V, with up-to-date ghosts.
+        velocity: A function of its V, with up-to-date ghosts; v = ru around an axis.
         question: Of which loads λ is the factor.
     """
 
@@ -86,7 +87,8 @@ def proofs(low: BodyBounds, high: BodyBounds) -> tuple[StressProof | None, Veloc
         aside = 0.0 if low.static is None else low.static.aside
         stress = StressProof(low.problem, low.lower.value, low.stress, low.question, aside)
     if high.upper.strict and high.upper.value is not None and high.problem.degree == 2:
-        velocity = VelocityProof(high.problem, high.upper.value, high.mechanism, high.question)
+        flow = high.flow
+        velocity = VelocityProof(flow.problem, high.upper.value, flow.velocity, high.question)
     return stress, velocity
 
 
@@ -106,7 +108,7 @@ def write_proof(
             the file cannot say; or where the system refuses.
     """
     blocks: Blocks = {}
-    numbers: dict[str, dict[str, float]] = {}
+    numbers: dict[str, dict[str, float | int]] = {}
     for half in (lower, upper):
         if half is not None:
             _check(half.problem)
@@ -118,6 +120,10 @@ def write_proof(
     if upper is not None:
         blocks |= _named("upper", _body(upper.problem, upper.question, True) | _velocity(upper))
         numbers["upper"] = {"bound": upper.bound}
+
+    for kind, one in (("lower", lower), ("upper", upper)):
+        if one is not None and one.problem.tagged_mesh.axisymmetric:
+            numbers[kind]["revolved"] = 1
 
     def describe(file: h5py.File) -> None:
         for kind, each in numbers.items():
@@ -147,7 +153,10 @@ def _stress(proof: StressProof) -> Blocks:
     """The stress as symmetric matrices. Collective."""
     mesh = proof.problem.tagged_mesh.mesh
     d = mesh.geometry.dim
-    return {"stress": block(cell_ordering(mesh), matrices(proof.stress)[..., :d, :d].copy())}
+    stress = matrices(proof.stress)[..., :d, :d]
+    if proof.problem.tagged_mesh.axisymmetric:
+        stress = stress[:, [0, 1, 2, 5, 4, 3]]  # edges as those of velocities
+    return {"stress": block(cell_ordering(mesh), stress.copy())}
 
 
 def _velocity(proof: VelocityProof) -> Blocks:

@@ -9,7 +9,9 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.body.bound_words import proven_words
 from perfplast_fenicsx.limit_analysis.body.parts_of_cells import of_parents, on_parts
+from perfplast_fenicsx.limit_analysis.body.ring_results import VelocityOf, of_displacements
 from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import (
@@ -24,11 +26,11 @@ from perfplast_fenicsx.limit_analysis.facets.contact_strength import strengths_o
 from perfplast_fenicsx.limit_analysis.facets.entering import without_entering
 from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
 from perfplast_fenicsx.limit_analysis.facets.lone_corners import with_divided_corners
+from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, check_known
 from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
 from perfplast_fenicsx.limit_analysis.statements.bound import (
     CONFINED,
     NO_MECHANISM,
-    TURNED,
     Bound,
     Scope,
     measure_of,
@@ -39,7 +41,6 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_tolerance,
 )
 from perfplast_fenicsx.limit_analysis.statements.question import Question
-from perfplast_fenicsx.limit_analysis.statements.standing import Standing
 from perfplast_fenicsx.limit_analysis.stress.standing_stress import with_standing_stress
 from perfplast_fenicsx.limit_analysis.stress.static_bound import (
     StaticBound,
@@ -76,6 +77,7 @@ class BodyBounds:
         lower: A lower bound.
         upper: An upper bound.
         mechanism: Velocity v of the upper bound, with L(v) = 1; zero where none was found.
+        by_flux: Around an axis v = ru (:mod:`ring_flux`), of which the upper bound is.
         mesh: The limit load of this mesh, which bounds that of the body on neither side.
         static: The lower bound with its stress; None where none was sought.
         stress: That stress, Mandel vectors at the vertices of this rank's cells of ``problem``,
@@ -104,6 +106,12 @@ class BodyBounds:
     factorisations: int = 0
     advice: tuple[str, ...] = ()
     question: Question = Question.LIMIT
+    by_flux: VelocityOf | None = None
+
+    @property
+    def flow(self) -> VelocityOf:
+        """The velocity of which the upper bound is."""
+        return self.by_flux or VelocityOf(self.problem, self.mechanism)
 
     @property
     def limits(self) -> tuple[Bound, Bound]:
@@ -138,35 +146,13 @@ class BodyBounds:
         early += [f" {words[0].upper()}{words[1:]}." for words in self.advice]
         if self.friction is not None and (lower or upper):
             early.append(f" {self.friction}.")
-        return self._proven(lower, upper) + "".join(early)
+        proven = proven_words(self.lower, self.upper, self.question, self.why_not)
+        return proven + "".join(early)
 
     @property
     def friction(self) -> str | None:
         """What the bounds say of Coulomb's friction, in a sentence; None without it."""
         return DRUCKER if any(it.friction for it in strengths_of(self.problem)) else None
-
-    def _proven(self, lower: bool, upper: bool) -> str:
-        """What is proven, in a sentence."""
-        reasons = f" ({'; '.join(self.why_not)})" if self.why_not else ""
-        body = "The body that the mesh fills"
-        if self.question is Question.STANDS:
-            known = [bound.value if bound.strict else None for bound in (self.lower, self.upper)]
-            stands = Standing(*known)
-            return f"{body} {stands.verdict}: {stands.in_words()}; this is strict{reasons}."
-        if UNLIMITED in self.lower.why_not and UNLIMITED in self.upper.why_not:
-            return f"{UNLIMITED[0].upper()}{UNLIMITED[1:]}."
-        if upper and self.upper.value is not None and self.upper.value < 0:
-            body = f"Without load the constant loads are not carried. {body}"
-        if lower and upper:
-            return (
-                f"{body} collapses between {self.lower.shown} and {self.upper.shown};"
-                " both bounds are strict."
-            )
-        if upper:
-            return f"{body} collapses at {self.upper.shown} at most, strictly{reasons}."
-        if lower:
-            return f"{body} carries {self.lower.shown} at least, strictly{reasons}."
-        return f"Nothing is proven of the body that the mesh fills{reasons}."
 
 
 def limit_bounds(
@@ -187,18 +173,23 @@ def limit_bounds(
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, a body
             has a yield set that bounds do not know, strict bounds do not know a load,
-            no stress can carry them, the mesh is axisymmetric, or a bound does not fit into memory
-            (the lower one is asked first, before anything is computed).
+            no stress can carry them, bodies of revolution dilate or are apart (:mod:`ring_flux`),
+            or a bound does not fit into memory (the lower one is asked first, before anything is
+            computed).
     """
-    if problem.tagged_mesh.axisymmetric:
+    if problem.tagged_mesh.axisymmetric and problem.given.rigid:
         raise InputError(
-            f"{TURNED}; seek the limit load of the mesh with control = 'work' and until = 'limit'."
+            f"the surface '{problem.given.rigid[0].on}' is rigid, beside which bodies of revolution"
+            " have no strict bounds; give control = 'work' and until = 'limit', for the limit load"
+            " of the mesh."
         )
     for load in problem.given.loads:
         check_bounded(load)
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
     check_loads(problem)
+    if problem.tagged_mesh.axisymmetric:
+        check_known(problem, body_cones(problem).dilates)
     problem = with_divided_corners(with_matching_facets(problem))
     check_stress_fits(problem)
     given, split = problem, None
@@ -207,6 +198,9 @@ def limit_bounds(
     if problem.bodies.gdim == 3 and straight:
         split = alfeld_split(tagged_mesh)
         problem = problem.on(split)
+    by_ring = tagged_mesh.axisymmetric and straight
+    if by_ring:
+        problem = by_flux(problem)
     if straight and body_cones(problem).dilates:
         problem = with_points_at_vertices(problem)
     log.info("upper bound: a mechanism on %s", problem)
@@ -235,6 +229,10 @@ def limit_bounds(
         if bounds.upper.value is not None:
             shares = gap_shares(problem, bounds.mechanism, stress)
             shares = shares if split is None else of_parents(shares, split)
+    if by_ring:
+        velocity, mesh = of_displacements(given, bounds.flow, bounds.mesh)
+        flow = bounds.flow
+        bounds = replace(bounds, problem=given, mechanism=velocity, mesh=mesh, by_flux=flow)
     return replace(
         bounds,
         lower=lower,

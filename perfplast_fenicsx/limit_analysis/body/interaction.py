@@ -184,10 +184,10 @@ def _side(bounds: BodyBounds, loads: tuple[Sequence[Load], Sequence[Load]], ray:
     The bound along the ray is (D(v) − L₀(v))/(ray·w) with the works w = (A(v), B(v)), so that the
     half-plane is (a, b)·w ≤ bound · ray·w.
     """
-    problem, velocity = bounds.problem, bounds.mechanism.x.petsc_vec
+    problem, velocity = bounds.flow.problem, bounds.flow.velocity.x.petsc_vec
     works = np.zeros(2)
     for number, some in enumerate(loads):
-        found = on_this_mesh(problem.tagged_mesh, some, problem.given.rigid)
+        found = on_this_mesh(bounds.problem.tagged_mesh, some, problem.given.rigid)
         vector = work_vector(problem.V, problem.tagged_mesh, found)
         works[number] = vector.dot(velocity)
         vector.destroy()

@@ -22,7 +22,8 @@ class ContactFacets:
             none of linear elements. Shape (num_facets, num_edges).
         cells: Their cells.
         sides: Local vertex that each is opposite to.
-        areas: Their areas; 0 where the cell is another rank's.
+        areas: Their areas, around an axis those of their middles' full turn; 0 where the cell is
+            another rank's.
         normals: Unit normals out of their cells, shape (num_facets, d).
         tags: Those of their surfaces.
     """
@@ -70,12 +71,14 @@ def contact_facets(problem: Problem) -> ContactFacets:
     inward = slopes[np.arange(len(cells)), sides]
     steepness = np.linalg.norm(inward, axis=1)
     owned = cells < topology.index_map(tdim).size_local
+    middles = V.tabulate_dof_coordinates()[nodes, :tdim].mean(axis=1)
+    around = problem.kinematics.around(middles)
     return ContactFacets(
         nodes=nodes,
         middles=_middles(V.tabulate_dof_coordinates()[nodes], tdim),
         cells=cells,
         sides=sides,
-        areas=np.where(owned, tdim * volumes * steepness, 0.0),
+        areas=np.where(owned, tdim * volumes * steepness * around, 0.0),
         normals=-inward / steepness[:, None],
         tags=tags.values[touching],
     )

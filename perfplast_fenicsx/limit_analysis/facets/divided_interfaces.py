@@ -23,7 +23,7 @@ def with_divided_interfaces(problem: Problem) -> Problem:
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     pairs: list[Contact | Tie] = [*given.contacts, *given.ties]
-    plane = problem.bodies.gdim == 2 and not tagged_mesh.axisymmetric
+    plane = problem.bodies.gdim == 2
     if not pairs or not plane or not problem.as_declared or has_curved_cells(tagged_mesh.mesh):
         return problem
     finer = tagged_mesh

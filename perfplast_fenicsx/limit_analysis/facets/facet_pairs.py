@@ -62,8 +62,16 @@ class FacetPairs:
     both_held: bool
 
 
-def pair_facets(comm: MPI.Intracomm, primary: FacetRows, secondary: FacetRows) -> FacetPairs | None:
+def pair_facets(
+    comm: MPI.Intracomm, primary: FacetRows, secondary: FacetRows, turned: bool = False
+) -> FacetPairs | None:
     """Match the facets of two surfaces. Collective.
+
+    Args:
+        comm: The ranks.
+        primary: Facets of one surface that this rank owns.
+        secondary: Those of the other.
+        turned: Whether they are sections of rings, which match at equal radii alone.
 
     Returns:
         The pairs; None if the surfaces do not match facet by facet.
@@ -80,15 +88,16 @@ def pair_facets(comm: MPI.Intracomm, primary: FacetRows, secondary: FacetRows) -
     for permutation in permutations(range(gdim)):
         between = b["corners"][:, permutation] - a["corners"]
         along = np.einsum("fvi,fi->fv", between, a["normal"]).mean(axis=1)
-        between = between - along[:, None, None] * a["normal"][:, None]
+        across = along[:, None] * a["normal"] * [turned, *[False] * (gdim - 1)]
+        between = between - along[:, None, None] * a["normal"][:, None] + across[:, None]
         off = np.linalg.norm(between, axis=2).max(axis=1)
         order[off < best] = permutation
         best = np.minimum(off, best)
     size = np.ptp(a["corners"], axis=1).max(axis=1)
-    turned = np.linalg.norm(a["normal"] + b["normal"], axis=1)
+    askew = np.linalg.norm(a["normal"] + b["normal"], axis=1)
     # Distance of vertices, relative to the facet, and difference of normals that are rounding.
     rounding = 1e-8
-    same = bool(((best <= rounding * size) & (turned <= rounding)).all())
+    same = bool(((best <= rounding * size) & (askew <= rounding)).all())
     if found.alone or not comm.allreduce(same, MPI.LAND):
         return None
     return _to_owners(comm, a, b, order)

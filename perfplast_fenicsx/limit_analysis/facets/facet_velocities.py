@@ -1,5 +1,6 @@
 """Velocities of the facets' vertices, d a vertex, d² a facet, numbered over all ranks.
 
+Around an axis a facet has three nodes, its ends and one between (:mod:`ring_cells`).
 Facets have DOLFINx's numbers, their vertices follow each other by global number. Where two bodies
 touch, the velocity of one side along the normal is that of the other side plus the jump: the jump
 is the unknown there, and the facet has a *twin*. Facets of a rigid surface *follow* few unknowns.
@@ -75,7 +76,12 @@ class FacetVelocities:
     """
 
     def __init__(
-        self, mesh: Mesh, numbers: FacetNumbers, twins: Longs, followers: Followers
+        self,
+        mesh: Mesh,
+        numbers: FacetNumbers,
+        twins: Longs,
+        nodes: int,
+        followers: Followers,
     ) -> None:
         """Number the unknowns. Collective.
 
@@ -83,16 +89,19 @@ class FacetVelocities:
             mesh: The mesh.
             numbers: Of its facets.
             twins: Of the local unknowns, ghosts too.
+            nodes: Of a facet, its vertices first.
             followers: Cells whose facets follow others.
         """
         tdim = mesh.topology.dim
-        index_map, size = mesh.topology.index_map(tdim - 1), tdim**2
+        index_map, size = mesh.topology.index_map(tdim - 1), nodes * tdim
         num_local = index_map.size_local + index_map.num_ghosts
         of_facets = index_map.local_to_global(np.arange(num_local, dtype=np.int32))
         self.count = index_map.size_local * size
         self.numbers: Longs = (of_facets[:, None] * size + np.arange(size)).ravel()
         self.twins, self.followers = twins, followers
-        at = (numbers.facets[:, :, None] * tdim + numbers.places)[..., None] * tdim
+        more = np.broadcast_to(np.arange(tdim, nodes), (*numbers.facets.shape, nodes - tdim))
+        places = np.concatenate([numbers.places, more], axis=2)
+        at = (numbers.facets[:, :, None] * nodes + places)[..., None] * tdim
         self.of_cells: Longs = (at + np.arange(tdim)).reshape(len(at), -1).astype(np.int64)
         self._hosts = np.flatnonzero(twins >= 0)
         needed = np.concatenate([self.numbers, twins[self._hosts], followers.leads])

@@ -5,12 +5,6 @@ from enum import StrEnum
 
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
-TURNED = (
-    "strict bounds are for plane strain and space, as the hoop strain of bodies of revolution is no"
-    " polynomial"
-)
-"""Why an axisymmetric mesh has none."""
-
 
 def measure_of(dissipation: float, load: float) -> float:
     """What differences of load factors are measured by.

@@ -9,6 +9,11 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones
 from perfplast_fenicsx.limit_analysis.discrete.stress_frames import StressFrames
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
+from perfplast_fenicsx.limit_analysis.facets.ring_cells import (
+    coefficients_of_radius,
+    ring_layout,
+    ring_matrices,
+)
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import (
     cell_layout,
     components,
@@ -25,7 +30,8 @@ class MultiplierStrains:
         layout: Of a cell.
         facets: The facets' unknowns.
         num_cells: Owned cells.
-        matrices: Of :func:`stress_cells.strain_matrices`.
+        matrices: Of :func:`stress_cells.strain_matrices`, or around an axis of
+            :func:`ring_cells.ring_matrices`, in the coordinates of the cones.
     """
 
     def __init__(
@@ -34,6 +40,7 @@ class MultiplierStrains:
         vertices: Floats,
         axes: Floats,
         cones: BodyCones,
+        around_axis: bool = False,
     ) -> None:
         """Compute the matrices.
 
@@ -42,18 +49,24 @@ class MultiplierStrains:
             vertices: Of the owned cells, shape (num_cells, d + 1, d).
             axes: Of the facets' components, zero where held, shape (num_cells, d + 1, d, d).
             cones: Of the bodies.
+            around_axis: Whether cells are sections of rings around x = 0.
         """
         self.num_cells, corners, self.gdim = vertices.shape
-        self.facets, self.layout = facets, cell_layout(corners - 1)
-        self.matrices, volumes = strain_matrices(vertices, axes)
+        self.facets = facets
+        self.layout = ring_layout() if around_axis else cell_layout(corners - 1)
+        self.matrices, volumes = (ring_matrices if around_axis else strain_matrices)(vertices, axes)
         points = volumes.shape[1]
         self.count = volumes.size
         self.weights: Floats = volumes.ravel()
         radii, slopes, tilts = cones.at_cells()
         self.radii, self.slopes = np.repeat(radii, points), np.repeat(slopes, points)
-        self._isotropic = cones.isotropic
+        self._isotropic = cones.isotropic and not around_axis
         of_points = np.repeat(cones.of_cells, points)
-        self.principal = cones.principal_at(of_points)
+        on_axis = np.zeros(self.count, dtype=bool)
+        if around_axis:
+            on_axis = coefficients_of_radius(vertices).ravel() == 0
+        self.radii[on_axis], self.slopes[on_axis] = np.inf, 0.0  # S is zero there
+        self.principal = cones.principal_at(np.where(on_axis, -1, of_points))
         self._frames = StressFrames(cones, of_points)
         self.size = self._frames.size
         self.tilts: Floats | None = None
@@ -61,15 +74,15 @@ class MultiplierStrains:
             tilts = np.pad(tilts, ((0, 0), (0, self.size - tilts.shape[1])))
             self.tilts = np.repeat(tilts, points, axis=0)
         if not self._isotropic:
-            self.matrices = self._in_frames(cones)
+            self.matrices = self._in_frames(cones, around_axis)
         self.rows = self.layout.rows.reshape(points, -1)
         places = (np.ones(self.rows.size), (self.rows.ravel(), np.arange(self.rows.size)))
         self._sum = sparse.csr_array(places)
 
-    def _in_frames(self, cones: BodyCones) -> Floats:
+    def _in_frames(self, cones: BodyCones, around_axis: bool) -> Floats:
         """The matrices in the coordinates of the cones."""
         found = np.empty((*self.matrices.shape[:-1], self.size + 1))
-        basis = components(self.gdim)
+        basis = np.eye(self.matrices.shape[-1]) if around_axis else components(self.gdim)
         for number, F in enumerate(self._frames.frames):
             here = cones.of_cells == number
             to_frame = basis / (basis**2).sum(axis=1, keepdims=True) @ F

@@ -28,7 +28,8 @@ from perfplast_fenicsx.limit_analysis.facets.facet_conditions import (
     facet_conditions,
 )
 from perfplast_fenicsx.limit_analysis.facets.facet_loads import BENT
-from perfplast_fenicsx.limit_analysis.statements.bound import TURNED, Bound, Scope
+from perfplast_fenicsx.limit_analysis.facets.ring_cells import coefficients_of_radius
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
     check_loads,
@@ -88,8 +89,6 @@ def strict_lower_bound(
     check_tolerance(rtol)
     check_loads(problem)
     conditions = facet_conditions(problem)
-    if problem.tagged_mesh.axisymmetric:
-        return no_stress(conditions, Verdict.STALLED, TURNED)
     if not problem.as_declared:
         return no_stress(conditions, Verdict.STALLED, REPLACED)
     if conditions.prevents is not None:
@@ -227,8 +226,11 @@ def _result(
     radii, unit = program.strengths[: strains.count], program.stress_unit
     pressure, deviator = pressure[: strains.count], deviator[: strains.count]
     heads = radii - np.where(radii > 0, strains.slopes, 0.0) * pressure / unit
-    stress = strains.whole(pressure, deviator)
     shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
+    stress = strains.whole(pressure, deviator)
+    if problem.tagged_mesh.axisymmetric:
+        rho = coefficients_of_radius(conditions.vertices)
+        shape, stress = (count, 6, 4), rho.reshape(-1, 1) * stress
     _, rates = strains.of(iteration.velocity)
     powers = heads * np.linalg.norm(rates, axis=1)
     if strains.tilts is not None:

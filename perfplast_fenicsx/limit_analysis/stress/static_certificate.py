@@ -98,14 +98,14 @@ def certify_stress(
     residual = left.array_r - static.loads(load, aside)
     left.destroy()
     count, tdim = strains.facets.count, strains.gdim
-    on_facets = residual[:count] / np.repeat(static.areas, tdim**2)
-    sections = static.volumes ** ((tdim - 1) / tdim)
+    on_facets = residual[:count] / np.repeat(static.areas.ravel(), tdim)
+    sections = static.sections
     of_facets, of_cells = _weakness(static)
     inside = strains.inner(residual) / sections[:, None] * of_cells[:, None]
     between = np.abs(on_facets) * of_facets
     others = ~(static.jumps | static.slips)
     radii = strains.radii
-    cell_radii = radii.reshape(strains.num_cells, -1)[:, 0]
+    cell_radii = radii.reshape(strains.num_cells, -1).min(axis=1)
     largest: Floats = np.array(
         [
             np.abs(inside).max(initial=0),
@@ -135,7 +135,7 @@ def certify_stress(
         left_of_strength=missing / strength,
         overstress=over,
     )
-    return certificate, -on_facets[static.jumps]
+    return certificate, -on_facets[static.pressed]
 
 
 def beside_mechanism(
@@ -174,7 +174,7 @@ def _weakness(static: StaticProgram) -> tuple[Floats, Floats]:
         Of the facets' unknowns that this rank owns, and of its cells.
     """
     strains, facets = static.strains, static.strains.facets
-    inverse = (1 / strains.radii).reshape(strains.num_cells, -1)[:, 0]
+    inverse = (1 / strains.radii).reshape(strains.num_cells, -1).max(axis=1)
     everywhere = static.program.comm.allreduce(float(inverse.max(initial=0)), MPI.MAX)
     met = facets.meet(np.repeat(inverse[:, None], facets.of_cells.shape[1], axis=1))
     around = facets.gather(met).max(axis=1)

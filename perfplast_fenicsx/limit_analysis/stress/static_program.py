@@ -20,10 +20,10 @@ from perfplast_fenicsx.limit_analysis.discrete.friction_points import (
 from perfplast_fenicsx.limit_analysis.facets.facet_conditions import FacetConditions
 from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.stress.condensed_stiffness import CondensedStiffness
 from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains
+from perfplast_fenicsx.limit_analysis.stress.stress_form import StressForm
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -35,12 +35,13 @@ class StaticProgram:
         program: Its velocities are the multipliers of the equilibrium of stresses.
         strains: Of the cells, whose points are the program's first ones; places of slip follow.
         stiffness: Of the cells; the program's has places of slip too.
-        areas: Area that a vertex of an owned facet stands for, shape (num_facets,).
-        volumes: Of the cells.
+        areas: Area that each node of an owned facet stands for, shape (num_facets, num_nodes).
+        sections: An area of each cell that forces in it are measured by, V^((d − 1)/d).
         load: L before it was scaled, in the user's units.
         dead: L₀, the same.
         free: Loads of any factor, the same.
         jumps: Whether an owned facet unknown is a jump of contact, shape (num_unknowns,).
+        pressed: Those of the vertices, on the axis too, where there is no pressure.
         slips: Whether it is a tangential one on a surface in contact that does not rub.
     """
 
@@ -48,11 +49,12 @@ class StaticProgram:
     strains: MultiplierStrains
     stiffness: CondensedStiffness
     areas: Floats
-    volumes: Floats
+    sections: Floats
     load: Floats
     dead: Floats
     free: Floats
     jumps: npt.NDArray[np.bool_]
+    pressed: npt.NDArray[np.bool_]
     slips: npt.NDArray[np.bool_]
 
     def loads(self, load: float, aside: float) -> Floats:
@@ -147,8 +149,8 @@ class StaticProgram:
             np.where(sums > 0, np.maximum(sums, least), max(everywhere, least))
             for sums in (met, np.where(inverse > 0, inverse, around))
         )
-        on_facets = np.repeat(self.areas, tdim**2) / weakness
-        in_cells = self.volumes ** ((tdim - 1) / tdim) / inside
+        on_facets = np.repeat(self.areas.ravel(), tdim) / weakness
+        in_cells = self.sections / inside
         return np.concatenate([on_facets, np.repeat(in_cells, strains.layout.inner)])
 
 
@@ -168,54 +170,52 @@ def static_program(
     """
     mesh, at = problem.tagged_mesh.mesh, conditions
     tdim, on = mesh.topology.dim, conditions.numbers.facets
-    size = tdim**2
+    form = StressForm.of(problem, at)
     followers = at.rigid.followers(problem.comm, at.numbers, at.vertices)
-    facets = FacetVelocities(mesh, at.numbers, at.twins.ravel(), followers)
+    facets = FacetVelocities(mesh, at.numbers, form.twins.ravel(), form.nodes, followers)
+    size = form.nodes * tdim
     axes = np.where(at.held[:, :, None], 0.0, at.axes)[on]
-    strains = MultiplierStrains(facets, at.vertices, axes, body_cones(problem))
+    turned = problem.tagged_mesh.axisymmetric
+    strains = MultiplierStrains(facets, at.vertices, axes, body_cones(problem), turned)
 
-    num_owned = facets.count // size
-    everywhere = np.zeros((num_owned, tdim, tdim), dtype=bool)
+    num_owned = facets.count // (form.nodes * tdim)
+    everywhere = np.zeros((num_owned, form.nodes, tdim), dtype=bool)
     jumps, slips, held = everywhere.copy(), everywhere.copy(), everywhere
     jumps[at.hosts, :, 0] = True
     slips[at.in_contact, :, 1:] = True
     slips[at.rubbing] = False
-    held[:] = at.held[:num_owned, None]
+    on_axis = form.areas[:num_owned] == 0
+    held[:] = at.held[:num_owned, None] | on_axis[..., None]
     held[at.rigid.surface[:num_owned] >= 0] = True
     lead = at.rigid.lead - mesh.topology.index_map(tdim - 1).local_range[0]
     mine = np.flatnonzero((lead >= 0) & (lead < num_owned))
     lead, unknowns = lead[mine], at.rigid.free.shape[1]
     held.reshape(num_owned, size)[lead, :unknowns] = at.rigid.free[mine] == 0
+    pressed = jumps.copy()
+    pressed[:, tdim:] = False
+    jumps &= ~on_axis[..., None]
     stiffness = CondensedStiffness(
         strains,
         np.flatnonzero(held).astype(np.int32),
         np.flatnonzero(jumps).astype(np.int32),
     )
 
-    slopes, volumes = gradients(at.vertices)
-    shares = np.linalg.norm(slopes, axis=2) * volumes[:, None]  # area / d
-    areas = np.zeros(len(at.held))
-    areas[on] = shares
-    places = _slip_places(at, areas)
+    places = _slip_places(at, form.areas)
     both = FrictionStrains(strains, places)
     rubs = problem.comm.allreduce(len(places.area)) > 0
-    layout = strains.layout
-    parts = layout.rows[:, 0, 0] - layout.outer
 
     def vector(loads: FacetLoads) -> PETSc.Vec:
         tractions = np.take_along_axis(loads.tractions[on], at.numbers.places[..., None], axis=2)
-        around, inside = loads.pushes(slopes, volumes)
-        around += tractions * shares[:, :, None, None]
-        pushes = np.einsum("cfik,cfjk->cfji", axes, around)
+        pushes = np.einsum("cfik,cfjk->cfji", axes, form.pushes(tractions, loads))
         load = strains.create_vector()
         load.array[: facets.count] = facets.add_up(pushes.reshape(len(on), -1))
-        inside += loads.forces * volumes[:, None]
         at_leads = load.array[: facets.count].reshape(-1, size)
         at_leads[lead, :unknowns] += loads.resultants[mine]
-        strains.inner(load.array)[:, parts] = (inside / len(parts))[:, None]
+        strains.inner(load.array)[:] = form.forces(loads)
         return load
 
-    areas[lead] = at.rigid.area[mine] / tdim
+    areas = form.measures[:num_owned].copy()
+    areas[lead] = at.rigid.area[mine, None] / tdim
     load, dead, free = question.loads(vector(at.live), vector(at.dead))
     unscaled = [of.array_r.copy() for of in (load, dead, free)]
     return StaticProgram(
@@ -233,29 +233,30 @@ def static_program(
         ),
         strains=strains,
         stiffness=stiffness,
-        areas=areas[:num_owned],
-        volumes=volumes,
+        areas=areas,
+        sections=form.sections,
         load=unscaled[0],
         dead=unscaled[1],
         free=unscaled[2],
         jumps=jumps.ravel(),
+        pressed=pressed.ravel(),
         slips=slips.ravel() & ~held.ravel(),
     )
 
 
 def _slip_places(at: FacetConditions, areas: Floats) -> SlipPlaces:
-    """Vertices of the host facets that adhere, whose shear tractions the adhesion bounds.
+    """Nodes of the host facets that adhere, whose shear tractions the adhesion bounds.
 
     Args:
         at: Conditions on facets.
-        areas: What a vertex of each stands for.
+        areas: What each node of each stands for; 0 on an axis, where there is no traction.
     """
-    tdim = at.held.shape[1]
+    tdim, nodes = at.held.shape[1], areas.shape[1]
     facets = at.hosts[at.adhesion[at.hosts] > 0]
-    vertices = np.arange(len(facets) * tdim)
-    of = np.repeat(facets, tdim)
-    first = (of * tdim + vertices % tdim) * tdim
+    which = np.flatnonzero(areas[facets] > 0)
+    of, places = facets[which // nodes], which % nodes
+    first = (of * nodes + places) * tdim
     shares = np.eye(tdim - 1) * ~at.held[of, None, 1:]
-    area: Floats = areas[of]
+    area: Floats = areas[of, places]
     index = (first[:, None] + np.arange(1, tdim)).astype(np.int32)
     return SlipPlaces(index, shares, area, at.adhesion[of] * area)

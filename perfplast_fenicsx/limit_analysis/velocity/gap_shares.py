@@ -13,13 +13,18 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.facets.ring_cells import EDGES
 from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
+    SUBDIVISIONS,
     at_vertices,
     dissipation_of_cells,
     points_of_cells,
 )
+from perfplast_fenicsx.limit_analysis.velocity.ring_dissipation import dissipation_of_rings
 from perfplast_fenicsx.limit_analysis.velocity.slip_work import slip_work
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -30,7 +35,8 @@ def gap_shares(problem: Problem, mechanism: fem.Function, stress: Floats) -> Flo
         problem: The bodies and their loads, on straight cells.
         mechanism: Admissible, with L(v) = 1, its ghosts up to date.
         stress: Mandel vectors at the vertices of these cells, linear between them, shape
-            (num_cells, d + 1, 4 or 6).
+            (num_cells, d + 1, 4 or 6); around an axis coefficients of rσ (:mod:`ring_cells`), shape
+            (num_cells, 6, 4).
 
     Returns:
         Shape (num_cells,).
@@ -38,6 +44,8 @@ def gap_shares(problem: Problem, mechanism: fem.Function, stress: Floats) -> Flo
     strains = PointStrains(problem)
     try:
         trace, deviator = strains.of_function(mechanism)
+        if problem.tagged_mesh.axisymmetric:
+            return _of_rings(problem, strains, mechanism, stress)
         most = dissipation_of_cells(problem, strains, trace, deviator)
         rates = at_vertices(problem, strains.power_rates(mechanism))
         volumes = strains.weights[points_of_cells(problem)].sum(axis=1)
@@ -49,3 +57,20 @@ def gap_shares(problem: Problem, mechanism: fem.Function, stress: Floats) -> Flo
     shares: Floats = most - power
     shares += slip_work(problem, mechanism, stress).shares
     return shares
+
+
+def _of_rings(
+    problem: Problem, strains: PointStrains, mechanism: fem.Function, stress: Floats
+) -> Floats:
+    """The same around an axis, the work of the stress by the rule of the points."""
+    points = points_of_cells(problem)
+    at = interpolation_points(problem.S.element)
+    shares = np.hstack([1 - at.sum(axis=1, keepdims=True), at])
+    a, b = np.array(EDGES).T
+    bernstein = np.hstack([shares**2, 2 * shares[:, a] * shares[:, b]])
+    vertices, places = corners(problem.tagged_mesh.mesh)
+    radii = places[vertices][..., 0] @ shares.T
+    rates = strains.power_rates(mechanism)[points]
+    work = np.einsum("pi,cim,cpm->cp", bernstein, stress, rates) / radii
+    power = np.einsum("cp,cp->c", strains.weights[points], work)
+    return np.asarray(dissipation_of_rings(problem, mechanism, SUBDIVISIONS) - power)

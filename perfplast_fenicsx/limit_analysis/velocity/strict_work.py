@@ -23,7 +23,7 @@ from perfplast_fenicsx.limit_analysis.facets.entering import entering_between_no
 from perfplast_fenicsx.limit_analysis.facets.facet_conditions import TWICE, facet_conditions
 from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
-from perfplast_fenicsx.limit_analysis.statements.bound import TURNED, Bound, Scope, measure_of
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope, measure_of
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_loads
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
@@ -33,8 +33,10 @@ from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
     missing_growth,
     points_of_cells,
 )
+from perfplast_fenicsx.limit_analysis.velocity.ring_dissipation import dissipation_of_rings
 from perfplast_fenicsx.limit_analysis.velocity.slip_work import slip_work
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.kinematics import RingFlux
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -67,8 +69,13 @@ def strict_upper_bound(
         InputError: If ζ moves supports or obstacles, or there is no load.
     """
     check_loads(problem)
-    if problem.tagged_mesh.axisymmetric:
-        return Bound(None, "upper", Scope.MESH, (TURNED,))
+    turned, by_flux = problem.tagged_mesh.axisymmetric, isinstance(problem.kinematics, RingFlux)
+    if turned and not by_flux:
+        why = (
+            "the volume of rings is kept everywhere by quadratic velocities on straight cells"
+            " alone; use degree = 2 and first-order cells"
+        )
+        return Bound(None, "upper", Scope.MESH, (why,))
     strains, velocity = PointStrains(problem), mechanism.x.petsc_vec
     # Work of live loads on a mechanism of dead ones that counts as none, relative to the norms of
     # both. It would count at load factors some million times as large as those that bodies bear.
@@ -109,7 +116,10 @@ def strict_upper_bound(
             return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
         if not lacking <= admissible**2 * whole:
             return Bound(None, "upper", Scope.MESH, (GROWS_TOO_LITTLE,))
-        mine = dissipation_of_cells(problem, strains, trace, deviator, subdivisions).sum()
+        if by_flux:
+            mine = dissipation_of_rings(problem, mechanism, subdivisions).sum()
+        else:
+            mine = dissipation_of_cells(problem, strains, trace, deviator, subdivisions).sum()
         radii = np.where(plastic, strains.radii, 0.0)
         steepness = np.divide(radii, strains.slopes, out=radii.copy(), where=dilating)
         strengths = volumes * steepness[points_of_cells(problem)].min(axis=1)

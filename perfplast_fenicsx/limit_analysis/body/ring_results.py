@@ -1,0 +1,39 @@
+"""What was found around an axis by v = ru, told by the displacements of the problem given."""
+
+from dataclasses import dataclass, replace
+
+from dolfinx import fem
+
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
+from perfplast_fenicsx.limit_analysis.facets.ring_flux import nodal_velocity
+from perfplast_fenicsx.problem.problem import Problem
+
+
+@dataclass(frozen=True)
+class VelocityOf:
+    """A velocity, and the problem whose displacements are like it.
+
+    Attributes:
+        problem: The problem.
+        velocity: Its velocity.
+    """
+
+    problem: Problem
+    velocity: fem.Function
+
+
+def of_displacements(
+    problem: Problem, flow: VelocityOf, mesh: LimitLoad
+) -> tuple[fem.Function, LimitLoad]:
+    """The velocity u, and a limit load with it and with the forces that do work on u. Collective.
+
+    Args:
+        problem: Whose displacements u are.
+        flow: By v = ru.
+        mesh: Found by it.
+    """
+    velocity, forces = nodal_velocity(problem, flow.velocity), mesh.contact_forces
+    hosts = flow.problem.constraints.host
+    if forces is not None and len(forces) == len(hosts):  # of pairs
+        forces = problem.V.tabulate_dof_coordinates()[hosts, 0] * forces
+    return velocity, replace(mesh, mechanism=velocity, contact_forces=forces)

@@ -1,0 +1,141 @@
+"""Velocities of bodies of revolution by v = ru, quadratic in each cell.
+
+Where v has no divergence in the section, which at three points of a cell is enough, volumes are
+kept. With u_r = rw, w being polynomial, no flow would pass through a ring between planes that stay
+where they are, as r²w is the same at any r there; of v it is v_r. On the axis v is zero, and by its
+divergence u_r with it, and strain rates are finite but at vertices there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from mpi4py import MPI
+
+import numpy as np
+from dolfinx import fem, la
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.kinematics import RingFlux
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import bounding_box
+from perfplast_fenicsx.problem.declared.loads import PorePressure
+from perfplast_fenicsx.problem.declared.supports import Support
+from perfplast_fenicsx.problem.problem import Problem
+
+
+def by_flux(problem: Problem) -> Problem:
+    """The same bodies, supports at rest, loads and contact, with v as displacement. Collective.
+
+    Args:
+        problem: Around an axis, quadratic, on straight cells, without rigid surfaces.
+
+    Raises:
+        InputError: If surfaces in contact are apart from each other across the axis.
+    """
+    given = problem.given
+    supports: Sequence[Support] = [replace(one, value=0.0) for one in given.supports]
+    found = Problem(
+        _with_flux(problem.tagged_mesh),
+        given.materials,
+        supports,
+        given.loads,
+        [_as_meshed(one) for one in given.contacts],
+        given.obstacles,
+        degree=given.degree,
+        ties=given.ties,
+    )
+    _check_rings_meet(found)
+    return found
+
+
+def _with_flux(tagged_mesh: TaggedMesh) -> TaggedMesh:
+    """The same mesh, straight, with v as displacements. Collective."""
+    x = tagged_mesh.mesh.geometry.x.astype(np.float64)
+    low, high = bounding_box(tagged_mesh.mesh.comm, x)
+    shift = float((low + high)[0] / 2 / np.linalg.norm(high - low))
+    return replace(tagged_mesh, section=RingFlux(shift))
+
+
+def _as_meshed(contact: Contact) -> Contact:
+    """The contact with the gap that the mesh has."""
+    if contact.gap is None:
+        return contact
+    return replace(contact, gap=None, interference=False, constant=True)
+
+
+def _check_rings_meet(problem: Problem) -> None:
+    """Refuse rings that touch rings of another size. Collective."""
+    rows = problem.constraints
+    inner = np.array([source.inner for source in rows.sources], dtype=bool)[rows.surface]
+    across = np.abs(rows.gap * rows.normal[:, 0])[inner]
+    largest = problem.comm.allreduce(float(across.max(initial=0.0)), MPI.MAX)
+    rounding = 1e-9  # relative to the bodies
+    if largest > rounding * problem.bodies.size:
+        raise InputError(
+            f"surfaces in contact are {largest:.3g} apart across the axis, and rings of different"
+            " radii have different areas; gaps play no part in limit loads, so that bodies may be"
+            " meshed without: close it, or give control = 'work' and until = 'limit'."
+        )
+
+
+def check_known(problem: Problem, dilates: bool) -> None:
+    """Refuse bodies of revolution of which no bounds are known.
+
+    Args:
+        problem: The bodies.
+        dilates: Whether any dilates.
+
+    Raises:
+        InputError: If so, or if there is a pressure in pores.
+    """
+    for load in problem.given.loads:
+        if isinstance(load, PorePressure):
+            raise InputError(
+                f"the load on '{load.on}' is a pressure in pores, beside which bodies of revolution"
+                " have no strict bounds; give control = 'work' and until = 'limit', for the limit"
+                " load of the mesh."
+            )
+    if dilates:
+        raise InputError(
+            "bodies that dilate have strict bounds in plane strain and space, and not around an"
+            " axis, where volumes that grow by enough at points may do so nowhere else; give"
+            " control = 'work' and until = 'limit', for the limit load of the mesh."
+        )
+
+
+def nodal_velocity(problem: Problem, flux: fem.Function) -> fem.Function:
+    """U = v/r at the nodes, and on the axis what is linear along the edges there. Collective.
+
+    Args:
+        problem: Whose displacements u are, on the same mesh.
+        flux: v, its ghosts up to date.
+    """
+    V = problem.V
+    found = fem.Function(V, name=flux.name)
+    r, v = V.tabulate_dof_coordinates()[:, :1], flux.x.array.reshape(-1, 2)
+    off = r[:, 0] > 0
+    u = np.divide(v, r, out=np.zeros_like(v), where=r > 0)
+    layout, cells = V.dofmap.dof_layout, V.dofmap.list
+    sums = la.vector(V.dofmap.index_map, 2)
+    at = sums.array.reshape(-1, 2)
+    for edge in range(3):
+        (middle,) = layout.entity_dofs(1, edge)
+        ends = [i for i in layout.entity_closure_dofs(1, edge) if i != middle]
+        for end, other in (ends, ends[::-1]):
+            here = ~off[cells[:, end]] & off[cells[:, middle]]
+            told = 2 * u[cells[here, middle], 1] - u[cells[here, other], 1]
+            np.add.at(at, cells[here, end], np.column_stack([told, np.ones_like(told)]))
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    total, count = sums.array.reshape(-1, 2).T
+    values: Floats = np.where(count > 0, total / np.maximum(count, 1), u[:, 1])
+    for edge in range(3):
+        (middle,) = layout.entity_dofs(1, edge)
+        ends = [i for i in layout.entity_closure_dofs(1, edge) if i != middle]
+        here = ~off[cells[:, middle]]
+        values[cells[here, middle]] = values[cells[here][:, ends]].mean(axis=1)
+    found.x.array[:] = np.column_stack([u[:, 0], values]).ravel()
+    found.x.scatter_forward()
+    return found

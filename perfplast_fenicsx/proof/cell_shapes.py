@@ -1,0 +1,52 @@
+"""Whether cells have shapes to compute with, and are sections of rings where that is said."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.proof.load_kinds import Floats
+from perfplast_fenicsx.proof.plain_arrays import ProofError
+
+
+def with_kind(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
+    """Arrays with what says that cells are no sections of rings, where nothing does."""
+    return {"revolved": np.zeros((), dtype=bool), **arrays}
+
+
+def check_cells(places: Floats, volumes: Floats, gradients: Callable[[], Floats]) -> None:
+    """Make sure that shapes are not lost to rounding.
+
+    Args:
+        places: Of the cells' vertices, shape (num_cells, d + 1, d).
+        volumes: Of the cells.
+        gradients: Gives those of their barycentric coordinates, where there is a volume.
+
+    Raises:
+        ProofError: If one is.
+    """
+    d, size = places.shape[2], np.ptp(places, axis=1).max(axis=1)
+    # From the origin, relative to the cell: farther away its shape is lost to rounding.
+    farthest = 1e12
+    if not (np.abs(places).max(axis=(1, 2)) <= farthest * size).all():
+        raise ProofError("a cell is too small for where it is: its shape is lost to rounding.")
+    if not (np.isfinite(size**d).all() and (volumes > 1e-12 * size**d).all()):
+        raise ProofError("a cell has no volume.")
+    if not (np.isfinite(gradients()).all() and (size**d > 0).all()):
+        raise ProofError("cells are too small or too large to compute with.")
+
+
+def check_sections(places: Floats, pores: Floats) -> None:
+    """Make sure that cells can be sections of rings, without pressure in their pores.
+
+    Args:
+        places: Of the cells' vertices.
+        pores: The pressure.
+
+    Raises:
+        ProofError: If they cannot.
+    """
+    if places.shape[2] != 2 or places[..., 0].min() < 0:
+        raise ProofError("bodies of revolution reach to negative radii, or are no sections.")
+    if pores.any():
+        raise ProofError("pressures in pores are not known of bodies of revolution.")

@@ -1,0 +1,253 @@
+"""Strict bounds of bodies of revolution: exact limit loads between them, on any number of ranks."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from dolfinx import fem
+
+from meshes.ring import write_ring
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx import (
+    BodyForce,
+    Contact,
+    DruckerPrager,
+    InputError,
+    Plane,
+    Pressure,
+    Problem,
+    Support,
+    Traction,
+    VonMises,
+)
+from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.facets.ring_cells import (
+    EDGES,
+    coefficients_of_radius,
+    of_parts,
+)
+from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, nodal_velocity
+from perfplast_fenicsx.limit_analysis.velocity.ring_dissipation import weights_of_rates
+from perfplast_fenicsx.materials.coulomb_ground import Tresca
+from tests.limit_analysis.test_static_bound import rectangle
+from tests.models import Read
+
+STEEL = VonMises(young=1e3, poisson=0.3, yield_stress=math.sqrt(3.0))
+"""Of the shear strength k = 1."""
+
+
+def disc(n: int, law: object = STEEL, **friction: float) -> Problem:
+    """A disc of the radius 1 and the height 1/2 on a plane, pressed from above."""
+    mesh = rectangle(
+        (2 * n, n),
+        (1.0, 0.5),
+        {"disc": lambda x: x[1] < 2},
+        {"bottom": lambda x: x[1] < 1e-9, "top": lambda x: x[1] > 0.5 - 1e-9},
+        shake=0.1,
+    )
+    return Problem(
+        mesh.turned(),
+        {"disc": law},  # type: ignore[dict-item]
+        [],
+        [Traction("top", [0.0, -1.0])],
+        [],
+        [Plane("bottom", [0.0, 0.0], [0.0, 1.0], name="floor", **friction)],  # type: ignore[arg-type]
+        degree=2,
+    )
+
+
+def tube(read: Read) -> Problem:
+    """Between planes, under inner pressure."""
+    mesh = read(write_ring, inner=1.0, outer=2.0, height=0.4, size=0.2).turned()
+    held = [Support("bottom", "y"), Support("top", "y")]
+    return Problem(mesh, {"ring": STEEL}, held, [Pressure("inner", 1.0)], degree=2)
+
+
+def tubes(read: Read, outward: float = 0.0) -> Problem:
+    """The same of two, one in the other, with nodes that do not match."""
+    mesh = read(write_ring, outer=2.0, height=0.3, interface=1.5, size=0.2).turned()
+    cells = mesh.cells("outer_ring")
+    nodes = np.unique(geometry_dofmap(mesh.mesh)[cells])
+    mesh.mesh.geometry.x[nodes, 0] += outward
+    held = [Support("bottom", "y"), Support("top", "y")]
+    laws = dict.fromkeys(mesh.volumes, STEEL)
+    return Problem(mesh, laws, held, [Pressure("inner", 1.0)], [SEAM], degree=2)
+
+
+SEAM = Contact("inner_ring_seam", "outer_ring_seam")
+
+
+def column(dead: float = 0.0) -> Problem:
+    """A column of the radius 1 that stands on its end, by its weight."""
+    mesh = rectangle(
+        (3, 6),
+        (1.0, 2.0),
+        {"column": lambda x: x[1] < 3},
+        {
+            "bottom": lambda x: x[1] < 1e-9,
+            "side": lambda x: x[0] > 1 - 1e-9,
+        },
+    ).turned()
+    loads = [BodyForce("column", [0.0, -1.0])]
+    loads += [Pressure("side", dead, constant=True)] if dead else []  # type: ignore[list-item]
+    held = [Plane("bottom", [0.0, 0.0], [0.0, 1.0])]
+    return Problem(mesh, {"column": STEEL}, [], loads, [], held, degree=2)
+
+
+def check(bounds: BodyBounds, exact: float, width: float) -> None:
+    assert bounds.strict, bounds.why_not
+    lower, upper = bounds.lower.value, bounds.upper.value
+    assert lower is not None
+    assert upper is not None
+    assert lower <= exact * (1 + 1e-9)
+    assert exact <= upper * (1 + 1e-9)
+    assert upper - lower <= width * exact
+    assert bounds.shares is not None
+    gap = bounds.problem.comm.allreduce(float(bounds.shares.sum()))
+    assert gap == pytest.approx(upper - lower, abs=2e-3 * exact)
+
+
+@pytest.mark.parametrize(
+    ("problem", "exact", "width"),
+    [
+        (lambda _: disc(2), math.sqrt(3.0), 2e-3),
+        (tube, 2 * math.log(2.0), 3e-4),
+        (tubes, 2 * math.log(2.0), 2e-2),
+        (lambda _: disc(2, Tresca(young=1e3, poisson=0.3, cohesion=1.0)), 2.0, 2e-3),
+        # σ_z = −λ(2 − z) at the foot, where nothing else acts: the foot of 2 yields at k√3
+        (lambda _: column(), math.sqrt(3.0) / 2, 0.25),
+    ],
+    ids=["disc", "tube", "tubes meshed apart", "Tresca", "weight"],
+)
+@pytest.mark.mpi3
+def test_exact_limit_loads_lie_between(
+    read: Read, problem: Callable[[Read], Problem], exact: float, width: float
+) -> None:
+    found = limit_bounds(problem(read))
+    if width > 0.1:  # no exact value, but one that a uniform stress shows to be below
+        assert found.strict
+        assert found.lower.value is not None
+        assert found.upper.value is not None
+        assert exact * (1 - 1e-3) < found.upper.value
+        assert found.lower.value < found.upper.value < found.lower.value * (1 + width)
+        return
+    check(found, exact, width)
+
+
+def test_a_sphere_by_polygons(read: Read) -> None:
+    """Bounds are of the polygons' body, whose corners are on both spheres."""
+    mesh = read(write_thick_tube, outer=2.0, size=0.15).turned()
+    loads = [Pressure("inner", 1.0)]
+    found = limit_bounds(Problem(mesh, {"tube": STEEL}, [Support("y0", "y")], loads, degree=2))
+    exact = 2 * math.sqrt(3.0) * math.log(2.0)
+    assert found.strict
+    assert found.upper.value == pytest.approx(exact, rel=2e-3)
+    assert found.lower.value == pytest.approx(exact, rel=1e-2)
+
+
+def test_constant_pressure_beside_a_growing_one() -> None:
+    alone, beside = limit_bounds(column()), limit_bounds(column(0.5))
+    assert beside.strict
+    assert alone.upper.value is not None
+    assert beside.lower.value is not None
+    assert beside.upper.value is not None
+    # a column under pressure all around but on top is weaker along, never stronger than by it
+    assert beside.lower.value < beside.upper.value < alone.upper.value + 0.5
+
+
+def test_friction_bears_more_the_more_there_is() -> None:
+    found = [limit_bounds(disc(2, tresca=c)) if c else limit_bounds(disc(2)) for c in (0.0, 0.5)]
+    assert all(it.strict for it in found)
+    known = [it.upper.value for it in found[:1]] + [it.lower.value for it in found[1:]]
+    assert known[0] is not None
+    assert known[1] is not None
+    assert known[0] < known[1]
+
+
+def test_the_velocity_is_that_of_the_flux(read: Read) -> None:
+    problem = tube(read)
+    found = limit_bounds(problem)
+    u, x = found.mechanism.x.array.reshape(-1, 2), problem.V.tabulate_dof_coordinates()
+    middle = problem.V.dofmap.index_map.size_local
+    speeds = (u[:middle, 0] * x[:middle, 0]).round(9)
+    parts = problem.comm.allgather(speeds)
+    every = np.concatenate(parts)
+    assert np.ptp(every) < 0.05 * np.abs(every).max()  # u_r = c/r, c the same all over
+    work = float(problem.loads.live.dot(found.mechanism.x.petsc_vec))
+    assert work == pytest.approx(1.0, rel=1e-9)
+
+
+def test_motions_along_the_axis_strain_nothing() -> None:
+    problem = disc(1)
+    flux = by_flux(problem)
+    v = fem.Function(flux.V)
+    v.x.array.reshape(-1, 2)[:, 1] = flux.V.tabulate_dof_coordinates()[:, 0]
+    form = fem.form(
+        sum(e**2 for e in flux.kinematics.strain(v)) * flux.dx  # type: ignore[operator]
+    )
+    assert problem.comm.allreduce(fem.assemble_scalar(form)) < 1e-25
+    u = nodal_velocity(problem, v)
+    assert np.abs(u.x.array.reshape(-1, 2) - [0.0, 1.0]).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("problem", "words"),
+    [
+        (lambda read: tubes(read, 0.02), ["apart across the axis", "close it"]),
+        (
+            lambda _: disc(
+                1,
+                DruckerPrager(
+                    young=1e3, poisson=0.3, cohesion=1.0, friction_angle=20.0, match="plane-strain"
+                ),
+            ),
+            ["dilate", "control = 'work'"],
+        ),
+    ],
+)
+def test_what_is_refused(
+    read: Read, problem: Callable[[Read], Problem], words: Sequence[str]
+) -> None:
+    with pytest.raises(InputError) as refused:
+        limit_bounds(problem(read))
+    assert all(word in str(refused.value) for word in words)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("radii", [(0.3, 0.5, 1.1), (0.0, 0.5, 1.1), (0.0, 0.0, 1.1)])
+def test_integrals_over_the_radius_are_from_above(radii: tuple[float, float, float]) -> None:
+    for turn in range(3):
+        r = np.roll(radii, turn)
+        # points of a fine triangle, none on its edges
+        n = 400
+        i, j = np.triu_indices(n)
+        s, t = (i + 1 / 3) / n, (n - 1 - j + 1 / 3) / n
+        inside = s + t < 1
+        places = np.column_stack([s, t, 1 - s - t])[inside]
+        a, b = np.array(EDGES).T
+        polynomials = np.hstack([places**2, 2 * places[:, a] * places[:, b]])
+        exact = (polynomials / (places @ r)[:, None]).mean(axis=0)
+        found = weights_of_rates(r[None], np.ones(1))[0]
+        kept = coefficients_of_radius(np.column_stack([r, np.zeros(3)])[None])[0] > 0
+        if (r == 0).sum() == 2:  # r times what is linear
+            c = int(np.argmax(r))
+            assert found[c] == pytest.approx(1 / (3 * r[c]))
+            continue
+        assert (found[kept] >= exact[kept] * (1 - 0.02)).all()
+        assert (found[kept] <= exact[kept] * 1.5).all()
+
+
+@pytest.mark.serial
+def test_parts_have_the_same_polynomials() -> None:
+    random = np.random.default_rng(1)
+    whole, corners = random.random((1, 6, 2)), random.dirichlet(np.ones(3), 3)[None]
+    part = of_parts(whole, corners)
+    at = random.dirichlet(np.ones(3), 5)
+    a, b = np.array(EDGES).T
+
+    def value(of: np.ndarray, places: np.ndarray) -> np.ndarray:
+        return np.hstack([places**2, 2 * places[:, a] * places[:, b]]) @ of[0]
+
+    assert np.allclose(value(part, at), value(whole, at @ corners[0]))

@@ -1,0 +1,212 @@
+"""Proofs of bodies of revolution are found without faults, and forged ones are refused."""
+
+import copy
+from collections.abc import Callable
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from perfplast_fenicsx import (
+    BodyForce,
+    Contact,
+    Plane,
+    Pressure,
+    Problem,
+    ResultFolder,
+    Traction,
+    limit_bounds,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.proof import ProofError, check
+from perfplast_fenicsx.proof.checker import check_lower, check_upper
+from perfplast_fenicsx.proof.rings import ENDS, over_radius
+from tests.contact.blocks_apart import blocks_apart
+from tests.models import STEEL
+
+pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is serial")
+
+NUMBERS = ("bound", "revolved")
+
+Arrays = dict[str, npt.NDArray]
+Halves = dict[str, Arrays]
+Forgery = Callable[[Halves], object]
+
+
+def discs(**friction: float) -> Problem:
+    """Two discs on each other and on a plane, with weight, pressed and pulled outwards."""
+    return Problem(
+        blocks_apart(MPI.COMM_WORLD, [3, 2], [3, 2], moved_by=0.0).turned(),
+        {"lower": STEEL, "upper": STEEL},
+        [],
+        [Pressure("top", 1.0), Traction("top", [0.05, 0.0]), BodyForce("upper", [0.0, -0.1])],
+        [Contact("lower_top", "upper_bottom", **friction)],  # type: ignore[arg-type]
+        [Plane("bottom", [0.0, 0.0], [0.0, 1.0], name="floor", **friction)],  # type: ignore[arg-type]
+        degree=2,
+    )
+
+
+def written(path: Path, problem: Problem) -> Halves:
+    """The halves of a proof, which is one."""
+    bounds = limit_bounds(problem, 1e-3)
+    assert bounds.strict, bounds.why_not
+    folder = ResultFolder(MPI.COMM_WORLD, path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
+    found = check(path / "bounds.h5")
+    assert not any(half.faults for half in found.values()), found
+    assert found["upper"].proven == pytest.approx(bounds.upper.value, rel=1e-3)
+    assert found["lower"].proven == pytest.approx(bounds.lower.value, rel=1e-9)
+    assert "sections of rings" in found["lower"].words[0]
+    with h5py.File(path / "bounds.h5") as file:
+        return {
+            kind: {name: np.asarray(half[name]) for name in half}
+            | {name: np.asarray(half.attrs[name]) for name in NUMBERS}
+            for kind, half in file.items()
+        }
+
+
+@pytest.fixture(scope="module")
+def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
+    return written(tmp_path_factory.mktemp("rings"), discs())
+
+
+def test_proofs_with_friction(tmp_path: Path) -> None:
+    written(tmp_path, discs(tresca=20.0))
+
+
+def test_resultants_are_those_of_the_full_turn(honest: Halves) -> None:
+    words = check_lower(honest["lower"]).words[0]
+    radius = honest["lower"]["vertices"][:, 0].max()
+    assert f"{-np.pi * radius**2:.6g}) on surface" in words
+
+
+def low(change: Callable[[Arrays], object]) -> Forgery:
+    return lambda halves: change(halves["lower"])
+
+
+def high(change: Callable[[Arrays], object]) -> Forgery:
+    return lambda halves: change(halves["upper"])
+
+
+def both(change: Callable[[Arrays], object]) -> Forgery:
+    return lambda halves: [change(arrays) for arrays in halves.values()]
+
+
+def times(name: str, factor: npt.ArrayLike) -> Callable[[Arrays], None]:
+    return lambda them: them.update({name: them[name] * np.asarray(factor)})
+
+
+def moved(by: float) -> Callable[[Arrays], None]:
+    """All bodies, away from the axis or across it."""
+    return lambda them: them.update(vertices=them["vertices"] + [by, 0.0])
+
+
+def pressed_on_the_axis(them: Arrays) -> None:
+    """A hydrostatic S there, which yield does not see."""
+    x = them["vertices"][them["cells"]][..., 0]
+    them["stress"][:, :3][x == 0] += np.eye(2)
+
+
+def moving_on_the_axis(them: Arrays) -> None:
+    """The v of a velocity without end there."""
+    x = np.zeros(len(them["velocity"]))
+    x[them["nodes"][:, :3]] = them["vertices"][them["cells"]][..., 0]
+    x[them["nodes"][:, 3:]] = them["vertices"][them["cells"]][:, ENDS][..., 0].mean(axis=2)
+    them["velocity"][x == 0, 1] += 1e-3
+
+
+def between_vertices(them: Arrays) -> None:
+    """A stress that is far above yield at the middles of edges alone."""
+    them["stress"][0, 3:, 0, 1] += 1e3
+    them["stress"][0, 3:, 1, 0] += 1e3
+
+
+def plane(them: Arrays) -> None:
+    them.update(revolved=np.zeros((), dtype=np.uint8))
+
+
+FORGERIES: dict[str, tuple[Forgery, str]] = {
+    "a larger lower bound": (low(times("bound", 1.01)), "outer tractions|left of load"),
+    "a larger stress": (low(lambda it: [times(n, 1.01)(it) for n in ("stress", "bound")]), "large"),
+    "a smaller upper bound": (high(times("bound", 0.9)), "only"),
+    "stress on the axis": (low(pressed_on_the_axis), "axis"),
+    "stress between vertices": (low(between_vertices), "equilibrium|inner tractions"),
+    "velocity on the axis": (high(moving_on_the_axis), "axis"),
+    "lower half farther out": (low(moved(1.0)), "equilibrium|outer tractions|different"),
+    "upper half farther out": (high(moved(1.0)), "different"),
+    "across the axis": (both(moved(-0.5)), "negative radii"),
+    "plane all at once": (both(plane), "fits nothing|does not fit"),
+    "one half plane": (high(plane), "fits nothing|revolution"),
+    "flag of two": (both(lambda it: it.update(revolved=np.ones(2, dtype=np.uint8))), "revolved"),
+    "no flag": (both(lambda it: it.pop("revolved")), "fits nothing|does not fit"),
+    "cones of the plane": (
+        both(lambda it: it.update(cone_slope=it["cone_slope"][:, :3])),
+        "fits nothing",
+    ),
+    "stress at vertices alone": (
+        low(lambda it: it.update(stress=it["stress"][:, :3])),
+        "does not fit",
+    ),
+    "a stronger lower half": (low(times("cone_bound", 2.0)), "weaker"),
+    "volume that changes": (high(lambda it: swell(it)), "volume change"),
+    "no weight": (low(times("body_force", 0.0)), "equilibrium|different"),
+    "a twist of the stress": (
+        low(lambda it: it["stress"].__setitem__((0, 0, 0, 1), 7.0)),
+        "asymmetry",
+    ),
+}
+
+
+def swell(them: Arrays) -> None:
+    """U_r grows with the distance from the axis."""
+    x = np.zeros(len(them["velocity"]))
+    x[them["nodes"][:, :3]] = them["vertices"][them["cells"]][..., 0]
+    x[them["nodes"][:, 3:]] = them["vertices"][them["cells"]][:, ENDS][..., 0].mean(axis=2)
+    them["velocity"][:, 0] += x**2 * np.abs(them["velocity"]).max()
+
+
+@pytest.mark.parametrize("forgery", FORGERIES)
+def test_forgeries(honest: Halves, forgery: str, tmp_path: Path) -> None:
+    forge, word = FORGERIES[forgery]
+    halves = copy.deepcopy(honest)
+    forge(halves)
+    path = tmp_path / "forged.h5"
+    with h5py.File(path, "w") as file:
+        for kind, arrays in halves.items():
+            group = file.create_group(kind)
+            for name, values in arrays.items():
+                if name in NUMBERS:
+                    group.attrs[name] = values
+                else:
+                    group[name] = values
+    try:
+        said = " ".join(fault for half in check(path).values() for fault in half.faults)
+    except ProofError as error:
+        said = str(error)
+    assert any(part in said for part in word.split("|")), said
+
+
+def test_halves_alone(honest: Halves) -> None:
+    assert not check_lower(honest["lower"]).faults
+    assert not check_upper(honest["upper"]).faults
+
+
+@pytest.mark.parametrize("radii", [(0.3, 0.5, 1.1), (0.0, 0.5, 1.1)])
+def test_integrals_over_the_radius_are_from_above(radii: tuple[float, float, float]) -> None:
+    n = 400
+    i, j = np.indices((n, n)).reshape(2, -1)
+    places = np.column_stack([(i + 1 / 3) / n, (j + 1 / 3) / n])
+    places = places[places.sum(axis=1) < 1]
+    places = np.column_stack([places, 1 - places.sum(axis=1)])
+    a, b = ENDS.T
+    polynomials = np.hstack([places**2, 2 * places[:, a] * places[:, b]])
+    exact = (polynomials / (places @ radii)[:, None]).mean(axis=0)
+    found = over_radius(np.array([radii]), np.ones(1))[0]
+    kept = found > 0
+    assert kept.sum() == (6 if min(radii) > 0 else 5)
+    assert (found[kept] >= exact[kept] * (1 - 0.02)).all()
+    assert (found[kept] <= exact[kept] * 1.5).all()
