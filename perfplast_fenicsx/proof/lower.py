@@ -249,10 +249,10 @@ def _outer(
     if rubs.any():
         apart = _unequal_shears(body, pairs, shears, rubs)
         rubs &= told  # what is not free to push has no shear that is known
-        off = np.where(rho > 0, rho, 1.0)[rubs]
-        told_of = (wrong[rubs] / off, pressure[rubs] / off, adhesion[rubs], friction[rubs])
+        ringed = np.where(rho > 0, rho, 1.0)[rubs]
+        told_of = (wrong[rubs] / ringed, pressure[rubs] / ringed, adhesion[rubs], friction[rubs])
         beyond = np.zeros_like(wrong)
-        beyond[rubs] = off * unheld(*told_of)
+        beyond[rubs] = ringed * unheld(*told_of)
         wrong[rubs] = 0.0
         left |= {"shear": beyond, "unequal_shears": apart}
         ratios["shear_ratio"] = excess(*told_of)

@@ -71,19 +71,22 @@ class RigidFacets:
         found: Floats = np.concatenate([shifts, turns], axis=2) * self.free[number]
         return found
 
-    def followers(self, comm: MPI.Intracomm, numbers: FacetNumbers, vertices: Floats) -> Followers:
+    def followers(
+        self, comm: MPI.Intracomm, numbers: FacetNumbers, vertices: Floats, nodes: int
+    ) -> Followers:
         """Cells at these surfaces. Collective.
 
         Args:
             comm: The ranks.
             numbers: Of the facets.
             vertices: Of the owned cells, shape (num_cells, d + 1, d).
+            nodes: Of a facet; more than its vertices where no surface is rigid.
         """
         d, (count, unknowns) = vertices.shape[2], self.free.shape
         others = np.array([[b for b in range(d + 1) if b != a] for a in range(d + 1)])
         of_cells = self.surface[numbers.facets]
         cells = np.flatnonzero((of_cells >= 0).any(axis=1))
-        shares = np.zeros((len(cells), d + 1, d, d, count, unknowns))
+        shares = np.zeros((len(cells), d + 1, nodes, d, count, unknowns))
         for number in range(count):
             at, side = np.nonzero(of_cells[cells] == number)
             x = vertices[cells[at][:, None], others[side]]
@@ -91,9 +94,9 @@ class RigidFacets:
             x = (x + x.sum(axis=1, keepdims=True)) / (d + 1)
             follow = self.follow(number, x.reshape(-1, d)).reshape(-1, d, d, unknowns)
             shares[at, side, :, :, number] = follow
-        keep = np.repeat(of_cells[cells] < 0, d**2, axis=1).astype(np.float64)
+        keep = np.repeat(of_cells[cells] < 0, nodes * d, axis=1).astype(np.float64)
         flat: Floats = shares.reshape(len(cells), keep.shape[1], count * unknowns)
-        leads = (self.lead[:, None] * d**2 + np.arange(unknowns)).ravel()
+        leads = (self.lead[:, None] * nodes * d + np.arange(unknowns)).ravel()
         tall = np.count_nonzero(flat, axis=(0, 1)).astype(np.float64)
         comm.Allreduce(MPI.IN_PLACE, tall, MPI.SUM)
         return Followers(leads, cells, keep, flat, tall)

@@ -171,7 +171,7 @@ def static_program(
     mesh, at = problem.tagged_mesh.mesh, conditions
     tdim, on = mesh.topology.dim, conditions.numbers.facets
     form = StressForm.of(problem, at)
-    followers = at.rigid.followers(problem.comm, at.numbers, at.vertices)
+    followers = at.rigid.followers(problem.comm, at.numbers, at.vertices, form.nodes)
     facets = FacetVelocities(mesh, at.numbers, form.twins.ravel(), form.nodes, followers)
     size = form.nodes * tdim
     axes = np.where(at.held[:, :, None], 0.0, at.axes)[on]
