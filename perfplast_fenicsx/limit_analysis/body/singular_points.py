@@ -68,13 +68,10 @@ def turns(angles: Floats, facets: Floats, kinds: Floats, squares: Floats) -> Flo
         squares: Sum of the squares of these.
     """
     changes = facets * squares - kinds**2 > 0.5  # all alike: the square of the mean
-    right, rounding = (
-        np.pi / 2,
-        1e-6,
-    )  # the latter is what an angle is beyond that of a straight line by rounding
+    right = np.pi / 2
+    rounding = 1e-6  # what an angle is beyond that of a straight line by rounding
     least = np.where(changes, right, np.pi) + rounding
-    right_angles: Floats = np.clip(angles - least, 0.0, right) / right
-    return right_angles
+    return np.asarray(np.clip(angles - least, 0.0, right) / right, dtype=np.float64)
 
 
 def _columns(*columns: Floats | float) -> Floats:
