@@ -223,7 +223,7 @@ GROUPS = {
     ),
     "calculix": Group(
         "the same .inp by CalculiX, with its last converged increment beside the bracket",
-        tuple(calculix(name) for name in ("punch", "lug", "prop")),
+        tuple(calculix(name) for name in ("punch", "wedge", "prop")),
         rounds=1,
     ),
     "scaling": Group(

@@ -25,11 +25,12 @@ from benchmarks.peers.inp_deck import Array, Deck, Mesh, deck_text, read_mesh, w
 from meshes.pin_in_lug import write_pin_in_lug
 from meshes.propped_beam import write_propped_beam
 from meshes.square_punch import write_square_punch
+from meshes.wedge import write_wedge
 
 CASES: dict[str, tuple[Callable[..., None], float, tuple[str, str], Deck]] = {
     "punch": (
         write_square_punch,
-        0.4,
+        0.5,
         ("punch_seam", "ground_seam"),
         Deck(
             yields={"ground": 240.0, "punch": None},
@@ -51,23 +52,34 @@ CASES: dict[str, tuple[Callable[..., None], float, tuple[str, str], Deck]] = {
     ),
     "prop": (
         write_propped_beam,
-        0.3,
+        0.35,
         ("beam_seam", "block_seam"),
         Deck(
             yields={"beam": 240.0, "block": None},
             held={"held": "123", "y0": "2", "floor": "123"},
-            most=30.0,
+            most=45.0,
+            pressed="top",
+        ),
+    ),
+    "wedge": (
+        write_wedge,
+        0.4,
+        ("upper_seam", "lower_seam"),
+        Deck(
+            yields={"lower": 240.0, "upper": 300.0},
+            held={"bottom": "123", "x0": "1", "y0": "2"},
+            most=320.0,
             pressed="top",
         ),
     ),
 }
 """Mesh and its size, surfaces in contact, and the rest."""
 
-SHARES = (0.3, 0.6, 0.8, 0.9)
+SHARES = (0.25, 0.5, 0.75)
 """Of the limit load, next to which both are compared."""
 
 SAME = 0.01
-"""How far displacements and contact forces may be apart there, relatively."""
+"""How far works of the loads and contact forces may be apart there, relatively."""
 
 
 def perfplast(folder: Path, *arguments: str) -> float:
@@ -116,7 +128,7 @@ def compare(name: str, size: float | None = None) -> dict[str, Any]:
     steps = summary["steps"][-len(below) :]
     near = sorted({int(np.argmin(np.abs(np.array(stages) - s * most))) for s in SHARES})
     beside = [level(theirs, mesh, deck, below[k], stages[k], steps[k]) for k in near]
-    apart = max(one[f"{key}_apart"] for one in beside for key in ("displacement", "contact"))
+    apart = max(one[f"{key}_apart"] for one in beside for key in ("alpha", "contact"))
     ours = solved + bounded
     return {
         "case": name,
@@ -125,6 +137,10 @@ def compare(name: str, size: float | None = None) -> dict[str, Any]:
         "converged": apart <= SAME,
         "apart": apart,
         "beside": beside,
+        "curve": [
+            [time * deck.most, deck.most * work(mesh, deck, u)]
+            for time, u in zip(theirs["times"], theirs["fields"], strict=True)
+        ],
         "last_converged": theirs["times"][-1] * deck.most if theirs["times"] else None,
         "reached": deck.most,
         "end": theirs["end"],
