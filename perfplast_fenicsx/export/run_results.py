@@ -2,7 +2,7 @@
 
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.export.result_rows import Row, bound_rows, level_rows, resultant_rows
@@ -10,9 +10,6 @@ from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.page import page_of
 from perfplast_fenicsx.report.stored_summary import check_summary
 from perfplast_fenicsx.report.view_data import view_data
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 
 class RunResults:
@@ -66,18 +63,18 @@ class RunResults:
         return f"{solved} of {len(summary.steps)} levels solved."
 
     @property
-    def levels(self) -> "DataFrame":
-        """A row for each level (:func:`~result_rows.level_rows`)."""
+    def levels(self) -> Any:
+        """A data frame with a row for each level (:func:`~result_rows.level_rows`)."""
         return _frame(level_rows(self._reader))
 
     @property
-    def resultants(self) -> "DataFrame":
-        """A row for each force and moment (:func:`~result_rows.resultant_rows`)."""
+    def resultants(self) -> Any:
+        """A data frame of forces and moments (:func:`~result_rows.resultant_rows`)."""
         return _frame(resultant_rows(self._reader))
 
     @property
-    def bounds(self) -> "DataFrame":
-        """A row for each mesh of a limit load or of bounds (:func:`~result_rows.bound_rows`)."""
+    def bounds(self) -> Any:
+        """A data frame of meshes with their bounds (:func:`~result_rows.bound_rows`)."""
         return _frame(bound_rows(self._reader))
 
     @property
@@ -86,7 +83,7 @@ class RunResults:
         return ResultReader(self.folder)
 
 
-def _frame(rows: list[Row]) -> "DataFrame":
+def _frame(rows: list[Row]) -> Any:
     """The rows as a data frame.
 
     Raises:

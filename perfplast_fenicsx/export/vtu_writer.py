@@ -34,7 +34,7 @@ def vtu_of(path: Path) -> bytes:
         path: A VTKHDF file of :class:`vtkhdf.FieldWriter`; the mesh it is linked to is beside it.
 
     Returns:
-        The file: numbers as they are, in base64, tensors of nine components, texts as UTF-8.
+        Its content, numbers as they are, in base64, tensors of nine components, texts as UTF-8.
 
     Raises:
         OSError, KeyError: If the file is damaged.
