@@ -134,7 +134,8 @@ def _read(problem: Problem) -> FacetConditions:
             on = facets.of(problem, surface)
             touching.append(on)
             rows.append(_rows(problem, facets, on, held[on], is_free(on, facets.normals(on))))
-        pairs = pair_facets(problem.comm, *rows, problem.tagged_mesh.axisymmetric)
+        one, other = rows
+        pairs = pair_facets(problem.comm, one, other, problem.tagged_mesh.axisymmetric)
         if pairs is None:
             matched = False
             continue
