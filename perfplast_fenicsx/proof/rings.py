@@ -49,7 +49,7 @@ def times_radius(radii: Floats, values: Floats) -> Floats:
         values: The same, shape (n, k, m).
 
     Returns:
-        Shape (n, k + k(k − 1)/2, m): at vertices, then at edges.
+        Those at vertices, then those at edges, shape (n, k + k(k − 1)/2, m).
     """
     a, b = (ENDS if radii.shape[1] == 3 else ENDS[:1]).T
     between = radii[:, a, None] * values[:, b] + radii[:, b, None] * values[:, a]
