@@ -192,6 +192,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "loading": ("[loading]", _chosen("control", CONTROLS, "load", "What is prescribed.")),
     "stage": ("[[stage]]", _single(Stage)),
     "output": ("[output]", _single(tables.OutputOptions)),
+    "report": ("[report]", _single(tables.ReportHead)),
     "units": ("[units]", _single(Units)),
 }
 """Tables of a case file, by their key at its top level: heading and content."""

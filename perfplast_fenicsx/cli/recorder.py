@@ -99,6 +99,7 @@ class Recorder:
         summary = self.results.summary
         summary.timings |= saved.timings | {"setup": setup}
         summary.case = {"file": str(case.path), "text": case.text}
+        summary.report = case.report.given
         summary.surroundings = {
             "versions": versions(),
             "petsc_options": petsc_options(),

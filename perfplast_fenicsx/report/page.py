@@ -43,6 +43,7 @@ def page_of(reader: ResultReader, view: View) -> str:
     template = Template(asset("page.html"))
     return template.substitute(
         title=escape(scene.title or "A run"),
+        head=head_of(summary),
         style=asset("page.css"),
         verdict=_verdict(verdict_on(reader), words.meaning(scene.driven)),
         warnings=_warnings(summary),
@@ -61,6 +62,13 @@ def page_of(reader: ResultReader, view: View) -> str:
 def asset(name: str) -> str:
     """A file that pages are made of."""
     return resources.files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def head_of(summary: Summary) -> str:
+    """Project, number and author with the date; nothing where the case names none of them."""
+    rows = [(key.capitalize(), text) for key, text in summary.report.items()]
+    began = summary.surroundings.get("began", "")
+    return pairs([*rows, ("Date", began)] if rows and began else rows)
 
 
 def _verdict(verdict: Verdict, meaning: str) -> str:

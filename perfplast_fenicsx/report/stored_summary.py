@@ -183,6 +183,12 @@ class _Case(TypedDict, total=False):
     text: str
 
 
+class _Head(TypedDict, total=False):
+    project: str
+    number: str
+    author: str
+
+
 class _Surroundings(TypedDict, total=False):
     versions: dict[str, str]
     petsc_options: str
@@ -195,6 +201,7 @@ class _Summary(TypedDict):
     model: _Model
     given: _Given
     case: _Case
+    report: NotRequired[_Head]
     surroundings: _Surroundings
     loads: NotRequired[list[_Loaded]]
     remarks: NotRequired[list[str]]

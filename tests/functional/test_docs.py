@@ -60,6 +60,7 @@ TABLES = {
     "[loading]": [*CONTROLS.values()],
     "[[stage]]": [Stage],
     "[output]": [schemas.OutputOptions],
+    "[report]": [schemas.ReportHead],
     "[units]": [Units],
 }
 

@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Callable
 from contextlib import redirect_stdout
+from html import escape
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     comm = MPI.COMM_WORLD
     place = comm.bcast(tmp_path_factory.mktemp("run"))
     text = CASE.replace("[50.0, 80.0]", "[50.0, 80.0, 95.0]")
+    text += '[report]\nproject = "Punches"\nnumber = "17 <b>"\n'
     case, folder = write(comm, place, text), place / "results"
     with redirect_stdout(StringIO()) as out:
         assert main(["run", str(case), "-o", str(folder), "--report"]) == SOLVED
@@ -44,8 +46,12 @@ def test_the_run_writes_it(
     assert "on this mesh the bodies carry the loads up to ζ&nbsp;=&nbsp;95" in page
     assert "yield stress 100 MPa" in page
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    assert summary["report"] == {"project": "Punches", "number": "17 <b>"}
+    head = page[page.index("<header>") : page.index("</header>")]
+    for told in ("Punches", "17 &lt;b&gt;", summary["surroundings"]["began"]):
+        assert f"<dd>{told}</dd>" in head
     assert summary["given"]["materials"]["punch"]["kind"] == "von-mises"
-    assert summary["case"]["text"] in page.replace("&quot;", '"')
+    assert escape(summary["case"]["text"]) in page
 
 
 def change(folder: Path, **values: Any) -> None:
@@ -68,6 +74,7 @@ def change(folder: Path, **values: Any) -> None:
         (lambda path: change(path, mesh={}), [], "summary.json' cannot be read (Object missing"),
         (lambda path: change(path, limit={"lower": 1.0}), [], "cannot be read (Object missing"),
         (lambda path: change(path, case={"file": "a"}), [], "it has no file, or text, of the case"),
+        (lambda path: change(path, report={"number": 17}), [], "cannot be read (Expected"),
         (lambda path: change(path, surroundings={"versions": 1}), [], "cannot be read (Expected"),
         (
             lambda path: change(path, given={"initial": [{"kind": "temperature", "on": "a"}]}),

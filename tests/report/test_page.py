@@ -12,7 +12,7 @@ from perfplast_fenicsx.pictures.stored_limit import StoredLimit
 from perfplast_fenicsx.report.case_words import CaseWords, folded
 from perfplast_fenicsx.report.curve import NARROW, curve_of, far_ticks, ticks, to_svg
 from perfplast_fenicsx.report.field_words import words_of
-from perfplast_fenicsx.report.page import _warnings, mesh_in_words
+from perfplast_fenicsx.report.page import _warnings, head_of, mesh_in_words
 from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import (
     force_table,
@@ -204,6 +204,21 @@ def test_what_was_warned_of_is_on_the_page() -> None:
     summary.warnings, summary.remarks = ["loosely held: 'a<b'"], ["friction is steep"]
     text = _warnings(summary)
     assert "<li>Loosely held: &#x27;a&lt;b&#x27;</li><li>Friction is steep</li>" in text
+
+
+def test_the_head_says_whose_computation_it_is() -> None:
+    summary = Summary("", "1", "newton", "zeta", ranks=1, mesh={}, model={})
+    summary.surroundings["began"] = "2026-03-01 10:00:00 UTC"
+    assert head_of(summary) == ""
+    summary.report = {"project": "Pipes & <b>vessels", "author": "A. Ünal"}
+    found = re.findall(r"<dt>(.*?)</dt><dd>(.*?)</dd>", head_of(summary))
+    assert found == [
+        ("Project", "Pipes &amp; &lt;b&gt;vessels"),
+        ("Author", "A. Ünal"),
+        ("Date", "2026-03-01 10:00:00 UTC"),
+    ]
+    del summary.surroundings["began"]
+    assert "Date" not in head_of(summary)
 
 
 def test_forces_of_a_limit_load() -> None:

@@ -3,8 +3,8 @@
 A case file holds the tables ``[mesh]`` or ``[geometry]``, ``[material.NAME]``, ``[[support]]``,
 ``[[load]]``, ``[gravity]``, ``[[combination]]``, ``[design]``, ``[[contact]]``, ``[[obstacle]]``,
 ``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``, ``[[initial_stress]]``, ``[model]``,
-``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``, ``[output]`` and ``[units]``; see
-``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
+``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``, ``[output]``, ``[report]`` and
+``[units]``; see ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
 """
 
 from collections.abc import Sequence
@@ -32,6 +32,7 @@ from perfplast_fenicsx.io.case.tables import (
     MeshFile,
     ModelOptions,
     OutputOptions,
+    ReportHead,
 )
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitMethod, method_for
@@ -75,6 +76,7 @@ class Case:
     options: Any
     loading: Control
     output: OutputOptions
+    report: ReportHead
     units: Units
     initial: list[Initial]
     combinations: list[Combination]

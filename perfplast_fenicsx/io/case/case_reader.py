@@ -31,6 +31,7 @@ from perfplast_fenicsx.io.case.tables import (
     ElementOptions,
     ModelOptions,
     OutputOptions,
+    ReportHead,
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.io.case.units_table import read_units
@@ -149,6 +150,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         options=options,
         loading=loading,
         output=convert(top.output, OutputOptions, f"{name}, [output]"),
+        report=convert(top.report, ReportHead, f"{name}, [report]"),
         units=units,
         initial=initial,
         combinations=combinations,

@@ -31,6 +31,7 @@ from perfplast_fenicsx.io.case.tables import (
     MeshFile,
     ModelOptions,
     OutputOptions,
+    ReportHead,
 )
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.materials.laws import MATERIALS
@@ -104,6 +105,7 @@ def _tables() -> dict[str, Schema]:
         "loading": _choice("control", CONTROLS, default="load"),
         "stage": _table(Stage),
         "output": _table(OutputOptions),
+        "report": _table(ReportHead),
         "units": _table(Units),
     }
 

@@ -41,6 +41,7 @@ class Document:
         element: The finite elements.
         solve: The algorithm and its options.
         output: What is written.
+        report: What the report is headed with.
         units: What the numbers are in.
     """
 
@@ -65,6 +66,7 @@ class Document:
     element: Table = field(default_factory=dict)
     solve: Table = field(default_factory=dict)
     output: Table = field(default_factory=dict)
+    report: Table = field(default_factory=dict)
     units: Table = field(default_factory=dict)
 
 
@@ -83,6 +85,26 @@ class OutputOptions:
     fields: bool = True
     pictures: bool = True
     points: bool = False
+
+
+@dataclass(frozen=True)
+class ReportHead:
+    """Whose computation it is: at the head of the report, with the date, and in ``summary.json``.
+
+    Args:
+        project: What it belongs to.
+        number: Of the case or the document, as text, such as ``"2026-17 b"``.
+        author: Who answers for it.
+    """
+
+    project: str = ""
+    number: str = ""
+    author: str = ""
+
+    @property
+    def given(self) -> dict[str, str]:
+        """What is said, by its key; nothing of what is left out."""
+        return {key: text for key, text in vars(self).items() if text}
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ class Summary:
             (:func:`given_table.given_table`).
         loads: Force and moment of each load at ζ = 1 (:class:`load_resultants.LoadResultant`).
         case: The case ``file``, and the ``text`` of it; nothing of a Python program.
+        report: ``project``, ``number`` and ``author``, those that the case names.
         surroundings: ``versions`` by name, the ``petsc_options`` of the command line, the
             ``command`` without them, and when it ``began``.
         remarks: What was said of the problem before it was solved, a sentence each.
@@ -44,6 +45,7 @@ class Summary:
     element_size: float = 0.0
     loads: list[dict[str, Any]] = field(default_factory=list)
     case: dict[str, str] = field(default_factory=dict)
+    report: dict[str, str] = field(default_factory=dict)
     surroundings: dict[str, Any] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)

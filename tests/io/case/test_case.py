@@ -15,7 +15,7 @@ from perfplast_fenicsx.controls.work_control import WorkControl
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import read_case
-from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile, OutputOptions
+from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile, OutputOptions, ReportHead
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.von_mises import VonMises
@@ -154,6 +154,22 @@ def test_defaults(read: Read) -> None:
     assert case.supports == [Support("left")]
     assert case.options == type(case.options)()
     assert case.output == OutputOptions()
+    assert case.report == ReportHead()
+    assert case.report.given == {}
+
+
+def test_whose_computation_it_is(read: Read, comm: MPI.Intracomm) -> None:
+    head = '[report]\nproject = "Crane, Halle 3"\nauthor = "A. Ünal"\n'
+    case = read(BASE + head)
+    assert case.report == ReportHead(project="Crane, Halle 3", author="A. Ünal")
+    assert case.report.given == {"project": "Crane, Halle 3", "author": "A. Ünal"}
+    for line, parts in {
+        "number = 17": ("number = 17", "give a string"),
+        'numer = "17"': ("numer", "number"),
+    }.items():
+        with pytest.raises(InputError) as refusal:
+            read(BASE + head + line)
+        assert_one_sentence(comm, refusal.value, "bad.toml, [report]", *parts)
 
 
 @pytest.mark.parametrize(

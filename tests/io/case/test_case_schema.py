@@ -93,6 +93,7 @@ FAULTS: dict[str, tuple[tuple[str | int, ...], dict[str, Any], str | None]] = {
     "an option of another method": ((), {"solve": {"method": "newton", "penalty": 1.0}}, None),
     "an unknown kind of model": ((), {"model": {"kind": "plane"}}, None),
     "an unknown system of units": ((), {"units": {"system": "imperial"}}, None),
+    "a number of a report that is no text": ((), {"report": {"number": 17}}, None),
     "an unknown builder": ((), {"mesh": {"builder": "three_blocks", "n": 1}}, None),
     "an argument that the builder has not": (("mesh",), {"size": 1.0}, None),
 }

@@ -42,6 +42,7 @@ SUMMARY_KEYS = [
         "element_size",
         "loads",
         "case",
+        "report",
         "surroundings",
         "remarks",
         "warnings",
