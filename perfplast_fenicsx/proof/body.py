@@ -131,7 +131,10 @@ class Body:
         places = self.vertices[self.cells]
         check_cells(places, self.volumes, lambda: self.gradients)
         if self.is_revolved:
-            check_sections(places, (self.sought + self.constant + self.others).pore_pressure)
+            for loads in kinds.values():  # each: they may cancel
+                check_sections(places, loads.pore_pressure)
+            if rigid:
+                raise ProofError("rigid surfaces are not known of bodies of revolution.")
         self._check_facets()
 
     @classmethod

@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.proof.plain_arrays import ProofError
+from perfplast_fenicsx.proof.plain_arrays import ProofError, check_sizes
 
 Floats = npt.NDArray[np.float64]
 Longs = npt.NDArray[np.int64]
@@ -113,6 +113,8 @@ class Cones:
             raise ProofError("cone_sine is of principal stresses of space, and this is the plane.")
         if self.slope[principal].any() or self.matrix[principal].any():
             raise ProofError("a cone of principal stresses has a slope or a matrix.")
+        sizes = [np.abs(part).reshape(n, -1).max(axis=1) for part in (self.slope, self.matrix)]
+        check_sizes("a cone", np.max([self.bound, *sizes], axis=0))
         Cones(*(part[~principal] for part in vars(self).values()))._check_quadratic()
 
     def _check_quadratic(self) -> None:

@@ -46,7 +46,25 @@ def plain(name: str, values: Any) -> npt.NDArray:
         if array.size and not array.max() <= np.iinfo(np.int64).max:
             raise ProofError(f"{name} has numbers that are too large.")
         return array.astype(np.int64)
-    return array.astype(np.float64)
+    numbers = array.astype(np.float64)
+    check_sizes(name, np.abs(numbers).max(initial=0.0, where=np.isfinite(numbers)))
+    return numbers
+
+
+def check_sizes(name: str, sizes: npt.ArrayLike) -> None:
+    """Make sure that squares of numbers are neither too large nor lost.
+
+    Args:
+        name: What they are.
+        sizes: Not negative; what is zero throughout is none.
+
+    Raises:
+        ProofError: If one is beyond 1e60, or below 1e-60.
+    """
+    largest = 1e60
+    sizes = np.asarray(sizes)
+    if not ((sizes == 0) | ((sizes >= 1 / largest) & (sizes <= largest))).all():
+        raise ProofError(f"{name} is of another size than 1e-60 to 1e60; choose other units.")
 
 
 def number_of(name: str, values: Any) -> float:

@@ -58,7 +58,10 @@ def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
 
 def _close(body: Body, facets: Longs) -> Floats:
     """What counts as no distance, at each facet."""
-    sizes = np.ptp(body.vertices[body.facets[facets]], axis=1).max(axis=1)
+    x = body.vertices[body.facets[facets]]
+    sizes = np.ptp(x, axis=1).max(axis=1)
+    if body.is_revolved:  # rings differ in size by the radius that one has
+        sizes = np.minimum(sizes, x[..., 0].max(axis=1))
     rounding = 1e-6  # distance across the normal that counts as none, relative to the facet
     return rounding * np.asarray(sizes)
 

@@ -130,7 +130,14 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     left = (volumes, strains, contact.volume, of_plates)
     names = ("volume_change", "elastic_strain", "entering_work", "bending_work")
     size = size_of(dissipation, dissipation - constant_work)
-    measured = {name: _share(stress * x, size) for name, x in zip(names, left, strict=True)}
+    # Nor may what a body at its limit under constant loads dissipates hide what others have left.
+    least = factor + (at_zero / at_one if at_one > 0 else 0.0)
+    size = min(size, 1e3 * work * least) if work > 0 else size
+    # Of the loads whose factor is bounded, too: where nothing dissipates it is all that tells.
+    measured = {
+        name: max(_share(stress * x, size), _share(at_one * x, work))
+        for name, x in zip(names, left, strict=True)
+    }
     measured |= {"moved_supports": _share(moved, fastest), "entering": contact.relative}
     if rigid:
         measured["bent"] = _share(bent, fastest)

@@ -348,8 +348,8 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "upper 1e-6 too small": (high(times("bound", 1 - 1e-6)), "only"),
     # numbers that are none, or absurd
     "vertices nan": (both(times("vertices", np.nan)), "not finite"),
-    "vertices huge": (both(times("vertices", LARGE)), "no volume"),
-    "vertices tiny": (both(times("vertices", 1e-300)), "no volume"),
+    "vertices huge": (both(times("vertices", LARGE)), "1e-60 to 1e60"),
+    "vertices tiny": (both(times("vertices", 1e-300)), "1e-60 to 1e60"),
     "far from the origin": (both(make("vertices", lambda a: a + 1e14)), "volume|rounding"),
     "radii nan": (both(put("cone_bound", 0, np.nan)), "not positive"),
     "radii zero": (both(put("cone_bound", 0, 0.0)), "not positive"),
@@ -360,9 +360,34 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "normals twice as long": (both(times("obstacle_normals", 2.0)), "unit vector"),
     "stress nan": (low(put("stress", 0, np.nan)), "equilibrium"),
     "stress infinite": (low(put("stress", 0, np.inf)), "equilibrium"),
-    "stress huge": (low(put("stress", 0, LARGE)), "equilibrium|tractions"),
+    "stress huge": (low(put("stress", 0, LARGE)), "1e-60 to 1e60"),
     "velocity infinite": (high(put("velocity", 0, np.inf)), "none of these"),
-    "velocity huge": (high(times("velocity", LARGE)), "left|no work|only"),
+    "velocity huge": (high(times("velocity", LARGE)), "1e-60 to 1e60"),
+    "elastic bodies that flow, and nothing else": (
+        alone(
+            "upper",
+            in_turn(
+                make("cone", lambda a: np.full_like(a, -1)), free_cell(1.0), times("bound", 0.0)
+            ),
+        ),
+        "elastic strain",
+    ),
+    "velocity whose squares are lost": (
+        high(in_turn(times("velocity", 1e-170), times("bound", 0.0))),
+        "1e-60 to 1e60",
+    ),
+    "stresses whose squares are lost": (
+        low(in_turn(*(times(n, 1e-170) for n in ("stress", "traction", "cone_bound")))),
+        "1e-60 to 1e60",
+    ),
+    "cones whose squares are lost": (
+        both(in_turn(times("cone_bound", 1e-170), times("cone_matrix", 1e-170))),
+        "1e-60 to 1e60",
+    ),
+    "one cone whose squares are lost": (
+        both(in_turn(put("cone_bound", 0, 1e-170), put("cone_matrix", 0, 1e-170))),
+        "1e-60 to 1e60",
+    ),
     # shapes
     "no axis": (both(make("vertices", np.ravel)), "fits nothing"),
     "four coordinates": (both(make("vertices", lambda a: np.hstack([a, a]))), "fits nothing"),

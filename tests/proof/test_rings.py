@@ -129,6 +129,21 @@ def plane(them: Arrays) -> None:
     them.update(revolved=np.zeros((), dtype=np.uint8))
 
 
+def rigid_surface(them: Arrays) -> None:
+    """A plate on what is loaded."""
+    them["rigid"] = them["surface"].max(keepdims=True)
+    them["rigid_held"] = np.zeros((1, 2), dtype=np.uint8)
+    for kind in ("", "constant_", "any_"):
+        them[f"{kind}rigid_force"] = np.zeros((1, 2))
+        them[f"{kind}rigid_moment"] = np.zeros((1, 1))
+
+
+def pores_that_cancel(them: Arrays) -> None:
+    """Of growing and of constant loads."""
+    them["pore_pressure"] = np.ones(them["cells"].shape)
+    them["constant_pore_pressure"] = -them["pore_pressure"]
+
+
 FORGERIES: dict[str, tuple[Forgery, str]] = {
     "a larger lower bound": (low(times("bound", 1.01)), "outer tractions|left of load"),
     "a larger stress": (low(lambda it: [times(n, 1.01)(it) for n in ("stress", "bound")]), "large"),
@@ -152,6 +167,8 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
         "does not fit",
     ),
     "a stronger lower half": (low(times("cone_bound", 2.0)), "weaker"),
+    "a rigid surface": (both(rigid_surface), "rigid surfaces"),
+    "pores that cancel": (both(pores_that_cancel), "pore|pressure"),
     "volume that changes": (high(lambda it: swell(it)), "volume change"),
     "no weight": (low(times("body_force", 0.0)), "equilibrium|different"),
     "a twist of the stress": (
