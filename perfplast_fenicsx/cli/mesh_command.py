@@ -25,7 +25,9 @@ from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.kept_mesh import make_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Face, Survey
-from perfplast_fenicsx.materials.common import MATERIALS, find
+from perfplast_fenicsx.materials.common import MATERIALS
+from perfplast_fenicsx.materials.material_table import find
+from perfplast_fenicsx.materials.soil import SOILS
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
 from perfplast_fenicsx.report.mesh_page import FaceRow, mesh_page
 from perfplast_fenicsx.units import SYSTEMS, Name
@@ -113,12 +115,24 @@ def _pairs(option: str, given: Sequence[str], wanted: str) -> dict[str, float]:
 
 
 def common_materials(system: Name) -> str:
-    """The table of common materials in a system of units."""
-    rows = [("material", "young", "poisson", "yield_stress", "", "source")]
+    """The tables of common materials and of soils in a system of units."""
+    units = SYSTEMS[system]
+    rows: list[tuple[str, ...]] = [("material", "young", "poisson", "yield_stress", "", "source")]
     for one in (material.in_system(system) for material in MATERIALS):
         numbers = (f"{one.young:g}", f"{one.poisson:g}", f"{one.yield_stress:g}")
         rows.append((one.name, *numbers, one.what, one.source))
-    return "\n".join([f"Stresses in {SYSTEMS[system].stress}.", *_aligned(rows)])
+    text = [f"Stresses in {units.stress}.", *_aligned(rows)]
+    rows = [
+        ("ground", "young", "poisson", "cohesion", "friction_angle", "unit weight", "", "source")
+    ]
+    for soil in (soil.in_system(system) for soil in SOILS):
+        strength = (f"{soil.cohesion:g}", f"{soil.friction_angle:g}", f"{soil.unit_weight:g}")
+        rows.append(
+            (soil.name, f"{soil.young:g}", f"{soil.poisson:g}", *strength, soil.what, soil.source)
+        )
+    weight = f"{units.force}/{units.length}^3"
+    text += ["", f'Ground that drains, law = "mohr-coulomb"; unit weights in {weight}.']
+    return "\n".join([*text, *_aligned(rows)])
 
 
 def describe(survey: Survey) -> str:

@@ -247,8 +247,8 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
     materials = commands.add_parser(
         "materials",
         help="show numbers of common materials, with their sources",
-        description="Show numbers of common steels, aluminium, concrete and clay to start from,"
-        " with their sources. A design goes by its standard itself.",
+        description="Show numbers of common steels, aluminium, concrete, clay and ground to start"
+        " from, with their sources. A design goes by its standard itself.",
     )
     materials.add_argument(
         "--units",

@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass, replace
 
-from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.units import SYSTEMS, Name
 
 TABLE: Name = "mm-N-MPa"
@@ -81,22 +80,6 @@ MATERIALS = (
 """In :data:`TABLE`. Of each class of clays the least strength."""
 
 
-def find(name: str, system: Name = TABLE) -> Common:
-    """The material of a name.
-
-    Args:
-        name: In lower or upper case.
-        system: The units of its numbers.
-
-    Raises:
-        InputError: If there is none.
-    """
-    names = {material.name: material for material in MATERIALS}
-    if name.lower() not in names:
-        raise InputError(f"there is no material '{name}' in the table; {nearest(name, names)}")
-    return names[name.lower()].in_system(system)
-
-
 def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -> list[str]:
     """What is to be said of numbers that no material has, a sentence each.
 
@@ -127,41 +110,3 @@ def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -
                 " (steel 0.001); are both in the same unit"
             )
     return told
-
-
-def check_units(young: float, poisson: float, yield_stress: float, system: Name) -> None:
-    """Refuse numbers that are those of a common material in another system of units.
-
-    Args:
-        young: Of a material (stress).
-        poisson: Of it.
-        yield_stress: Of it (stress).
-        system: What they are said to be in.
-
-    Raises:
-        InputError: With the numbers in this system.
-    """
-    if _known(young, poisson, yield_stress, system):
-        return
-    for other in SYSTEMS:
-        one = _known(young, poisson, yield_stress, other)
-        if one is not None:
-            meant = one.in_system(system)
-            raise InputError(
-                f"young = {young:g} and yield_stress = {yield_stress:g} are those of '{one.name}'"
-                f" in {SYSTEMS[other].stress}, but by [units] stresses are in"
-                f" {SYSTEMS[system].stress}; write young = {meant.young:g} and yield_stress ="
-                f" {meant.yield_stress:g}."
-            )
-
-
-def _known(young: float, poisson: float, yield_stress: float, system: Name) -> Common | None:
-    """The common material that has these numbers in a system."""
-    # Relative difference of numbers that were copied from a table of six digits.
-    copied = 1e-5
-    for one in MATERIALS:
-        here = one.in_system(system)
-        given, table = (young, poisson, yield_stress), (here.young, here.poisson, here.yield_stress)
-        if all(math.isclose(a, b, rel_tol=copied) for a, b in zip(given, table, strict=True)):
-            return one
-    return None

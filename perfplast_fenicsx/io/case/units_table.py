@@ -8,8 +8,9 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.io.case.schema import Table, at, convert
-from perfplast_fenicsx.materials.common import check_units, odd_numbers
+from perfplast_fenicsx.materials.common import odd_numbers
 from perfplast_fenicsx.materials.laws import Material
+from perfplast_fenicsx.materials.material_table import check_soil_units, check_units
 from perfplast_fenicsx.parallel import bounding_box
 from perfplast_fenicsx.units import Units
 
@@ -65,10 +66,11 @@ def read_units(table: Table, materials: Mapping[str, Material], name: str) -> Un
     if units.name is None:
         return units
     # What `perfplast materials` shows of a material.
-    copied = ("young", "poisson", "yield_stress")
-    for body, material in materials.items():
-        if all(hasattr(material, key) for key in copied):
-            young, poisson, yield_stress = (getattr(material, key) for key in copied)
-            with at(f"{name}, [material.{body}]"):
-                check_units(young, poisson, yield_stress, units.name)
+    for strength, check in (("yield_stress", check_units), ("cohesion", check_soil_units)):
+        copied = ("young", "poisson", strength)
+        for body, material in materials.items():
+            if all(hasattr(material, key) for key in copied):
+                young, poisson, most = (getattr(material, key) for key in copied)
+                with at(f"{name}, [material.{body}]"):
+                    check(young, poisson, most, units.name)
     return units

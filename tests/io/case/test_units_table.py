@@ -11,6 +11,7 @@ from perfplast_fenicsx.cli.run import BAD_INPUT
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.load_words import load_in_words, meaning
+from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.von_mises import VonMises
 from perfplast_fenicsx.problem.declared.loads import Force, PorePressure, Pressure
@@ -71,6 +72,16 @@ def test_refused(comm: MPI.Intracomm, shared_tmp_path: Path, units: str, says: s
         read_case(path)
 
 
+def test_ground_in_other_units(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    ground = {"lower": MohrCoulomb(4.0, 0.3, 0.013, 17.5), "upper": Elastic(210000.0, 0.3)}
+    mesh = {"builder": "stacked_blocks", "n": 1}
+    more = f'{LOADING}[units]\nsystem = "m-kN-kPa"\n'
+    case = case_text(mesh, ground, [Support("bottom")], more=more)
+    path = write_case(comm, shared_tmp_path / "case.toml", case)
+    with pytest.raises(InputError, match=r"lower\]: .* write young = 4000 and cohesion = 13\."):
+        read_case(path)
+
+
 def test_commands(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -88,3 +99,6 @@ def test_commands(
         assert [line.split()[1:4] for line in out.splitlines() if "s355" in line] == [
             ["2.1e+08", "0.3", "355000"]
         ]
+        assert "unit weights in kN/m^3" in out
+        clay = [line.split()[1:6] for line in out.splitlines() if "  clay-stiff-drained" in line]
+        assert clay == [["4000", "0.3", "13", "17.5", "19"]]
