@@ -24,6 +24,7 @@ class Given:
         contacts: Some of which may overlap more and more.
         strained: Whether bodies are strained at first, or overlap so.
         initial: What strains them.
+        elastic: Whether none of the bodies can yield.
     """
 
     loads: Sequence[Load]
@@ -32,6 +33,7 @@ class Given:
     contacts: Sequence[Contact]
     strained: bool
     initial: Sequence[Initial] = ()
+    elastic: bool = False
 
     @property
     def movers(self) -> tuple[Mover, ...]:

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from perfplast_fenicsx.controls.control import OfBody, Run
 from perfplast_fenicsx.controls.given import Given
-from perfplast_fenicsx.limit_analysis.body.safety_factor import check_staying, factor_of_safety
+from perfplast_fenicsx.limit_analysis.body.safety_factor import check_stands, factor_of_safety
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 
@@ -33,10 +33,10 @@ class StrengthControl(OfBody):
         check_tolerance(self.limit_tolerance)
 
     def check(self, given: Given) -> None:
-        """Refuse bodies without loads, loads that grow, and obstacles that move."""
+        """Refuse elastic bodies, or without loads, loads that grow, and obstacles that move."""
         given.require_load()
         given.refuse_moves()
-        check_staying(given.loads)
+        check_stands(given.loads, given.elastic)
 
     def find(self, run: Run) -> LimitLoad:
         """Find both factors. Collective."""

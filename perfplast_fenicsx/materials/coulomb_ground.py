@@ -7,6 +7,7 @@ from typing import ClassVar
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.elastic import Elastic, require_positive
 from perfplast_fenicsx.materials.mohr_coulomb import MohrCoulombLaw, TrescaLaw
+from perfplast_fenicsx.materials.nonassociated_flow import check_dilatancy
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,7 @@ class MohrCoulomb:
         cohesion: Stress, positive.
         friction_angle: Degrees, between 0 and 90; dilatancy is the same.
         expansion: Strain of a change of temperature by one degree (1/temperature).
+        dilatancy_angle: Degrees; none but that of friction, which it is where it is left out.
 
     Raises:
         InputError: If a number is out of its range.
@@ -80,6 +82,7 @@ class MohrCoulomb:
     cohesion: float
     friction_angle: float
     expansion: float = 0.0
+    dilatancy_angle: float | None = None
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
@@ -89,6 +92,7 @@ class MohrCoulomb:
                 f"friction_angle = {self.friction_angle} is not between 0 and 90 degrees; give the"
                 " angle of friction, or law = 'tresca' for ground without friction."
             )
+        check_dilatancy(self.dilatancy_angle, self.friction_angle, self.cohesion)
 
     @property
     def bulk(self) -> float:
@@ -107,7 +111,12 @@ class MohrCoulomb:
             factor: F > 0.
         """
         angle = math.degrees(math.atan(math.tan(math.radians(self.friction_angle)) / factor))
-        return replace(self, cohesion=self.cohesion / factor, friction_angle=angle)
+        return replace(
+            self,
+            cohesion=self.cohesion / factor,
+            friction_angle=angle,
+            dilatancy_angle=None,
+        )
 
     def parameters(self) -> dict[str, float]:
         """κ, μ, s and b of :class:`MohrCoulombLaw`."""

@@ -26,6 +26,7 @@ from perfplast_fenicsx.materials.elastic import Elastic, require_positive
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
+from perfplast_fenicsx.materials.nonassociated_flow import check_dilatancy
 from perfplast_fenicsx.materials.yield_set import Cone, axial_cone
 from perfplast_fenicsx.rounding import TINY
 
@@ -190,6 +191,7 @@ class DruckerPrager:
         friction_angle: Of Mohr and Coulomb (degrees), between 0 and 90; dilatancy is the same.
         match: In which states of stress the cone has the strength of Mohr and Coulomb.
         expansion: Strain of a change of temperature by one degree (1/temperature).
+        dilatancy_angle: Degrees; none but that of friction, which it is where it is left out.
 
     Raises:
         InputError: If a number is out of its range.
@@ -203,6 +205,7 @@ class DruckerPrager:
     friction_angle: float
     match: Match
     expansion: float = 0.0
+    dilatancy_angle: float | None = None
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
@@ -214,6 +217,7 @@ class DruckerPrager:
                 " yield_stress = √3 times its cohesion."
             )
         check_choice("match", self.match, ("plane-strain", "compression", "extension"))
+        check_dilatancy(self.dilatancy_angle, self.friction_angle, self.cohesion)
 
     @property
     def bulk(self) -> float:
@@ -248,7 +252,12 @@ class DruckerPrager:
             factor: F > 0.
         """
         angle = math.degrees(math.atan(math.tan(math.radians(self.friction_angle)) / factor))
-        return replace(self, cohesion=self.cohesion / factor, friction_angle=angle)
+        return replace(
+            self,
+            cohesion=self.cohesion / factor,
+            friction_angle=angle,
+            dilatancy_angle=None,
+        )
 
     def parameters(self) -> dict[str, float]:
         """κ, μ, η and c of :class:`DruckerPragerLaw`."""

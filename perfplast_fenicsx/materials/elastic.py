@@ -1,7 +1,7 @@
 """Linear elasticity."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -141,3 +141,8 @@ def require_positive(field: str, value: float) -> None:
     if not (value > 0 and math.isfinite(value)):
         raise InputError(f"{field} = {value} is not a positive number; give it in stress units.")
     check_magnitude(field, value)
+
+
+def all_elastic(materials: Iterable[object]) -> bool:
+    """Whether none of these materials can yield."""
+    return all(isinstance(material, Elastic) for material in materials)

@@ -36,6 +36,7 @@ from perfplast_fenicsx.io.case.tables import (
 )
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitMethod, method_for
+from perfplast_fenicsx.materials.elastic import all_elastic
 from perfplast_fenicsx.materials.laws import Material
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.initial import Initial
@@ -112,7 +113,8 @@ class Case:
             loads = combination.of(self.loads)
             movers = (self.obstacles, self.contacts)
             held: list[Support | RigidSurface] = [*self.supports, *self.rigid]
-            self.loading.check(Given(loads, held, *movers, strained, self.initial))
+            elastic = all_elastic(self.materials.values())
+            self.loading.check(Given(loads, held, *movers, strained, self.initial, elastic))
             return replace(
                 self,
                 title=f"{self.title}: {combination.name}",

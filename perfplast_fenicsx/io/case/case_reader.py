@@ -35,6 +35,7 @@ from perfplast_fenicsx.io.case.tables import (
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.io.case.units_table import read_units
+from perfplast_fenicsx.materials.elastic import all_elastic
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.problem.declared.initial import Initial, InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.loads import Load
@@ -127,7 +128,9 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         if stages := loading.in_turn():
             check_stages(stages, loads, initial, [*held, *rigid, *obstacles, *touching])
     with at(place):
-        loading.check(Given(loads, [*held, *rigid], obstacles, touching, strained, initial))
+        elastic = all_elastic(materials.values())
+        given = Given(loads, [*held, *rigid], obstacles, touching, strained, initial, elastic)
+        loading.check(given)
     mesh = read_mesh(top.mesh, top.geometry, name)
     model = convert(top.model, ModelOptions, f"{name}, [model]")
     return Case(

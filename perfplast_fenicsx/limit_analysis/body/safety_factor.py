@@ -20,7 +20,7 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, limit_
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
-from perfplast_fenicsx.materials.elastic import Elastic
+from perfplast_fenicsx.materials.elastic import all_elastic
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
@@ -99,7 +99,7 @@ def factor_of_safety(
             :func:`body_bounds.limit_bounds`.
     """
     check_tolerance(tolerance)
-    _check(problem)
+    check_stands(problem.given.loads, all_elastic(problem.given.materials.values()))
     below, above = _curves(problem, tolerance, monitor, steps, adaptation)
     lower, upper = below.root("lower"), above.root("upper")
     rows: dict[float, tuple[float | None, float | None]] = {}
@@ -163,22 +163,21 @@ def weakened(problem: Problem, factor: float) -> Problem:
     return variant(problem, materials=materials)
 
 
-def _check(problem: Problem) -> None:
-    """Refuse loads that grow, and bodies of which none can yield. Not collective."""
-    if all(isinstance(material, Elastic) for material in problem.given.materials.values()):
+def check_stands(loads: Sequence[Load], elastic: bool) -> None:
+    """Refuse loads that grow, and bodies of which none can yield.
+
+    Args:
+        loads: Of the bodies.
+        elastic: Whether none of them can yield.
+
+    Raises:
+        InputError: Naming the first one that grows.
+    """
+    if elastic:
         raise InputError(
             "all bodies are elastic, and have no strength that could fall; give those that may"
             " yield another law."
         )
-    check_staying(problem.given.loads)
-
-
-def check_staying(loads: Sequence[Load]) -> None:
-    """Refuse loads that grow.
-
-    Raises:
-        InputError: Naming the first one.
-    """
     for load in loads:
         if not load.constant:
             raise InputError(
