@@ -11,7 +11,7 @@ def check_cohesion(problem: Problem) -> None:
     Raises:
         InputError: If loads do not both stay and grow.
     """
-    grows, stays = problem.loads.grows(), not problem.loads.is_proportional()
+    grows, stays = problem.loads.grows(), problem.loads.has_dead()
     if body_cones(problem).all_loose and not (grows and stays):
         raise InputError(
             "cohesion = 0: ground without cohesion is as strong as constant loads press it, and"
