@@ -18,6 +18,7 @@ import ufl
 from perfplast_fenicsx.materials.mandel import Expr, spherical, trace
 from perfplast_fenicsx.materials.principal_axes import principal_axes
 from perfplast_fenicsx.materials.yield_set import PrincipalCone
+from perfplast_fenicsx.rounding import TINY
 
 
 @dataclass(frozen=True)
@@ -37,10 +38,13 @@ class CoulombSet:
         return ufl.sqrt(1 - ufl.as_ufl(self.sine) ** 2)
 
     def gauge(self, s: Expr) -> Expr:
-        """(σ₁ − σ₃ + (σ₁ + σ₃) sin φ)/(2c cos φ), and 0 where pressure makes it negative."""
+        """(σ₁ − σ₃ + (σ₁ + σ₃) sin φ)/(2c cos φ), and 0 where pressure makes it negative.
+
+        Huge where c = 0.
+        """
         most, _, least = principal(s)
         size = (most - least) + (most + least) * self.sine
-        return ufl.max_value(size, 0.0) / (2 * self.cohesion * self._cosine)
+        return ufl.max_value(size, 0.0) / ufl.max_value(2 * self.cohesion * self._cosine, TINY)
 
     def support(self, rate: Expr) -> Expr:
         """C cot φ tr rate, where tr rate ≥ sin φ Σ|ε_i| with the principal rates ε_i.

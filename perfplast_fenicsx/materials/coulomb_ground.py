@@ -5,7 +5,11 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.materials.elastic import Elastic, require_positive
+from perfplast_fenicsx.materials.elastic import (
+    Elastic,
+    require_not_negative,
+    require_positive,
+)
 from perfplast_fenicsx.materials.mohr_coulomb import MohrCoulombLaw, TrescaLaw
 from perfplast_fenicsx.materials.nonassociated_flow import check_dilatancy
 
@@ -66,7 +70,7 @@ class MohrCoulomb:
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
-        cohesion: Stress, positive.
+        cohesion: Stress, zero of clean sand.
         friction_angle: Degrees, between 0 and 90; dilatancy is the same.
         expansion: Strain of a change of temperature by one degree (1/temperature).
         dilatancy_angle: Degrees; none but that of friction, which it is where it is left out.
@@ -86,7 +90,7 @@ class MohrCoulomb:
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
-        require_positive("cohesion", self.cohesion)
+        require_not_negative("cohesion", self.cohesion)
         if not 0 < self.friction_angle < 90:
             raise InputError(
                 f"friction_angle = {self.friction_angle} is not between 0 and 90 degrees; give the"

@@ -22,7 +22,7 @@ from typing import ClassVar, Literal
 import ufl
 
 from perfplast_fenicsx.errors import InputError, check_choice
-from perfplast_fenicsx.materials.elastic import Elastic, require_positive
+from perfplast_fenicsx.materials.elastic import Elastic, require_not_negative
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
@@ -48,9 +48,9 @@ class DruckerPragerSet:
     strength: Expr
 
     def gauge(self, s: Expr) -> Expr:
-        """(‖dev σ‖/√2 + η tr σ/3)/c, and 0 where pressure makes it negative."""
+        """(‖dev σ‖/√2 + η tr σ/3)/c, and 0 where pressure makes it negative; huge of c = 0."""
         size = _size(deviator(s)) / math.sqrt(2) + self.slope * trace(s) / 3
-        return ufl.max_value(size, 0.0) / self.strength
+        return ufl.max_value(size, 0.0) / ufl.max_value(self.strength, TINY)
 
     def support(self, rate: Expr) -> Expr:
         """(c/η) tr rate, where tr rate ≥ √2 η‖dev rate‖."""
@@ -187,7 +187,7 @@ class DruckerPrager:
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
-        cohesion: Of Mohr and Coulomb (stress), positive.
+        cohesion: Of Mohr and Coulomb (stress), zero of clean sand.
         friction_angle: Of Mohr and Coulomb (degrees), between 0 and 90; dilatancy is the same.
         match: In which states of stress the cone has the strength of Mohr and Coulomb.
         expansion: Strain of a change of temperature by one degree (1/temperature).
@@ -209,7 +209,7 @@ class DruckerPrager:
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
-        require_positive("cohesion", self.cohesion)
+        require_not_negative("cohesion", self.cohesion)
         if not 0 < self.friction_angle < 90:
             raise InputError(
                 f"friction_angle = {self.friction_angle} is not between 0 and 90 degrees; give the"

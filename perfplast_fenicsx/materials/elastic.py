@@ -132,6 +132,17 @@ class ElasticSheet(Elastic):
     law: ClassVar[type[ElasticSheetLaw]] = ElasticSheetLaw
 
 
+def require_not_negative(field: str, value: float) -> None:
+    """Refuse a number of a material that is negative.
+
+    Raises:
+        InputError: Naming the field and the value.
+    """
+    if not (value >= 0 and math.isfinite(value)):
+        raise InputError(f"{field} = {value} is negative or no number; give zero or more.")
+    check_magnitude(field, value)
+
+
 def require_positive(field: str, value: float) -> None:
     """Refuse a number of a material that is not positive.
 

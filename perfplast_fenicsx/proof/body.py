@@ -30,7 +30,7 @@ class Body:
         cells: Their vertices, shape (num_cells, d + 1).
         cone: Number of the cone that bounds the stress of each cell, shape (num_cells,); −1 of
             elastic ones.
-        cone_bound: c of each cone ‖Mσ‖ ≤ c − q·σ (:class:`cones.Cones`), shape (num_cones,).
+        cone_bound: c ≥ 0 of each cone ‖Mσ‖ ≤ c − q·σ (:class:`cones.Cones`), shape (num_cones,).
         cone_slope: q, shape (num_cones, m), m = 3 in the plane and 6 in space.
         cone_matrix: M, shape (num_cones, m, m).
         cone_sine: s of each bound (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses, which has q = 0
@@ -50,8 +50,7 @@ class Body:
         contact_friction: μ ≥ 0 of each: the shear may be larger by μ times the pressure.
         obstacles: Tags of surfaces that cannot enter a half space.
         obstacle_normals: Unit vectors into these, shape (num_obstacles, d).
-        obstacle_adhesion: As of contacts.
-        obstacle_friction: The same.
+        obstacle_adhesion, obstacle_friction: As of contacts.
     """
 
     vertices: Floats
@@ -131,10 +130,8 @@ class Body:
         places = self.vertices[self.cells]
         check_cells(places, self.volumes, lambda: self.gradients)
         if self.is_revolved:
-            for loads in kinds.values():  # each: they may cancel
-                check_sections(places, loads.pore_pressure)
-            if rigid:
-                raise ProofError("rigid surfaces are not known of bodies of revolution.")
+            pores = [loads.pore_pressure for loads in kinds.values()]
+            check_sections(places, pores, rigid=rigid > 0, loose=self.loose)
         self._check_facets()
 
     @classmethod
@@ -186,6 +183,11 @@ class Body:
     def plastic(self) -> Flags:
         """Cells that can yield."""
         return self.cone >= 0
+
+    @property
+    def loose(self) -> bool:
+        """Whether any cell has a cone without a bound."""
+        return bool((self.cone_bound[self.cone[self.plastic]] == 0).any())
 
     @cached_property
     def cones(self) -> Cones:

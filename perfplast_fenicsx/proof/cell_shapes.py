@@ -1,6 +1,6 @@
 """Whether cells have shapes to compute with, and are sections of rings where that is said."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -36,17 +36,23 @@ def check_cells(places: Floats, volumes: Floats, gradients: Callable[[], Floats]
         raise ProofError("cells are too small or too large to compute with.")
 
 
-def check_sections(places: Floats, pores: Floats) -> None:
-    """Make sure that cells can be sections of rings, without pressure in their pores.
+def check_sections(places: Floats, pores: Iterable[Floats], rigid: bool, loose: bool) -> None:
+    """Make sure that cells can be sections of rings, and of what is known of these.
 
     Args:
         places: Of the cells' vertices.
-        pores: The pressure.
+        pores: Pressures in pores of each kind of loads, which may cancel.
+        rigid: Whether a surface is rigid.
+        loose: Whether a cone has no bound.
 
     Raises:
         ProofError: If they cannot.
     """
     if places.shape[2] != 2 or places[..., 0].min() < 0:
         raise ProofError("bodies of revolution reach to negative radii, or are no sections.")
-    if pores.any():
+    if rigid:
+        raise ProofError("rigid surfaces are not known of bodies of revolution.")
+    if loose:
+        raise ProofError("a cone has no bound, which is told of no body of revolution.")
+    if any(pressure.any() for pressure in pores):
         raise ProofError("pressures in pores are not known of bodies of revolution.")

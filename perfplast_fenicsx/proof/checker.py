@@ -185,7 +185,7 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     left = measure_stress(body, stress, (claimed * body.sought, body.constant, other * body.others))
     faults = (*_reasons(overlaps, left.reason), *_left(left.measured))
     over = max(left.measured.get(name, 0.0) for name in RATIOS)
-    if body.constant and not over <= 1:  # such a stress cannot be made smaller
+    if (body.constant or body.loose) and not over <= 1:  # such a stress cannot be made smaller
         faults = (*faults, f"stresses are {over:.17g} times as large as they may be")
     proven = None if faults else claimed / max(1.0, over)
     sums = (

@@ -69,7 +69,7 @@ class Cones:
     """Those of all materials, by number.
 
     Attributes:
-        bound: c > 0 (stress), shape (num_cones,).
+        bound: c ≥ 0 (stress), 0 where the set is a cone from zero; shape (num_cones,).
         slope: q, shape (num_cones, m).
         matrix: M, of rank m or m − 1, rows of zeros allowed; shape (num_cones, m, m).
         sine: s of bounds of principal stresses, of which M and q are zero; NaN of others; shape
@@ -98,8 +98,8 @@ class Cones:
         n = len(self.bound) if self.bound.ndim == 1 else -1
         if n < 0 or self.slope.shape != (n, m) or self.matrix.shape != (n, m, m):
             raise ProofError("the shape of cone_bound, cone_slope or cone_matrix fits nothing.")
-        if not (np.isfinite(self.bound) & (self.bound > 0)).all():
-            raise ProofError("a cone's bound is not positive and finite.")
+        if not (np.isfinite(self.bound) & (self.bound >= 0)).all():
+            raise ProofError("a cone's bound is not positive and finite, nor zero.")
         if not (np.isfinite(self.slope).all() and np.isfinite(self.matrix).all()):
             raise ProofError("a cone's slope or matrix is not finite.")
         if self.sine.shape != (n,):
@@ -111,6 +111,8 @@ class Cones:
         spaces = (4, 6)  # components of stresses with three principal values: of rings, of space
         if principal.any() and m not in spaces:
             raise ProofError("cone_sine is of principal stresses of space, and this is the plane.")
+        if not (self.bound[principal] > 0).all():
+            raise ProofError("a bound of principal stresses is not positive.")
         if self.slope[principal].any() or self.matrix[principal].any():
             raise ProofError("a cone of principal stresses has a slope or a matrix.")
         sizes = [np.abs(part).reshape(n, -1).max(axis=1) for part in (self.slope, self.matrix)]
@@ -126,6 +128,8 @@ class Cones:
         last = values[:, -1:]
         if not ((last <= ROUNDED * largest) | (last > RANK * largest)).all():
             raise ProofError("a cone's matrix is nearly singular.")
+        if not (self.grows | (self.bound > 0)).all():
+            raise ProofError("a cone's bound is not positive, and no slope closes it.")
         pull, size = np.abs(self._pull), np.linalg.norm(self.slope, axis=1)
         if not (~self.has_null | (pull <= ROUNDED * size) | (pull > RANK * size)).all():
             raise ProofError("a cone's slope along what its matrix leaves free is nearly zero.")
@@ -177,8 +181,28 @@ class Cones:
         steepest = np.where(self.is_principal, np.sqrt(2 * (1 + sines**2)), values)
         return np.asarray(self.bound / steepest, dtype=np.float64)
 
+    def own_radius(self, at: Longs, stress: Floats) -> Floats:
+        """The same of each cell; where c = 0 what the stress has itself, −q·σ in the place of c.
+
+        That is the least of the cell's places at which there is any stress, ∞ where it has none.
+
+        Args:
+            at: Cone of each cell, shape (num_cells,).
+            stress: Vectors at some places of each, shape (num_cells, places, m).
+        """
+        found = self.radius[at]
+        loose = self.bound[at] == 0
+        if loose.any():
+            steepest = np.linalg.svd(self.matrix, compute_uv=False)[at[loose], 0]
+            heads = -np.einsum("ci,cvi->cv", self.slope[at[loose]], stress[loose])
+            borne = np.where(stress[loose].any(axis=2), np.maximum(heads, 0.0), np.inf)
+            found[loose] = borne.min(axis=1) / steepest
+        return found
+
     def ratios(self, at: Longs, stress: Floats) -> Floats:
         """(‖Mσ‖ + q·σ)/c, the like of principal stresses: the stress over it keeps to the cone.
+
+        Where c = 0 it is ‖Mσ‖/(−q·σ), 0 of no stress: at most 1 where the stress keeps to the cone.
 
         Args:
             at: Cone of each cell, shape (num_cells,).
@@ -190,7 +214,12 @@ class Cones:
         if here.any():
             s, values = self.sine[at[here], None], eigenvalues(stress[here])
             along[here] = (1 + s) * values[..., 2] - (1 - s) * values[..., 0]
-        found: Floats = (sizes + along) / self.bound[at, None]
+        loose = self.bound[at] == 0
+        found: Floats = (sizes + along) / np.where(loose, 1.0, self.bound[at])[:, None]
+        if loose.any():
+            pressed = along[loose] < 0
+            own = np.where(pressed, sizes[loose] / np.where(pressed, -along[loose], 1.0), np.inf)
+            found[loose] = np.where(stress[loose].any(axis=2), own, 0.0)
         return found
 
     def lacking(self, at: Longs, rates: Floats) -> Floats:

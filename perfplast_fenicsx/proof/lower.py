@@ -72,9 +72,9 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     """
     loads = sum(kinds[1:], start=kinds[0])
     rigid = rigid_of(body)
-    d, radii, effective = body.dim, _strengths(body), stress
+    d, radii, effective = body.dim, _strengths(body, stress), stress
     stress = stress if body.is_revolved else loads.total(effective)
-    weakest = float(radii.min())
+    weakest = _least(radii)
     section = body.volumes ** ((d - 1) / d)  # radii of rings have r in them
     vector, divergence = _balance(body, stress, loads)
     left_in = np.linalg.norm(divergence, axis=2)
@@ -89,7 +89,7 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     around = radii.copy()
     for side in (0, 1):
         np.minimum.at(around, inner[:, side] // (d + 1), between)
-    outer, forces, reason = _outer(body, stress, loads, rigid)
+    outer, forces, reason = _outer(body, stress, loads, rigid, radii)
     size = np.ptp(body.vertices[body.cells], axis=1).max(axis=1)
     ratios = {
         "equilibrium": left_in.max(axis=1) * size / _finite(around, weakest),
@@ -113,6 +113,12 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     return Left(measured, forces, loaded, reason)
 
 
+def _least(radii: Floats) -> float:
+    """The least radius, the smallest number where there is none at all."""
+    least = float(radii.min())
+    return least if 0 < least < np.inf else float(np.finfo(np.float64).tiny)
+
+
 def _finite(radii: Floats, weakest: float) -> Floats:
     """Those that are finite, and the weakest for the others."""
     return np.where(np.isfinite(radii), radii, weakest)
@@ -131,10 +137,13 @@ def _largest(values: Floats) -> float:
     return largest if np.isfinite(largest) else np.inf
 
 
-def _strengths(body: Body) -> Floats:
-    """What cells bear of a stress, or of S."""
-    radii = body.yield_radius
-    return radii * radii_of(body).max(axis=1) if body.is_revolved else radii
+def _strengths(body: Body, stress: Floats) -> Floats:
+    """What cells bear of a stress, or of S: their yield radius, or without cohesion the stress."""
+    found, plastic = body.yield_radius.copy(), body.plastic
+    if body.is_revolved:
+        return found * radii_of(body).max(axis=1)
+    found[plastic] = body.cones.own_radius(body.cone[plastic], vectors(stress[plastic]))
+    return found
 
 
 def _balance(body: Body, stress: Floats, loads: Loads) -> tuple[Floats, Floats]:
@@ -180,7 +189,7 @@ def _tractions(body: Body, stress: Floats, sides: Longs, places: Longs, normals:
 
 
 def _outer(
-    body: Body, stress: Floats, loads: Loads, rigid: Sequence[Rigid]
+    body: Body, stress: Floats, loads: Loads, rigid: Sequence[Rigid], strengths: Floats
 ) -> tuple[dict[str, Floats], float, str | None]:
     """What is left on outer facets, relative to the weakest; the sum of forces, and a reason."""
     d = body.dim
@@ -195,7 +204,7 @@ def _outer(
     into = np.zeros_like(body.normals)  # where contact pushes from: σn = λt − p into
     times = np.zeros(len(into), dtype=int)
     adhesion, friction = np.zeros(len(into)), np.zeros(len(into))
-    radii = _strengths(body)[cells]
+    radii = strengths[cells]
     pairs: list[Touching] = [touching(body, one, other) for one, other in body.contacts]
     reason = None
     for pair, c, mu in zip(pairs, body.contact_adhesion, body.contact_friction, strict=True):
@@ -222,7 +231,7 @@ def _outer(
         adhesion[facets], friction[facets] = c, mu
     if (times > 1).any():
         reason = "a facet touches two others"
-    radii = _finite(radii, float(_strengths(body).min()))[:, None]
+    radii = _finite(radii, _least(strengths))[:, None]
     glued = np.isin(body.surface, body.rigid)
     if (times[glued] > 0).any() or body.held[glued].any():
         reason = "a rigid surface is in contact, or held by supports"

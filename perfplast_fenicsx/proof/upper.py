@@ -77,6 +77,7 @@ class Flow:
         speed: The largest velocity.
         others: What loads of any factor 1 can do in all, by what is left of the conditions too.
         reason: Why the conditions of contact cannot be told, or None.
+        loose: Whether some cells dissipate nothing whatever they do.
     """
 
     measured: dict[str, float]
@@ -86,6 +87,7 @@ class Flow:
     speed: float
     others: float
     reason: str | None
+    loose: bool
 
     @property
     def excess(self) -> float:
@@ -95,7 +97,7 @@ class Flow:
     @property
     def size(self) -> float:
         """What is left of conditions is measured by it: where bodies part nothing is dissipated."""
-        return size_of(self.dissipation, self.excess)
+        return size_of(self.dissipation, self.excess, self.loose)
 
 
 def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
@@ -129,7 +131,7 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     stress = factor * at_one + at_zero
     left = (volumes, strains, contact.volume, of_plates)
     names = ("volume_change", "elastic_strain", "entering_work", "bending_work")
-    size = size_of(dissipation, dissipation - constant_work)
+    size = size_of(dissipation, dissipation - constant_work, body.loose)
     # Nor may what a body at its limit under constant loads dissipates hide what others have left.
     least = factor + (at_zero / at_one if at_one > 0 else 0.0)
     size = min(size, 1e3 * work * least) if work > 0 else size
@@ -150,7 +152,8 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     if body.is_revolved:
         measured["axis"] = _share(on_axis(body, v), fastest)
         speed = speed_of(body, v)
-    return Flow(measured, dissipation, work, constant_work, speed, others, contact.reason)
+    end = (contact.reason, body.loose)
+    return Flow(measured, dissipation, work, constant_work, speed, others, *end)
 
 
 def _motions(
@@ -173,10 +176,13 @@ def _middles(body: Body) -> Floats:
     return np.stack([x[:, pair].mean(axis=1) for pair in combinations(range(body.dim), 2)], axis=1)
 
 
-def size_of(dissipation: float, excess: float) -> float:
-    """What a mechanism dissipates, or a share of what loads have to do beyond others, if more."""
+def size_of(dissipation: float, excess: float, loose: bool) -> float:
+    """What a mechanism dissipates, or a share of what loads have to do beyond others, if more.
+
+    It is all of that where cells of no cohesion dissipate nothing.
+    """
     # Least dissipation that is counted, over the work of the loads whose factor is bounded.
-    least_share = 1e-3
+    least_share = 1.0 if loose else 1e-3
     return max(dissipation, least_share * abs(excess))
 
 

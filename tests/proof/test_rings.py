@@ -170,12 +170,20 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "a rigid surface": (both(rigid_surface), "rigid surfaces"),
     "pores that cancel": (both(pores_that_cancel), "pore|pressure"),
     "volume that changes": (high(lambda it: swell(it)), "volume change"),
+    "cones without a bound": (both(lambda it: loosen(it)), "no bound"),
     "no weight": (low(times("body_force", 0.0)), "equilibrium|different"),
     "a twist of the stress": (
         low(lambda it: it["stress"].__setitem__((0, 0, 0, 1), 7.0)),
         "asymmetry",
     ),
 }
+
+
+def loosen(them: Arrays) -> None:
+    """Sand, whose yield ratios are those of S, and not of S over r."""
+    normal = [1.0, 1.0, 1.0, 0.0]
+    slopes = np.tile(normal, (len(them["cone_bound"]), 1))
+    them.update(cone_bound=0.0 * them["cone_bound"], cone_slope=slopes)
 
 
 def swell(them: Arrays) -> None:

@@ -15,13 +15,12 @@ import numpy.typing as npt
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
+from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.body.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
 from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, Verdict
-from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
-from perfplast_fenicsx.limit_analysis.facets.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
@@ -143,7 +142,7 @@ def adaptive_bounds(
     adaptation = adaptation or Adaptation()
     adaptation.check(problem.tagged_mesh)
     adaptation.check_design(design)
-    problem = with_divided_corners(with_matching_facets(problem))
+    problem = with_room_for_stress(problem)
     began, rounds = time.perf_counter(), list[Round]()
     found = limit_bounds(problem, rtol, steps)
     low = high = found

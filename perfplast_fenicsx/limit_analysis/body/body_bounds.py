@@ -9,11 +9,13 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.body.bound_words import proven_words
 from perfplast_fenicsx.limit_analysis.body.parts_of_cells import of_parents, on_parts
 from perfplast_fenicsx.limit_analysis.body.ring_results import VelocityOf, of_displacements
 from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.discrete.cohesion import check_cohesion
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import (
     InteriorStep,
     Verdict,
@@ -24,8 +26,6 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED,
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_associated_slip
 from perfplast_fenicsx.limit_analysis.facets.contact_strength import strengths_of
 from perfplast_fenicsx.limit_analysis.facets.entering import without_entering
-from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
-from perfplast_fenicsx.limit_analysis.facets.lone_corners import with_divided_corners
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, check_known
 from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
 from perfplast_fenicsx.limit_analysis.statements.bound import (
@@ -190,7 +190,8 @@ def limit_bounds(
     check_loads(problem)
     if problem.tagged_mesh.axisymmetric:
         check_known(problem, body_cones(problem).dilates)
-    problem = with_divided_corners(with_matching_facets(problem))
+    check_cohesion(problem)
+    problem = with_room_for_stress(problem)
     check_stress_fits(problem)
     given, split = problem, None
     tagged_mesh = problem.tagged_mesh
@@ -220,7 +221,8 @@ def limit_bounds(
             _, dead, _ = bounds.question.of(
                 0.0, problem.loads.dead_work(bounds.mechanism.x.petsc_vec)
             )
-            power = measure_of(bounds.upper.value + dead, bounds.upper.value)
+            value, loose = bounds.upper.value, body_cones(problem).loose
+            power = measure_of(value + dead, value, loose)
             lower = beside_mechanism(lower, static.certificate, power, bounds.mechanism)
     stress = shares = None
     # parts of a tetrahedron that is not split for the mechanism are no cells of any mesh

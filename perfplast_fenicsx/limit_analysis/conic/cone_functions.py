@@ -31,7 +31,8 @@ class ConesAtPoints(Protocol):
 def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Floats:
     """By how much a stress exceeds yield, shape (count,): it is on the surface where 1 is found.
 
-    Negative where no multiple of the stress yields.
+    Negative where no multiple of the stress yields. Without cohesion, γ = 0, a multiple yields
+    where the stress does, and ‖s‖/(−αp) is found: how much steeper than the cone it is.
 
     Args:
         cones: The cones.
@@ -39,7 +40,10 @@ def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Fl
         deviator: s, shape (count, m).
     """
     sizes = np.linalg.norm(deviator, axis=1) + cones.slopes * pressure
-    ratios: Floats = sizes / cones.radii
+    loose = cones.radii == 0
+    ratios: Floats = sizes / np.where(loose, 1.0, cones.radii)
+    if loose.any():
+        ratios[loose] = _steepness(cones.slopes[loose] * pressure[loose], deviator[loose])
     if cones.tilts is not None:
         tilts = cones.tilts
         square = 1 - np.einsum("ni,ni->n", tilts, tilts)
@@ -49,6 +53,30 @@ def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Fl
         there = tilts.any(axis=1)
         ratios[there] = (tilted / cones.radii)[there]
     return cones.principal.put(ratios, cones.principal.ratios(pressure, deviator))
+
+
+def _steepness(heads: Floats, deviator: Floats) -> Floats:
+    """‖s‖/(−αp), 0 without any stress and ∞ where p does not press."""
+    sizes, rest = np.linalg.norm(deviator, axis=1), (heads <= 0) & ~deviator.any(axis=1)
+    found: Floats = np.divide(sizes, -heads, out=np.full_like(sizes, np.inf), where=heads < 0)
+    found[rest] = 0.0
+    return found
+
+
+def own_strengths(cones: ConesAtPoints, pressure: Floats) -> Floats:
+    """What is left of a stress is measured by it: γ, or −αp of a stress without cohesion.
+
+    Args:
+        cones: The cones.
+        pressure: p (stress), shape (count,).
+
+    Returns:
+        Shape (count,), ∞ where nothing yields or, without cohesion, there is no pressure.
+    """
+    heads = -cones.slopes * pressure
+    own = np.where(heads > 0, heads, np.inf)
+    found: Floats = np.where(cones.radii > 0, cones.radii, own)
+    return found
 
 
 def powers(cones: ConesAtPoints, trace: Floats, deviator: Floats) -> Floats:

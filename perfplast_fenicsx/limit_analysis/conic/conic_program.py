@@ -55,29 +55,28 @@ class ConicProgram:
         dead: L₀, less what ``carried_dead`` does.
         free: Loads of any factor, which may help to carry the others: they do no work on v.
         has_free: Whether there are any.
-        has_dead: Whether there is any L₀. A stress that is above yield cannot be scaled into it
-            then, and yield sets are taken as a little smaller.
-        jumps: Local (owned) entries of velocities that are jumps of contact pairs.
-        num_pairs: Contact pairs on all ranks together.
+        has_dead: Whether there is any L₀.
+        jumps: Local (owned) entries of velocities that are jumps of contact pairs, ``num_pairs`` on
+            all ranks together.
         plastic: Which points of this rank can yield, shape (count,): others are as elastic ones.
         weights: w, 1 in the mean, shape (count,).
-        strengths: γ of these, 1 where bodies bear the loads, and 0 of others, shape (count,).
-        blocks: Those among them whose principal stresses are bounded.
-        round: Which of them have a second-order cone instead, shape (count,).
-        radii: γ of the round points.
-        slopes: α of them.
-        dilating: Which of them dilate, α > 0.
+        sizes: Of strengths (stress), shape (count,): γ, or without cohesion α times a mean stress
+            of the constant loads; ∞ where nothing yields.
+        loose: Whether any point of any rank has no cohesion.
+        keeps: Whether no stress can be scaled into yield: beside constant loads, without cohesion.
+        strengths: Sizes of those that can yield, about 1 where bodies bear the loads, and 0 of
+            others, shape (count,).
+        blocks: Those whose principal stresses are bounded; round: which have a second-order cone.
+        radii: γ of the round points, about 1; slopes: α of them; dilating: which have α > 0.
         dilates: Whether any plastic point of any rank does.
         strongest: Largest γ (stress) of the plastic points.
         viscosities: γ of the round points over a rate that suits each.
         springs: Stiffness of contact that suits that of the bodies, shape (num_pairs,).
         degree: Round points, rows of semidefinite matrices and pairs of all ranks.
         stress_unit: What 1 is of σ.
-        load_unit: What 1 is of λ.
-        force_unit: What 1 is of r.
+        load_unit: What 1 is of λ, ``force_unit`` of r.
         carried: Stress that nothing bounds, of pressures and of points that are not plastic, which
-            balances a part of L; None of no part.
-        carried_dead: The same of L₀.
+            balances a part of L, ``carried_dead`` of L₀; None of no part.
     """
 
     def __init__(self, on: Discretisation, reserve: float) -> None:
@@ -85,22 +84,32 @@ class ConicProgram:
 
         Args:
             on: The discretisation.
-            reserve: Share of the strengths that beside dead loads is kept for what rounding leaves
-                of a stress.
+            reserve: Share of the strengths that is kept for what rounding leaves of a stress, where
+                one that is above yield cannot be scaled into it.
         """
-        self._reserve = reserve
+        self._reserve, self._of_slopes = reserve, on.proves_stress
         self.comm, self.strains, self.stiffness = on.comm, on.strains, on.stiffness
         strains, self.jumps = on.strains, on.jumps
-        finite = strains.radii[np.isfinite(strains.radii)]
+        self._loose = strains.radii == 0
+        finite = strains.radii[np.isfinite(strains.radii) & ~self._loose]
         mine = [strains.count, strains.weights.sum(), len(finite), (1 / finite).sum()]
-        points, volume, cones, weaknesses, pairs = self.comm.allreduce(
-            np.array([*mine, len(on.jumps)])
+        forces = [np.abs(of.array_r).sum() for of in (on.dead, on.load)]
+        points, volume, cones, weaknesses, pairs, loose, dead, live = self.comm.allreduce(
+            np.array([*mine, len(on.jumps), self._loose.sum(), *forces])
         )
         self.num_pairs = int(pairs)
         self._mean_weight = volume / points
         self.weights = strains.weights / self._mean_weight
         self.load, self.dead, self.free = on.load, on.dead, on.free
         self.has_dead, self.has_free = float(on.dead.norm()) > 0, float(on.free.norm()) > 0
+        self.loose, self.sizes = bool(loose), strains.radii
+        self.keeps = self.has_dead or self.loose
+        if loose:
+            mean = (dead or live) / volume ** (1 - 1 / strains.gdim)
+            mean = mean if dead or not cones else cones / weaknesses
+            self.sizes = np.where(self._loose, strains.slopes * mean, strains.radii)
+            finite = self.sizes[np.isfinite(self.sizes)]
+            cones, weaknesses = self.comm.allreduce(np.array([len(finite), (1 / finite).sum()]))
         self.load_unit = self.stress_unit = self.force_unit = 1.0
         self.springs: Floats = np.zeros(len(on.jumps))
         self.carried: Stress | None = None
@@ -114,18 +123,19 @@ class ConicProgram:
             unit: Of stress.
             strongest: Points of larger yield radii (stress) are as elastic ones.
         """
-        radii = self.strains.radii
         self.strongest = strongest
-        self.plastic = np.isfinite(radii) & (radii <= strongest)
-        unit_kept = unit / (1 - self._reserve if self.has_dead else 1.0)
-        self.strengths = np.where(self.plastic, radii, 0.0) / unit_kept
+        self.plastic = np.isfinite(self.sizes) & (self.sizes <= strongest)
+        left = 1 - self._reserve if self.keeps else 1.0
+        self.strengths = left / unit * np.where(self.plastic, self.sizes, 0.0)
         principal = self.strains.principal
-        self.blocks = Blocks(principal.those(self.plastic[principal.at]).divided(unit_kept))
+        self.blocks = Blocks(principal.those(self.plastic[principal.at]).divided(unit / left))
         self.round = self.plastic.copy()
         self.round[self.blocks.cones.at] = False
-        self.radii, self.slopes = self.strengths[self.round], self.strains.slopes[self.round]
+        slopes = self.strains.slopes * np.where(self._loose & self._of_slopes, left, 1.0)
+        self.slopes, loose = slopes[self.round], self._loose[self.round]
+        self.radii = np.where(loose, 0.0, self.strengths[self.round])
         self.dilating = self.slopes > 0
-        self.viscosities = np.minimum(self.radii**2, MOST_VISCOUS)
+        self.viscosities = np.minimum(self.strengths[self.round] ** 2, MOST_VISCOUS)
         mine = len(self.radii) + 2 * SIZE * self.blocks.cones.count
         dilating = np.count_nonzero(self.strains.slopes[self.plastic])
         many, some = self.comm.allreduce(np.array([mine, dilating]))
@@ -144,8 +154,7 @@ class ConicProgram:
 
     def stronger(self) -> float | None:
         """Least yield radius (stress) of points that cannot yield; None of none. Collective."""
-        radii = self.strains.radii
-        mine = float(radii[radii > self.strongest].min(initial=np.inf))
+        mine = float(self.sizes[self.sizes > self.strongest].min(initial=np.inf))
         least = float(self.comm.allreduce(mine, MPI.MIN))
         return least if np.isfinite(least) else None
 
@@ -160,8 +169,15 @@ class ConicProgram:
         Args:
             stress: In units of ``stress_unit``.
         """
-        ratios = yield_ratios(self.strains, *stress) * self.stress_unit
+        ratios = yield_ratios(self.strains, *(self.stress_unit * part for part in stress))
         return float(self.comm.allreduce(ratios.max(initial=0.0), MPI.MAX))
+
+    def start(self) -> Floats:
+        """Pressures in the middle of the cones of the round points, shape (count,)."""
+        found: Floats = np.zeros(self.strains.count)
+        room = self.strengths[self.round] - self.radii
+        found[self.round] = -room / np.where(room > 0, self.slopes, 1.0)
+        return found
 
     def members(self, stress: Stress) -> Floats:
         """(γ − αp, s + γt) of the round points, shape (num_round, 1 + m)."""

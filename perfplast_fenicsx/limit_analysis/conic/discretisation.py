@@ -158,6 +158,8 @@ class Discretisation:
         dead: L₀, loads that stay as they are, in the same.
         free: Loads of any factor.
         jumps: Local (owned) entries of velocities that are jumps [v] of contact pairs.
+        proves_stress: Whether it is the stress that is to be proven: without cohesion some of the
+            slope α is then kept for what rounding leaves, too.
     """
 
     comm: MPI.Intracomm
@@ -167,3 +169,4 @@ class Discretisation:
     dead: PETSc.Vec
     free: PETSc.Vec
     jumps: Ints
+    proves_stress: bool = False

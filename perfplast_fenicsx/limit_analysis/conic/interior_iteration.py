@@ -14,7 +14,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram
+from perfplast_fenicsx.limit_analysis.conic.conic_program import PROXIMAL, ConicProgram
 from perfplast_fenicsx.limit_analysis.conic.conic_unknowns import Unknowns
 from perfplast_fenicsx.limit_analysis.conic.newton_directions import NewtonDirections, Workspace
 from perfplast_fenicsx.limit_analysis.statements.bound import measure_of
@@ -42,14 +42,14 @@ class InteriorIteration:
         self._begun = False
         self._comm, self._jumps = program.comm, program.jumps
         self.velocity, self._work = program.create_vector(), Workspace(program)
-        stress = np.zeros((program.strains.count, program.strains.size))
-        S = program.members((stress[:, 0], stress))
+        stress, pressure = np.zeros((program.strains.count, program.strains.size)), program.start()
+        S = program.members((pressure, stress))
         Z = np.zeros_like(S)
-        Z[:, 0] = program.radii / program.viscosities
+        Z[:, 0] = program.strengths[program.round] / program.viscosities
         root = np.sqrt(program.springs)
         self._newton: NewtonDirections | None = None
         of_blocks = program.blocks.start()
-        self.now = Unknowns(0.0, 0.0, stress[:, 0].copy(), stress, S, Z, *of_blocks, root, 1 / root)
+        self.now = Unknowns(0.0, 0.0, pressure, stress, S, Z, *of_blocks, root, 1 / root)
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
@@ -82,7 +82,7 @@ class InteriorIteration:
     def size(self) -> float:
         """What differences of bounds are measured by (:func:`bound.measure_of`). Collective."""
         load = self.now.load
-        return measure_of(load + self.program.dead_work(self.velocity), load)
+        return measure_of(load + self.program.dead_work(self.velocity), load, self.program.loose)
 
     def missing_work(self) -> float:
         """|1 − L(v)|, and the work of loads of any factor. Collective."""
@@ -131,7 +131,8 @@ class InteriorIteration:
 
         Args:
             onwards: Towards the limit load; else towards the middle of the cones where it is, which
-                is all that is left to make the velocity right.
+                is all that is left to make the velocity right. Strains of elastic bodies are then
+                made rounding at once, by a δ that is the square of the usual one.
 
         Returns:
             Its length, at most 1; 0 where no direction was found.
@@ -142,7 +143,12 @@ class InteriorIteration:
         self._newton = None  # its factors go with what is factorised next
         self.balance()
         self._newton = newton = NewtonDirections(
-            self.program, self.now, self.velocity, self._work, factorised=not self._begun
+            self.program,
+            self.now,
+            self.velocity,
+            self._work,
+            factorised=not self._begun,
+            proximal=PROXIMAL if onwards else PROXIMAL**2,
         )
         self._begun = True
         here, mu = newton.products(), self.gap() / self.program.degree

@@ -60,6 +60,7 @@ class NewtonDirections:
         velocity: PETSc.Vec,
         work: Workspace,
         factorised: bool,
+        proximal: float = PROXIMAL,
     ) -> None:
         """Assemble and factorise K, and find what is the same for all directions. Collective.
 
@@ -69,12 +70,14 @@ class NewtonDirections:
             velocity: Its velocity.
             work: Vectors to work with; ``balance`` is what nothing balances there.
             factorised: Whether the last factors are those of K.
+            proximal: δ.
         """
         self._program, self._now, self._work = program, now, work
         self._contact = now.forces / now.rooms
         self.scaling = Scaling(now.S, now.Z)
         self._a, self._normal = self.scaling.moduli()
-        self._free = program.weights / PROXIMAL
+        self._proximal = proximal
+        self._free = program.weights / proximal
         self._trace, self._deviator = strain = program.strains.of(velocity)
         self._dilating = DilatingPoints(program, now, *strain) if program.dilates else None
         some = program.blocks.cones.count > 0
@@ -102,8 +105,11 @@ class NewtonDirections:
 
     def _factorise(self) -> None:
         program = self._program
-        soft = np.full_like(self._free, 1 / PROXIMAL)
-        a, normal = program.at_points(self._a, 1 / PROXIMAL), program.at_points(self._normal, 0.0)
+        soft = np.full_like(self._free, 1 / self._proximal)
+        a, normal = (
+            program.at_points(self._a, 1 / self._proximal),
+            program.at_points(self._normal, 0.0),
+        )
         moduli = Moduli(soft, a, normal)
         if self._dilating is not None:
             moduli = self._dilating.moduli(moduli)

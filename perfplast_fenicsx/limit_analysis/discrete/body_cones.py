@@ -25,6 +25,7 @@ from perfplast_fenicsx.materials.mandel import Expr, mandel_size
 from perfplast_fenicsx.materials.plane_stress import in_plane_stress
 from perfplast_fenicsx.materials.yield_set import Cone, PrincipalCone
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import TINY
 
 OUT_OF_PLANE = 2
 """Number of the component of a Mandel vector that is in no equation in plane strain."""
@@ -86,6 +87,17 @@ class BodyCones:
     def dilates(self) -> bool:
         """Whether any has a slope."""
         return any(cone.standard.slope > 0 for cone in self.cones)
+
+    @property
+    def loose(self) -> bool:
+        """Whether any has no cohesion."""
+        return any(cone.standard.radius == 0 for cone in self.cones)
+
+    @property
+    def all_loose(self) -> bool:
+        """Whether nothing that can yield has any."""
+        plastic = [it.standard.radius for it in self.cones if np.isfinite(it.standard.radius)]
+        return bool(plastic) and not any(plastic)
 
     def principal_at(self, numbers: Longs) -> PrincipalCones:
         """The points with sets of principal stresses.
@@ -185,6 +197,8 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
         return BodyCone(None, never_yields(n, normal), none)
     if isinstance(cones[0], PrincipalCone):
         principal = _principal(cones[0], law)
+        if not flat and principal.bound == 0:
+            return None  # no stress is inside of its matrices to start from
         if not flat:
             return BodyCone(None, principal.around(n, normal), None, principal)
         plain = principal.in_plane()
@@ -207,9 +221,10 @@ def plain_cone(cone: Cone, law: Any, size: int) -> PlainCone:
     )
     if not plain.is_cone:
         raise InputError(
-            f"the cone of {type(law).__name__} is none with zero inside: bound ="
-            f" {plain.bound:.6g} has to be positive, and the matrix of full row rank, with a"
-            f" column for each of {size} components of stress; mend what its yields.cones returns."
+            f"the cone of {type(law).__name__} is none with zero in it: bound ="
+            f" {plain.bound:.6g} has to be positive, or 0 with a slope, and the matrix of full row"
+            f" rank, with a column for each of {size} components of stress; mend what its"
+            " yields.cones returns."
         )
     return plain
 
@@ -217,11 +232,12 @@ def plain_cone(cone: Cone, law: Any, size: int) -> PlainCone:
 def _principal(cone: PrincipalCone, law: Any) -> PlainPrincipal:
     """The numbers of a cone of principal stresses."""
     found = PlainPrincipal(float(numbers_of(cone.bound)), float(numbers_of(cone.sine)))
-    if not (found.bound > 0 and 0 <= found.sine < 1):
+    least = 0.0 if found.sine > 0 else TINY
+    if not (found.bound >= least and 0 <= found.sine < 1):
         raise InputError(
             f"the set of {type(law).__name__} has bound = {found.bound:.6g}, which has to be"
-            f" positive, and sine = {found.sine:.6g}, which has to be in [0, 1); mend what its"
-            " yields.cones returns."
+            f" positive, or 0 with a sine, and sine = {found.sine:.6g}, which has to be in [0, 1);"
+            " mend what its yields.cones returns."
         )
     return found
 

@@ -86,7 +86,7 @@ def lower_bound(iteration: InteriorIteration) -> LowerBound:
     unbalanced = iteration.unbalanced()
     if not unbalanced <= IN_BALANCE:
         return LowerBound(None, unbalanced)
-    if program.has_dead and ratio > 1:
+    if program.keeps and ratio > 1:
         return LowerBound(None, unbalanced)
     return LowerBound(now.load / max(1.0, ratio) * program.load_unit, unbalanced)
 
@@ -124,7 +124,8 @@ def upper_bound(iteration: InteriorIteration) -> UpperBound:
     v.scale(1 / work)
     dissipated = dissipation / work * program.load_unit
     value = dissipated - program.dead_work(v) * program.load_unit
-    return UpperBound(value, measure_of(dissipated, value), inadmissible, entering)
+    size = measure_of(dissipated, value, program.loose)
+    return UpperBound(value, size, inadmissible, entering)
 
 
 def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float:
@@ -145,11 +146,14 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     """
     program, now, v = iteration.program, iteration.now, iteration.velocity
     strains = program.strains
+    # What is inadmissible that is gone on to without cohesion, or as long as it is quick: what
+    # strict bounds and those who check them let pass is about `EXACT`.
+    better = 1e-12
     if program.dilates:
         # Steps towards the middle of the cones, after which bodies that dilate grow enough.
         most_centrings = 3
         for _ in range(most_centrings):
-            if (left := iteration.inadmissible()) <= EXACT:
+            if (left := iteration.inadmissible()) <= (better if program.loose else EXACT):
                 return left
             iteration.step(onwards=False)
     v.array[held] = 0
@@ -172,9 +176,6 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     forces, correction = program.create_vector(), program.create_vector()
     pressure, stress = np.zeros_like(viscosity), none
     inadmissible = np.inf
-    # What is inadmissible that the projection goes on to, as long as it is quick: what strict
-    # bounds and those who check them let pass is about `EXACT`.
-    better = 1e-12
     quick = 0.8  # share of what is inadmissible that an iteration leaves where it is quick
     for number in range(MOST_ITERATIONS):
         trace, deviator = strains.of(v)

@@ -172,6 +172,6 @@ def _search(
         then = next_start(start, program, iteration.now, verdict, rtol)
         found = discrete_result(problem, program, iteration, verdict, reason, steps, rtol, question)
         over = found.lower is None and found.unbalanced <= IN_BALANCE
-        if program.has_dead and verdict is Verdict.FOUND and over:
+        if program.keeps and verdict is Verdict.FOUND and over:
             then = start.with_more_in_reserve()
         return found, then

@@ -34,7 +34,7 @@ class PlainCone:
     """‖matrix·x‖ ≤ bound − slope·x, numbers.
 
     Attributes:
-        bound: c > 0 (stress).
+        bound: c ≥ 0 (stress), 0 of what the slope closes.
         slope: q, shape (n,).
         matrix: M of full row rank, shape (k, n).
     """
@@ -45,14 +45,16 @@ class PlainCone:
 
     @property
     def is_cone(self) -> bool:
-        """Whether shapes, signs and the rank of the matrix are those of a cone with 0 inside."""
+        """Whether shapes, signs and the rank of the matrix are those of a cone with 0 in it."""
         numbers = (np.array([self.bound]), self.slope, self.matrix)
         if self.matrix.ndim != 2 or self.slope.shape != self.matrix.shape[1:]:
             return False
-        if not (all(np.isfinite(it).all() for it in numbers) and self.bound > 0):
+        if not (all(np.isfinite(it).all() for it in numbers) and self.bound >= 0):
             return False
         values = np.linalg.svd(self.matrix, compute_uv=False)
         k, n = self.matrix.shape
+        if self.bound == 0 and not (k == n - 1 and self.slope.any()):
+            return False
         return 0 < k <= n and bool(values[-1] > ROUNDING * values[0])
 
     def normalised(self) -> "PlainCone":
@@ -114,7 +116,7 @@ class StandardCone:
     """x = F (p, s) with ‖s + γt‖ ≤ γ − αp.
 
     Attributes:
-        radius: γ (stress); ∞ of what never yields.
+        radius: γ (stress); ∞ of what never yields, 0 without cohesion.
         slope: α ≥ 0.
         tilt: t, shape (k,).
         frame: F, shape (n, 1 + k).
@@ -147,7 +149,7 @@ class PlainPrincipal:
     """(1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound, numbers.
 
     Attributes:
-        bound: b > 0 (stress).
+        bound: b ≥ 0 (stress), 0 where there is a sine alone.
         sine: s in [0, 1).
     """
 

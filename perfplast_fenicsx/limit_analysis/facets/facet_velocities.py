@@ -136,20 +136,25 @@ class FacetVelocities:
         at = self.followers
         return self._add_up(forces, np.einsum("nol,no->l", at.shares, forces[at.cells]))
 
-    def meet(self, sizes: Floats) -> Floats:
-        """Sums of positive numbers of cells at their unknowns; of leads their mean. Collective."""
+    def meet(self, sizes: Floats, across: bool = True) -> Floats:
+        """Sums of positive numbers of cells at their unknowns; of leads their mean. Collective.
+
+        Args:
+            sizes: Shape (num_cells, num_outer).
+            across: Whether those on jumps count at their twins as well.
+        """
         at = self.followers
         met = np.einsum("nol,no->l", at.shares != 0, sizes[at.cells])
-        return self._add_up(sizes, met / np.maximum(at.tall, 1.0))
+        return self._add_up(sizes, met / np.maximum(at.tall, 1.0), across)
 
-    def _add_up(self, forces: Floats, of_leads: Floats) -> Floats:
+    def _add_up(self, forces: Floats, of_leads: Floats, across: bool = True) -> Floats:
         forces = forces.copy()
         forces[self.followers.cells] *= self.followers.keep
         at, count = self.of_cells.ravel(), len(self.numbers)
         leads = count + len(self._hosts)
         sums = np.bincount(at, weights=forces.ravel(), minlength=count)
         self._local.array[:count] = sums
-        self._local.array[count:leads] = sums[self._hosts]
+        self._local.array[count:leads] = sums[self._hosts] if across else 0.0
         self._local.array[leads:] = of_leads
         self.vector.set(0)
         self._scatter.scatter(

@@ -6,16 +6,17 @@ from enum import StrEnum
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
-def measure_of(dissipation: float, load: float) -> float:
+def measure_of(dissipation: float, load: float, loose: bool = False) -> float:
     """What differences of load factors are measured by.
 
     Args:
         dissipation: Of a mechanism with L(v) = 1, which is λ without dead loads.
         load: λ.
+        loose: Whether some of the ground has no cohesion, and dissipates nothing.
     """
     # What differences of bounds are measured by at least, relative to the load factor: where bodies
-    # that dead loads hold together part, nothing is dissipated.
-    least_share = 1e-3
+    # that dead loads hold together part, nothing is dissipated, as without cohesion.
+    least_share = 1.0 if loose else 1e-3
     return max(abs(dissipation), least_share * abs(load))
 
 

@@ -43,6 +43,7 @@ class CondensedStiffness(SprungMatrix):
         super().__init__(facets.vector.comm, matrix, jumps, unpivoted)
         self._preallocate()
         inner = layout.inner
+        self._inside, self._outside = layout.outer + np.arange(inner), np.arange(layout.outer)
         self._inverse = np.empty((strains.num_cells, inner, inner))
         self._across = np.empty((strains.num_cells, inner, layout.outer))
         self._right, self._found = self._matrix.createVecs()
@@ -134,6 +135,7 @@ class CondensedStiffness(SprungMatrix):
         for first in range(0, strains.num_cells, self._chunk):
             some = slice(first, first + self._chunk)
             K = self._of_cells(some, roots[some])
+            K[:, self._inside, self._inside] += strains.idle[some, outer:]
             try:
                 L = np.linalg.cholesky(K[:, outer:, outer:])
             except np.linalg.LinAlgError:
@@ -142,6 +144,10 @@ class CondensedStiffness(SprungMatrix):
             self._inverse[some] = _inverse(np.asarray(L, dtype=np.float64))
             self._across[some] = across = self._inverse[some] @ K[:, outer:, :outer]
             values[some] = K[:, :outer, :outer] - np.swapaxes(across, 1, 2) @ across
+            # rows that the eliminated ones have told already, of cells with few stresses
+            few = strains.idle[some].any(axis=1, keepdims=True)
+            told = K[:, self._outside, self._outside]
+            values[some, self._outside, self._outside] += few * RIDGE * told
         if strains.facets.vector.comm.tompi4py().allreduce(singular):
             raise SingularStiffness("the equilibrium of a cell cannot be solved for its stress")
         self._matrix.zeroEntries()

@@ -3,9 +3,11 @@
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 from scipy import sparse
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.cone_functions import own_strengths
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones
 from perfplast_fenicsx.limit_analysis.discrete.stress_frames import StressFrames
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
@@ -31,7 +33,9 @@ class MultiplierStrains:
         facets: The facets' unknowns.
         num_cells: Owned cells.
         matrices: Of :func:`stress_cells.strain_matrices`, or around an axis of
-            :func:`ring_cells.ring_matrices`, in the coordinates of the cones.
+            :func:`ring_cells.ring_matrices`, in the coordinates of the cones; zeros at bare
+            vertices, whose stress is zero and no unknown (:mod:`bare_vertices`).
+        idle: Unknowns of a cell that are of such vertices alone, shape (num_cells, num_rows).
     """
 
     def __init__(
@@ -40,6 +44,7 @@ class MultiplierStrains:
         vertices: Floats,
         axes: Floats,
         cones: BodyCones,
+        bare: npt.NDArray[np.bool_],
         around_axis: bool = False,
     ) -> None:
         """Compute the matrices.
@@ -49,7 +54,8 @@ class MultiplierStrains:
             vertices: Of the owned cells, shape (num_cells, d + 1, d).
             axes: Of the facets' components, zero where held, shape (num_cells, d + 1, d, d).
             cones: Of the bodies.
-            around_axis: Whether cells are sections of rings around x = 0.
+            bare: Vertices of the cells that bear no stress, shape (num_cells, d + 1).
+            around_axis: Whether cells are sections of rings around x = 0, which have none of these.
         """
         self.num_cells, corners, self.gdim = vertices.shape
         self.facets = facets
@@ -78,6 +84,38 @@ class MultiplierStrains:
         self.rows = self.layout.rows.reshape(points, -1)
         places = (np.ones(self.rows.size), (self.rows.ravel(), np.arange(self.rows.size)))
         self._sum = sparse.csr_array(places)
+        self._leave(bare)
+
+    def _leave(self, bare: npt.NDArray[np.bool_]) -> None:
+        """Make no unknowns of the stresses at bare vertices, and find what is idle then."""
+        before = self._unused()
+        if bare.any():
+            ends = np.column_stack([bare, np.zeros(len(bare), dtype=bool)])  # the barycentre
+            there = ends[:, self.layout.corners].reshape(self.num_cells, -1)
+            self.matrices[there] = 0.0
+            of_points = there.ravel()
+            self.radii = np.where(of_points, np.inf, self.radii)
+            self.slopes = np.where(of_points, 0.0, self.slopes)
+            if self.tilts is not None:
+                self.tilts = np.where(of_points[:, None], 0.0, self.tilts)
+            self.principal = self.principal.those(~of_points[self.principal.at])
+        self.idle: npt.NDArray[np.bool_] = self._unused() & ~before
+
+    def _unused(self) -> npt.NDArray[np.bool_]:
+        """Unknowns of a cell in which no stress has a part, shape (num_cells, num_rows)."""
+        sizes = np.abs(self.matrices).sum(axis=3).reshape(self.num_cells, -1)
+        unused: npt.NDArray[np.bool_] = (self._sum @ sizes.T).T == 0
+        return unused
+
+    def weaknesses(self, pressure: Floats) -> Floats:
+        """1/γ of each cell, without cohesion that of the weakest place of it, shape (num_cells,).
+
+        Args:
+            pressure: p (stress) at the points and any that follow them.
+        """
+        own = own_strengths(self, pressure[: self.count])
+        found: Floats = (1 / own).reshape(self.num_cells, -1).max(axis=1)
+        return found
 
     def _in_frames(self, cones: BodyCones, around_axis: bool) -> Floats:
         """The matrices in the coordinates of the cones."""

@@ -37,7 +37,8 @@ class StaticIteration(InteriorIteration):
 
     def settle(self) -> None:
         """Bring stress and loads into balance, row by row, as far as rounding lets. Collective."""
-        self._rows = self._static.forces_of_strengths()
+        pressure, _ = self.program.whole((self.now.pressure, self.now.deviator), self.now.load)
+        self._rows = self._static.forces_of_strengths(self.program.stress_unit * pressure)
         left = self.unbalanced()
         # Forces without balance, relative to strengths, that need not be
         # corrected: what is left of bounds that have met to 1e-7 is still large

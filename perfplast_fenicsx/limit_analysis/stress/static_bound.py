@@ -156,7 +156,7 @@ def _search(
         then = next_start(start, program, iteration.now, verdict, rtol)
         found = _result(static, iteration, problem, conditions, why_not, verdict, reason, steps)
         certificate = found.certificate
-        if program.has_dead and verdict is Verdict.FOUND and certificate is not None:
+        if program.keeps and verdict is Verdict.FOUND and certificate is not None:
             over = certificate.in_equilibrium and not certificate.holds
             then = start.with_more_in_reserve() if over else then
         return found, then
@@ -197,12 +197,12 @@ def _result(
     now = iteration.now
     pressure, deviator = program.whole((now.pressure, now.deviator), now.load)
     ratio = program.overstress((pressure, deviator))
-    scale = program.stress_unit / (1.0 if program.has_dead else max(1.0, ratio))
+    scale = program.stress_unit / (1.0 if program.keeps else max(1.0, ratio))
     pressure, deviator = scale * pressure, scale * deviator
     shrunk = scale / program.stress_unit
     value, aside = shrunk * now.load * program.load_unit, shrunk * now.aside
     share = 1.0
-    if not program.has_dead:
+    if not program.keeps:
         left = static.unbalanced((pressure, deviator), value, aside)
         # Force without balance, relative to the strengths at its row, that rounding may leave.
         # The certificate, which decides, has been seen to find half as much. Of mean stresses
@@ -223,9 +223,10 @@ def _result(
         told = (f"{share:.2g} of it is kept, for what rounding leaves of its balance",)
         reason = "; ".join([reason, *told, *weak_bodies(problem)])
     tdim, count = strains.gdim, strains.num_cells
-    radii, unit = program.strengths[: strains.count], program.stress_unit
+    plastic, unit = program.plastic[: strains.count], program.stress_unit
+    radii = np.where(plastic, strains.radii, 0.0) / unit
     pressure, deviator = pressure[: strains.count], deviator[: strains.count]
-    heads = radii - np.where(radii > 0, strains.slopes, 0.0) * pressure / unit
+    heads = radii - np.where(plastic, strains.slopes, 0.0) * pressure / unit
     shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
     stress = strains.whole(pressure, deviator)
     if problem.tagged_mesh.axisymmetric:

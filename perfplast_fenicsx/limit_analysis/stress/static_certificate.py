@@ -21,7 +21,8 @@ stresses, which nothing bounds, may be 1e5 times as large, and have their own ro
 class StaticCertificate:
     """How far a stress is from being admissible.
 
-    The first four are stresses relative to the least finite yield radius γ of the cells that each
+    The first four are stresses relative to the least finite yield radius γ (without cohesion what
+    the stress itself has in its place, −αp, where that is least) of the cells that each
     condition touches: of a cell itself and those that share its facets, of a facet those on both
     sides; of tension, and where all of these are elastic, to the least γ of all. The next three
     tell of the sum of all forces that are not balanced, since these could add up, or be borne by a
@@ -100,12 +101,12 @@ def certify_stress(
     count, tdim = strains.facets.count, strains.gdim
     on_facets = residual[:count] / np.repeat(static.areas.ravel(), tdim)
     sections = static.sections
-    of_facets, of_cells = _weakness(static)
+    inverse = strains.weaknesses(pressure)
+    of_facets, of_cells = _weakness(static, inverse)
     inside = strains.inner(residual) / sections[:, None] * of_cells[:, None]
     between = np.abs(on_facets) * of_facets
     others = ~(static.jumps | static.slips)
-    radii = strains.radii
-    cell_radii = radii.reshape(strains.num_cells, -1).min(axis=1)
+    cell_radii = np.divide(1.0, inverse, out=np.full_like(inverse, np.inf), where=inverse > 0)
     largest: Floats = np.array(
         [
             np.abs(inside).max(initial=0),
@@ -164,17 +165,20 @@ def beside_mechanism(
     return replace(lower, of=Scope.MESH, why_not=(*lower.why_not, why))
 
 
-def _weakness(static: StaticProgram) -> tuple[Floats, Floats]:
+def _weakness(static: StaticProgram, inverse: Floats) -> tuple[Floats, Floats]:
     """At least 1/γ of the weakest cell that each condition touches. Collective.
 
     Inverse radii are added up where cells meet, which is more than the largest of them by a factor
     of at most 2, and of 4 beside contact.
 
+    Args:
+        static: The conditions.
+        inverse: 1/γ of the cells (:meth:`MultiplierStrains.weaknesses`).
+
     Returns:
         Of the facets' unknowns that this rank owns, and of its cells.
     """
-    strains, facets = static.strains, static.strains.facets
-    inverse = (1 / strains.radii).reshape(strains.num_cells, -1).max(axis=1)
+    facets = static.strains.facets
     everywhere = static.program.comm.allreduce(float(inverse.max(initial=0)), MPI.MAX)
     met = facets.meet(np.repeat(inverse[:, None], facets.of_cells.shape[1], axis=1))
     around = facets.gather(met).max(axis=1)

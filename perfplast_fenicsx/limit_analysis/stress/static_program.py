@@ -8,7 +8,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram, Stress
 from perfplast_fenicsx.limit_analysis.conic.discretisation import Discretisation
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
@@ -17,6 +17,7 @@ from perfplast_fenicsx.limit_analysis.discrete.friction_points import (
     FrictionStrains,
     SlipPlaces,
 )
+from perfplast_fenicsx.limit_analysis.facets.bare_vertices import bare_vertices
 from perfplast_fenicsx.limit_analysis.facets.facet_conditions import FacetConditions
 from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
@@ -81,11 +82,13 @@ class StaticProgram:
 
         In the plane tractions on both sides of a corner may leave the one cell there no stress. In
         space the four parts of a cell carry all balanced linear tractions on its facets
-        (:mod:`stress_cells`), so that nothing has to be asked.
+        (:mod:`stress_cells`), so that nothing has to be asked. Where vertices are bare, rows depend
+        on each other too much for an answer by refinement, and it is left to the iteration.
 
         Asked after :func:`natural_units.choose_units`, whose factors are used.
         """
-        if self.strains.gdim == 3:
+        bare = bool(self.strains.idle.any())
+        if self.strains.gdim == 3 or self.program.comm.allreduce(bare):
             return True
         program = self.program
         flow, left, more = (program.create_vector() for _ in range(3))
@@ -129,18 +132,22 @@ class StaticProgram:
         left.destroy()
         on_jumps = np.append(self.jumps, np.zeros(len(forces) - len(self.jumps), dtype=bool))
         forces = np.where(on_jumps, np.maximum(forces, 0.0), np.abs(forces))
-        mine = float((forces / self.forces_of_strengths()).max(initial=0.0))
+        mine = float((forces / self.forces_of_strengths(stress[0])).max(initial=0.0))
         return float(self.program.comm.allreduce(mine, MPI.MAX))
 
-    def forces_of_strengths(self) -> Floats:
+    def forces_of_strengths(self, pressure: Floats) -> Floats:
         """Force in each row of equilibrium that is as large as the strength of what it is of.
 
         Yield radii of all cells at a facet count, the least one most, and none as more than the
         program's unit; that of bodies in contact too. Where all of these are elastic it is the
-        least radius of all cells, as what judges the stress has it. Collective.
+        least radius of all cells, as what judges the stress has it. Without cohesion the stress has
+        its own strength there. Collective.
+
+        Args:
+            pressure: Of the stress, in the user's units.
         """
         strains, tdim = self.strains, self.strains.gdim
-        inverse = (1 / strains.radii).reshape(strains.num_cells, -1).max(axis=1)
+        inverse = strains.weaknesses(pressure)
         everywhere = self.program.comm.allreduce(float(inverse.max(initial=0.0)), MPI.MAX)
         least = 1 / self.program.stress_unit
         met = strains.facets.meet(np.repeat(inverse[:, None], strains.layout.outer, axis=1))
@@ -175,8 +182,9 @@ def static_program(
     facets = FacetVelocities(mesh, at.numbers, form.twins.ravel(), form.nodes, followers)
     size = form.nodes * tdim
     axes = np.where(at.held[:, :, None], 0.0, at.axes)[on]
-    turned = problem.tagged_mesh.axisymmetric
-    strains = MultiplierStrains(facets, at.vertices, axes, body_cones(problem), turned)
+    turned, cones = problem.tagged_mesh.axisymmetric, body_cones(problem)
+    bare = bare_vertices(problem, at, (cones.at_cells()[0] == 0) & (not turned))
+    strains = MultiplierStrains(facets, at.vertices, axes, cones, bare, turned)
 
     num_owned = facets.count // (form.nodes * tdim)
     everywhere = np.zeros((num_owned, form.nodes, tdim), dtype=bool)
@@ -194,11 +202,11 @@ def static_program(
     pressed = jumps.copy()
     pressed[:, tdim:] = False
     jumps &= ~on_axis[..., None]
-    stiffness = CondensedStiffness(
-        strains,
-        np.flatnonzero(held).astype(np.int32),
-        np.flatnonzero(jumps).astype(np.int32),
-    )
+    moves, parts_freely = _idle(strains)
+    pushes = jumps.ravel() & moves & ~parts_freely
+    open_jumps = np.flatnonzero(pushes).astype(np.int32)
+    still = np.flatnonzero(held.ravel() | ~moves | (jumps.ravel() & ~pushes)).astype(np.int32)
+    stiffness = CondensedStiffness(strains, still, open_jumps)
 
     places = _slip_places(at, form.areas)
     both = FrictionStrains(strains, places)
@@ -227,7 +235,8 @@ def static_program(
                 load,
                 dead,
                 free,
-                np.flatnonzero(jumps).astype(np.int32),
+                open_jumps,
+                proves_stress=True,
             ),
             reserve,
         ),
@@ -242,6 +251,22 @@ def static_program(
         pressed=pressed.ravel(),
         slips=slips.ravel() & ~held.ravel(),
     )
+
+
+def _idle(strains: MultiplierStrains) -> tuple[PairFlags, PairFlags]:
+    """What bare vertices leave of the owned facets' unknowns. Collective.
+
+    Returns:
+        Whether any stress is in the row of each; whether one side of a jump has none, so that
+        nothing presses there.
+    """
+    facets, busy = strains.facets, ~strains.idle[:, : strains.layout.outer]
+    if not facets.vector.comm.tompi4py().allreduce(bool(strains.idle.any())):
+        return np.ones(facets.count, dtype=bool), np.zeros(facets.count, dtype=bool)
+    sizes = busy.astype(np.float64)
+    alone = facets.meet(sizes, across=False) == 0
+    either = facets.meet(facets.gather(alone.astype(np.float64)), across=False) > 0
+    return facets.meet(sizes) > 0, either
 
 
 def _slip_places(at: FacetConditions, areas: Floats) -> SlipPlaces:

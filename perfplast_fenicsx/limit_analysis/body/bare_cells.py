@@ -1,0 +1,58 @@
+"""Cells of ground without cohesion whose vertices are all bare: they bear not even their weight."""
+
+import logging
+
+import numpy as np
+from dolfinx.mesh import exterior_facet_indices
+
+from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.facets.bare_vertices import bare_vertices
+from perfplast_fenicsx.limit_analysis.facets.facet_conditions import facet_conditions
+from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
+from perfplast_fenicsx.limit_analysis.facets.lone_corners import with_divided_corners
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.refinement import fan
+from perfplast_fenicsx.problem.problem import Problem
+
+log = logging.getLogger(__name__)
+
+
+def with_room_for_stress(problem: Problem) -> Problem:
+    """The problem with all cells divided that could carry nothing, or match none. Collective.
+
+    Args:
+        problem: The bodies with their loads.
+    """
+    return with_divided_bare_cells(with_divided_corners(with_matching_facets(problem)))
+
+
+def with_divided_bare_cells(problem: Problem) -> Problem:
+    """The plane problem on a mesh without such cells; itself where it has none. Collective.
+
+    They are cut at a vertex that is opposite an edge inside, with all others there.
+
+    Args:
+        problem: The bodies with their loads; where facets say nothing certain of tractions and on
+            curved cells it is left as it is.
+    """
+    tagged_mesh, cones = problem.tagged_mesh, body_cones(problem)
+    if problem.bodies.gdim == 3 or tagged_mesh.axisymmetric or not cones.loose:
+        return problem
+    if has_curved_cells(tagged_mesh.mesh):
+        return problem
+    conditions = facet_conditions(problem)
+    if conditions.prevents is not None or not problem.as_declared:
+        return problem
+    topology, loose = tagged_mesh.mesh.topology, cones.at_cells()[0] == 0
+    outside = np.isin(conditions.numbers.facets, exterior_facet_indices(topology))
+    bare = bare_vertices(problem, conditions, loose).all(axis=1) & ~outside.all(axis=1)
+    here = np.flatnonzero(bare)
+    count = problem.comm.allreduce(len(here))
+    if count == 0:
+        return problem
+    log.info("%d cells without cohesion and pressure on all sides are divided", count)
+    vertices = topology.connectivity(2, 0).array.reshape(-1, 3)
+    points = np.unique(vertices[here, np.argmin(outside[here], axis=1)])
+    pairs = opposite_vertices(tagged_mesh, problem.given.contacts)
+    return problem.on(fan(tagged_mesh, points, pairs).tagged_mesh)

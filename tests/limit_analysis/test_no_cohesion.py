@@ -1,0 +1,166 @@
+"""Strict bounds of ground without cohesion: what surcharge and weight alone let a footing carry."""
+
+import os
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+
+from meshes.strip_footing import write_strip_footing
+from perfplast_fenicsx import (
+    Adaptation,
+    BodyForce,
+    Contact,
+    DruckerPrager,
+    Elastic,
+    InputError,
+    MohrCoulomb,
+    Pressure,
+    Problem,
+    ResultFolder,
+    Support,
+    Tie,
+    adaptive_bounds,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
+from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.proof import check
+from tests.models import Read
+
+COMM = MPI.COMM_WORLD
+EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
+SURCHARGE = {20.0: 6.399394, 30.0: 18.401122}
+"""N_q by angle of friction (H. Reissner, 1924)."""
+
+WEIGHT = {"smooth": 7.6532, "rough": 14.7543}
+"""N_γ of 30° (C. M. Martin, IACMAG 2005)."""
+
+few = pytest.mark.skipif(EFFORT < 2, reason="4 000 cells; set PERFPLAST_FUZZ=2")
+
+
+def under_surcharge(read: Read, angle: float, grading: float = 1.0, size: float = 0.7) -> Problem:
+    """A strip footing on weightless sand beside a surcharge of 1."""
+    room = 6.0 if angle <= 20 else 12.0
+    tagged_mesh = read(write_strip_footing, width=room, depth=room / 2, grading=grading, size=size)
+    return Problem(
+        tagged_mesh,
+        {"ground": MohrCoulomb(1e4, 0.3, 0.0, angle)},
+        [Support("x0", "x"), Support("side", "x"), Support("bottom")],
+        [Pressure("footing", 1.0), Pressure("free", 1.0, constant=True)],
+        degree=2,
+    )
+
+
+def on_heavy_sand(read: Read, base: str, size: float = 0.5) -> Problem:
+    """A stiff footing of half width 1 on sand of weight 1: its mean pressure is N_γ."""
+    tagged_mesh = read(
+        write_strip_footing, punch=True, width=5.5, depth=2.2, grading=1.0, size=size
+    )
+    rough = base == "rough"
+    return Problem(
+        tagged_mesh,
+        {"ground": MohrCoulomb(1e4, 0.3, 0.0, 30.0), "punch": Elastic(1e4, 0.3)},
+        [Support("x0", "x"), Support("side"), Support("bottom")],
+        [Pressure("top", 1.0), BodyForce("ground", [0.0, -1.0], constant=True)],
+        [] if rough else [Contact("punch_footing", "ground_footing")],
+        ties=[Tie("punch_footing", "ground_footing")] if rough else [],
+        degree=2,
+    )
+
+
+def around(found: AdaptiveBounds, exact: float, path: Path) -> float:
+    """Have both halves proven, with the exact load between; by how much they differ. Collective."""
+    low, high = found.lower.value, found.upper.value
+    assert found.lower.strict and found.upper.strict
+    assert low is not None and high is not None
+    assert low <= exact <= high
+    folder = ResultFolder(COMM, path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(found.low, found.high))
+    checked = check(folder.file("bounds.h5"))
+    for kind, bound in (("lower", low), ("upper", high)):
+        assert not checked[kind].faults, checked[kind]
+        assert checked[kind].proven == pytest.approx(bound, rel=1e-8)
+    return (high - low) / exact
+
+
+@pytest.mark.mpi3
+def test_a_surcharge(read: Read, shared_tmp_path: Path) -> None:
+    """All cells are pressed by the surcharge, and the first mesh has both bounds."""
+    found = adaptive_bounds(under_surcharge(read, 20.0), Adaptation(until=0.2, cells=300))
+    assert around(found, SURCHARGE[20.0], shared_tmp_path) < 0.2
+
+
+def test_its_own_weight(read: Read, shared_tmp_path: Path) -> None:
+    """Beside the footing stresses are zero at the surface."""
+    found = adaptive_bounds(on_heavy_sand(read, "rough"), Adaptation(until=0.6, cells=300))
+    assert around(found, WEIGHT["rough"], shared_tmp_path) < 0.6
+    stress = found.low.static.stress if found.low.static else np.zeros(0)
+    assert np.abs(stress).max(initial=0.0) > 0
+
+
+@few
+@pytest.mark.parametrize("angle", [20.0, 30.0])
+def test_surcharges_to_three_percent(read: Read, angle: float, shared_tmp_path: Path) -> None:
+    problem = under_surcharge(read, angle, grading=0.3, size=1.0)
+    found = adaptive_bounds(problem, Adaptation(until=0.03, cells=4000))
+    assert around(found, SURCHARGE[angle], shared_tmp_path) <= 0.03
+
+
+@few
+@pytest.mark.parametrize(("base", "apart"), [("smooth", 0.1), ("rough", 0.06)])
+def test_weights(read: Read, base: str, apart: float, shared_tmp_path: Path) -> None:
+    found = adaptive_bounds(on_heavy_sand(read, base), Adaptation(until=apart, cells=4000))
+    assert around(found, WEIGHT[base], shared_tmp_path) <= apart
+
+
+def test_both_laws_agree(read: Read) -> None:
+    """Drucker and Prager's cone of the plane is Mohr and Coulomb's, without cohesion too."""
+    problem = under_surcharge(read, 20.0)
+    cone = DruckerPrager(1e4, 0.3, 0.0, 20.0, "plane-strain")
+    one, other = (
+        limit_bounds(it) for it in (problem, variant(problem, materials={"ground": cone}))
+    )
+    assert other.lower.value == pytest.approx(one.lower.value, rel=1e-9)
+    assert other.upper.value == pytest.approx(one.upper.value, rel=1e-9)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("forge", "words"),
+    [
+        (lambda stress: stress * 1.0001, "tractions of|equilibrium of"),
+        (lambda stress: stress - 1e-3 * np.eye(2), "tractions of"),
+        (lambda stress: stress + 10.0 * np.array([[0.0, 1.0], [1.0, 0.0]]), "times as large"),
+        (lambda stress: -stress, "times as large"),
+    ],
+)
+def test_forged_stresses_are_refused(read: Read, tmp_path: Path, forge, words: str) -> None:  # type: ignore[no-untyped-def]
+    found = limit_bounds(under_surcharge(read, 20.0))
+    folder = ResultFolder(COMM, tmp_path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(found, found))
+    with h5py.File(tmp_path / "bounds.h5", "r+") as file:
+        file["lower/stress"][...] = forge(file["lower/stress"][...])
+    said = "; ".join(check(tmp_path / "bounds.h5")["lower"].faults)
+    assert any(word in said for word in words.split("|")), said
+
+
+@pytest.mark.serial
+def test_a_negative_cohesion_is_refused() -> None:
+    with pytest.raises(InputError, match=r"cohesion = -1.0 is negative or no number"):
+        MohrCoulomb(1e4, 0.3, -1.0, 30.0)
+
+
+def test_loads_of_one_kind_are_refused(read: Read) -> None:
+    """They are carried any number of times, or not at all."""
+    tagged_mesh = read(write_strip_footing, width=6.0, depth=3.0, grading=1.0, size=0.7)
+    supports = [Support("x0", "x"), Support("side", "x"), Support("bottom")]
+    for constant in (False, True):
+        load = Pressure("footing", 1.0, constant=constant)
+        sand = MohrCoulomb(1e4, 0.3, 0.0, 30.0)
+        with pytest.raises(InputError, match="give one load that grows beside constant ones"):
+            limit_bounds(Problem(tagged_mesh, {"ground": sand}, supports, [load], degree=2))
