@@ -28,6 +28,7 @@ from collections.abc import Sequence
 from mpi4py import MPI
 
 from demos.verification.bounded_bodies import GROUND
+from demos.verification.slip import subfolder
 from demos.verification.study import Row, collapse, mesh, run
 from meshes.thick_tube import write_thick_tube
 from meshes.torispherical_head import CROWN, KNUCKLE, THICKNESS, write_torispherical_head
@@ -41,8 +42,10 @@ from perfplast_fenicsx import (
     VonMises,
     adaptive_bounds,
 )
-from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
 from perfplast_fenicsx.limit_analysis import AdaptiveBounds
+from perfplast_fenicsx.pictures import draw
+from perfplast_fenicsx.problem import Prescribed
 
 TITLE = "Published numbers"
 CUT = (3.7752, 3.7776)
@@ -160,6 +163,13 @@ def vessel(folder: ResultFolder, coarse: bool) -> list[Row]:
         else:
             told += [("EDF's above, ours below", ABOVE, lower)]
         rows += at_most(f"SSNV146, {reading}", found, time.perf_counter() - began, told)
+    pictures = subfolder(folder, "vessel")
+    scene = Scene(f"SSNV146, {reading}", loads, axisymmetric=True)
+    writer = ResultWriter(
+        pictures, found.problem, scene, "interior-point", prescribed=Prescribed.WORK
+    )
+    writer.write_limit(found.last.mesh, found.body, found)
+    draw(pictures)
     return rows
 
 

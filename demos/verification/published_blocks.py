@@ -22,7 +22,8 @@ from mpi4py import MPI
 from demos.verification.study import Row, collapse, mesh, run
 from meshes.box import write_box
 from perfplast_fenicsx import Pressure, Problem, Support, Traction, VonMises
-from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.io import ResultFolder, Scene
+from perfplast_fenicsx.pictures import draw
 
 TITLE = "Published limit loads of blocks"
 METAL = VonMises(young=200e3, poisson=0.3, yield_stress=10.0)
@@ -62,7 +63,11 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         collapse(rectangle(folder, 1.0, 0.0)).row("SSNV124 A", 1.0, 11.547, DIGITS),
         collapse(cube(folder)).row("SSNV124 B", 1.0, 13.867505, DIGITS),
     ]
-    return [*found, collapse(tube(folder)).row("SSNV124 C", 0.1, 12.6857, 1e-3)]
+    problem = tube(folder)
+    last = collapse(problem)
+    last.write(folder, Scene("SSNV124 C", problem.given.loads, axisymmetric=True))
+    draw(folder)
+    return [*found, last.row("SSNV124 C", 0.1, 12.6857, 1e-3)]
 
 
 def main(argv: Sequence[str] | None = None) -> None:

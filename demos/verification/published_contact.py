@@ -27,7 +27,7 @@ import numpy as np
 from dolfinx import fem
 
 from demos.verification.hertz_line import measure
-from demos.verification.study import Row, mesh, run
+from demos.verification.study import Row, mesh, run, show
 from meshes.roller_on_block import write_roller_on_block
 from meshes.rounded_punch import write_rounded_punch
 from perfplast_fenicsx import (
@@ -40,7 +40,7 @@ from perfplast_fenicsx import (
     Support,
     Traction,
 )
-from perfplast_fenicsx.io import OutputFields, ResultFolder
+from perfplast_fenicsx.io import OutputFields, ResultFolder, Scene
 
 TITLE = "Published contact"
 STEEL, ALUMINIUM = Elastic(young=210e3, poisson=0.3), Elastic(young=70e3, poisson=0.3)
@@ -100,6 +100,7 @@ def roller(folder: ResultFolder, size: float) -> list[Row]:
     )
     began = time.perf_counter()
     level = Newton(problem).solve(1.0)
+    show(folder, problem, Scene("Roller on a block, SSNP154", loads, contacts), [level])
     fields = OutputFields(problem)
     pressures = measure(problem, fields.update(level)["contact_pressure"], "roller_seam")
     force = abs(float(fields.resultants[0, 1]))

@@ -26,6 +26,7 @@ LINES = {
         "info",
         "schema",
         "sweep",
+        "export",
     },
     "perfplast re": {"report"},
     "perfplast run --l": {"--log-level"},

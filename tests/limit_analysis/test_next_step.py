@@ -13,7 +13,7 @@ from perfplast_fenicsx.limit_analysis.body.next_step import Effort, clock, next_
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
 from perfplast_fenicsx.limit_analysis.discrete.locking import _largest
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED
-from perfplast_fenicsx.limit_analysis.statements.bound import TURNED, Bound, Scope
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from tests.models import two_blocks_problem
 
 COMM = MPI.COMM_WORLD
@@ -60,7 +60,7 @@ def test_bounds_that_were_not_sought() -> None:
     (step,) = steps(NOT_SOUGHT, upper(2.0), Effort(2, 100, 60.0))
     assert 'control = "bounds"' in step
     assert "2 to 5 times as long as this (2 min to 5 min)" in step
-    assert not steps(NOT_SOUGHT, Bound(None, "upper", Scope.MESH, (TURNED,)))
+    assert not steps(NOT_SOUGHT, Bound(None, "upper", Scope.MESH, ("cells are curved",)))
 
 
 @pytest.mark.serial

@@ -22,7 +22,6 @@ from perfplast_fenicsx import (
     Support,
     TaggedMesh,
     VonMises,
-    limit_bounds,
     limit_load,
 )
 from tests.checks import largest
@@ -235,8 +234,3 @@ def test_what_is_refused(rigid: list[RigidSurface], loads: list[Force], words: s
             loads or [Force("top", (0.0, -1.0))],
             rigid=rigid,
         )
-
-
-def test_strict_bounds_want_tractions(ground: TaggedMesh) -> None:
-    with pytest.raises(InputError, match="'footing' is rigid"):
-        limit_bounds(footing(ground, 0.0, 0.0))

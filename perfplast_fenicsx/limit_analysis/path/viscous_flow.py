@@ -27,6 +27,8 @@ from perfplast_fenicsx.solvers.linear.petsc_options import BOUND, own_prefix
 EXACT = 1e-11
 """A strain rate that is inadmissible counts as none below this share of ‖ε(v)‖."""
 
+MOST_ITERATIONS = 30
+"""Iterations of the multipliers of what is inadmissible, at most."""
 
 LARGE = 60_000
 """From so many unknowns on the factors may use no more memory than there is to spare."""
@@ -138,8 +140,7 @@ class ViscousFlow:
             NoFlow: If nothing is left of it.
         """
         left, slowed = self._inadmissible(), np.inf
-        most_iterations = 30
-        for _ in range(most_iterations):
+        for _ in range(MOST_ITERATIONS):
             if left <= EXACT:
                 break
             self._ascend(1.0)
