@@ -50,7 +50,8 @@ class Body:
         contact_friction: μ ≥ 0 of each: the shear may be larger by μ times the pressure.
         obstacles: Tags of surfaces that cannot enter a half space.
         obstacle_normals: Unit vectors into these, shape (num_obstacles, d).
-        obstacle_adhesion, obstacle_friction: As of contacts.
+        obstacle_adhesion: As of contacts.
+        obstacle_friction: The same.
     """
 
     vertices: Floats
