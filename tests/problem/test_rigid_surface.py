@@ -132,9 +132,11 @@ def test_held_across_planes_of_symmetry(gdim: int) -> None:
     """Pressed along the planes that it shares nodes with; so moved, it answers with the force."""
     sides = [Support(f"upper_{axis}0", axis) for axis in "xyz"[: gdim - 1]]
 
+    mesh = blocks_apart(MPI.COMM_WORLD, *COUNTS[gdim])  # one, as parts may differ
+
     def pressed(loads: list[Force], **motion: Any) -> Problem:
         return Problem(
-            blocks_apart(MPI.COMM_WORLD, *COUNTS[gdim]),
+            mesh,
             {"lower": STEEL, "upper": STEEL},
             [Support("bottom"), *sides],
             loads,
