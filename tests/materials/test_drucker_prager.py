@@ -104,7 +104,6 @@ def test_constants_are_those_of_mohr_and_coulomb_where_they_match() -> None:
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ({"cohesion": 0.0}, "cohesion = 0.0"),
         ({"cohesion": -1.0}, "cohesion = -1.0"),
         ({"friction_angle": 0.0}, "friction_angle = 0.0"),
         ({"friction_angle": 90.0}, "friction_angle = 90.0"),
@@ -117,6 +116,11 @@ def test_impossible_constants_are_named(change: dict, named: str) -> None:
     given = {"young": 1.0, "poisson": 0.3, "cohesion": 1.0, "friction_angle": 30.0}
     with pytest.raises(InputError, match=named):
         DruckerPrager(**(given | {"match": "compression"} | change))
+
+
+def test_sand_has_no_cohesion_but_friction() -> None:
+    sand = DruckerPrager(1.0, 0.3, cohesion=0.0, friction_angle=30.0, match="compression")
+    assert sand.cohesion == 0.0
 
 
 def excess(stress: Array, slope: float, strength: float) -> float:
