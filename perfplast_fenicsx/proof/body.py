@@ -126,8 +126,8 @@ class Body:
             raise ProofError("rigid names a surface twice, or one that there is not.")
         if not self.plastic.any():
             raise ProofError("no cell can yield, so that nothing limits the load.")
-        if not self.sought:
-            raise ProofError("nothing is loaded, and every load factor would be a bound.")
+        if not self.sought.pushes(~self.held & ~self.on_axis[:, None], ~self.rigid_held):
+            raise ProofError("nothing is loaded but supports: every load factor would be a bound.")
         places = self.vertices[self.cells]
         check_cells(places, self.volumes, lambda: self.gradients)
         if self.is_revolved:
@@ -156,7 +156,8 @@ class Body:
         }
         plain: dict[str, Any] = {name: values[name] for name in fields}
         same = known is not None and all(
-            np.array_equal(getattr(known, name), value) for name, value in plain.items()
+            np.array_equal(getattr(known, name), value, equal_nan=value.dtype.kind == "f")
+            for name, value in plain.items()
         )
         same = same and all(
             np.array_equal(getattr(getattr(known, kind), name), getattr(of, name))
@@ -259,6 +260,11 @@ class Body:
         inward = self.gradients.reshape(-1, self.dim)[sides]
         return -inward / np.linalg.norm(inward, axis=1, keepdims=True)
 
+    @property
+    def on_axis(self) -> Flags:
+        """Which of ``facets`` are on the axis of a revolution."""
+        return self.is_revolved & ~self.vertices[self.facets][..., 0].any(axis=1)
+
     @cached_property
     def areas(self) -> Floats:
         """Of ``facets``."""
@@ -268,11 +274,6 @@ class Body:
         """Of sides."""
         slope = np.linalg.norm(self.gradients.reshape(-1, self.dim)[sides], axis=1)
         return np.asarray(self.dim * self.volumes[sides // (self.dim + 1)] * slope)
-
-    @property
-    def contact_pairs(self) -> list[tuple[np.int64, np.int64]]:
-        """Tags of both surfaces of each contact."""
-        return [(pair[0], pair[1]) for pair in self.contacts]
 
     def on(self, tag: np.int64) -> Longs:
         """Numbers of the facets of a surface."""

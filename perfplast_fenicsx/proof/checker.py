@@ -25,71 +25,13 @@ from perfplast_fenicsx.proof.plain_arrays import (
 )
 from perfplast_fenicsx.proof.taken_as_written import taken_as_written
 from perfplast_fenicsx.proof.upper import check_nodes, measure_velocity
-
-ROUNDING = 1e-9
-"""What may be left of a condition that has no limit of its own in :data:`LIMITS`."""
-
-LIMITS: Mapping[str, float] = {
-    "asymmetry": 0.0,
-    "moved_supports": 0.0,
-    "axis": 0.0,
-    "equilibrium": 1e-10,
-    "inner_tractions": 1e-10,
-    "outer_tractions": 1e-10,
-    "tension": 1e-10,
-    "unequal_pressures": 1e-10,
-    "shear": 1e-10,
-    "unequal_shears": 1e-10,
-    "rigid_forces": 1e-10,
-    "left_of_load": 1e-10,
-    "left_of_strength": 1e-7,
-    "entering": 1e-12,
-    "bent": 1e-12,
-    "work_of_others": 1e-6,
-    "yield_ratio": 1 + 1e-9,
-    "shear_ratio": 1 + 1e-9,
-}
-"""What may be left of conditions. Symmetry and rest at supports are exact, as a program can write
-them. Rows of a stress have the rounding of mean stresses that may be 1e5 yield radii; all forces
-together are a millionth of the least distance at which bounds are sought, 1e-4, and a ten-millionth
-of what the weakest cell could bear. Jumps have the rounding of a few sums of velocities."""
-
-RATIOS = {"yield_ratio": "stresses", "shear_ratio": "shear tractions of contact"}
-"""Conditions that a stress keeps to when it is divided by what is measured."""
-
+from perfplast_fenicsx.proof.verdict import RATIOS, Checked, faults_of, rounding_of
 
 DRUCKER = (
     "Drucker's pair: with less friction from below, and friction whose slip follows its normal from"
     " above; Coulomb's friction lies between, whichever way it slips."
 )
 """What two halves tell of friction that they do not share."""
-
-
-@dataclass(frozen=True)
-class Checked:
-    """What a stress or a velocity proves.
-
-    Attributes:
-        kind: "lower" or "upper".
-        claimed: The bound that the file names.
-        proven: The bound that was found; None where a condition fails.
-        measured: What is left of each condition.
-        faults: Which fail, in words; nothing where what is claimed holds.
-        words: What it is a proof about, and what is left in all, a sentence each.
-    """
-
-    kind: str
-    claimed: float
-    proven: float | None
-    measured: Mapping[str, float]
-    faults: tuple[str, ...]
-    words: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        left = ", ".join(f"{name} {value:.1e}" for name, value in self.measured.items())
-        if self.faults:
-            return f"{self.kind}: {self.claimed:.8g} is not proven: {'; '.join(self.faults)}"
-        return f"{self.kind}: {self.proven:.8g} is proven (claimed {self.claimed:.8g}; {left})"
 
 
 @dataclass(frozen=True)
@@ -183,7 +125,7 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     if stress.shape != (len(body.cells), places, body.dim, body.dim):
         raise ProofError("the stress does not fit the cells.")
     left = measure_stress(body, stress, (claimed * body.sought, body.constant, other * body.others))
-    faults = (*_reasons(overlaps, left.reason), *_left(left.measured))
+    faults = (*_reasons(overlaps, left.reason), *faults_of(left.measured))
     over = max(left.measured.get(name, 0.0) for name in RATIOS)
     if (body.constant or body.loose) and not over <= 1:  # such a stress cannot be made smaller
         faults = (*faults, f"stresses are {over:.17g} times as large as they may be")
@@ -209,26 +151,37 @@ def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     # How often a cell's edges are halved to integrate the dissipation from above.
     subdivisions = 3
     flow = measure_velocity(body, v, subdivisions)
-    faults = (*_reasons(overlaps, flow.reason), *_left(flow.measured))
+    faults = (*_reasons(overlaps, flow.reason), *faults_of(flow.measured))
     proven, speed, power = None, np.inf, np.inf
     if not flow.work > 0:
         faults = (*faults, "the loads do no work")
     else:
         proven, speed = flow.excess / flow.work, flow.speed / flow.work
         power = flow.size / flow.work
-        if not proven <= claimed + ROUNDING * power:
+        if not proven <= claimed + rounding_of(proven, power):
             faults = (*faults, f"only {proven:.9g} is proven")
     same = before is not None and body is before.body
     words = ["Of the same bodies." if same else taken_as_written(body)]
-    if body.others and proven is not None and proven < 1 and flow.others > 0:
-        most = (1 - proven) * flow.work / flow.others
-        words.append(
-            f"At factor 1 they are not carried with any factor of others up to {most:.2g}."
-        )
+    if body.others and proven is not None and flow.others > 0:
+        words.append(_up_to(proven, flow.work / flow.others))
     found = Checked(
         "upper", claimed, None if faults else proven, flow.measured, faults, tuple(words)
     )
     return _Half(found, body, overlaps, speed=speed, power=power)
+
+
+def _up_to(proven: float, factor: float) -> str:
+    """Up to which factor of others a bound holds, a sentence.
+
+    Args:
+        proven: The bound without them.
+        factor: That at which others may do as much work as the loads whose factor is bounded.
+    """
+    if proven < 1:
+        most = (1 - proven) * factor
+        return f"At factor 1 they are not carried with any factor of others up to {most:.2g}."
+    most = 1e-3 * proven * factor
+    return f"With any factor of others up to {most:.2g} it holds but for a thousandth."
 
 
 def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
@@ -236,7 +189,7 @@ def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
     same = upper.body is lower.body
     faults = [] if same else differences(lower.body, upper.body)
     low, high = lower.checked.claimed, upper.checked.claimed
-    if not low <= high + ROUNDING * upper.power:
+    if not low <= high + rounding_of(high, upper.power):
         faults.append(f"the lower bound {low:.9g} is above the upper one {high:.9g}")
     change = lower.forces * upper.speed if lower.forces else 0.0
     # What forces without balance may change of a bound by their work on the other half's mechanism,
@@ -268,17 +221,3 @@ def _reasons(overlaps: int, reason: str | None) -> list[str]:
     """What forbids to judge."""
     words = f"cells overlap ({overlaps} points of cells are in others too)"
     return [words] * (overlaps > 0) + ([] if reason is None else [reason])
-
-
-def _left(measured: Mapping[str, float]) -> list[str]:
-    """The conditions that fail."""
-    faults = [
-        f"{name.replace('_', ' ')} of {value:.1e} is left"
-        for name, value in measured.items()
-        if name not in RATIOS and not value <= LIMITS.get(name, ROUNDING)
-    ]
-    for name, what in RATIOS.items():
-        ratio = measured.get(name, 0.0)
-        if not ratio <= LIMITS[name]:
-            faults.append(f"{what} are {ratio:.9g} times as large as they may be")
-    return faults

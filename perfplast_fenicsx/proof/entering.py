@@ -46,7 +46,7 @@ def entering_of(body: Body, at_facets: Floats, fastest: float) -> Entering:
     d, reason = body.dim, None
     relative, volume, slip = 0.0, 0.0, 0.0
     speeds = np.maximum(np.abs(at_facets).max(axis=(1, 2), initial=0), SLOWEST * fastest)
-    contacts = zip(body.contact_pairs, body.contact_adhesion, body.contact_friction, strict=True)
+    contacts = zip(body.contacts, body.contact_adhesion, body.contact_friction, strict=True)
     for (one, other), adhesion, friction in contacts:
         pair = touching(body, one, other)
         if pair.apart:

@@ -70,6 +70,18 @@ class Loads:
         """The stresses in equilibrium, of effective ones at the cells' vertices."""
         return stress - self.pore_pressure[..., None, None] * np.eye(stress.shape[-1])
 
+    def pushes(self, free: npt.NDArray[np.bool_], rigid_free: npt.NDArray[np.bool_]) -> bool:
+        """Whether they push or pull anything but supports.
+
+        Args:
+            free: Components in which facets can move, shape (num_facets, d).
+            rigid_free: The same of rigid surfaces; where any is held these do not turn.
+        """
+        turns = rigid_free.all(axis=1, keepdims=True)
+        on_plates = (self.rigid_force * rigid_free, self.rigid_moment * turns)
+        every = (self.traction * free[:, None], self.body_force, self.pore_pressure, *on_plates)
+        return any(bool(values.any()) for values in every)
+
     def pore_work(self, volumes: Floats, growth: Floats) -> float:
         """∫u div v, exact.
 

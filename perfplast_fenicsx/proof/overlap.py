@@ -8,6 +8,7 @@ what overlaps, and what lies in others.
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats, Longs
+from perfplast_fenicsx.proof.box_pairs import keys_of
 
 
 def overlapping(body: Body) -> int:
@@ -29,12 +30,12 @@ def overlapping(body: Body) -> int:
         for corner in np.ndindex(*([2] * body.dim)):
             box = begin + np.array(corner)
             there = (box <= end).all(axis=1)
-            keys.append(_keys(box[there]))
+            keys.append(keys_of(box[there]))
             cells.append(some[there])
         every, members = np.concatenate(keys), np.concatenate(cells)
         order = np.argsort(every, kind="stable")
         every, members = every[order], members[order]
-        wanted = _keys(np.floor((points - origin) / edge).astype(np.int64))
+        wanted = keys_of(np.floor((points - origin) / edge).astype(np.int64))
         start = np.searchsorted(every, wanted, side="left")
         number = np.searchsorted(every, wanted, side="right") - start
         pieces = np.cumsum(number) // at_once
@@ -69,13 +70,6 @@ def _points(body: Body) -> tuple[Floats, Longs]:
     depth = 1e-3
     inside = (1 - depth) * (places @ corners) + depth * opposite[:, None]
     return inside.reshape(-1, d), np.repeat(cells, d + 1)
-
-
-def _keys(boxes: Longs) -> Longs:
-    """A number for each box; those of different boxes may be equal, and seldom are."""
-    factors = np.array([73_856_093, 19_349_663 << 20, 83_492_791 << 34])[: boxes.shape[1]]
-    keys: Longs = boxes @ factors
-    return keys
 
 
 def _count_inside(body: Body, points: Floats, cells: Longs) -> int:

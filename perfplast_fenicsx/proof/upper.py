@@ -65,8 +65,8 @@ class Flow:
             ``elastic_strain`` and ``entering_work``: the work of a stress as large as the loads at
             the bound cause (:meth:`Loads.stress`) at what is left in each cell and facet, all added
             up, relative to what is dissipated.
-            ``work_of_others``: the work of loads of any factor, relative to the largest that they
-            could do at that speed.
+            ``work_of_others``: the work of loads of any factor, relative to what they could do
+            where they are, each with the largest velocity or strain of its own facet or cell.
             ``entering``: relative to the largest velocity on the same facets, or to a share of the
             largest of all (:data:`entering.SLOWEST`) if that is more.
             ``moved_supports``, and of bodies of revolution ``axis``: relative to the largest
@@ -144,8 +144,11 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     if rigid:
         measured["bent"] = _share(bent, fastest)
     if body.others:
-        most = body.others.size(body.volumes, body.areas) + sums_of(rigid, body.others)[0]
-        most *= fastest
+        most = _most_work(body, body.others, v, at_facets)
+        plates = zip(rigid, motions, strict=True)
+        most += sum(
+            float(np.abs(one.wanted(body.others)) @ np.abs(motion)) for one, motion in plates
+        )
         measured["work_of_others"] = _share(abs(other_work), most)
     others = abs(other_work) + of_others * sum(left)
     speed = fastest
@@ -257,6 +260,18 @@ def _work(body: Body, loads: Loads, v: Floats, at_facets: Floats) -> float:
     work = np.einsum("f,fai,an,fni->", body.areas, loads.traction, _nodal(moments, d), at_facets)
     means = _nodal(np.array([[_moment(d, list(b)) for b in _quadratic(d + 1)]]), d + 1)[0]
     return float(work + np.einsum("c,ci,n,cni->", body.volumes, loads.body_force, means, v))
+
+
+def _most_work(body: Body, loads: Loads, v: Floats, at_facets: Floats) -> float:
+    """What tractions, forces and pressures in pores could do with velocities as large as there."""
+    pushes = np.linalg.norm(loads.traction * ~body.held[:, None], axis=2).mean(axis=1)
+    quick = np.linalg.norm(at_facets, axis=2).max(axis=1)
+    total = float((body.areas * pushes) @ quick)
+    quick = np.linalg.norm(v, axis=2).max(axis=1)
+    total += float((body.volumes * np.linalg.norm(loads.body_force, axis=1)) @ quick)
+    strains = np.linalg.norm(strain_rates(body, v), axis=(2, 3)).max(axis=1)
+    pressures = np.abs(loads.pore_pressure).max(axis=1)
+    return total + float((body.volumes * pressures) @ strains) * float(np.sqrt(body.dim))
 
 
 def _quadratic(count: int) -> list[tuple[int, int]]:

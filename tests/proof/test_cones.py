@@ -5,7 +5,6 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import h5py
 import numpy as np
 import pytest
 
@@ -13,17 +12,15 @@ from perfplast_fenicsx import (
     Contact,
     Pressure,
     Problem,
-    ResultFolder,
     Support,
     VonMises,
     stacked_blocks,
 )
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
-from perfplast_fenicsx.proof import ProofError, check
+from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.proof.cones import Cones, vectors
 from tests.materials.energy_cap import Foam
-from tests.proof.test_forgeries import (
+from tests.proof.forging import (
     Arrays,
     Forgery,
     Halves,
@@ -34,8 +31,10 @@ from tests.proof.test_forgeries import (
     in_turn,
     make,
     put,
+    said_of_forged,
     times,
     write,
+    written,
 )
 
 pytestmark = pytest.mark.serial
@@ -128,18 +127,9 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
         [Contact("lower_top", "upper_bottom")],
         degree=2,
     )
-    bounds = limit_bounds(problem)
-    folder = ResultFolder(MPI.COMM_SELF, path)
-    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
-    checked = check(path / "bounds.h5")
-    assert not any(half.faults for half in checked.values())
-    assert "·σ with M = " in checked["lower"].words[0]
-    with h5py.File(path / "bounds.h5") as file:
-        return {
-            kind: {name: np.asarray(half[name]) for name in half}
-            | {"bound": np.asarray(half.attrs["bound"])}
-            for kind, half in file.items()
-        }
+    found = written(path, limit_bounds(problem))
+    assert "·σ with M = " in check(path / "bounds.h5")["lower"].words[0]
+    return found
 
 
 def turned(them: Arrays) -> None:
@@ -216,13 +206,7 @@ FORGED: dict[str, tuple[Forgery, str]] = {
 @pytest.mark.parametrize("name", list(FORGED))
 def test_a_forged_cone_is_refused(honest: Halves, tmp_path: Path, name: str) -> None:
     forge, words = FORGED[name]
-    halves = {kind: {k: v.copy() for k, v in half.items()} for kind, half in honest.items()}
-    forge(halves)
-    try:
-        checked = check(write(tmp_path / "forged.h5", halves))
-        said = "; ".join(fault for of in checked.values() for fault in of.faults)
-    except ProofError as error:
-        said = str(error)
+    said = said_of_forged(honest, forge, tmp_path)
     assert any(word in said for word in words.split("|")), said
 
 

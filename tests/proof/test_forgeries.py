@@ -14,123 +14,34 @@ from mpi4py import MPI
 
 import h5py
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from perfplast_fenicsx import (
-    BodyForce,
-    Contact,
-    Plane,
-    Pressure,
-    Problem,
-    ResultFolder,
-    Support,
-    VonMises,
-    read_gmsh,
-)
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
-from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.proof import ProofError, check
-from tests.random_bodies import Stack, write_stack
+from tests.proof.forging import (
+    Arrays,
+    Forgery,
+    Halves,
+    alone,
+    blocks,
+    both,
+    drop,
+    high,
+    in_turn,
+    low,
+    make,
+    put,
+    said_of_forged,
+    times,
+    write,
+)
 
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is serial")
-
-Arrays = dict[str, npt.NDArray]
-Halves = dict[str, Arrays]
-Forgery = Callable[[Halves], object]
-
-STRENGTHS = {"block0": 1.0, "block1": 3.0}
 
 
 @pytest.fixture(scope="module", params=[2, 3])
 def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
     """The halves of a proof of two blocks on a plane, of different strength, with weight."""
-    dim, path = request.param, tmp_path_factory.mktemp("honest")
-    it = Stack(1, dim, (0.7, 1.2), ((1.0, 1.0),) * 2, 0.4 if dim == 2 else 0.7, plain=True)
-    write_stack(path / "stack.msh", it)
-    problem = Problem(
-        read_gmsh(MPI.COMM_WORLD, path / "stack.msh"),
-        {name: VonMises(young=1e3, poisson=0.3, yield_stress=s) for name, s in STRENGTHS.items()},
-        [Support("x0", "x"), *([Support("y0", "y")] if dim == 3 else [])],
-        [Pressure("top", 1.0), BodyForce("block1", [0.0] * (dim - 1) + [-0.1])],
-        [Contact("block0_seam0", "block1_seam0")],
-        [Plane("bottom", [0.0] * dim, [0.0] * (dim - 1) + [1.0])],
-        degree=2,
-    )
-    bounds = limit_bounds(problem)
-    assert bounds.strict
-    folder = ResultFolder(MPI.COMM_WORLD, path)
-    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
-    assert not any(of.faults for of in check(path / "bounds.h5").values())
-    with h5py.File(path / "bounds.h5") as file:
-        return {
-            kind: {name: np.asarray(half[name]) for name in half}
-            | {"bound": np.asarray(half.attrs["bound"])}
-            for kind, half in file.items()
-        }
-
-
-def write(path: Path, halves: Halves) -> Path:
-    """Write halves as they are."""
-    with h5py.File(path, "w") as file:
-        for kind, arrays in halves.items():
-            group = file.create_group(kind)
-            for name, values in arrays.items():
-                if name == "bound":
-                    group.attrs["bound"] = values
-                else:
-                    group[name] = values
-    return path
-
-
-def both(change: Callable[[Arrays], object]) -> Forgery:
-    """Changes both halves alike."""
-    return lambda halves: [change(arrays) for arrays in halves.values()]
-
-
-def low(change: Callable[[Arrays], object]) -> Forgery:
-    """Changes the lower half."""
-    return lambda halves: change(halves["lower"])
-
-
-def high(change: Callable[[Arrays], object]) -> Forgery:
-    """Changes the upper half."""
-    return lambda halves: change(halves["upper"])
-
-
-def alone(kind: str, change: Callable[[Arrays], object]) -> Forgery:
-    """Leaves one half, changed, so that nothing can be compared."""
-
-    def forge(halves: Halves) -> None:
-        del halves["upper" if kind == "lower" else "lower"]
-        change(halves[kind])
-
-    return forge
-
-
-def times(name: str, factor: npt.ArrayLike) -> Callable[[Arrays], None]:
-    """Multiplies an array."""
-    return lambda them: them.update({name: them[name] * np.asarray(factor)})
-
-
-def put(name: str, where: object, value: object) -> Callable[[Arrays], None]:
-    """Sets a part of an array."""
-    return lambda them: them[name].__setitem__(where, value)
-
-
-def make(name: str, change: Callable[[npt.NDArray], object]) -> Callable[[Arrays], None]:
-    """Replaces an array by what is made of it."""
-    return lambda them: them.update({name: np.asarray(change(them[name]))})
-
-
-def drop(name: str) -> Callable[[Arrays], object]:
-    """Leaves an array away."""
-    return lambda them: them.pop(name)
-
-
-def in_turn(*changes: Callable[[Arrays], object]) -> Callable[[Arrays], object]:
-    """Changes one after the other."""
-    return lambda them: [change(them) for change in changes]
+    return blocks(tmp_path_factory.mktemp("honest"), request.param)
 
 
 def free_cell(
@@ -514,13 +425,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
 @pytest.mark.parametrize("name", FORGERIES)
 def test_a_forgery_is_refused(honest: Halves, name: str, tmp_path: Path) -> None:
     forge, words = FORGERIES[name]
-    halves = {kind: {k: v.copy() for k, v in half.items()} for kind, half in honest.items()}
-    forge(halves)
-    path = write(tmp_path / "forged.h5", halves)
-    try:
-        said = "; ".join(fault for of in check(path).values() for fault in of.faults)
-    except ProofError as error:
-        said = str(error)
+    said = said_of_forged(honest, forge, tmp_path)
     assert any(word in said for word in words.split("|")), said
 
 

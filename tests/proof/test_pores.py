@@ -5,7 +5,6 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import h5py
 import numpy as np
 import pytest
 
@@ -16,14 +15,12 @@ from perfplast_fenicsx import (
     PorePressure,
     Pressure,
     Problem,
-    ResultFolder,
     Support,
     read_gmsh,
 )
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
-from perfplast_fenicsx.proof import ProofError, check
-from tests.proof.test_forgeries import (
+from perfplast_fenicsx.proof import check
+from tests.proof.forging import (
     Arrays,
     Forgery,
     Halves,
@@ -35,8 +32,10 @@ from tests.proof.test_forgeries import (
     low,
     make,
     put,
+    said_of_forged,
     times,
     write,
+    written,
 )
 from tests.random_bodies import Stack, write_stack
 
@@ -61,19 +60,9 @@ def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         [Plane("bottom", [0.0] * dim, [0.0] * (dim - 1) + [1.0])],
         degree=2,
     )
-    bounds = limit_bounds(problem)
-    assert bounds.strict
-    folder = ResultFolder(MPI.COMM_WORLD, path)
-    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
-    checked = check(path / "bounds.h5")
-    assert not any(of.faults for of in checked.values())
-    assert "in the pores of a volume of 0.7" in checked["lower"].words[0]
-    with h5py.File(path / "bounds.h5") as file:
-        return {
-            kind: {name: np.asarray(half[name]) for name in half}
-            | {"bound": np.asarray(half.attrs["bound"])}
-            for kind, half in file.items()
-        }
+    found = written(path, limit_bounds(problem))
+    assert "in the pores of a volume of 0.7" in check(path / "bounds.h5")["lower"].words[0]
+    return found
 
 
 def elsewhere(them: Arrays) -> None:
@@ -111,15 +100,8 @@ PORES: dict[str, tuple[Forgery, str]] = {
 @pytest.mark.parametrize("name", PORES)
 def test_a_forged_pressure(honest: Halves, tmp_path: Path, name: str) -> None:
     forge, why = PORES[name]
-    halves = {kind: {key: value.copy() for key, value in of.items()} for kind, of in honest.items()}
-    forge(halves)
-    path = write(tmp_path / "forged.h5", halves)
-    try:
-        faults = [fault for half in check(path).values() for fault in half.faults]
-    except ProofError as refusal:
-        faults = [str(refusal)]
-    assert faults, "the forgery passed"
-    assert any(re.search(why, fault) for fault in faults), faults
+    said = said_of_forged(honest, forge, tmp_path)
+    assert re.search(why, said), said
 
 
 def test_a_file_without_pores_is_as_before(honest: Halves, tmp_path: Path) -> None:

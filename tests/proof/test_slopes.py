@@ -5,7 +5,6 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import h5py
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -17,15 +16,13 @@ from perfplast_fenicsx import (
     Plane,
     Pressure,
     Problem,
-    ResultFolder,
     Support,
     VonMises,
     read_gmsh,
 )
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
-from perfplast_fenicsx.proof import ProofError, check
-from tests.proof.test_forgeries import (
+from perfplast_fenicsx.proof import check
+from tests.proof.forging import (
     Arrays,
     Forgery,
     Halves,
@@ -37,8 +34,10 @@ from tests.proof.test_forgeries import (
     low,
     make,
     put,
+    said_of_forged,
     times,
     write,
+    written,
 )
 from tests.random_bodies import Stack, write_stack
 
@@ -61,19 +60,9 @@ def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         [Plane("bottom", [0.0] * dim, [0.0] * (dim - 1) + [1.0])],
         degree=2,
     )
-    bounds = limit_bounds(problem)
-    assert bounds.strict
-    folder = ResultFolder(MPI.COMM_WORLD, path)
-    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
-    checked = check(path / "bounds.h5")
-    assert not any(of.faults for of in checked.values())
-    assert "times the mean stress" in checked["lower"].words[0]
-    with h5py.File(path / "bounds.h5") as file:
-        return {
-            kind: {name: np.asarray(half[name]) for name in half}
-            | {"bound": np.asarray(half.attrs["bound"])}
-            for kind, half in file.items()
-        }
+    found = written(path, limit_bounds(problem))
+    assert "times the mean stress" in check(path / "bounds.h5")["lower"].words[0]
+    return found
 
 
 def other_way_round(cones: npt.NDArray) -> npt.NDArray:
@@ -135,13 +124,7 @@ SLOPES: dict[str, tuple[Forgery, str]] = {
 @pytest.mark.parametrize("name", list(SLOPES))
 def test_a_forged_slope_is_refused(honest: Halves, tmp_path: Path, name: str) -> None:
     forge, words = SLOPES[name]
-    halves = {kind: {k: v.copy() for k, v in half.items()} for kind, half in honest.items()}
-    forge(halves)
-    path = write(tmp_path / "forged.h5", halves)
-    try:
-        said = "; ".join(fault for of in check(path).values() for fault in of.faults)
-    except ProofError as error:
-        said = str(error)
+    said = said_of_forged(honest, forge, tmp_path)
     assert any(word in said for word in words.split("|")), said
 
 

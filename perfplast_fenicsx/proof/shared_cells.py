@@ -1,0 +1,83 @@
+"""Which cells of two halves have a volume in common: those that no plane parts.
+
+Two simplices are apart if their shadows on the normal of a facet of one, or in space of an edge of
+each, are (the theorem of separating axes). Shadows that overlap by less than a share of both only
+touch.
+"""
+
+from collections.abc import Callable
+from itertools import combinations
+
+import numpy as np
+
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.box_pairs import box_pairs
+
+TOUCHING = 1e-6
+"""Share of the narrower shadow that two may overlap by and only touch."""
+
+
+def shared_cells(
+    one: Body, other: Body, differ: Callable[[Longs, Longs], Flags]
+) -> tuple[Longs, Longs]:
+    """Pairs of cells that have a volume in common and differ.
+
+    Args:
+        one: The cells of a half.
+        other: Those of the other.
+        differ: Which of many pairs do; only of these it is told whether they share a volume.
+    """
+    none = np.zeros(0, dtype=np.int64)
+    places = [body.vertices[body.cells] for body in (one, other)]
+    found = [(none, none)]
+    for a, b in box_pairs(*(np.stack([x.min(axis=1), x.max(axis=1)]) for x in places)):
+        off = differ(a, b)
+        a, b = a[off], b[off]
+        common = have_common_volume(places[0][a], places[1][b])
+        found.append((a[common], b[common]))
+    first, second = (np.concatenate(numbers) for numbers in zip(*found, strict=True))
+    return first, second
+
+
+def have_common_volume(ones: Floats, others: Floats) -> Flags:
+    """Whether simplices have.
+
+    Args:
+        ones: Places of their vertices, shape (num_pairs, d + 1, d).
+        others: The same of those beside them.
+    """
+    d, found = ones.shape[2], np.ones(len(ones), dtype=bool)
+    at_once = 20_000  # pairs that are looked at together, for the memory they take
+    for some in np.array_split(np.arange(len(ones)), len(ones) // at_once + 1):
+        middle = ones[some].mean(axis=1, keepdims=True)
+        a, b = ones[some] - middle, others[some] - middle
+        overlap = ~_apart(a, b, np.concatenate([_facing(a), _facing(b)], axis=1))
+        if d == 3 and overlap.any():
+            a, b = a[overlap], b[overlap]
+            across = np.cross(_edges(a)[:, :, None], _edges(b)[:, None]).reshape(len(a), -1, 3)
+            overlap[overlap] = ~_apart(a, b, across)
+        found[some] = overlap
+    return found
+
+
+def _edges(simplices: Floats) -> Floats:
+    pairs = np.array(list(combinations(range(simplices.shape[1]), 2)))
+    return np.asarray(simplices[:, pairs[:, 1]] - simplices[:, pairs[:, 0]])
+
+
+def _facing(simplices: Floats) -> Floats:
+    """Normals of the facets, shape (n, d + 1, d)."""
+    sides = simplices[:, 1:] - simplices[:, :1]
+    inner = np.linalg.inv(sides).transpose(0, 2, 1)
+    return np.concatenate([inner.sum(axis=1, keepdims=True), inner], axis=1)
+
+
+def _apart(ones: Floats, others: Floats, axes: Floats) -> Flags:
+    """Whether shadows on one of the axes do not overlap; axes of no length are none."""
+    with np.errstate(all="ignore"):
+        axes = axes / np.linalg.norm(axes, axis=2, keepdims=True)
+    first, second = (np.einsum("pvi,pai->pav", x, axes) for x in (ones, others))
+    widths = np.minimum(np.ptp(first, axis=2), np.ptp(second, axis=2))
+    overlap = np.minimum(first.max(axis=2), second.max(axis=2))
+    overlap = overlap - np.maximum(first.min(axis=2), second.min(axis=2))
+    return np.asarray((overlap <= TOUCHING * widths).any(axis=1))

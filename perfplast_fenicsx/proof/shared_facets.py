@@ -1,0 +1,140 @@
+"""Which outer facets of two halves lie on each other, and how much of each is covered.
+
+Two sets of cells with the same outer facets, seen from outside, fill the same room: what both
+differ by has no boundary then, and nothing bounded is without one. Facets may be divided in
+different ways.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perfplast_fenicsx.proof.body import Body, Floats, Longs
+from perfplast_fenicsx.proof.box_pairs import box_pairs
+
+CLOSE = 1e-11
+"""Distance from the plane of a facet that counts as none, relative to its largest coordinate:
+rounding of cells that were divided often."""
+
+COVERED = 1e-6
+"""Share of a facet whose lack of another one counts as none, and that no pair is of."""
+
+
+@dataclass(frozen=True)
+class SharedFacets:
+    """Pairs of facets that lie on each other, on the same side of their cells.
+
+    Attributes:
+        first: Numbers of facets of one half, shape (num_pairs,).
+        second: Those of the other.
+        alone: Centres of facets of either that are not covered, shape (n, d).
+    """
+
+    first: Longs
+    second: Longs
+    alone: Floats
+
+
+def shared_facets(one: Body, other: Body) -> SharedFacets:
+    """Find them."""
+    halves = (one, other)
+    places = [body.vertices[body.facets] for body in halves]
+    reach = [CLOSE * np.abs(x).max(axis=(1, 2)) for x in places]
+    boxes = [
+        np.stack([x.min(axis=1) - r[:, None], x.max(axis=1) + r[:, None]])
+        for x, r in zip(places, reach, strict=True)
+    ]
+    none = np.zeros(0, dtype=np.int64)
+    found = [(none, none, np.zeros(0))]
+    for a, b in box_pairs(*boxes):
+        facing = np.einsum("pi,pi->p", one.normals[a], other.normals[b]) > 0.5
+        a, b = a[facing], b[facing]
+        larger = (one.areas[a] >= other.areas[b])[:, None, None]
+        large, small = (np.where(of, places[0][a], places[1][b]) for of in (larger, ~larger))
+        normals = np.where(larger[:, 0], one.normals[a], other.normals[b])
+        heights = np.einsum("pvi,pi->pv", small - large[:, :1], normals)
+        least = np.minimum(_widths(one, a), _widths(other, b))
+        slack = np.minimum(np.maximum(reach[0][a], reach[1][b]), 1e-3 * least)
+        flat = (np.abs(heights) <= slack[:, None]).all(axis=1)
+        a, b, large, small = a[flat], b[flat], large[flat], small[flat]
+        common = _common(large, small, normals[flat], slack[flat])
+        kept = common > COVERED * np.minimum(one.areas[a], other.areas[b])
+        found.append((a[kept], b[kept], common[kept]))
+    first, second, common = (np.concatenate(values) for values in zip(*found, strict=True))
+    alone = []
+    for body, x, at in zip(halves, places, (first, second), strict=True):
+        covered = np.bincount(at, weights=common, minlength=len(x))
+        lacks = ~(np.abs(covered - body.areas) <= COVERED * body.areas)
+        alone.append(x[lacks].mean(axis=1))
+    return SharedFacets(first, second, np.concatenate(alone))
+
+
+def _widths(body: Body, facets: Longs) -> Floats:
+    """The least width of facets: their length, or their area over their longest edge."""
+    x = body.vertices[body.facets[facets]]
+    longest = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1)
+    return np.asarray(2 * body.areas[facets] / longest if body.dim == 3 else longest)
+
+
+def _common(large: Floats, small: Floats, normals: Floats, slack: Floats) -> Floats:
+    """Length or area that facets of one plane have in common.
+
+    Args:
+        large: Places of vertices, shape (num_pairs, d, d).
+        small: The same.
+        normals: Of the plane.
+        slack: Distance that counts as none.
+    """
+    if large.shape[2] == 2:
+        along = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
+        ends = [np.einsum("pvi,pi->pv", x - large[:, :1], along) for x in (large, small)]
+        least = np.maximum(*(end.min(axis=1) for end in ends))
+        return np.maximum(np.minimum(*(end.max(axis=1) for end in ends)) - least, 0.0)
+    frames = np.linalg.qr(
+        np.concatenate([normals[:, :, None], np.tile(np.eye(3), (len(normals), 1, 1))], axis=2)
+    )[0][:, :, 1:]
+    flat = [_turned((x - large[:, :1]) @ frames) for x in (large, small)]
+    # by Green: of each boundary what is inside of the other, once what is of both
+    once = _swept(flat[0], flat[1], slack, with_common=True)
+    return once + _swept(flat[1], flat[0], slack, with_common=False)
+
+
+def _turned(triangles: Floats) -> Floats:
+    """Triangles in the plane whose vertices follow each other to the left."""
+    sides = triangles[:, 1:] - triangles[:, :1]
+    left = np.linalg.det(sides) > 0
+    return np.where(left[:, None, None], triangles, triangles[:, [0, 2, 1]])
+
+
+def _swept(triangles: Floats, inside: Floats, slack: Floats, with_common: bool) -> Floats:
+    """Area that edges sweep about the origin where they are inside of other triangles.
+
+    Args:
+        triangles: Vertices of those with the edges, shape (num_pairs, 3, 2).
+        inside: Of the others.
+        slack: Distance that counts as none.
+        with_common: Whether to count edges, too, that go along those of the others.
+    """
+    ends = np.roll(triangles, -1, axis=1)
+    sides = np.roll(inside, -1, axis=1) - inside
+    along = np.einsum("pei,pli->pel", ends - triangles, sides) > 0
+    depth = np.where(along & with_common, -slack[:, None, None], slack[:, None, None])
+    inward = np.stack([-sides[..., 1], sides[..., 0]], axis=2)
+    inward = inward / np.linalg.norm(inward, axis=2, keepdims=True)
+    begin, end = (
+        np.einsum("pei,pli->pel", x, inward)
+        - np.einsum("pli,pli->pl", inside, inward)[:, None]
+        - depth
+        for x in (triangles, ends)
+    )
+    rise = end - begin
+    with np.errstate(all="ignore"):
+        crossing = -begin / rise
+    enters = np.where(rise > 0, crossing, np.where((rise == 0) & (begin < 0), 2.0, 0.0))
+    leaves = np.where(rise < 0, crossing, 1.0)
+    least = np.clip(enters.max(axis=2), 0.0, 1.0)[..., None]
+    most = np.clip(leaves.min(axis=2), 0.0, 1.0)[..., None]
+    most = np.maximum(least, most)
+    first, last = (triangles + t * (ends - triangles) for t in (least, most))
+    areas = first[..., 0] * last[..., 1] - first[..., 1] * last[..., 0]
+    return np.asarray(areas.sum(axis=1) / 2)

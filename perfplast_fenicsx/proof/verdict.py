@@ -1,0 +1,88 @@
+"""What a stress or a velocity proves, and what may be left of its conditions."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+ROUNDING = 1e-9
+"""What may be left of a condition that has no limit of its own in :data:`LIMITS`."""
+
+LIMITS: Mapping[str, float] = {
+    "asymmetry": 0.0,
+    "moved_supports": 0.0,
+    "axis": 0.0,
+    "equilibrium": 1e-10,
+    "inner_tractions": 1e-10,
+    "outer_tractions": 1e-10,
+    "tension": 1e-10,
+    "unequal_pressures": 1e-10,
+    "shear": 1e-10,
+    "unequal_shears": 1e-10,
+    "rigid_forces": 1e-10,
+    "left_of_load": 1e-10,
+    "left_of_strength": 1e-7,
+    "entering": 1e-12,
+    "bent": 1e-12,
+    "work_of_others": 1e-6,
+    "yield_ratio": 1 + 1e-9,
+    "shear_ratio": 1 + 1e-9,
+}
+"""What may be left of conditions. Symmetry and rest at supports are exact, as a program can write
+them. Rows of a stress have the rounding of mean stresses that may be 1e5 yield radii; all forces
+together are a millionth of the least distance at which bounds are sought, 1e-4, and a ten-millionth
+of what the weakest cell could bear. Jumps have the rounding of a few sums of velocities."""
+
+RATIOS = {"yield_ratio": "stresses", "shear_ratio": "shear tractions of contact"}
+"""Conditions that a stress keeps to when it is divided by what is measured."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What a stress or a velocity proves.
+
+    Attributes:
+        kind: "lower" or "upper".
+        claimed: The bound that the file names.
+        proven: The bound that was found; None where a condition fails.
+        measured: What is left of each condition.
+        faults: Which fail, in words; nothing where what is claimed holds.
+        words: What it is a proof about, and what is left in all, a sentence each.
+    """
+
+    kind: str
+    claimed: float
+    proven: float | None
+    measured: Mapping[str, float]
+    faults: tuple[str, ...]
+    words: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        left = ", ".join(f"{name} {value:.1e}" for name, value in self.measured.items())
+        if self.faults:
+            return f"{self.kind}: {self.claimed:.8g} is not proven: {'; '.join(self.faults)}"
+        return f"{self.kind}: {self.proven:.8g} is proven (claimed {self.claimed:.8g}; {left})"
+
+
+def rounding_of(bound: float, power: float) -> float:
+    """What a bound from above may differ by from one that the same numbers gave elsewhere.
+
+    Args:
+        bound: What is left of what is dissipated when loads that stay have done their work.
+        power: All that is dissipated, over the work of the loads whose factor is bounded: its sums
+            are rounded, however little is left.
+    """
+    sums = 1e-12  # rounding of sums over all cells
+    return ROUNDING * abs(bound) + sums * power
+
+
+def faults_of(measured: Mapping[str, float]) -> list[str]:
+    """The conditions that fail."""
+    faults = [
+        f"{name.replace('_', ' ')} of {value:.1e} is left"
+        for name, value in measured.items()
+        if name not in RATIOS and not value <= LIMITS.get(name, ROUNDING)
+    ]
+    for name, what in RATIOS.items():
+        ratio = measured.get(name, 0.0)
+        if not ratio <= LIMITS[name]:
+            faults.append(f"{what} are {ratio:.9g} times as large as they may be")
+    return faults
