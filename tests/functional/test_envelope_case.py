@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 import pytest
 
+from meshes.footing import write_footing
 from meshes.strip_footing import write_strip_footing
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
@@ -86,14 +87,38 @@ def test_a_footing(
         assert "envelope" in (folder / "report.html").read_text(encoding="utf-8")
 
 
+RIGID = """
+[[support]]
+on = "sides"
+components = "x"
+[[support]]
+on = "bottom"
+[[rigid_surface]]
+on = "footing"
+[[load]]
+name = "V"
+on = "footing"
+force = [0.0, -2.0]
+[[load]]
+name = "H"
+on = "footing"
+force = [2.0, 0.0]
+"""
+
+
 @pytest.mark.serial
-def test_the_picture(tmp_path: Path) -> None:
-    write_strip_footing(tmp_path / "ground.msh", size=1.0, grading=1.0)
-    text = CASE.replace("pictures = false", "pictures = true").replace("= 8", "= 3")
+def test_the_picture_of_a_rigid_footing(tmp_path: Path) -> None:
+    """Of forces on a surface that moves as one; the footing's width is 2."""
+    write_footing(tmp_path / "ground.msh", size=1.0)
+    head, tail = CASE[: CASE.index("[[support]]")], CASE[CASE.index("[loading]") :]
+    text = head + RIGID + tail.replace("pictures = false", "pictures = true").replace("= 8", "= 3")
     (tmp_path / "case.toml").write_text(text)
     main(["run", str(tmp_path / "case.toml"), "-o", str(tmp_path / "r")])
     assert (tmp_path / "r" / "envelope.png").stat().st_size > 10_000
     assert (tmp_path / "r" / "mechanism.png").stat().st_size > 10_000
+    rows = json.loads((tmp_path / "r" / "summary.json").read_text())["limit"]["envelope"]["rows"]
+    assert rows[0]["carried"] <= 2 + math.pi <= rows[0]["not carried from"]
+    assert rows[90]["carried"] <= 1.0 + 1e-9 <= rows[90]["not carried from"] + 2e-9
 
 
 @pytest.mark.parametrize(
