@@ -18,8 +18,8 @@ from .io.results.result_writer import ResultWriter as ResultWriter
 from .limit_analysis.body.adaptation import Adaptation as Adaptation
 from .limit_analysis.body.adaptive_meshes import adaptive_bounds as adaptive_bounds
 from .limit_analysis.body.body_bounds import BodyBounds as BodyBounds
-from .limit_analysis.body.body_bounds import limit_bounds as limit_bounds
 from .limit_analysis.body.interaction import envelope as envelope
+from .limit_analysis.body.limit_bounds import limit_bounds as limit_bounds
 from .limit_analysis.body.safety_factor import FactorOfSafety as FactorOfSafety
 from .limit_analysis.body.safety_factor import factor_of_safety as factor_of_safety
 from .limit_analysis.discrete.limit_methods import LimitLoad as LimitLoad

@@ -8,7 +8,7 @@ from perfplast_fenicsx.controls.control import Moved, Run, none_moved
 from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.controls.level_values import check_rising, check_values, follow
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.body.body_bounds import bounds_of_mesh
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import bounds_of_mesh
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import (
     TOLERANCE,
     LimitLoad,

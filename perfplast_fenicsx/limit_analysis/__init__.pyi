@@ -3,10 +3,10 @@ from .body.adaptive_meshes import AdaptiveBounds as AdaptiveBounds
 from .body.adaptive_meshes import Round as Round
 from .body.adaptive_meshes import adaptive_bounds as adaptive_bounds
 from .body.body_bounds import BodyBounds as BodyBounds
-from .body.body_bounds import bounds_of_mesh as bounds_of_mesh
-from .body.body_bounds import limit_bounds as limit_bounds
 from .body.interaction import Envelope as Envelope
 from .body.interaction import envelope as envelope
+from .body.limit_bounds import bounds_of_mesh as bounds_of_mesh
+from .body.limit_bounds import limit_bounds as limit_bounds
 from .body.safety_factor import FactorOfSafety as FactorOfSafety
 from .body.safety_factor import factor_of_safety as factor_of_safety
 from .discrete.discrete_limit import DiscreteLimit as DiscreteLimit

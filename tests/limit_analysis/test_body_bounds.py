@@ -2,7 +2,6 @@
 
 import math
 from pathlib import Path
-from unittest.mock import Mock
 
 from mpi4py import MPI
 
@@ -17,8 +16,7 @@ from perfplast_fenicsx.limit_analysis import (
     limit_bounds,
     limit_load,
 )
-from perfplast_fenicsx.limit_analysis.body import body_bounds
-from perfplast_fenicsx.limit_analysis.facets import facet_conditions
+from perfplast_fenicsx.limit_analysis.body import limit_bounds as search
 from perfplast_fenicsx.problem import LoadCase
 from tests.checks import assert_refused
 from tests.limit_analysis.test_interior_point import BLOCK, COMM, K, blocks, footing, made
@@ -32,10 +30,8 @@ def upper(bounds: BodyBounds) -> float:
     return bounds.upper.value
 
 
-def test_a_footing(shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_footing(shared_tmp_path: Path) -> None:
     told: list[InteriorStep] = []
-    reads = Mock(wraps=facet_conditions._read)
-    monkeypatch.setattr(facet_conditions, "_read", reads)
     bounds = limit_bounds(footing(shared_tmp_path), monitor=told.append)
     assert 5.17 < upper(bounds) / K < 5.18  # exact: 5.1416
     assert bounds.mesh.upper is not None
@@ -53,8 +49,6 @@ def test_a_footing(shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     gap = upper(bounds) - bounds.lower.value
     assert COMM.allreduce(bounds.shares.sum()) == pytest.approx(gap, rel=1e-9)
     assert COMM.allreduce(float(bounds.shares.min()), MPI.MIN) > -1e-9 * gap
-    meshes = [call.args[0].tagged_mesh for call in reads.call_args_list]
-    assert len(meshes) == len({id(mesh) for mesh in meshes})  # read once for each
 
 
 def test_a_limit_load_bounds_that_of_the_body_from_above(shared_tmp_path: Path) -> None:
@@ -156,7 +150,7 @@ def test_what_does_not_fit_into_memory_in_space(monkeypatch: pytest.MonkeyPatch)
         raise AssertionError
 
     problem = quadratic_blocks()
-    monkeypatch.setattr(body_bounds, "interior_point", compute)
+    monkeypatch.setattr(search, "interior_point", compute)
     monkeypatch.setattr(machine_memory, "physical_memory", lambda: 2**10)
     assert_refused(lambda: limit_bounds(problem), ["unknowns needs", "coarser mesh"])
 

@@ -21,7 +21,8 @@ from perfplast_fenicsx import (
     limit_load,
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.proof import Checked, check
 from perfplast_fenicsx.proof.checker import check_lower, check_upper

@@ -8,12 +8,12 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx import Problem, Traction, two_blocks
-from perfplast_fenicsx.limit_analysis.body.body_bounds import NO_MECHANISM, NOT_SOUGHT
+from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT
 from perfplast_fenicsx.limit_analysis.body.next_step import Effort, clock, next_steps
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
 from perfplast_fenicsx.limit_analysis.discrete.locking import _largest
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
+from perfplast_fenicsx.limit_analysis.statements.bound import NO_MECHANISM, Bound, Scope
 from tests.models import two_blocks_problem
 
 COMM = MPI.COMM_WORLD

@@ -15,7 +15,7 @@ from perfplast_fenicsx import (
     Traction,
     VonMises,
 )
-from perfplast_fenicsx.limit_analysis.body.body_bounds import limit_bounds
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import ignored
 from perfplast_fenicsx.materials import Flow

@@ -30,7 +30,7 @@ from perfplast_fenicsx import (
     limit_bounds,
     limit_load,
 )
-from perfplast_fenicsx.limit_analysis.body.body_bounds import bounds_of_mesh
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import bounds_of_mesh
 from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.fields.stiffness import Stiffness
 from tests.checks import assert_refused, assert_solved, largest

@@ -26,12 +26,12 @@ from perfplast_fenicsx.io.results.proof_cones import cones_on_file, table_of
 from perfplast_fenicsx.io.results.proof_loads import Places, loads_on_file
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.facets.contact_strength import strength_of
+from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
-from perfplast_fenicsx.mesh.straight_geometry import corners, outer_facets
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.declared.loads import check_bounded
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -193,54 +193,46 @@ def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
         question: Of which loads λ is the factor.
         follows: Whether slip follows the normal of friction's cone; else there is adhesion alone.
     """
-    tagged_mesh, given = problem.tagged_mesh, problem.given
+    tagged_mesh, body = problem.tagged_mesh, bound_body(problem)
     mesh = tagged_mesh.mesh
     d, topology = mesh.topology.dim, mesh.topology
     cells, points = corners(mesh)
     vertices = node_ordering(mesh, cells, topology.index_map(0))
     numbers = with_ghosts(topology.index_map(0), vertices.numbers())
-    of_cells = cell_ordering(mesh)
-    outer = outer_facets(mesh)
-    keys = (d + 1) * np.asarray(topology.original_cell_index, dtype=np.int64)[outer.cells]
-    of_facets = Ordering(problem.comm, keys + outer.places)
+    outer = body.geometry.exterior
+    of_cells, sides = body.geometry.cell[outer], body.geometry.side[outer]
+    keys = (d + 1) * np.asarray(topology.original_cell_index, dtype=np.int64)[of_cells]
+    places = Places(cell_ordering(mesh), Ordering(problem.comm, keys + sides))
     around = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
-    facets = np.take_along_axis(cells[outer.cells], around[outer.places], axis=1)
+    facets = np.take_along_axis(cells[of_cells], around[sides], axis=1)
 
     tags = {name: number for number, name in enumerate(sorted(tagged_mesh.surfaces), start=1)}
-    surface = np.zeros(len(outer.facets), dtype=np.int64)
+    surface = np.zeros(len(outer), dtype=np.int64)
     for name, number in tags.items():
-        surface[np.isin(outer.facets, tagged_mesh.facets(name))] = number
-    held = np.zeros((len(surface), d), dtype=np.uint8)
-    rigid = [surface for surface in given.rigid if surface.free]
-    for support in (one for one in given.holding if one not in rigid):
-        held[np.ix_(surface == tags[support.on], support.axes(d))] = 1
-    contacts = [[tags[contact.primary], tags[contact.secondary]] for contact in given.contacts]
-    walls = [obstacle for obstacle in given.obstacles if isinstance(obstacle, Plane)]
-    rubbing = {"contact": given.contacts, "obstacle": walls}
-    into = [plane.towards(np.zeros((1, d)))[1][0] for plane in walls]
-    places = Places(of_cells, of_facets, points[cells], points[facets], surface)
-    loads = loads_on_file(problem, question, outer, places, tags)
-    for kind, ones in rubbing.items():
-        strengths = [strength_of(one) for one in ones]
+        surface[np.isin(outer, tagged_mesh.facets(name))] = number
+    rubbing = {}
+    kinds = {
+        "contact": [it for it in body.interfaces if it.obstacle is None],
+        "obstacle": [it for it in body.interfaces if it.obstacle is not None],
+    }
+    for kind, shape in (("contact", (2,)), ("obstacle", ())):
+        met = [[tags[name] for name in it.surfaces] for it in kinds[kind]]
+        rubbing[f"{kind}s"] = table_of(problem, met, shape, np.int64)
         for name in ("adhesion", "friction"):
             none = name == "friction" and not follows
-            values = [0.0 if none else getattr(strength, name) for strength in strengths]
-            loads[f"{kind}_{name}"] = table_of(problem, values, (), np.float64)
-    return loads | {
+            values = [0.0 if none else getattr(it.strength, name) for it in kinds[kind]]
+            rubbing[f"{kind}_{name}"] = table_of(problem, values, (), np.float64)
+    into = [it.into for it in body.interfaces if it.into is not None]
+    return {
+        **loads_on_file(problem, body, question, places),
+        **rubbing,
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),
-        "cells": block(of_cells, numbers[cells]),
-        **cones_on_file(problem, of_cells),
-        "facets": block(of_facets, numbers[facets]),
-        "surface": block(of_facets, surface),
-        "held": block(of_facets, held),
-        "rigid": table_of(problem, [tags[surface.on] for surface in rigid], (), np.int64),
-        "rigid_held": table_of(
-            problem,
-            [np.isin(np.arange(d), surface.axes(d) if surface.held else []) for surface in rigid],
-            (d,),
-            np.uint8,
-        ),
-        "contacts": table_of(problem, contacts, (2,), np.int64),
-        "obstacles": table_of(problem, [tags[plane.on] for plane in walls], (), np.int64),
+        "cells": block(places.of_cells, numbers[cells]),
+        **cones_on_file(problem, places.of_cells),
+        "facets": block(places.of_facets, numbers[facets]),
+        "surface": block(places.of_facets, surface),
+        "held": block(places.of_facets, body.supported[outer].astype(np.uint8)),
+        "rigid": table_of(problem, [tags[name] for name in body.rigid.names], (), np.int64),
+        "rigid_held": table_of(problem, body.rigid.free[:, :d] == 0, (d,), np.uint8),
         "obstacle_normals": table_of(problem, into, (d,), np.float64),
     }

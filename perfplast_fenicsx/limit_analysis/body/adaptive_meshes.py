@@ -16,7 +16,8 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
 from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
@@ -137,7 +138,7 @@ def adaptive_bounds(
 
     Raises:
         InputError: If the mesh cannot be adapted, there is no design load to decide on, and for
-            what :func:`body_bounds.limit_bounds` refuses.
+            what :func:`limit_bounds.limit_bounds` refuses.
     """
     adaptation = adaptation or Adaptation()
     adaptation.check(problem.tagged_mesh)

@@ -8,7 +8,7 @@ from dolfinx.mesh import exterior_facet_indices
 from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.facets.bare_vertices import bare_vertices
-from perfplast_fenicsx.limit_analysis.facets.facet_conditions import facet_conditions
+from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
 from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
 from perfplast_fenicsx.limit_analysis.facets.lone_corners import with_divided_corners
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
@@ -41,12 +41,12 @@ def with_divided_bare_cells(problem: Problem) -> Problem:
         return problem
     if has_curved_cells(tagged_mesh.mesh):
         return problem
-    conditions = facet_conditions(problem)
-    if conditions.prevents is not None or not problem.as_declared:
+    body = bound_body(problem)
+    if body.prevents is not None or not problem.as_declared:
         return problem
     topology, loose = tagged_mesh.mesh.topology, cones.at_cells()[0] == 0
-    outside = np.isin(conditions.numbers.facets, exterior_facet_indices(topology))
-    bare = bare_vertices(problem, conditions, loose).all(axis=1) & ~outside.all(axis=1)
+    outside = np.isin(body.numbers.facets, exterior_facet_indices(topology))
+    bare = bare_vertices(problem, body, loose).all(axis=1) & ~outside.all(axis=1)
     here = np.flatnonzero(bare)
     count = problem.comm.allreduce(len(here))
     if count == 0:

@@ -21,7 +21,8 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
@@ -125,7 +126,7 @@ def envelope(
         steps: Called on every rank after each step of the interior point method.
 
     Raises:
-        InputError: If a load is constant, and as :func:`body_bounds.limit_bounds`.
+        InputError: If a load is constant, and as :func:`limit_bounds.limit_bounds`.
     """
     if directions < 1:
         raise InputError(f"directions = {directions} is none; give a number from 3 on.")

@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from perfplast_fenicsx.limit_analysis.body.body_bounds import NO_MECHANISM, NOT_SOUGHT, BodyBounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED, ENTERS
+from perfplast_fenicsx.limit_analysis.statements.bound import NO_MECHANISM
 from perfplast_fenicsx.mesh_estimate import percent
 
 

@@ -16,7 +16,8 @@ from typing import Any
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
@@ -96,7 +97,7 @@ def factor_of_safety(
 
     Raises:
         InputError: If a load grows, a body has no reduced strength or none yields, and as
-            :func:`body_bounds.limit_bounds`.
+            :func:`limit_bounds.limit_bounds`.
     """
     check_tolerance(tolerance)
     check_stands(problem.given.loads, all_elastic(problem.given.materials.values()))

@@ -24,6 +24,7 @@ from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.mandel import Expr, mandel_size
 from perfplast_fenicsx.materials.plane_stress import in_plane_stress
 from perfplast_fenicsx.materials.yield_set import Cone, PrincipalCone
+from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import TINY
 
@@ -125,6 +126,7 @@ class BodyCones:
         return radii[at], slopes[at], tilts[at] if tilts.any() else None
 
 
+@once_a_problem
 def body_cones(problem: Problem) -> BodyCones:
     """The cones of the bodies. Not collective: materials are the same on all ranks.
 

@@ -12,13 +12,13 @@ from dolfinx import la
 from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Longs
-from perfplast_fenicsx.limit_analysis.facets.facet_conditions import FacetConditions
+from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody
 from perfplast_fenicsx.problem.problem import Problem
 
 Flags = npt.NDArray[np.bool_]
 
 
-def bare_vertices(problem: Problem, at: FacetConditions, loose: Flags) -> Flags:
+def bare_vertices(problem: Problem, at: BoundBody, loose: Flags) -> Flags:
     """Which vertices of the cells that this rank owns, shape (num_cells, d + 1). Collective.
 
     Args:

@@ -21,6 +21,7 @@ from perfplast_fenicsx.contact.rows.jump_basis import make_basis
 from perfplast_fenicsx.limit_analysis.facets.contact_facets import ContactFacets, contact_facets
 from perfplast_fenicsx.limit_analysis.facets.facet_contact import with_facet_contact
 from perfplast_fenicsx.limit_analysis.facets.matched_facets import matched_facets
+from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.rounding import ROUNDING
@@ -172,6 +173,7 @@ def without_entering(problem: Problem) -> Problem | None:
     )
 
 
+@once_a_problem
 def flat_faces(problem: Problem) -> Floats | None:
     """Rows (number of the contact, normal) that pairs have; None if they are too many to be flat.
 

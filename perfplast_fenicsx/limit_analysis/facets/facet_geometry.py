@@ -10,7 +10,14 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 class FacetGeometry:
-    """Geometry of the exterior facets of this rank, by local number."""
+    """Geometry of the exterior facets of this rank, by local number.
+
+    Attributes:
+        exterior: Local numbers of those that it owns, sorted.
+        cell: The cell of each facet, ghosts too, shape (num_facets,).
+        side: The vertex of it that the facet is opposite.
+        vertices: Of the cells, shape (num_cells, d + 1, d).
+    """
 
     def __init__(self, problem: Problem, numbers: FacetNumbers, vertices: Floats) -> None:
         topology = problem.tagged_mesh.mesh.topology
@@ -22,29 +29,39 @@ class FacetGeometry:
         cell, side = np.zeros(self.num, dtype=np.int64), np.zeros(self.num, dtype=np.int64)
         cells, sides = np.indices(numbers.facets.shape)
         cell[numbers.facets], side[numbers.facets] = cells, sides
-        self._numbers, self.vertices, self._cell, self._side = numbers, vertices, cell, side
+        self._numbers, self.vertices, self.cell, self.side = numbers, vertices, cell, side
 
     def normals(self, facets: Ints | Longs) -> Floats:
         """Outward unit normals."""
-        cells = self.vertices[self._cell[facets]]
-        slopes = gradients(cells)[0][np.arange(len(facets)), self._side[facets]]
+        cells = self.vertices[self.cell[facets]]
+        slopes = gradients(cells)[0][np.arange(len(facets)), self.side[facets]]
         normals: Floats = -slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
         return normals
 
     def areas(self, facets: Ints | Longs) -> Floats:
         """Areas, in the plane lengths."""
-        slopes, volumes = gradients(self.vertices[self._cell[facets]])
-        heights = np.linalg.norm(slopes[np.arange(len(facets)), self._side[facets]], axis=1)
+        slopes, volumes = gradients(self.vertices[self.cell[facets]])
+        heights = np.linalg.norm(slopes[np.arange(len(facets)), self.side[facets]], axis=1)
         found: Floats = self.tdim * volumes * heights
         return found
 
     def corners(self, facets: Ints) -> Floats:
         """Vertices by their places, shape (n, d, d)."""
-        tdim, cell, side = self.tdim, self._cell[facets], self._side[facets]
+        tdim, cell, side = self.tdim, self.cell[facets], self.side[facets]
         others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
         x = self.vertices[cell[:, None], others[side]]
         places = self._numbers.places[cell, side]
         return np.take_along_axis(x, np.argsort(places, axis=1)[:, :, None], axis=1)
+
+    def at_corners(self, facets: Ints, values: Floats) -> Floats:
+        """Values at vertices in the order of the cell's, shape (n, d, ...).
+
+        Args:
+            facets: Numbers of facets.
+            values: At their vertices by their places, shape (n, d, ...).
+        """
+        places = self._numbers.places[self.cell[facets], self.side[facets]]
+        return values[np.arange(len(facets))[:, None], places]
 
     def of(self, problem: Problem, surface: str) -> Ints:
         """Owned exterior facets of a surface."""

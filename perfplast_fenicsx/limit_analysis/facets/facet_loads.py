@@ -30,13 +30,19 @@ class FacetLoads:
         tractions: At the vertices by their places, shape (num_facets, d, d); cartesian.
         forces: Per volume, shape (num_cells, d).
         pores: Pressure in the pores at the vertices of each cell, shape (num_cells, d + 1).
-        resultants: Of forces on rigid surfaces (:meth:`RigidFacets.resultants`).
+        wet: Whether any of them is a pore pressure.
+        rigid_forces: Forces on free rigid surfaces, shape (num_surfaces, d).
+        rigid_moments: Their moments about the origin, shape (num_surfaces, 1 or 3).
+        resultants: The same in the surfaces' unknowns (:meth:`RigidFacets.resultants`).
         on_rigid: The largest of these over the area of its surface.
     """
 
     tractions: Floats
     forces: Floats
     pores: Floats
+    wet: bool
+    rigid_forces: Floats
+    rigid_moments: Floats
     resultants: Floats
     on_rigid: float
 
@@ -109,6 +115,8 @@ def loads_of(
     if bent:
         where = "in each cell" if isinstance(bent[0], PorePressure) else "on each facet"
         words = f"the load on '{bent[0].on}' is {BENT} {where}"
-    resultants = rigid.resultants(*rigid_resultants(free_surfaces(problem), loads, tdim))
+    on_surfaces = rigid_resultants(free_surfaces(problem), loads, tdim)
+    resultants = rigid.resultants(*on_surfaces)
     on_rigid = float((np.linalg.norm(resultants, axis=1) / rigid.area).max(initial=0.0))
-    return FacetLoads(values, forces, pores, resultants, on_rigid), words
+    wet = any(isinstance(load, PorePressure) for load in loads)
+    return FacetLoads(values, forces, pores, wet, *on_surfaces, resultants, on_rigid), words

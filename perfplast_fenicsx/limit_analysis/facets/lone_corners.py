@@ -20,9 +20,9 @@ from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
-from perfplast_fenicsx.limit_analysis.facets.facet_conditions import (
-    FacetConditions,
-    facet_conditions,
+from perfplast_fenicsx.limit_analysis.facets.bound_body import (
+    BoundBody,
+    bound_body,
 )
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
@@ -45,10 +45,10 @@ def with_divided_corners(problem: Problem) -> Problem:
     tagged_mesh = problem.tagged_mesh
     if problem.bodies.gdim == 3 or not problem.as_declared or has_curved_cells(tagged_mesh.mesh):
         return problem
-    conditions = facet_conditions(problem)
-    if conditions.prevents is not None:
+    body = bound_body(problem)
+    if body.prevents is not None:
         return problem
-    points = lone_corners(problem, conditions)
+    points = lone_corners(problem, body)
     count = problem.comm.allreduce(len(points))
     if count == 0:
         return problem
@@ -57,27 +57,27 @@ def with_divided_corners(problem: Problem) -> Problem:
     return problem.on(fan(tagged_mesh, points, pairs).tagged_mesh)
 
 
-def lone_corners(problem: Problem, conditions: FacetConditions) -> Ints:
+def lone_corners(problem: Problem, body: BoundBody) -> Ints:
     """Local vertices in which tractions leave one cell no stress, or no contact. Collective.
 
     Each is on the rank of that cell alone.
     """
-    topology, facets = problem.tagged_mesh.mesh.topology, conditions.numbers.facets
+    topology, facets = problem.tagged_mesh.mesh.topology, body.numbers.facets
     outside = np.isin(facets, exterior_facet_indices(topology))
     # Facets at each vertex of a triangle, those opposite the others.
     others = np.array([[1, 2], [0, 2], [0, 1]])
     cell, corner = np.nonzero(outside[:, others].all(axis=2))
     side = others[corner]
     here = facets[cell[:, None], side]
-    slopes, _ = gradients(conditions.vertices[cell])
+    slopes, _ = gradients(body.vertices[cell])
     normal = -slopes[np.arange(len(cell))[:, None], side]
     normal /= np.linalg.norm(normal, axis=2, keepdims=True)
 
-    axes, told = conditions.axes[here], ~conditions.held[here]
-    pressed = np.isin(here, conditions.in_contact)
+    axes, told = body.axes[here], ~body.held[here]
+    pressed = np.isin(here, body.in_contact)
     told[..., 0] &= ~pressed  # by a pressure that is not known
-    told[conditions.rigid.surface[here] >= 0] = False  # by resultants alone
-    told[np.isin(here, conditions.rubbing)] = False  # by no shear that is, either
+    told[body.rigid.surface[here] >= 0] = False  # by resultants alone
+    told[np.isin(here, body.rubbing)] = False  # by no shear that is, either
     # Components of a plane stress.
     components: Floats = np.array(
         [[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]], dtype=float
@@ -85,10 +85,10 @@ def lone_corners(problem: Problem, conditions: FacetConditions) -> Ints:
     every = np.einsum("nfai,nfj,mij->nfam", axes, normal, components)
     rows = (every * told[..., None]).reshape(-1, 4, 3)
     beside = corner[:, None] - (side < corner[:, None])  # the corner among the facet's vertices
-    place = conditions.numbers.places[cell[:, None], side, beside]
+    place = body.numbers.places[cell[:, None], side, beside]
     inverse = np.linalg.pinv(rows)
     wrong = np.zeros(len(cell), dtype=bool)
-    for loads in (conditions.live, conditions.dead):
+    for loads in (body.live, body.dead):
         pushes = np.take_along_axis(loads.tractions[here], place[..., None, None], axis=2)[:, :, 0]
         given = (np.einsum("nfai,nfi->nfa", axes, pushes) * told).reshape(-1, 4)
         left = np.einsum("nrm,nmq,nq->nr", rows, inverse, given) - given

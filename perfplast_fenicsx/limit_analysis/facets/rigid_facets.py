@@ -28,6 +28,7 @@ class RigidFacets:
     """Free rigid surfaces as facets of this rank.
 
     Attributes:
+        names: Of the surfaces.
         surface: Number of the surface of each local facet, −1 for none.
         lead: Global number of the facet that has the unknowns, of each surface.
         free: Which of the unknowns there are, shape (num_surfaces, 3 or 6).
@@ -36,6 +37,7 @@ class RigidFacets:
         area: Of each surface.
     """
 
+    names: tuple[str, ...]
     surface: Longs
     lead: Longs
     free: Floats
@@ -127,7 +129,8 @@ def rigid_facets(problem: Problem, facets: FacetGeometry) -> RigidFacets:
     area = sums[:, 0]
     middle = sums[:, 1:] / area[:, None]
     extent = np.linalg.norm(high - low, axis=1) / 2
-    return RigidFacets(number, lead, free, middle, extent, area)
+    names = tuple(surface.on for surface in surfaces)
+    return RigidFacets(names, number, lead, free, middle, extent, area)
 
 
 def free_surfaces(problem: Problem) -> list[RigidSurface]:

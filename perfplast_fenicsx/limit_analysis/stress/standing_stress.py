@@ -6,6 +6,7 @@ from dataclasses import replace
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, Verdict
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.stress.static_bound import StaticBound, strict_lower_bound
+from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import rounded_down
 
@@ -16,6 +17,7 @@ def with_standing_stress(
     rtol: float,
     monitor: Callable[[InteriorStep], None] | None,
     question: Question,
+    form: StaticForm | None,
 ) -> StaticBound:
     """A search without a bound, with what it says of where stresses are too few. Collective.
 
@@ -26,7 +28,7 @@ def with_standing_stress(
         return static
     if not problem.loads.has_dead() or static.verdict is not Verdict.STALLED:
         return static
-    stands = strict_lower_bound(problem, rtol, monitor, Question.STANDS)
+    stands = strict_lower_bound(problem, rtol, monitor, Question.STANDS, form)
     times = stands.bound.value
     if times is None or times >= 1:
         return static

@@ -23,10 +23,7 @@ from perfplast_fenicsx.limit_analysis.conic.natural_units import (
     next_start,
 )
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import weak_bodies
-from perfplast_fenicsx.limit_analysis.facets.facet_conditions import (
-    FacetConditions,
-    facet_conditions,
-)
+from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
 from perfplast_fenicsx.limit_analysis.facets.facet_loads import BENT
 from perfplast_fenicsx.limit_analysis.facets.ring_cells import coefficients_of_radius
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
@@ -38,6 +35,7 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.stress.static_balance import StaticIteration
 from perfplast_fenicsx.limit_analysis.stress.static_certificate import certify_stress
+from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm, static_form
 from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram, static_program
 from perfplast_fenicsx.limit_analysis.stress.static_stress import StaticBound, no_stress
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
@@ -69,6 +67,7 @@ def strict_lower_bound(
     rtol: float = 1e-4,
     monitor: Callable[[InteriorStep], None] | None = None,
     question: Question = Question.LIMIT,
+    form: StaticForm | None = None,
 ) -> StaticBound:
     """Bound the limit load of the body from below. Collective.
 
@@ -80,6 +79,8 @@ def strict_lower_bound(
         rtol: What is left between the bound and the best one on this mesh, relative.
         monitor: Called on every rank after each step.
         question: Of which loads the factor is sought.
+        form: Of the problem (:func:`form_that_fits`), left to whoever has made it; by default it
+            is made, and given back in the end.
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or a
@@ -88,20 +89,24 @@ def strict_lower_bound(
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
     check_loads(problem)
-    conditions = facet_conditions(problem)
+    body = bound_body(problem)
     if not problem.as_declared:
-        return no_stress(conditions, Verdict.STALLED, REPLACED)
-    if conditions.prevents is not None:
-        return no_stress(conditions, Verdict.STALLED, conditions.prevents)
-    why_not = conditions.why_not
+        return no_stress(body, Verdict.STALLED, REPLACED)
+    if body.prevents is not None:
+        return no_stress(body, Verdict.STALLED, body.prevents)
+    why_not = body.why_not
     if has_curved_cells(problem.tagged_mesh.mesh):
         why_not = ("cells are curved", *why_not)
-    given = problem, conditions, question, why_not, rtol, monitor
-    found, start = _search(*given, Start())
-    while start is not None:
-        before = found
-        found, start = _search(*given, start)
-        found = _together(before, found)
+    with ExitStack() as made:
+        if form is None:
+            form = static_form(problem)
+            made.callback(form.destroy)
+        given = problem, form, question, why_not, rtol, monitor
+        found, start = _search(*given, Start())
+        while start is not None:
+            before = found
+            found, start = _search(*given, start)
+            found = _together(before, found)
     return found
 
 
@@ -117,7 +122,7 @@ def _together(before: StaticBound, after: StaticBound) -> StaticBound:
 
 def _search(
     problem: Problem,
-    conditions: FacetConditions,
+    form: StaticForm,
     question: Question,
     why_not: tuple[str, ...],
     rtol: float,
@@ -126,35 +131,35 @@ def _search(
 ) -> tuple[StaticBound, Start | None]:
     """Search from a start, and tell where to begin anew; None to end. Collective."""
     with ExitStack() as made:
-        static = static_program(problem, conditions, question, start.reserve)
-        program = static.program
-        made.callback(program.destroy)
+        static = static_program(form, question, start.reserve)
+        program, body = static.program, form.body
+        made.callback(static.destroy)
         if program.degree == program.num_pairs:
             reason = "nothing can yield; give the bodies that may collapse a yield stress"
-            return no_stress(conditions, Verdict.UNBOUNDED, reason), None
+            return no_stress(body, Verdict.UNBOUNDED, reason), None
         try:
             limited = choose_units(program, start)
         except SingularStiffness as failure:
-            found = no_stress(conditions, Verdict.STALLED, str(failure))
+            found = no_stress(body, Verdict.STALLED, str(failure))
             return found, next_start(start, program, None, found.verdict, rtol)
         if not limited:
-            found = no_stress(conditions, Verdict.UNBOUNDED, UNLIMITED)
+            found = no_stress(body, Verdict.UNBOUNDED, UNLIMITED)
             return found, next_start(start, program, None, found.verdict, rtol)
         none = None  # beside dead loads no stress is none of a load factor of 0 either
         if not program.has_dead:
             none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
         if not static.can_carry():
-            return no_stress(conditions, Verdict.NO_RESISTANCE, CORNERS, none), None
+            return no_stress(body, Verdict.NO_RESISTANCE, CORNERS, none), None
         iteration = StaticIteration(static)
         made.callback(iteration.destroy)
         steps: list[InteriorStep] = []
         verdict, reason = iterate(iteration, rtol, steps, monitor)
-        taken = program.stiffness.factorisations
+        taken = static.factorisations
         if verdict is Verdict.NO_RESISTANCE:
-            found = no_stress(conditions, verdict, COARSE, none)
+            found = no_stress(body, verdict, COARSE, none)
             return replace(found, steps=steps, factorisations=taken), None
         then = next_start(start, program, iteration.now, verdict, rtol)
-        found = _result(static, iteration, problem, conditions, why_not, verdict, reason, steps)
+        found = _result(static, iteration, problem, why_not, verdict, reason, steps)
         certificate = found.certificate
         if program.keeps and verdict is Verdict.FOUND and certificate is not None:
             over = certificate.in_equilibrium and not certificate.holds
@@ -162,37 +167,44 @@ def _search(
         return found, then
 
 
-def check_stress_fits(problem: Problem) -> None:
-    """Refuse a mesh whose lower bound does not fit into memory, before all else. Collective.
+def form_that_fits(problem: Problem) -> StaticForm | None:
+    """The form of lower bounds, or a refusal where they do not fit into memory. Collective.
+
+    To be had before all else, and kept for :func:`strict_lower_bound`.
+
+    Returns:
+        The form; None where there is no lower bound.
 
     Raises:
         TooLarge: With what is needed and what there is.
         InputError: If a traction is not linear on each facet, and as :func:`strict_lower_bound`.
     """
-    conditions = facet_conditions(problem)
-    if conditions.prevents is not None:
-        if BENT in conditions.prevents:
-            raise InputError(f"{conditions.prevents}, and {BOUNDED}")
-        return
-    static = static_program(problem, conditions, Question.LIMIT, Start().reserve)
+    prevents = bound_body(problem).prevents
+    if prevents is not None:
+        if BENT in prevents:
+            raise InputError(f"{prevents}, and {BOUNDED}")
+        return None
+    form = static_form(problem)
     try:
-        static.stiffness.check_memory()
-    finally:
-        static.program.destroy()
+        form.stiffness.check_memory()
+    except InputError:
+        form.destroy()
+        raise
+    return form
 
 
 def _result(
     static: StaticProgram,
     iteration: StaticIteration,
     problem: Problem,
-    conditions: FacetConditions,
     why_not: tuple[str, ...],
     verdict: Verdict,
     reason: str,
     steps: list[InteriorStep],
 ) -> StaticBound:
     """What an iterate proves. Collective."""
-    program, strains = static.program, static.strains
+    program, form = static.program, static.form
+    strains = form.strains
     iteration.settle()
     now = iteration.now
     pressure, deviator = program.whole((now.pressure, now.deviator), now.load)
@@ -230,7 +242,7 @@ def _result(
     shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
     stress = strains.whole(pressure, deviator)
     if problem.tagged_mesh.axisymmetric:
-        rho = coefficients_of_radius(conditions.vertices)
+        rho = coefficients_of_radius(form.body.vertices)
         shape, stress = (count, 6, 4), rho.reshape(-1, 1) * stress
     _, rates = strains.of(iteration.velocity)
     powers = heads * np.linalg.norm(rates, axis=1)
@@ -245,10 +257,10 @@ def _result(
         reason=reason,
         stress=stress.reshape(shape),
         aside=aside,
-        contact_facets=np.sort(conditions.hosts),
+        contact_facets=np.sort(form.body.hosts),
         contact_pressure=pushes.reshape(-1, tdim),
         dissipation=powers.reshape(count, -1).sum(axis=1) * program.load_unit,
         certificate=certificate,
         steps=steps,
-        factorisations=program.stiffness.factorisations,
+        factorisations=static.factorisations,
     )

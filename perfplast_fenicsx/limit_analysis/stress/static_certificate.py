@@ -92,27 +92,27 @@ def certify_stress(
         The certificate; the pressure on the vertices of facets that are hosts of contact, shape
         (num_hosts · d,).
     """
-    strains, comm = static.strains, static.program.comm
+    strains, comm = static.form.strains, static.program.comm
     left = strains.create_vector()
     every = static.program.strains
     every.forces(pressure, deviator, left)
     residual = left.array_r - static.loads(load, aside)
     left.destroy()
     count, tdim = strains.facets.count, strains.gdim
-    on_facets = residual[:count] / np.repeat(static.areas.ravel(), tdim)
-    sections = static.sections
+    on_facets = residual[:count] / np.repeat(static.form.areas.ravel(), tdim)
+    sections = static.form.sections
     inverse = strains.weaknesses(pressure)
     of_facets, of_cells = _weakness(static, inverse)
     inside = strains.inner(residual) / sections[:, None] * of_cells[:, None]
     between = np.abs(on_facets) * of_facets
-    others = ~(static.jumps | static.slips)
+    others = ~(static.form.jumps | static.form.slips)
     cell_radii = np.divide(1.0, inverse, out=np.full_like(inverse, np.inf), where=inverse > 0)
     largest: Floats = np.array(
         [
             np.abs(inside).max(initial=0),
             between[others].max(initial=0),
-            between[static.slips].max(initial=0),
-            on_facets[static.jumps].max(initial=0),
+            between[static.form.slips].max(initial=0),
+            on_facets[static.form.jumps].max(initial=0),
             (yield_ratios(every, pressure, deviator) - 1).max(initial=-1),
             -(cell_radii * sections).min(initial=np.inf),
             -cell_radii.min(initial=np.inf),
@@ -122,7 +122,7 @@ def certify_stress(
     in_cells, jump, shear, pull, over = (float(value) for value in largest[:5])
     strength, radius = (-float(value) for value in largest[5:])
     forces = np.abs(residual)
-    forces[:count][static.jumps] = np.maximum(residual[:count][static.jumps], 0.0)
+    forces[:count][static.form.jumps] = np.maximum(residual[:count][static.form.jumps], 0.0)
     sums: Floats = np.array([forces.sum(), static.loaded(load, aside)])
     comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
     missing, whole = (float(value) for value in sums)
@@ -136,7 +136,7 @@ def certify_stress(
         left_of_strength=missing / strength,
         overstress=over,
     )
-    return certificate, -on_facets[static.pressed]
+    return certificate, -on_facets[static.form.pressed]
 
 
 def beside_mechanism(
@@ -178,7 +178,7 @@ def _weakness(static: StaticProgram, inverse: Floats) -> tuple[Floats, Floats]:
     Returns:
         Of the facets' unknowns that this rank owns, and of its cells.
     """
-    facets = static.strains.facets
+    facets = static.form.strains.facets
     everywhere = static.program.comm.allreduce(float(inverse.max(initial=0)), MPI.MAX)
     met = facets.meet(np.repeat(inverse[:, None], facets.of_cells.shape[1], axis=1))
     around = facets.gather(met).max(axis=1)

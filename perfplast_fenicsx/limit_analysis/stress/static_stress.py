@@ -6,7 +6,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, Verdict
-from perfplast_fenicsx.limit_analysis.facets.facet_conditions import FacetConditions
+from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.stress.static_certificate import StaticCertificate
 
@@ -52,10 +52,10 @@ class StaticBound:
 
 
 def no_stress(
-    conditions: FacetConditions, verdict: Verdict, reason: str, bound: Bound | None = None
+    body: BoundBody, verdict: Verdict, reason: str, bound: Bound | None = None
 ) -> StaticBound:
     """The stress 0, and no bound unless one is given."""
-    count, _, tdim = conditions.vertices.shape
+    count, _, tdim = body.vertices.shape
     shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)  # of zeros, around an axis too
     return StaticBound(
         bound=bound or Bound(None, "lower", Scope.MESH, (reason,)),

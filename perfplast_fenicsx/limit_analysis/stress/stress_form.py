@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.limit_analysis.facets.facet_conditions import FacetConditions
+from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody
 from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
 from perfplast_fenicsx.limit_analysis.facets.ring_cells import NODES, on_facets, ring_forces
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import cell_layout, gradients
@@ -47,7 +47,7 @@ class StressForm:
     volumes: Floats
 
     @classmethod
-    def of(cls, problem: Problem, at: FacetConditions) -> "StressForm":
+    def of(cls, problem: Problem, at: BoundBody) -> "StressForm":
         """Read it off a problem. Not collective."""
         x, on, turned = at.vertices, at.numbers.facets, problem.tagged_mesh.axisymmetric
         tdim = x.shape[2]

@@ -15,7 +15,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
-from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import MechanismRates
 from perfplast_fenicsx.problem.problem import Problem
 
 SUBDIVISIONS = 8
@@ -48,43 +48,39 @@ def at_vertices(problem: Problem, values: Floats) -> Floats:
     return found
 
 
-def missing_growth(
-    problem: Problem, strains: PointStrains, trace: Floats, deviator: Floats
-) -> Floats:
+def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
     """What tr ε lacks of α‖dev ε‖ at the vertices, in bodies that dilate. Not collective.
 
     Args:
         problem: The bodies.
-        strains: On its points.
-        trace: Of a strain rate there, shape (count,).
-        deviator: The same, shape (count, m).
+        rates: Linear in each cell.
 
     Returns:
         Shape (num_cells, d + 1), for the cells that this rank owns.
     """
-    slopes = strains.slopes[points_of_cells(problem)][:, :1]
-    rates = at_vertices(problem, np.column_stack([trace, deviator]))
-    needed = slopes * np.linalg.norm(rates[..., 1:], axis=2)
-    missing: Floats = np.where(slopes > 0, np.maximum(needed - rates[..., 0], 0.0), 0.0)
-    cones, here = principal_of_cells(problem, strains)
-    count = rates.shape[1]
+    slopes = rates.slopes[points_of_cells(problem)][:, :1]
+    there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))
+    needed = slopes * np.linalg.norm(there[..., 1:], axis=2)
+    missing: Floats = np.where(slopes > 0, np.maximum(needed - there[..., 0], 0.0), 0.0)
+    cones, here = principal_of_cells(problem, rates)
+    count = there.shape[1]
     for vertex in range(count if cones.count else 0):
-        missing[here, vertex] = cones.lacking(rates[here, vertex, 0], rates[here, vertex, 1:])
+        missing[here, vertex] = cones.lacking(there[here, vertex, 0], there[here, vertex, 1:])
     return missing
 
 
-def principal_of_cells(problem: Problem, strains: PointStrains) -> tuple[PrincipalCones, Longs]:
+def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[PrincipalCones, Longs]:
     """Bounds of principal stresses, one a cell, whose points are numbers of these cells.
 
     Args:
         problem: The bodies.
-        strains: On its points.
+        rates: On its points.
 
     Returns:
         The bounds, ``at`` being 0, 1, ...; numbers of the cells, owned by this rank.
     """
-    first, given = points_of_cells(problem)[:, 0], strains.principal
-    at_points = np.full(strains.count, -1)
+    first, given = points_of_cells(problem)[:, 0], rates.principal
+    at_points = np.full(rates.count, -1)
     at_points[given.at] = np.arange(given.count)
     numbers = at_points[first]
     here = np.flatnonzero(numbers >= 0)
@@ -95,11 +91,7 @@ def principal_of_cells(problem: Problem, strains: PointStrains) -> tuple[Princip
 
 
 def dissipation_of_cells(
-    problem: Problem,
-    strains: PointStrains,
-    trace: Floats,
-    deviator: Floats,
-    subdivisions: int = SUBDIVISIONS,
+    problem: Problem, rates: MechanismRates, subdivisions: int = SUBDIVISIONS
 ) -> Floats:
     """What cells dissipate, from above, in the coordinates of their cones. Not collective.
 
@@ -109,39 +101,37 @@ def dissipation_of_cells(
 
     Args:
         problem: The bodies.
-        strains: On its points.
-        trace: Of a strain rate there, linear in each cell; shape (count,).
-        deviator: The same, shape (count, m).
+        rates: Linear in each cell.
         subdivisions: Parts of a cell's edge.
 
     Returns:
         Shape (num_cells,), for the cells that this rank owns.
     """
     points = points_of_cells(problem)
-    radii = np.where(np.isfinite(strains.radii), strains.radii, 0.0)
-    volumes = strains.weights[points].sum(axis=1)
-    scaled = at_vertices(problem, deviator * radii[:, None])
+    radii = np.where(np.isfinite(rates.radii), rates.radii, 0.0)
+    volumes = rates.weights[points].sum(axis=1)
+    scaled = at_vertices(problem, rates.deviator * radii[:, None])
     powers = work_of_cells(volumes, scaled, subdivisions)
-    cones, here = principal_of_cells(problem, strains)
+    cones, here = principal_of_cells(problem, rates)
     if cones.count:
-        rates = at_vertices(problem, deviator)[here]
+        deviators = at_vertices(problem, rates.deviator)[here]
         powers[here] = (
             cones.bounds
             / 2
             * work_of_cells(
                 volumes[here],
-                rates,
+                deviators,
                 subdivisions,
                 lambda some: cones.sizes(np.zeros(len(some)), some),
             )
         )
-    if strains.tilts is not None:
-        along = (scaled * at_vertices(problem, strains.tilts)).sum(axis=2)
+    if rates.tilts is not None:
+        along = (scaled * at_vertices(problem, rates.tilts)).sum(axis=2)
         powers -= volumes * along.mean(axis=1)
-    slopes = strains.slopes[points][:, 0]
+    slopes = rates.slopes[points][:, 0]
     if (dilating := slopes > 0).any():
-        growth = at_vertices(problem, trace[:, None])[..., 0]
-        growth += missing_growth(problem, strains, trace, deviator)
+        growth = at_vertices(problem, rates.trace[:, None])[..., 0]
+        growth += missing_growth(problem, rates)
         linear = radii[points][:, 0] * volumes * growth.mean(axis=1)
         powers[dilating] = linear[dilating] / slopes[dilating]
     return powers

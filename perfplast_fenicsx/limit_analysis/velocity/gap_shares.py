@@ -14,7 +14,6 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.limit_analysis.facets.ring_cells import EDGES
 from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
     SUBDIVISIONS,
@@ -22,13 +21,22 @@ from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
     dissipation_of_cells,
     points_of_cells,
 )
+from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
+    MechanismRates,
+    mechanism_rates,
+)
 from perfplast_fenicsx.limit_analysis.velocity.ring_dissipation import dissipation_of_rings
 from perfplast_fenicsx.limit_analysis.velocity.slip_work import slip_work
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.problem import Problem
 
 
-def gap_shares(problem: Problem, mechanism: fem.Function, stress: Floats) -> Floats:
+def gap_shares(
+    problem: Problem,
+    mechanism: fem.Function,
+    stress: Floats,
+    rates: MechanismRates | None = None,
+) -> Floats:
     """Shares η_T of the cells that this rank owns, from above. Collective.
 
     Args:
@@ -37,30 +45,28 @@ def gap_shares(problem: Problem, mechanism: fem.Function, stress: Floats) -> Flo
         stress: Mandel vectors at the vertices of these cells, linear between them, shape
             (num_cells, d + 1, 4 or 6); around an axis coefficients of rσ (:mod:`ring_cells`), shape
             (num_cells, 6, 4).
+        rates: Those of the mechanism; evaluated by default.
 
     Returns:
         Shape (num_cells,).
     """
-    strains = PointStrains(problem)
-    try:
-        trace, deviator = strains.of_function(mechanism)
-        if problem.tagged_mesh.axisymmetric:
-            return _of_rings(problem, strains, mechanism, stress)
-        most = dissipation_of_cells(problem, strains, trace, deviator)
-        rates = at_vertices(problem, strains.power_rates(mechanism))
-        volumes = strains.weights[points_of_cells(problem)].sum(axis=1)
-    finally:
-        strains.destroy()
-    count = rates.shape[1]
-    sums = np.einsum("ci,ci->c", stress.sum(axis=1), rates.sum(axis=1))
-    power = volumes * (np.einsum("cvi,cvi->c", stress, rates) + sums) / (count * (count + 1))
+    if rates is None:
+        rates = mechanism_rates(problem, mechanism)
+    if problem.tagged_mesh.axisymmetric:
+        return _of_rings(problem, rates, mechanism, stress)
+    most = dissipation_of_cells(problem, rates)
+    there = at_vertices(problem, rates.powers)
+    volumes = rates.weights[points_of_cells(problem)].sum(axis=1)
+    count = there.shape[1]
+    sums = np.einsum("ci,ci->c", stress.sum(axis=1), there.sum(axis=1))
+    power = volumes * (np.einsum("cvi,cvi->c", stress, there) + sums) / (count * (count + 1))
     shares: Floats = most - power
     shares += slip_work(problem, mechanism, stress).shares
     return shares
 
 
 def _of_rings(
-    problem: Problem, strains: PointStrains, mechanism: fem.Function, stress: Floats
+    problem: Problem, rates: MechanismRates, mechanism: fem.Function, stress: Floats
 ) -> Floats:
     """The same around an axis, the work of the stress by the rule of the points."""
     points = points_of_cells(problem)
@@ -70,7 +76,6 @@ def _of_rings(
     bernstein = np.hstack([shares**2, 2 * shares[:, a] * shares[:, b]])
     vertices, places = corners(problem.tagged_mesh.mesh)
     radii = places[vertices][..., 0] @ shares.T
-    rates = strains.power_rates(mechanism)[points]
-    work = np.einsum("pi,cim,cpm->cp", bernstein, stress, rates) / radii
-    power = np.einsum("cp,cp->c", strains.weights[points], work)
+    work = np.einsum("pi,cim,cpm->cp", bernstein, stress, rates.powers[points]) / radii
+    power = np.einsum("cp,cp->c", rates.weights[points], work)
     return np.asarray(dissipation_of_rings(problem, mechanism, SUBDIVISIONS) - power)

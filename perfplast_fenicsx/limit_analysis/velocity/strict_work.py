@@ -18,9 +18,8 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.facets.bound_body import TWICE, bound_body
 from perfplast_fenicsx.limit_analysis.facets.entering import entering_between_nodes
-from perfplast_fenicsx.limit_analysis.facets.facet_conditions import TWICE, facet_conditions
 from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope, measure_of
@@ -32,6 +31,10 @@ from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
     dissipation_of_cells,
     missing_growth,
     points_of_cells,
+)
+from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
+    MechanismRates,
+    mechanism_rates,
 )
 from perfplast_fenicsx.limit_analysis.velocity.ring_dissipation import dissipation_of_rings
 from perfplast_fenicsx.limit_analysis.velocity.slip_work import slip_work
@@ -51,6 +54,7 @@ def strict_upper_bound(
     mechanism: fem.Function,
     subdivisions: int = SUBDIVISIONS,
     question: Question = Question.LIMIT,
+    rates: MechanismRates | None = None,
 ) -> Bound:
     """What a mechanism dissipates, from above, less the work of dead loads, over L₁(v). Collective.
 
@@ -60,6 +64,7 @@ def strict_upper_bound(
             :func:`discrete_limit.interior_point`; its ghosts up to date.
         subdivisions: Parts of a cell's edge; the result falls with them, towards the true work.
         question: Of which loads the factor is sought.
+        rates: Those of the mechanism; evaluated by default.
 
     Returns:
         The bound; without a value where the mechanism is not admissible at the points or does no
@@ -76,7 +81,7 @@ def strict_upper_bound(
             " alone; use degree = 2 and first-order cells"
         )
         return Bound(None, "upper", Scope.MESH, (why,))
-    strains, velocity = PointStrains(problem), mechanism.x.petsc_vec
+    rates, velocity = rates or mechanism_rates(problem, mechanism), mechanism.x.petsc_vec
     # Work of live loads on a mechanism of dead ones that counts as none, relative to the norms of
     # both. It would count at load factors some million times as large as those that bodies bear.
     least_parting = 1e-6
@@ -85,60 +90,57 @@ def strict_upper_bound(
     # Volume change in plastic bodies, or what it lacks in those that dilate, and strain in elastic
     # ones that are rounding, beside ‖ε(v)‖.
     admissible = 1e-9
-    try:
-        trace, deviator = strains.of_function(mechanism)
-        plastic = np.isfinite(strains.radii)
-        squares = np.einsum("ni,ni->n", deviator, deviator)
-        volume = trace**2 / strains.gdim
-        dilating = strains.slopes > 0
-        wrong = np.where(dilating, 0.0, volume) + np.where(plastic, 0.0, squares)
-        weights, comm = strains.weights, problem.comm
-        volumes = weights[points_of_cells(problem)].sum(axis=1)
-        short = missing_growth(problem, strains, trace, deviator)
-        lacking = volumes @ (short**2).mean(axis=1)
-        part, whole, lacking = comm.allreduce(
-            np.array([weights @ wrong, weights @ (volume + squares), lacking])
-        )
-        works = question.of(problem.loads.alpha(velocity), problem.loads.dead_work(velocity))
-        work, dead, aside = works
-        v = np.abs(mechanism.x.array.reshape(problem.fixed.shape))
-        largest = np.array([v[problem.fixed].max(initial=0), v.max(initial=0)])
-        comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-        held = largest[0] <= admissible * largest[1]
-        slip = slip_work(problem, mechanism)
-        whole += slip.squares
-        if problem.loads.has_dead():  # bodies may part as rigid ones, and strain by none
-            total = comm.allreduce(float(weights.sum()))
-            usual = largest[1] / total ** (1 / strains.gdim)
-            whole = max(whole, (slowest * usual) ** 2 * total)
-        ends = abs(aside) <= least_parting * problem.loads.live.norm() * velocity.norm()
-        if not (held and ends and whole > 0 and part <= admissible**2 * whole and work > 0):
-            return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
-        if not lacking <= admissible**2 * whole:
-            return Bound(None, "upper", Scope.MESH, (GROWS_TOO_LITTLE,))
-        if by_flux:
-            mine = dissipation_of_rings(problem, mechanism, subdivisions).sum()
-        else:
-            mine = dissipation_of_cells(problem, strains, trace, deviator, subdivisions).sum()
-        radii = np.where(plastic, strains.radii, 0.0)
-        steepness = np.divide(radii, strains.slopes, out=radii.copy(), where=dilating)
-        strengths = volumes * steepness[points_of_cells(problem)].min(axis=1)
-        added = _of_rounding(problem, mechanism, strengths).sum()
-        rates = np.sqrt(squares)
-        rest = rates <= admissible * np.sqrt(whole / comm.allreduce(float(weights.sum())))
-        at_rest = (weights * radii)[rest] @ rates[rest]
-        kept = np.where(dilating, 0.0, trace)
-        wrongly = np.column_stack([kept, np.where(plastic[:, None], 0.0, deviator)])
-        sizes = np.linalg.norm(at_vertices(problem, wrongly), axis=2) + short
-        sums = [mine + added, added + at_rest, volumes @ sizes.mean(axis=1), volumes.sum()]
-        sums += [volumes @ sizes.max(axis=1), (strains.radii == 0).sum()]
-        dissipation, allowed, lost, volume, most, loose = comm.allreduce(np.array(sums))
-    finally:
-        strains.destroy()
-    conditions = facet_conditions(problem)
+    trace, deviator = rates.trace, rates.deviator
+    plastic = np.isfinite(rates.radii)
+    squares = np.einsum("ni,ni->n", deviator, deviator)
+    volume = trace**2 / rates.gdim
+    dilating = rates.slopes > 0
+    wrong = np.where(dilating, 0.0, volume) + np.where(plastic, 0.0, squares)
+    weights, comm = rates.weights, problem.comm
+    volumes = weights[points_of_cells(problem)].sum(axis=1)
+    short = missing_growth(problem, rates)
+    lacking = volumes @ (short**2).mean(axis=1)
+    part, whole, lacking = comm.allreduce(
+        np.array([weights @ wrong, weights @ (volume + squares), lacking])
+    )
+    works = question.of(problem.loads.alpha(velocity), problem.loads.dead_work(velocity))
+    work, dead, aside = works
+    v = np.abs(mechanism.x.array.reshape(problem.fixed.shape))
+    largest = np.array([v[problem.fixed].max(initial=0), v.max(initial=0)])
+    comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+    held = largest[0] <= admissible * largest[1]
+    slip = slip_work(problem, mechanism)
+    whole += slip.squares
+    if problem.loads.has_dead():  # bodies may part as rigid ones, and strain by none
+        total = comm.allreduce(float(weights.sum()))
+        usual = largest[1] / total ** (1 / rates.gdim)
+        whole = max(whole, (slowest * usual) ** 2 * total)
+    ends = abs(aside) <= least_parting * problem.loads.live.norm() * velocity.norm()
+    if not (held and ends and whole > 0 and part <= admissible**2 * whole and work > 0):
+        return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
+    if not lacking <= admissible**2 * whole:
+        return Bound(None, "upper", Scope.MESH, (GROWS_TOO_LITTLE,))
+    if by_flux:
+        mine = dissipation_of_rings(problem, mechanism, subdivisions).sum()
+    else:
+        mine = dissipation_of_cells(problem, rates, subdivisions).sum()
+    radii = np.where(plastic, rates.radii, 0.0)
+    steepness = np.divide(radii, rates.slopes, out=radii.copy(), where=dilating)
+    strengths = volumes * steepness[points_of_cells(problem)].min(axis=1)
+    added = _of_rounding(problem, mechanism, strengths).sum()
+    norms = np.sqrt(squares)
+    rest = norms <= admissible * np.sqrt(whole / comm.allreduce(float(weights.sum())))
+    at_rest = (weights * radii)[rest] @ norms[rest]
+    kept = np.where(dilating, 0.0, trace)
+    wrongly = np.column_stack([kept, np.where(plastic[:, None], 0.0, deviator)])
+    sizes = np.linalg.norm(at_vertices(problem, wrongly), axis=2) + short
+    sums = [mine + added, added + at_rest, volumes @ sizes.mean(axis=1), volumes.sum()]
+    sums += [volumes @ sizes.max(axis=1), (rates.radii == 0).sum()]
+    dissipation, allowed, lost, volume, most, loose = comm.allreduce(np.array(sums))
+    body = bound_body(problem)
     dissipation += slip.power
     at_one, at_zero, _ = question.of(
-        *(_largest_load(problem, of, float(volume)) for of in (conditions.live, conditions.dead))
+        *(_largest_load(problem, of, float(volume)) for of in (body.live, body.dead))
     )
     excess = dissipation - dead
     stress = abs(excess / work) * at_one + at_zero
@@ -160,7 +162,7 @@ def strict_upper_bound(
     if has_curved_cells(problem.tagged_mesh.mesh):
         why_not.append("cells are curved")
     why_not += entering_between_nodes(problem, mechanism)
-    unknown = conditions.prevents
+    unknown = body.prevents
     if unknown is not None and unknown not in (TWICE, *why_not):
         why_not.append(unknown)
     of = Scope.MESH if why_not else Scope.BODY

@@ -1,0 +1,158 @@
+"""Interfaces of the bodies of a bound: with each other, and with half spaces.
+
+What an interface bears is told by its strength (:mod:`contact_strength`), whatever its kind is; on
+which facets it acts, and which unknowns its jumps are, is told here.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
+from perfplast_fenicsx.contact.declared.obstacles import Obstacle, Plane
+from perfplast_fenicsx.limit_analysis.facets.contact_strength import ContactStrength, strength_of
+from perfplast_fenicsx.limit_analysis.facets.facet_axes import turned_axes
+from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetGeometry
+from perfplast_fenicsx.limit_analysis.facets.facet_pairs import FacetRows, facet_type, pair_facets
+from perfplast_fenicsx.problem.problem import Problem
+
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Interface:
+    """Where two bodies, or a body and an obstacle, cannot enter each other.
+
+    Attributes:
+        surfaces: Their names, that of the primary body first; one beside an obstacle.
+        strength: What tractions they bear.
+        obstacle: The obstacle; None between bodies.
+        into: Unit normal into it where it is a half space, shape (d,); None of others.
+    """
+
+    surfaces: tuple[str, ...]
+    strength: ContactStrength
+    obstacle: Obstacle | None = None
+    into: Floats | None = None
+
+
+@dataclass(eq=False)
+class InterfaceFacets:
+    """What interfaces say of the local facets, ghosts too.
+
+    Attributes:
+        axes: Directions of a facet's components, the first one along the normal on surfaces in
+            contact, shape (num_facets, d, d).
+        held: Which of these supports hold, shape (num_facets, d).
+        hosts: Owned facets whose first component is a jump.
+        twins: Unknowns that the jumps are relative to, −1 for none, shape (num_facets, d, d); of
+            the components at each vertex, of the first one alone where nothing rubs.
+        in_contact: Owned facets of surfaces in contact.
+        adhesion: Shear stress that slip has to overcome on a host facet, shape (num_facets,).
+        rubbing: Owned facets whose shear tractions are those of such a resistance, both sides.
+        oblique: Whether supports hold any surface obliquely to its normal, on this rank.
+        matched: Whether all surfaces match facet by facet.
+        both_held: Whether supports hold surfaces that rub, of both sides or along their normal.
+    """
+
+    axes: Floats
+    held: Flags
+    hosts: Longs
+    twins: Longs
+    in_contact: Longs
+    adhesion: Floats
+    rubbing: Longs
+    oblique: bool = False
+    matched: bool = True
+    both_held: bool = False
+
+    @classmethod
+    def none(cls, held: Flags) -> "InterfaceFacets":
+        """Those of no interface, with components that supports hold, shape (num_facets, d)."""
+        count, d = held.shape
+        axes = np.tile(np.eye(d), (count, 1, 1))
+        twins = np.full((count, d, d), -1)
+        no = np.zeros(0, dtype=np.int64)
+        return cls(axes, held.copy(), no, twins, no, np.zeros(count), no)
+
+    def add(self, problem: Problem, facets: FacetGeometry, interface: Interface) -> None:
+        """Take an interface in. Collective."""
+        if interface.obstacle is None:
+            self._add_bodies(problem, facets, interface)
+        else:
+            self._add_obstacle(problem, facets, interface, interface.obstacle)
+
+    def _add_bodies(self, problem: Problem, facets: FacetGeometry, interface: Interface) -> None:
+        rows = []
+        for surface in interface.surfaces:
+            on = facets.of(problem, surface)
+            self.in_contact = np.append(self.in_contact, on)
+            free = self._free(on, facets.normals(on))
+            rows.append(_rows(problem, facets, on, self.held[on], free))
+        one, other = rows
+        pairs = pair_facets(problem.comm, one, other, problem.tagged_mesh.axisymmetric)
+        if pairs is None:
+            self.matched = False
+            return
+        self.hosts = np.append(self.hosts, pairs.host)
+        self.twins[pairs.host, :, 0] = pairs.guest
+        if self._rub(pairs.host, interface.strength, pairs.turned):
+            d = self.held.shape[1]
+            self.twins[pairs.host] = pairs.guest[:, :, None] + np.arange(d)
+            self.both_held |= pairs.both_held or bool((pairs.guest < 0).any())
+        self._turn(pairs.host, facets.normals(pairs.host), pairs.aligned)
+        self._turn(pairs.turned, -facets.normals(pairs.turned), pairs.turned_aligned)
+
+    def _add_obstacle(
+        self, problem: Problem, facets: FacetGeometry, interface: Interface, obstacle: Obstacle
+    ) -> None:
+        on = facets.of(problem, interface.surfaces[0])
+        self.in_contact = np.append(self.in_contact, on)
+        _, into = obstacle.towards(facets.corners(on).mean(axis=1))
+        free = self._free(on, into)
+        pressed = on[free].astype(np.int64)
+        self.hosts = np.append(self.hosts, pressed)
+        self._turn(pressed, into[free], self.held[pressed])
+        self._rub(pressed, interface.strength)
+
+    def _free(self, on: Ints, normal: Floats) -> Flags:
+        """Which facets supports leave free along a normal."""
+        along = 1e-10  # part of a unit normal that is rounding
+        part = np.linalg.norm(np.where(self.held[on], 0.0, normal), axis=1)
+        free: Flags = part > along
+        self.oblique |= bool((free & (part < 1 - along)).any())
+        return free
+
+    def _turn(self, on: Longs, normal: Floats, aligned: PairFlags) -> None:
+        self.axes[on], self.held[on] = turned_axes(normal, self.held[on], aligned)
+
+    def _rub(self, host: Longs, strength: ContactStrength, *others: Longs) -> bool:
+        """Let facets adhere; whether they do."""
+        if strength.adhesion > 0:
+            self.adhesion[host] = strength.adhesion
+            self.rubbing = np.concatenate([self.rubbing, host, *others])
+        return strength.adhesion > 0
+
+
+def interfaces_of(problem: Problem) -> tuple[Interface, ...]:
+    """Those that a problem declares."""
+    given, origin = problem.given, np.zeros((1, problem.bodies.gdim))
+    between = [Interface((it.primary, it.secondary), strength_of(it)) for it in given.contacts]
+    beside = []
+    for it in given.obstacles:
+        into = it.towards(origin)[1][0] if isinstance(it, Plane) else None
+        beside.append(Interface((it.on,), strength_of(it), it, into))
+    return (*between, *beside)
+
+
+def _rows(problem: Problem, facets: FacetGeometry, on: Ints, held: Flags, free: Flags) -> FacetRows:
+    """Facets that travel to be matched."""
+    rows = np.zeros(len(on), dtype=facet_type(facets.tdim))
+    rows["corners"] = facets.corners(on)
+    rows["x"][:, : facets.tdim] = rows["corners"].mean(axis=1)
+    rows["normal"] = facets.normals(on)
+    rows["rank"], rows["facet"] = problem.comm.rank, on
+    rows["number"] = facets.index_map.local_to_global(on)
+    rows["held"], rows["free"] = held, free
+    return rows

@@ -1,0 +1,160 @@
+"""The bodies of a strict bound as arrays of a rank, read off a problem once.
+
+What supports, loads and interfaces say of the cells and of the tractions on each facet: stress and
+velocity programs, the shares of the gap, the corners that are divided and the proof file read it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import la
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import (
+    Interface,
+    InterfaceFacets,
+    interfaces_of,
+)
+from perfplast_fenicsx.limit_analysis.facets.entering import CURVED
+from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetGeometry
+from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads, loads_of
+from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetNumbers, facet_numbers
+from perfplast_fenicsx.limit_analysis.facets.rigid_facets import RigidFacets, rigid_facets
+from perfplast_fenicsx.problem.declared.loads import is_bounded, is_known
+from perfplast_fenicsx.problem.once import once_a_problem
+from perfplast_fenicsx.problem.problem import Problem
+
+Flags = npt.NDArray[np.bool_]
+
+UNMATCHED = "surfaces in contact do not match facet by facet"
+
+OBLIQUE = "a support holds a surface in contact obliquely to its normal"
+
+VARYING = "a load is a force per volume that is a formula"
+
+UNKNOWN = "a load is of a kind that strict bounds do not know"
+
+TWICE = "a surface is in contact with more than one other"
+
+RIGID = "a surface is rigid and in contact, and of the tractions there only sums are known"
+
+TIED = "surfaces are glued together in the mean alone"
+
+HELD = "supports hold surfaces that rub, of both sides or along their normal"
+
+
+@dataclass(frozen=True, eq=False)
+class BoundBody:
+    """The local facets, ghosts too, and this rank's cells.
+
+    Attributes:
+        numbers: Of the facets.
+        geometry: Of the outer ones.
+        vertices: Of the owned cells, in the order of their geometry, shape (num_cells, d + 1, d).
+        supported: Cartesian components that supports hold, shape (num_facets, d); not of free
+            rigid surfaces.
+        live: Loads that ζ multiplies, at ζ = 1.
+        dead: Those that it does not.
+        rigid: Facets of surfaces that move as rigid ones.
+        interfaces: Contacts, and then obstacles.
+        axes: See :class:`body_interfaces.InterfaceFacets`, as of all up to ``rubbing``.
+        held: Components along the axes that supports hold, free rigid surfaces' too.
+        hosts: Facets whose first component is a jump.
+        twins: Unknowns that the jumps are relative to.
+        in_contact: Facets of surfaces in contact.
+        adhesion: Shear stress that slip has to overcome.
+        rubbing: Facets whose shear tractions are those of such a resistance.
+        why_not: Why what is found does not hold for the body.
+        prevents: Why nothing can be found.
+    """
+
+    numbers: FacetNumbers
+    geometry: FacetGeometry
+    vertices: Floats
+    supported: Flags
+    live: FacetLoads
+    dead: FacetLoads
+    rigid: RigidFacets
+    interfaces: Sequence[Interface]
+    axes: Floats
+    held: Flags
+    hosts: Longs
+    twins: Longs
+    in_contact: Longs
+    adhesion: Floats
+    rubbing: Longs
+    why_not: tuple[str, ...]
+    prevents: str | None
+
+
+@once_a_problem
+def bound_body(problem: Problem) -> BoundBody:
+    """The bodies of a problem, read once for as long as it lives. Collective."""
+    mesh, given = problem.tagged_mesh.mesh, problem.given
+    tdim = mesh.topology.dim
+    numbers = facet_numbers(mesh)
+    nodes = geometry_dofmap(mesh)[: len(numbers.facets), : tdim + 1]
+    vertices: Floats = np.asarray(mesh.geometry.x[nodes][:, :, :tdim], dtype=np.float64)
+    facets = FacetGeometry(problem, numbers, vertices)
+    held, rigid = _held(problem, facets), rigid_facets(problem, facets)
+    known = [load for load in given.loads if is_bounded(load)]
+    live, dead = (
+        loads_of(problem, facets, rigid, [load for load in known if load.constant is constant])
+        for constant in (False, True)
+    )
+    bent = live[1] or dead[1]
+    unknown = not all(is_known(load) for load in given.loads)
+    varies = not unknown and len(known) < len(given.loads)
+    interfaces, at = interfaces_of(problem), InterfaceFacets.none(held)
+    for interface in interfaces:
+        at.add(problem, facets, interface)
+    curved = any(it.obstacle is not None and it.into is None for it in interfaces)
+    faults = {
+        RIGID: bool((rigid.surface[at.in_contact] >= 0).any()),
+        TIED: len(given.ties) > 0,
+        VARYING: varies,
+        UNKNOWN: unknown,
+        str(bent): bent is not None,
+        UNMATCHED: not at.matched,
+        OBLIQUE: at.oblique,
+        HELD: at.both_held,
+        TWICE: len(np.unique(at.in_contact)) < len(at.in_contact),
+    }
+    found = [words for words, is_so in faults.items() if problem.comm.allreduce(is_so)]
+    return BoundBody(
+        numbers=numbers,
+        geometry=facets,
+        vertices=vertices,
+        supported=held & (rigid.surface < 0)[:, None],
+        live=live[0],
+        dead=dead[0],
+        rigid=rigid,
+        interfaces=interfaces,
+        axes=at.axes,
+        held=at.held,
+        hosts=at.hosts,
+        twins=at.twins,
+        in_contact=at.in_contact,
+        adhesion=at.adhesion,
+        rubbing=at.rubbing,
+        why_not=(CURVED,) if curved else (),
+        prevents=found[0] if found else None,
+    )
+
+
+def _held(problem: Problem, facets: FacetGeometry) -> Flags:
+    """Cartesian components that supports hold, the same on all ranks. Collective."""
+    tdim = facets.tdim
+    flags = la.vector(facets.index_map, tdim)
+    array = flags.array.reshape(-1, tdim)
+    for support in problem.given.holding:
+        on = problem.tagged_mesh.facets(support.on)
+        for axis in support.axes(tdim):
+            array[on, axis] = 1.0
+    flags.scatter_reverse(la.InsertMode.add)
+    flags.scatter_forward()
+    held: Flags = flags.array.reshape(-1, tdim) > 0
+    return held

@@ -1,0 +1,178 @@
+"""What a lower bound is sought with, made once a mesh: equilibrium's form, stiffness and loads."""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
+from perfplast_fenicsx.limit_analysis.conic.discretisation import Stiffness, Strains
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.discrete.friction_points import (
+    FrictionStiffness,
+    FrictionStrains,
+    SlipPlaces,
+)
+from perfplast_fenicsx.limit_analysis.facets.bare_vertices import bare_vertices
+from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody, bound_body
+from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
+from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
+from perfplast_fenicsx.limit_analysis.stress.condensed_stiffness import CondensedStiffness
+from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains
+from perfplast_fenicsx.limit_analysis.stress.stress_form import StressForm
+from perfplast_fenicsx.problem.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class StaticForm:
+    """What does not depend on which factor is sought, or from where.
+
+    Attributes:
+        comm: The ranks.
+        body: The bodies.
+        strains: Of the cells, whose points are the first ones; places of slip follow.
+        stiffness: Of the cells.
+        every: Strains of all points.
+        whole: The stiffness of all.
+        areas: Area that each node of an owned facet stands for, shape (num_facets, num_nodes).
+        sections: An area of each cell that forces in it are measured by, V^((d − 1)/d).
+        live: Loads that ζ multiplies, in the user's units.
+        dead: Those that it does not.
+        open_jumps: Owned unknowns that are jumps of contact which may open.
+        jumps: Whether an owned facet unknown is a jump of contact, shape (num_unknowns,).
+        pressed: Those of the vertices, on the axis too, where there is no pressure.
+        slips: Whether it is a tangential one on a surface in contact that does not rub.
+    """
+
+    comm: MPI.Intracomm
+    body: BoundBody
+    strains: MultiplierStrains
+    stiffness: CondensedStiffness
+    every: Strains
+    whole: Stiffness
+    areas: Floats
+    sections: Floats
+    live: PETSc.Vec
+    dead: PETSc.Vec
+    open_jumps: Ints
+    jumps: npt.NDArray[np.bool_]
+    pressed: npt.NDArray[np.bool_]
+    slips: npt.NDArray[np.bool_]
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        for thing in (self.every, self.whole, self.live, self.dead):
+            thing.destroy()
+
+
+def static_form(problem: Problem) -> StaticForm:
+    """Make it. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+
+    Raises:
+        InputError: If a body has a yield set that bounds do not know.
+    """
+    mesh, at = problem.tagged_mesh.mesh, bound_body(problem)
+    tdim, on = mesh.topology.dim, at.numbers.facets
+    form = StressForm.of(problem, at)
+    followers = at.rigid.followers(problem.comm, at.numbers, at.vertices, form.nodes)
+    facets = FacetVelocities(mesh, at.numbers, form.twins.ravel(), form.nodes, followers)
+    size = form.nodes * tdim
+    axes = np.where(at.held[:, :, None], 0.0, at.axes)[on]
+    turned, cones = problem.tagged_mesh.axisymmetric, body_cones(problem)
+    bare = bare_vertices(problem, at, (cones.at_cells()[0] == 0) & (not turned))
+    strains = MultiplierStrains(facets, at.vertices, axes, cones, bare, turned)
+
+    num_owned = facets.count // (form.nodes * tdim)
+    everywhere = np.zeros((num_owned, form.nodes, tdim), dtype=bool)
+    jumps, slips, held = everywhere.copy(), everywhere.copy(), everywhere
+    jumps[at.hosts, :, 0] = True
+    slips[at.in_contact, :, 1:] = True
+    slips[at.rubbing] = False
+    on_axis = form.areas[:num_owned] == 0
+    held[:] = at.held[:num_owned, None] | on_axis[..., None]
+    held[at.rigid.surface[:num_owned] >= 0] = True
+    lead = at.rigid.lead - mesh.topology.index_map(tdim - 1).local_range[0]
+    mine = np.flatnonzero((lead >= 0) & (lead < num_owned))
+    lead, unknowns = lead[mine], at.rigid.free.shape[1]
+    held.reshape(num_owned, size)[lead, :unknowns] = at.rigid.free[mine] == 0
+    pressed = jumps.copy()
+    pressed[:, tdim:] = False
+    jumps &= ~on_axis[..., None]
+    moves, parts_freely = _idle(strains)
+    pushes = jumps.ravel() & moves & ~parts_freely
+    open_jumps = np.flatnonzero(pushes).astype(np.int32)
+    still = np.flatnonzero(held.ravel() | ~moves | (jumps.ravel() & ~pushes)).astype(np.int32)
+    stiffness = CondensedStiffness(strains, still, open_jumps)
+
+    places = _slip_places(at, form.areas)
+    both = FrictionStrains(strains, places)
+    rubs = problem.comm.allreduce(len(places.area)) > 0
+
+    def vector(loads: FacetLoads) -> PETSc.Vec:
+        tractions = np.take_along_axis(loads.tractions[on], at.numbers.places[..., None], axis=2)
+        pushes = np.einsum("cfik,cfjk->cfji", axes, form.pushes(tractions, loads))
+        load = strains.create_vector()
+        load.array[: facets.count] = facets.add_up(pushes.reshape(len(on), -1))
+        at_leads = load.array[: facets.count].reshape(-1, size)
+        at_leads[lead, :unknowns] += loads.resultants[mine]
+        strains.inner(load.array)[:] = form.forces(loads)
+        return load
+
+    areas = form.measures[:num_owned].copy()
+    areas[lead] = at.rigid.area[mine, None] / tdim
+    return StaticForm(
+        comm=problem.comm,
+        body=at,
+        strains=strains,
+        stiffness=stiffness,
+        every=both if rubs else strains,
+        whole=FrictionStiffness(stiffness, both, strains.count) if rubs else stiffness,
+        areas=areas,
+        sections=form.sections,
+        live=vector(at.live),
+        dead=vector(at.dead),
+        open_jumps=open_jumps,
+        jumps=jumps.ravel(),
+        pressed=pressed.ravel(),
+        slips=slips.ravel() & ~held.ravel(),
+    )
+
+
+def _idle(strains: MultiplierStrains) -> tuple[PairFlags, PairFlags]:
+    """What bare vertices leave of the owned facets' unknowns. Collective.
+
+    Returns:
+        Whether any stress is in the row of each; whether one side of a jump has none, so that
+        nothing presses there.
+    """
+    facets, busy = strains.facets, ~strains.idle[:, : strains.layout.outer]
+    if not facets.vector.comm.tompi4py().allreduce(bool(strains.idle.any())):
+        return np.ones(facets.count, dtype=bool), np.zeros(facets.count, dtype=bool)
+    sizes = busy.astype(np.float64)
+    alone = facets.meet(sizes, across=False) == 0
+    either = facets.meet(facets.gather(alone.astype(np.float64)), across=False) > 0
+    return facets.meet(sizes) > 0, either
+
+
+def _slip_places(at: BoundBody, areas: Floats) -> SlipPlaces:
+    """Nodes of the host facets that adhere, whose shear tractions the adhesion bounds.
+
+    Args:
+        at: Conditions on facets.
+        areas: What each node of each stands for; 0 on an axis, where there is no traction.
+    """
+    tdim, nodes = at.held.shape[1], areas.shape[1]
+    facets = at.hosts[at.adhesion[at.hosts] > 0]
+    which = np.flatnonzero(areas[facets] > 0)
+    of, places = facets[which // nodes], which % nodes
+    first = (of * nodes + places) * tdim
+    shares = np.eye(tdim - 1) * ~at.held[of, None, 1:]
+    area: Floats = areas[of, places]
+    index = (first[:, None] + np.arange(1, tdim)).astype(np.int32)
+    return SlipPlaces(index, shares, area, at.adhesion[of] * area)

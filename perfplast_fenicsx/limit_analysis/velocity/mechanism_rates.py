@@ -1,0 +1,57 @@
+"""Strain rates of a mechanism at the points, evaluated once for all that is asked of it."""
+
+from dataclasses import dataclass
+
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
+from perfplast_fenicsx.problem.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class MechanismRates:
+    """Rates in the coordinates of the points' cones, and what bounds stresses there.
+
+    Attributes:
+        trace: Shape (count,).
+        deviator: Shape (count, m).
+        powers: ε that does the work of stresses, Mandel vectors
+            (:meth:`point_strains.PointStrains.power_rates`), shape (count, m).
+        count: Points of this rank.
+        gdim: As of :class:`discretisation.Strains`, and so are those that follow.
+        weights: Volume that a point stands for, shape (count,).
+        radii: γ, shape (count,).
+        slopes: α, shape (count,).
+        tilts: t, shape (count, m); None where all are zero.
+        principal: The points whose principal stresses are bounded.
+    """
+
+    trace: Floats
+    deviator: Floats
+    powers: Floats
+    count: int
+    gdim: int
+    weights: Floats
+    radii: Floats
+    slopes: Floats
+    tilts: Floats | None
+    principal: PrincipalCones
+
+
+def mechanism_rates(problem: Problem, mechanism: fem.Function) -> MechanismRates:
+    """Evaluate them. Collective.
+
+    Args:
+        problem: The bodies.
+        mechanism: Its ghosts up to date.
+    """
+    at = PointStrains(problem)
+    try:
+        trace, deviator = at.of_function(mechanism)
+        powers = at.power_rates(mechanism)
+    finally:
+        at.destroy()
+    bounded = at.weights, at.radii, at.slopes, at.tilts, at.principal
+    return MechanismRates(trace, deviator, powers, at.count, at.gdim, *bounded)
