@@ -7,10 +7,10 @@ from weakref import WeakKeyDictionary
 
 from perfplast_fenicsx.problem.problem import Problem
 
-Fact = TypeVar("Fact")
+T = TypeVar("T")
 
 
-def once_a_problem(derive: Callable[[Problem], Fact]) -> Callable[[Problem], Fact]:
+def once_a_problem(derive: Callable[[Problem], T]) -> Callable[[Problem], T]:
     """Let a function of a problem be called once for each.
 
     A problem's mesh, its declaration and its contact never change. Whoever asks gets the same
@@ -19,10 +19,10 @@ def once_a_problem(derive: Callable[[Problem], Fact]) -> Callable[[Problem], Fac
     Args:
         derive: Arrays that do not refer to the problem, which would live on with them.
     """
-    known: WeakKeyDictionary[Problem, Fact] = WeakKeyDictionary()
+    known: WeakKeyDictionary[Problem, T] = WeakKeyDictionary()
 
     @wraps(derive)
-    def derived(problem: Problem) -> Fact:
+    def derived(problem: Problem) -> T:
         if problem not in known:
             known[problem] = derive(problem)
         return known[problem]
