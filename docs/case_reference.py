@@ -28,6 +28,7 @@ from perfplast_fenicsx.io.case.schema import described, shown
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
+from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.stage import Stage
 from perfplast_fenicsx.solvers.methods import METHODS
@@ -179,6 +180,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "design": ("[design]", _single(DesignTable)),
     "temperature": ("[[temperature]]", _single(Temperature)),
     "initial_stress": ("[[initial_stress]]", _single(InitialStress)),
+    "bolt": ("[[bolt]]", _single(Bolt)),
     "contact": (
         "[[contact]]",
         _chosen("interface", INTERFACES, "friction", "What acts between the surfaces."),

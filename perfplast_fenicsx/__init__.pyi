@@ -43,6 +43,7 @@ from .mesh.sample_meshes import two_blocks as two_blocks
 from .mesh.tagged_mesh import TaggedMesh as TaggedMesh
 from .mesh.tagged_mesh import read_gmsh as read_gmsh
 from .pictures.drawing_process import draw as draw
+from .problem.declared.bolt import Bolt as Bolt
 from .problem.declared.initial import InitialStress as InitialStress
 from .problem.declared.initial import Temperature as Temperature
 from .problem.declared.loads import Bearing as Bearing

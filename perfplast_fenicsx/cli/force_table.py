@@ -1,9 +1,10 @@
-"""Forces and moments of loads and supports on the terminal, where a limit load was sought."""
+"""Forces of loads and supports, where a limit load was sought, and of bolts, on the terminal."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from perfplast_fenicsx.force_rows import Row, force_rows
+from perfplast_fenicsx.problem.judged.report import LevelReport
 
 
 def force_lines(
@@ -32,6 +33,28 @@ def force_lines(
     if any(row for _, row in moments):
         head = f"Moments about the origin{_bracket(units.get('moment', ''))}"
         lines += _table(head, "xyz" if len(axes) == 3 else "z", moments)
+    return lines
+
+
+def bolt_lines(reports: Sequence[LevelReport], unit: str) -> list[str]:
+    """The forces of bolts at each level that is solved, a text for each line; nothing without.
+
+    Args:
+        reports: Of all levels.
+        unit: Of forces, if known.
+    """
+    solved = [(n, report) for n, report in enumerate(reports, 1) if report.converged]
+    if not solved or not solved[0][1].bolts:
+        return []
+    names = list(solved[0][1].bolts)
+    widths = [max(12, len(name)) for name in names]
+    lines = [f"Forces of bolts, tension positive{_bracket(unit)}:"]
+    heads = "".join(f"  {name:>{width}}" for name, width in zip(names, widths, strict=True))
+    lines.append(f"{'step':>6}  {'zeta':>12}{heads}")
+    for number, report in solved:
+        forces = zip((report.bolts[name] for name in names), widths, strict=True)
+        cells = "".join(f"  {force:>{width}.6g}" for force, width in forces)
+        lines.append(f"{number:>6}  {report.zeta:>12.6g}{cells}")
     return lines
 
 

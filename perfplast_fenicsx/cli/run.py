@@ -11,6 +11,7 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx._version import __version__
+from perfplast_fenicsx.cli.force_table import bolt_lines
 from perfplast_fenicsx.cli.recorder import Recorder, RunContext
 from perfplast_fenicsx.cli.run_log import RunLog, kept_warnings
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
@@ -114,6 +115,8 @@ def run(
             said += _on_friction(problem, case.loading.limit_tolerance is not None)
             if method == LimitMethod.INTERIOR_POINT:
                 said += case.loading.remarks(problem)
+            else:
+                said += problem.shanks.in_words()
             for remark in said:
                 terminal.say(f"{remark}.")
             warn_of(comm, case, problem)
@@ -223,6 +226,9 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
             draw(context.folder)
     if recorder.last is not None:
         context.terminal.reactions(recorder.last.report, context.problem, case.units)
+        unit = case.units.table(context.problem.kinematics.whole)["force"]
+        for line in bolt_lines(results.reports, unit):
+            context.terminal.say(line)
     for text in meaning(case, context.problem.kinematics.whole):
         context.terminal.say(text)
     results.summary.timings["total"] = recorder.elapsed()

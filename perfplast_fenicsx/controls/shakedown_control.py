@@ -88,8 +88,12 @@ class ShakedownControl(OfBody):
             )
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """None: temperatures count."""
-        return ()
+        """That preloads do not count, if there are any; temperatures do."""
+        if not problem.shanks.bolts:
+            return ()
+        return [
+            "preloads of bolts are residual stress: they change no shakedown load, and are ignored"
+        ]
 
     def find(self, run: Run) -> LimitLoad:
         """Find the load, and those of a diagram. Collective."""

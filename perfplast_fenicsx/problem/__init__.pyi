@@ -1,6 +1,7 @@
 from .assembled.integrals import Integral as Integral
 from .assembled.law_on_cells import LawOnCells as LawOnCells
 from .assembled.load_case import LoadCase as LoadCase
+from .declared.bolt import Bolt as Bolt
 from .declared.initial import InitialStress as InitialStress
 from .declared.initial import Temperature as Temperature
 from .declared.loads import LOADS as LOADS

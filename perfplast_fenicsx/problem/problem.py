@@ -45,6 +45,7 @@ from perfplast_fenicsx.problem.assembled.prescribed_displacement import (
     conditions_at_rest,
     known_displacements,
 )
+from perfplast_fenicsx.problem.assembled.shanks import Shanks
 from perfplast_fenicsx.problem.assembled.spaces import make_spaces, space_at_points
 from perfplast_fenicsx.problem.assembled.spread_forces import on_this_mesh
 from perfplast_fenicsx.problem.declared.given import Given
@@ -70,6 +71,7 @@ class Problem:
         bodies: Connected components and their rigid motions.
         laws: The material laws, each on the cells of its bodies.
         initial_strain: e₀, which the laws do not see of ε(u); None for none.
+        shanks: Of bolts, which strain the bodies where they are tightened.
         bcs: Supports, homogeneous as those of increments are.
         fixed: Supported components of each local node, ghosts too, shape (num_nodes, gdim).
         support_names: Supports and moved rigid surfaces as results name them, each once.
@@ -119,7 +121,7 @@ class Problem:
             obstacles: Rigid bodies that surfaces cannot penetrate.
             degree: 1 for linear displacements, as in the paper, or 2 for quadratic ones, which do
                 not lock in plastic flow.
-            initial: Changes of temperature, and stress in bodies that are not deformed.
+            initial: Changes of temperature, stress in bodies that are not deformed, and bolts.
             ties: Pairs of surfaces that are glued together.
             rigid: Surfaces that move as rigid bodies.
 
@@ -140,6 +142,7 @@ class Problem:
         self.bodies: Bodies = find_bodies(self.V, self.kinematics)
         self.laws = lay_out(tagged_mesh, spaces, materials)
         self.initial_strain = initial_strain(tagged_mesh, spaces, materials, self.laws, initial)
+        self.shanks = Shanks(tagged_mesh, spaces, self.laws, initial)
         self.bcs, displacement = self._supports(self.given.holding)
         self.ties, taken = glued_rows(self.V, tagged_mesh, ties, rigid, self.fixed, displacement)
         self.num_tied: int = self.comm.allreduce(len(self.ties.host))
@@ -224,9 +227,8 @@ class Problem:
 
     def loaded_at_zero(self) -> bool:
         """Whether anything but ζ loads or moves the bodies. Collective."""
-        strained = self.initial_strain is not None
-        moves = self.motion.moves_supports or self.motion.driven
-        return moves or self.interferes or strained or self.loads.has_dead()
+        moves = self.motion.moves_supports or self.motion.driven or self.interferes
+        return moves or self.initial_strain is not None or self.loads.has_dead()
 
     def is_elastic_at_first(self) -> bool:
         """Whether the bodies begin with multiples of one state, but for gaps. Collective."""
@@ -246,8 +248,7 @@ class Problem:
         self, supports: Sequence[Support | RigidSurface]
     ) -> tuple[list[fem.DirichletBC], Floats]:
         """Conditions of increments, and u_D, constant and times ζ."""
-        known = known_displacements(self.V, self.tagged_mesh, supports)
-        self.fixed, displacement, holder = known
+        self.fixed, displacement, holder = known_displacements(self.V, self.tagged_mesh, supports)
         self.support_names = tuple(dict.fromkeys(name_of(support) for support in supports))
         numbers = [self.support_names.index(name_of(support)) for support in supports]
         self.held_by: Ints = np.array([*numbers, -1], dtype=np.int32)[holder]

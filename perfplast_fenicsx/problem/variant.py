@@ -13,6 +13,7 @@ from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.problem.assembled.declared_loads import declared_loads
 from perfplast_fenicsx.problem.assembled.initial_strain import initial_strain
 from perfplast_fenicsx.problem.assembled.law_on_cells import lay_out
+from perfplast_fenicsx.problem.assembled.shanks import Shanks
 from perfplast_fenicsx.problem.assembled.spaces import Spaces
 from perfplast_fenicsx.problem.assembled.spread_forces import on_this_mesh
 from perfplast_fenicsx.problem.declared.loads import Load
@@ -59,6 +60,7 @@ def variant(
         other.laws = lay_out(tagged_mesh, spaces, given.materials)
         told = (tagged_mesh, spaces, given.materials, other.laws, given.initial)
         other.initial_strain = initial_strain(*told)
+        other.shanks = Shanks(tagged_mesh, spaces, other.laws, given.initial)
     other.constraints = constraints or problem.constraints
     other.sliding = sliding or problem.sliding
     if basis is not None:

@@ -101,6 +101,8 @@ class CaseWords:
         for first in self._given.get("initial", []):
             if first["kind"] == "temperature":
                 text = f"change of temperature {self.number(first['change'], '')}"
+            elif first["kind"] == "bolt":
+                text = f"bolt, tightened to {self.number(first['preload'], 'force')}"
             else:
                 text = f"stress at first {self.number(first['stress'], 'stress')}"
             rows.append((first["on"], text))

@@ -14,6 +14,7 @@ from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import (
     GRADES,
     TIGHT,
+    bolt_table,
     force_table,
     level_table,
     pairs,
@@ -50,7 +51,7 @@ def page_of(reader: ResultReader, view: View) -> str:
         view=_view(view),
         curve=_curve(reader),
         levels=_levels(reader),
-        reactions=_limit_forces(reader) + _reactions(reader),
+        reactions=_limit_forces(reader) + _reactions(reader) + _bolts(reader),
         case=_case(summary, words),
         again=_again(summary),
         version=escape(summary.version),
@@ -129,6 +130,17 @@ def _reactions(reader: ResultReader) -> str:
     of = f", {model['forces']}" if model["forces"] else ""
     note = f"<p>At the last solved step, ζ = {last['zeta']:.6g}{escape(of)}.</p>"
     return _section("reactions", "Forces", note + table)
+
+
+def _bolts(reader: ResultReader) -> str:
+    table = bolt_table(reader.reports, reader.summary.units.get("force", ""))
+    note = (
+        "<p>Tension in each shank. Bolts are tightened to their preloads before any load acts, and"
+        " keep their length from then on. While a joint is closed a bolt takes a share of the load"
+        " besides its preload, and where it has opened the load alone. <b>Preloads change no limit"
+        " load</b> of perfectly plastic bodies, but forces, gaps and stiffness below it.</p>"
+    )
+    return _section("bolts", "Forces of bolts", table and table + note)
 
 
 def _limit_forces(reader: ResultReader) -> str:

@@ -55,6 +55,7 @@ class _Initial(TypedDict):
     on: str
     change: NotRequired[Any]
     stress: NotRequired[Any]
+    preload: NotRequired[Any]
 
 
 class _Contact(TypedDict):
@@ -218,8 +219,9 @@ def _missing(summary: _Summary) -> Iterator[str]:
         if material["kind"] == "Flow" and "kind" not in (material.get("body") or {}):
             yield "kind of a material that remembers"
     for first in summary["given"].get("initial", []):
-        if ("change" if first["kind"] == "temperature" else "stress") not in first:
-            yield f"change, or stress, on {first['on']}"
+        key = {"temperature": "change", "bolt": "preload"}.get(first["kind"], "stress")
+        if key not in first:
+            yield f"{key} on {first['on']}"
 
 
 def check_summary(reader: ResultReader) -> None:

@@ -1,4 +1,4 @@
-"""Tables of the page: levels with marks that judge them, reactions, and pairs of words."""
+"""Tables of the page: levels with marks that judge them, forces, and pairs of words."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -80,6 +80,20 @@ def reaction_table(reactions: Mapping[str, Sequence[float]], axes: str, unit: st
 
     rows = [
         [escape(name), *(shown(force) for force in forces)] for name, forces in reactions.items()
+    ]
+    return table(heads, rows)
+
+
+def bolt_table(reports: Sequence[LevelReport], unit: str) -> str:
+    """The force of each bolt, a row for each solved level; nothing without bolts."""
+    solved = [(n, report) for n, report in enumerate(reports, 1) if report.converged]
+    if not solved or not solved[0][1].bolts:
+        return ""
+    names = list(solved[0][1].bolts)
+    heads = ["step", "ζ", *(f"{escape(name)}{_bracket(unit)}" for name in names)]
+    rows = [
+        [str(n), f"{report.zeta:.6g}", *(f"{report.bolts[name]:.6g}" for name in names)]
+        for n, report in solved
     ]
     return table(heads, rows)
 

@@ -27,6 +27,7 @@ from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor, Subdivision
 from perfplast_fenicsx.solvers.progress import Progress, Step
+from perfplast_fenicsx.solvers.tightening import tighten
 from perfplast_fenicsx.solvers.verdicts import no_convergence
 
 MOST_DOUBTS = 60
@@ -197,7 +198,7 @@ class LevelSolver(Stepper, ABC):
     def solve(
         self, value: float, start: State | None = None, monitor: Monitor | None = None
     ) -> Level:
-        """Solve a level. Collective.
+        """Solve a level, before which bolts are tightened if they are not. Collective.
 
         Args:
             value: Load factor ζ or work α (energy), as the algorithm prescribes.
@@ -213,6 +214,10 @@ class LevelSolver(Stepper, ABC):
             InputError: If the value is not finite.
         """
         check_finite(self.prescribes.value, value)
+        if self.problem.shanks.loose:
+            failed = tighten(self.problem, lambda: self.at_rest(monitor))
+            if failed is not None:
+                return failed
         self.problem.move_to(value)
         remember_slip(self.problem, start)
         if not self.problem.friction.follows_pressure:

@@ -31,9 +31,13 @@ log = logging.getLogger(__name__)
 
 
 def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
-    """Whether a path begins with ζ = 0 without being told: where loads are constant. Collective."""
+    """Whether a path begins with ζ = 0 without being told. Collective.
+
+    So it does where loads are constant, or bolts are tightened.
+    """
     told = solver.prescribes is Prescribed.LOAD_FACTOR and len(values) > 0 and values[0] == 0
-    return not told and solver.problem.loads.has_dead()
+    problem = solver.problem
+    return not told and (bool(problem.shanks.bolts) or problem.loads.has_dead())
 
 
 Ahead = Callable[[Reached], Leap | None]
@@ -49,7 +53,8 @@ def load_path(
 ) -> Iterator[Level]:
     """Solve for each prescribed value in turn, each on the line through the two before. Collective.
 
-    Where loads are constant the first level is ζ = 0, which tells whether the bodies carry them.
+    Where loads are constant the first level is ζ = 0, which tells whether the bodies carry them; so
+    it is where bolts are tightened.
     Where nothing but ζ loads bodies without gaps, the unloaded state is on the line, too: elastic
     levels are then multiples of each other.
 

@@ -152,6 +152,7 @@ class Progress:
             friction_excess=certificate.friction.excess,
             driving_force=certificate.resultants.driving,
             driving_forces=certificate.resultants.driving_by_name,
+            bolts=fields.bolt_forces(),
         )
         stress = fem.Function(problem.S, name="stress")
         stress.x.array[:] = fields.stress.x.array

@@ -86,6 +86,10 @@ STATEMENTS = (
         "an initial stress",
         tables={"initial_stress": [{"on": "lower", "stress": [-10.0, -10.0, -6.0, 0.0]}]},
     ),
+    Statement(
+        "a bolt that is tightened",
+        tables={"bolt": [{"on": "lower", "preload": 10.0, "axis": [1.0, 0.0]}]},
+    ),
     Statement("Tresca's friction", tables=_contact(tresca=20.0)),
     Statement("Coulomb's friction", tables=_contact(coulomb=0.2)),
     Statement("contact of nodes that do not match", mesh="apart"),

@@ -79,7 +79,7 @@ def change(folder: Path, **values: Any) -> None:
         (
             lambda path: change(path, given={"initial": [{"kind": "temperature", "on": "a"}]}),
             [],
-            "it has no change, or stress, on a)",
+            "it has no change on a)",
         ),
         (
             lambda path: change(path, given={"materials": {"a": {"kind": "Flow"}}}),

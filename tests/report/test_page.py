@@ -15,6 +15,7 @@ from perfplast_fenicsx.report.field_words import words_of
 from perfplast_fenicsx.report.page import _warnings, head_of, mesh_in_words
 from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import (
+    bolt_table,
     force_table,
     grade,
     level_table,
@@ -127,6 +128,15 @@ def test_forces_of_rounding_are_none() -> None:
     text = reaction_table({"loads": [-5.0, 1e-14], "support a": [5.0, -1e-8]}, "xy", "N")
     assert re.findall(r"<td>([^<]*)</td>", text) == ["-5", "0", "5", "-1e-08"]
     assert "y (N)" in text
+
+
+def test_forces_of_bolts() -> None:
+    """A row for each solved level, a column for each bolt."""
+    told = [report(a, bolts={"<m12>": 10 * a, "pin": -a}) for a in (0.5, 1.0)]
+    text = bolt_table([*told, report(2.0, converged=False, bolts={})], "kN")
+    assert re.findall(r"<td>([^<]*)</td>", text) == ["0.5", "5", "-0.5", "1", "10", "-1"]
+    assert "&lt;m12&gt; (kN)" in text
+    assert bolt_table([report(1.0)], "kN") == ""
 
 
 def test_a_curve() -> None:

@@ -2,9 +2,10 @@
 
 A case file holds the tables ``[mesh]`` or ``[geometry]``, ``[material.NAME]``, ``[[support]]``,
 ``[[load]]``, ``[gravity]``, ``[[combination]]``, ``[design]``, ``[[contact]]``, ``[[obstacle]]``,
-``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``, ``[[initial_stress]]``, ``[model]``,
-``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``, ``[output]``, ``[report]`` and
-``[units]``; see ``demos/two_blocks.toml``. What may stand in a table is the dataclass it becomes.
+``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``, ``[[initial_stress]]``, ``[[bolt]]``,
+``[model]``, ``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``, ``[output]``, ``[report]``
+and ``[units]``; see ``demos/two_blocks.toml``. What may stand in a table is the dataclass it
+becomes.
 """
 
 from collections.abc import Sequence

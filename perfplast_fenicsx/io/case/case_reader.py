@@ -37,6 +37,7 @@ from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.io.case.units_table import read_units
 from perfplast_fenicsx.materials.elastic import all_elastic
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
+from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import Initial, InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.stage import check_stages
@@ -106,6 +107,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
     kinds: dict[str, tuple[list[Table], type[Initial]]] = {
         "temperature": (top.temperature, Temperature),
         "initial_stress": (top.initial_stress, InitialStress),
+        "bolt": (top.bolt, Bolt),
     }
     initial: list[Initial] = []
     for kind, (tables, schema_of) in kinds.items():

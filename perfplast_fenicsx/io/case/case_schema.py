@@ -36,6 +36,7 @@ from perfplast_fenicsx.io.case.tables import (
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
+from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.stage import Stage
 from perfplast_fenicsx.solvers.methods import METHODS
@@ -95,6 +96,7 @@ def _tables() -> dict[str, Schema]:
         "design": _table(DesignTable),
         "temperature": _table(Temperature),
         "initial_stress": _table(InitialStress),
+        "bolt": _table(Bolt),
         "contact": _choice("interface", INTERFACES, default="friction"),
         "obstacle": _choice("shape", OBSTACLES),
         "tie": _table(Tie),

@@ -34,6 +34,7 @@ class Document:
         support: What holds the bodies.
         temperature: Where the temperature changes.
         initial_stress: Where bodies have stress before they are deformed.
+        bolt: Bolts that are tightened before any load acts.
         contact: Which bodies touch, or may touch, each other.
         obstacle: Rigid obstacles, which may move.
         tie: Which bodies are glued together.
@@ -59,6 +60,7 @@ class Document:
     support: list[Table] = field(default_factory=list)
     temperature: list[Table] = field(default_factory=list)
     initial_stress: list[Table] = field(default_factory=list)
+    bolt: list[Table] = field(default_factory=list)
     contact: list[Table] = field(default_factory=list)
     obstacle: list[Table] = field(default_factory=list)
     tie: list[Table] = field(default_factory=list)

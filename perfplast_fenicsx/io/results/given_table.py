@@ -6,6 +6,7 @@ from typing import Any
 
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.materials.laws import MATERIALS
+from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.given import Given
 from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.loads import LOADS
@@ -14,7 +15,7 @@ KINDS: tuple[Mapping[str, type[Any]], ...] = (
     MATERIALS,
     LOADS,
     OBSTACLES,
-    {"temperature": Temperature, "initial_stress": InitialStress},
+    {"temperature": Temperature, "initial_stress": InitialStress, "bolt": Bolt},
 )
 """What may be of several kinds, by how case files call them."""
 

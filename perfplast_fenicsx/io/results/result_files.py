@@ -44,5 +44,5 @@ def point_file(number: int) -> str:
     return f"{FIELDS}/points_{number:04}.vtkhdf"
 
 
-NAMED = ("factor", "work", "driving_force")
-"""Of stages: each has a column of ``path.csv`` for each name."""
+NAMED = ("factor", "work", "driving_force", "bolt")
+"""Of stages and bolts: each has a column of ``path.csv`` for each name."""

@@ -61,7 +61,7 @@ STEP_KEYS = (
     *("newton_iterations", "active_set_iterations", "linear_iterations", "damping_min"),
     *("plastic_fraction", "plastic_cells", "active_contacts", "contact_pairs"),
     *("max_penetration", "duality_gap", "max_displacement", "seconds", "reactions", "balance"),
-    *("driving_force", "stage", "factors", "works", "driving_forces"),
+    *("driving_force", "stage", "factors", "works", "driving_forces", "bolts"),
     *("slipping", "friction_dissipation", "friction_excess", "rounds"),
 )
 """Keys of a step of ``summary.json``, on which other tools rely; ``path.csv`` has all there is."""

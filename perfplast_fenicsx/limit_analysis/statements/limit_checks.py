@@ -75,10 +75,12 @@ def check_loads(problem: Problem) -> None:
 
 def ignored(problem: Problem) -> list[str]:
     """What of a problem changes no limit load, in a sentence, if anything. Collective."""
+    bolts = problem.shanks.bolts
     found = {
         "displacements of supports": problem.motion.moves_supports,
         "overlaps": problem.interferes,
-        "temperatures and initial stresses": problem.initial_strain is not None,
+        "temperatures and initial stresses": len(problem.given.initial) > len(bolts),
+        "preloads of bolts": bool(bolts),
     }
     names = [name for name, there in found.items() if there]
     if not names:

@@ -1,7 +1,8 @@
 """Strain that bodies have without any stress: of temperature, or of stress that is there at first.
 
 With e₀ the law sees ε(u) − e₀. A change of temperature T has e₀ = aTδ with the coefficient of
-expansion a of the material, a stress σ₀ in the undeformed bodies e₀ = −C⁻¹σ₀.
+expansion a of the material, a stress σ₀ in the undeformed bodies e₀ = −C⁻¹σ₀. What bolts add once
+they are tightened is told by :mod:`shanks`.
 """
 
 import math
@@ -29,7 +30,9 @@ def initial_strain(
     laws: Sequence[LawOnCells],
     given: Sequence[Initial],
 ) -> fem.Function | None:
-    """e₀, Mandel vectors at the quadrature points; None where nothing is given. Collective.
+    """e₀, Mandel vectors at the quadrature points, 0 of bolts; None where nothing is given.
+
+    Collective.
 
     Raises:
         InputError: An unknown volume, a material without expansion, a wrong number of components,
@@ -49,7 +52,7 @@ def initial_strain(
         try:
             if isinstance(one, Temperature):
                 thermal[points, :3] += _expansion(materials, one, x, points)
-            else:
+            elif isinstance(one, InitialStress):
                 before[points] += _mandel(one, x, points, width)
         except InputError as error:
             message = message or str(error)

@@ -1,8 +1,9 @@
-"""What is said of strain without stress: temperatures, and stress that is there at first."""
+"""What is said of strain without stress: temperatures, stress that is there at first, bolts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.loads import Formula
 
 
@@ -35,4 +36,4 @@ class InitialStress:
     stress: Sequence[Formula]
 
 
-Initial = Temperature | InitialStress
+Initial = Temperature | InitialStress | Bolt

@@ -33,6 +33,7 @@ class QuadratureFields:
         e: ε(u) − e₀, Mandel vectors at the quadrature points, as all strains and stresses.
         stress: Σ(e).
         force: Of :meth:`assemble_force`.
+        bolt_forces: Tells the force of each bolt's shank now, by its name; collective.
         potential: Ψ(ε(u)).
         conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩; that of the step behind a history.
         stress_norm2: ‖σ‖² in the energy norm, ∫ σ:C⁻¹σ.
@@ -57,6 +58,7 @@ class QuadratureFields:
         self._initial = (
             None if initial is None else Integral(comm, ufl.dot(s, initial) * problem.dx)
         )
+        self.bolt_forces = problem.shanks.forces(s)
         self._stress = LawExpression(laws, S, lambda on: on.law.stress(e, on.old))
         self.potential = integral(lambda on: on.law.potential(e, on.old))
         self.conjugate = integral(lambda on: on.law.conjugate(s, on.old))

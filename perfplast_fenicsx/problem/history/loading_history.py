@@ -112,7 +112,8 @@ class LoadingHistory:
         e0 = problem.initial_strain
         if e0 is not None:
             now = self.factors(time)
-            e0.x.array[:] = 0.0 if self._first_strain is None else self._first_strain
+            e0.x.array[:] = problem.shanks.strain()
+            e0.x.array[:] += 0.0 if self._first_strain is None else self._first_strain
             for name, strain in self._strains.items():
                 e0.x.array[:] += now[name] * strain
 

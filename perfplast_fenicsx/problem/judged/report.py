@@ -93,6 +93,7 @@ class LevelReport:
         works: Work that each of these loads, with the factor 1, does on u (energy).
         driving_forces: Work that what each of these motions moves does on the bodies for a growth
             of its factor by 1.
+        bolts: Force in the shank of each bolt (force), tension positive.
     """
 
     zeta: float
@@ -127,6 +128,7 @@ class LevelReport:
     factors: Mapping[str, float] = field(default_factory=dict)
     works: Mapping[str, float] = field(default_factory=dict)
     driving_forces: Mapping[str, float] = field(default_factory=dict)
+    bolts: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"LevelReport({self.summary()})"

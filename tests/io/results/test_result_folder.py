@@ -60,7 +60,7 @@ def report(zeta: float, **changes: object) -> LevelReport:
     """A report with made-up numbers, all different."""
     values: dict[str, object] = {"converged": True, "reason": "criterion met, at last"}
     values |= {"stage": "pumping", "factors": {"water": 0.375}, "works": {"water": 3.5}}
-    values["driving_forces"] = {}
+    values |= {"driving_forces": {}, "bolts": {}}
     values["reactions"] = {"loads": [0.5, 0.0, -2.5], "support floor": [-0.5, 0.0, 2.5]}
     for number, field in enumerate(dataclasses.fields(LevelReport), start=1):
         if field.name not in values:
@@ -182,7 +182,7 @@ def test_summary_and_path(comm: MPI.Intracomm, shared_tmp_path: Path, problem: P
     with results.timed("solve"):
         pass
     stage = {"stage": "load", "factors": {"push": 0.25}, "works": {"push": -3.5}}
-    stage["driving_forces"] = {"punch": 0.75}
+    stage |= {"driving_forces": {"punch": 0.75}, "bolts": {"m12": 2.25}}
     wrong = {"duality_gap": math.nan, "converged": False, "max_penetration": -0.0}
     given = [report(1.0, **stage), report(2.0, **wrong, **stage)]
     for number, level in enumerate(given, start=1):
@@ -204,7 +204,7 @@ def test_summary_and_path(comm: MPI.Intracomm, shared_tmp_path: Path, problem: P
         assert rows[-1]["support_floor_z"] == "2.5"
         assert (rows[-1]["factor_push"], rows[-1]["work_push"]) == ("0.25", "-3.5")
         assert rows[-1]["driving_force_punch"] == "0.75"
-        assert named == [{"push": 0.25}, {"push": -3.5}, {"punch": 0.75}]
+        assert named == [{"push": 0.25}, {"push": -3.5}, {"punch": 0.75}, {"m12": 2.25}]
         comm.barrier()
     assert [list(step) for step in summary["steps"]] == [list(STEP_KEYS)] * 2
     assert summary["steps"][0]["alpha"] == given[0].alpha

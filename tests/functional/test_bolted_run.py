@@ -1,0 +1,134 @@
+"""A run whose bolt is tightened: forces on file, in the terminal and on the page, and a restart."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import BAD_INPUT, NO_SOLUTION, SOLVED
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from tests.functional.test_restart import ended_after as ended_after  # a fixture
+from tests.functional.test_restart import path_of
+from tests.models import write_case
+
+PRELOAD = 40.0
+CASE = f"""
+[mesh]
+builder = "stacked_blocks"
+n = 2
+[material.lower]
+law = "von-mises"
+young = 2e5
+poisson = 0.3
+yield_stress = 300.0
+[material.upper]
+law = "elastic"
+young = 2e5
+poisson = 0.3
+[[support]]
+on = "bottom"
+[[support]]
+on = "x0"
+components = "x"
+[[support]]
+on = "y0"
+components = "y"
+[[load]]
+on = "top"
+pressure = 1.0
+[[tie]]
+primary = "lower_top"
+secondary = "upper_bottom"
+[[bolt]]
+name = "anchor"
+on = "lower"
+preload = {PRELOAD}
+axis = [1.0, 0.0, 0.0]
+[units]
+length = "mm"
+stress = "MPa"
+[loading]
+values = [10.0, 20.0]
+"""
+
+
+def test_forces_of_a_bolt_are_told(
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    ended_after: Callable[[int], None],
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """At rest its preload; a restart tightens it anew, and goes on alike."""
+    case = write_case(comm, shared_tmp_path / "case.toml", CASE)
+    whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
+    assert main(["run", str(case), "-o", str(whole), "--report"]) == SOLVED
+    told = capfd.readouterr().out
+    steps = json.loads((whole / "summary.json").read_text())["steps"]
+    rows = path_of(whole)
+    assert [step["zeta"] for step in steps] == [0.0, 10.0, 20.0]
+    assert steps[0]["bolts"] == pytest.approx({"anchor": PRELOAD}, rel=1e-5)
+    assert [float(row["bolt_anchor"]) for row in rows] == [a["bolts"]["anchor"] for a in steps]
+    assert len({f"{step['bolts']['anchor']:.4f}" for step in steps}) == 3
+    if comm.rank == 0:
+        assert "bolts are tightened before any load acts ('anchor' to 40)" in told
+        assert "Forces of bolts, tension positive (N):" in told
+        page = (whole / "report.html").read_text()
+        assert "Forces of bolts" in page
+        assert "Preloads change no limit load" in page
+        assert "tightened to 40 N" in page
+        assert ResultReader(whole).reports[1].bolts == steps[1]["bolts"]
+    ended_after(2)
+    assert main(["run", str(case), "-o", str(parts)]) != SOLVED
+    comm.barrier()
+    monkeypatch.undo()
+    assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
+    again = [float(row["bolt_anchor"]) for row in path_of(parts)]
+    assert again == pytest.approx([step["bolts"]["anchor"] for step in steps], rel=1e-5)
+
+
+def test_limit_load_leaves_preload_out(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Said in a line."""
+    begin = CASE.index("[loading]")
+    text = f'{CASE[:begin]}[loading]\ncontrol = "work"\nuntil = "limit"\n[element]\ndegree = 2\n'
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "limit")]) == SOLVED
+    told = capfd.readouterr().out
+    if comm.rank == 0:
+        assert "preloads of bolts stay, and do no work at collapse" in told
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "status", "words"),
+    [
+        (f"preload = {PRELOAD}", "preload = -1.0", BAD_INPUT, ["[[bolt]]", "preload = -1.0"]),
+        (f"preload = {PRELOAD}", 'preload = "much"', BAD_INPUT, ["[[bolt]]", "preload"]),
+        ('on = "lower"', 'on = "screw"', BAD_INPUT, ["'screw'", "lower"]),
+        ("axis = [1.0, 0.0, 0.0]", "axis = [1.0, 0.0]", BAD_INPUT, ["anchor", "3 numbers"]),
+        ("axis = [1.0, 0.0, 0.0]\n", "", BAD_INPUT, ["[[bolt]]", "axis"]),
+        (f"preload = {PRELOAD}", "preload = 1e5", NO_SOLUTION, ["'anchor' is not tightened"]),
+    ],
+)
+def test_bolts_that_are_wrong(
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    old: str,
+    new: str,
+    status: int,
+    words: list[str],
+) -> None:
+    """One sentence, with the field and the remedy."""
+    assert old in CASE
+    case = write_case(comm, shared_tmp_path / "case.toml", CASE.replace(old, new))
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "out")]) == status
+    printed = "".join(capfd.readouterr())
+    if comm.rank == 0:
+        assert all(word in printed for word in words)
+        assert "Traceback" not in printed
