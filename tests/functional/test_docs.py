@@ -26,6 +26,7 @@ from perfplast_fenicsx.io.case.load_table import load_table
 from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
+from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.stage import Stage
 from perfplast_fenicsx.solvers.methods import METHODS
@@ -48,6 +49,7 @@ TABLES = {
     "[gravity]": [GravityTable],
     "[[temperature]]": [Temperature],
     "[[initial_stress]]": [InitialStress],
+    "[[bolt]]": [Bolt],
     "[[contact]]": [Contact],
     "[[obstacle]]": [*OBSTACLES.values()],
     "[[rigid_surface]]": [support_tables.RigidSurfaceTable],
