@@ -33,6 +33,7 @@ from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.case_schema import case_schema
 from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.pictures.drawing_process import animate, plot
+from perfplast_fenicsx.report.beside import write_beside
 from perfplast_fenicsx.report.report_file import write_report
 
 
@@ -168,13 +169,13 @@ def follow(comm: MPI.Intracomm, results: str, output: str | None, wait: float) -
 
 
 def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) -> int:
-    """Draw pictures or an animation of results, or write a report on rank 0. Collective.
+    """Draw pictures or an animation of results on rank 0. Collective.
 
     Args:
         comm: The ranks; the others wait.
-        command: "plot", "animate" or "report".
+        command: "plot" or "animate".
         results: Folder of the results.
-        output: Where the pictures go, the animation or the report; by default to the results.
+        output: Where the pictures go, or the animation; by default to the results.
 
     Raises:
         InputError: If there are no results, or nothing can be drawn.
@@ -184,10 +185,33 @@ def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) ->
     def write() -> None:
         terminal.status("drawing")
         try:
-            if command == "report":
-                terminal.say(str(write_report(results, output)))
-            else:
-                {"plot": plot, "animate": animate}[command](results, output, terminal.say)
+            {"plot": plot, "animate": animate}[command](results, output, terminal.say)
+        finally:
+            terminal.clear()
+
+    on_rank0(comm, write)
+    return SOLVED
+
+
+def report(comm: MPI.Intracomm, folders: Sequence[str], output: str | None) -> int:
+    """Write a page about a run, or about two beside each other, on rank 0. Collective.
+
+    Args:
+        comm: The ranks; the others wait.
+        folders: Of the results, one or two.
+        output: The page; by default in the first of them.
+
+    Raises:
+        InputError: If there are no results, or not one or two folders.
+    """
+    terminal = Terminal(comm)
+
+    def write() -> None:
+        terminal.status("writing the page")
+        try:
+            one = len(folders) == 1
+            page = write_report(folders[0], output) if one else write_beside(folders, output)
+            terminal.say(str(page))
         finally:
             terminal.clear()
 
@@ -256,6 +280,8 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
         if chosen.command == "export":
             kinds = {kind for kind in ("vtu", "csv") if getattr(chosen, kind)}
             return export_results(comm, chosen.results, chosen.output, kinds)
+        if chosen.command == "report":
+            return report(comm, chosen.results, chosen.output)
         if chosen.command == "plot" and chosen.follow:
             return follow(comm, chosen.results, chosen.output, chosen.wait)
         return draw(comm, chosen.command, chosen.results, chosen.output)

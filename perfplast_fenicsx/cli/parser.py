@@ -223,11 +223,21 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         "report",
         help="write one page of HTML that any browser opens",
         description="Write DIR/report.html: the outcome in a sentence, the bodies in 3D, levels,"
-        " forces, the case, and how to run it again. It needs no network, and can be mailed.",
+        " forces, the case, and how to run it again. It needs no network, and can be mailed. Of two"
+        " folders DIR/beside_NAME.html in the first one: numbers and pictures of both beside each"
+        " other, and what their cases say differently.",
     )
-    report.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
     report.add_argument(
-        "-o", "--output", metavar="PAGE", help="the page (default: DIR/report.html)"
+        "results",
+        metavar="DIR",
+        nargs="+",
+        help="folder with results of perfplast run, or two to be compared",
+    )
+    report.add_argument(
+        "-o",
+        "--output",
+        metavar="PAGE",
+        help="the page (default: DIR/report.html, or DIR/beside_NAME.html of two)",
     )
 
     exported = commands.add_parser(

@@ -1,0 +1,243 @@
+"""A page of two runs beside each other: verdicts, numbers with differences, pictures, cases."""
+
+import base64
+import difflib
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from string import Template
+
+from perfplast_fenicsx._version import __version__
+from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.report.case_words import MODELS, CaseWords
+from perfplast_fenicsx.report.page import asset
+from perfplast_fenicsx.report.quantities import QUANTITIES, bolts, last_load
+from perfplast_fenicsx.report.stored_summary import check_summary
+from perfplast_fenicsx.report.tables import pairs, table
+from perfplast_fenicsx.report.verdict import verdict_on
+from perfplast_fenicsx.rounding import ROUNDING
+
+LETTERS = ("A", "B")
+"""What a page of two runs calls them."""
+
+
+PICTURES = {
+    "path.png": "The curve",
+    "fields.png": "The bodies at the last step",
+    "mechanism.png": "The collapse mechanism",
+    "strength.png": "Strengths",
+    "envelope.png": "Pairs of loads",
+    "shakedown.png": "Shakedown",
+}
+"""Of a result folder, with what they show."""
+
+WIDE = ("fields.png", "mechanism.png")
+"""Pictures that stand one above the other, as they have several parts side by side."""
+
+
+def write_beside(folders: Sequence[str | Path], output: str | Path | None = None) -> Path:
+    """Write a page of two runs beside each other. Not collective.
+
+    Args:
+        folders: Of the results, two.
+        output: The file; by default ``beside_NAME.html`` in the first folder, with the second
+            one's name.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: If there are not two folders, one has no results, they cannot be read, or the
+            file not be written.
+    """
+    if len(folders) != 2:
+        raise InputError(
+            f"a page is of one run, or of two beside each other, but {len(folders)} folders are"
+            " given; give two."
+        )
+    readers = [ResultReader(folder) for folder in folders]
+    for reader in readers:
+        check_summary(reader)
+    name = f"beside_{readers[1].path.resolve().name}.html"
+    target = Path(output) if output else readers[0].path / name
+    if target.is_dir():
+        raise InputError(f"the report '{target}' is a folder; give -o the name of a file.")
+    page = beside(readers)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        replace(target, page.encode())
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"'{target}' cannot be written ({reason}); give another -o.") from error
+    return target
+
+
+def beside(readers: Sequence[ResultReader]) -> str:
+    """The HTML of two runs.
+
+    Raises:
+        InputError: If a file of the results cannot be read.
+    """
+    titles = [reader.scene.title or "A run" for reader in readers]
+    title = titles[0] if titles[0] == titles[1] else " beside ".join(titles)
+    rows = [
+        (letter, f"{reader.path}{_began(reader)}")
+        for letter, reader in zip(LETTERS, readers, strict=True)
+    ]
+    return Template(asset("beside.html")).substitute(
+        title=escape(title),
+        head=pairs(rows),
+        style=asset("page.css"),
+        verdicts="".join(map(_verdict, LETTERS, readers)),
+        remarks=_remarks(readers),
+        numbers=_section("numbers", "Numbers", _numbers(readers)),
+        pictures=_section("pictures", "Pictures", _pictures(readers)),
+        cases=_section("cases", "What the cases say differently", _cases(readers)),
+        version=escape(__version__),
+    )
+
+
+def apart(readers: Sequence[ResultReader]) -> list[str]:
+    """What of two runs cannot be compared, or only with care, in sentences."""
+    a, b = (reader.summary for reader in readers)
+    told = []
+    if _units(readers[0]) != _units(readers[1]):
+        both = [_units(reader) or "units that are not known" for reader in readers]
+        told.append(
+            f"The units differ: A is in {both[0]}, B in {both[1]}. Nothing is converted, and there"
+            " are no differences of numbers that have units."
+        )
+    if a.model["kind"] != b.model["kind"]:
+        kinds = [MODELS.get(one.model["kind"], one.model["kind"]) for one in (a, b)]
+        told.append(f"The models differ: A is {kinds[0]}, B {kinds[1]}.")
+    meant = [_meaning(reader) for reader in readers]
+    if meant[0] != meant[1]:
+        told.append(
+            "ζ does not mean the same in both, so that load factors cannot be compared as they"
+            f" are. A: {meant[0] or 'nothing grows.'} B: {meant[1] or 'nothing grows.'}"
+        )
+    return told
+
+
+def _verdict(letter: str, reader: ResultReader) -> str:
+    found = verdict_on(reader)
+    sentence = escape(found.sentence).replace("ζ = ", "ζ&nbsp;=&nbsp;")
+    return (
+        f'<section class="verdict {found.mark}" aria-label="Verdict of {letter}">'
+        f'<p class="badge">{letter}: {escape(reader.scene.title or "A run")}</p>'
+        f'<p class="sentence">{sentence}</p></section>'
+    )
+
+
+def _remarks(readers: Sequence[ResultReader]) -> str:
+    items = "".join(f"<li>{escape(text)}</li>" for text in apart(readers))
+    return _section("warnings", "What to know of this comparison", items and f"<ul>{items}</ul>")
+
+
+def _numbers(readers: Sequence[ResultReader]) -> str:
+    """A row for each number that either run has."""
+    same_units = _units(readers[0]) == _units(readers[1])
+    same_loads = _meaning(readers[0]) == _meaning(readers[1])
+    ends = [last_load(reader) for reader in readers]
+    same_end = same_loads and _equal(*ends)
+    heads = ["", *LETTERS, "B against A"]
+    rows = [["method", *(escape(reader.summary.method) for reader in readers), ""]]
+    for quantity in (*QUANTITIES, *bolts(readers)):
+        known = [quantity.of(reader) for reader in readers]
+        if known == [None, None]:
+            continue
+        units = [reader.summary.units.get(quantity.unit, "") for reader in readers]
+        cells = [
+            "–" if one is None else f"{quantity.shown(one)} {escape(unit)}".rstrip()
+            for one, unit in zip(known, units, strict=True)
+        ]
+        comparable = (same_units or not quantity.unit) and (same_loads or not quantity.is_load)
+        comparable &= same_end or not quantity.at_end
+        rows.append([quantity.words, *cells, _difference(*known) if comparable else "–"])
+    note = (
+        "<p>Differences are relative to A. – is what a run does not have, or what cannot be"
+        " compared, as displacements of last levels at different ζ. A limit load of a mesh is an"
+        " estimate; what is proven holds for the bodies.</p>"
+    )
+    return table(heads, rows) + note
+
+
+def _equal(a: float | None, b: float | None) -> bool:
+    return a is not None and b is not None and abs(a - b) <= ROUNDING * max(abs(a), abs(b))
+
+
+def _difference(a: float | None, b: float | None) -> str:
+    if a is None or b is None:
+        return "–"
+    if _equal(a, b):
+        return "the same"
+    if not a:
+        return "–"
+    change = (b - a) / abs(a)
+    return f"{100 * change:+.3g} %".replace("-", "−")
+
+
+def _pictures(readers: Sequence[ResultReader]) -> str:
+    """The pictures on file, each beside that of the other run."""
+    text = ""
+    for name, words in PICTURES.items():
+        files = [reader.path / name for reader in readers]
+        if not any(file.is_file() for file in files):
+            continue
+        figures = "".join(map(_figure, LETTERS, files, [words] * 2))
+        way = "above" if name in WIDE else "beside"
+        text += f'<h3>{words}</h3><div class="{way}">{figures}</div>'
+    return text
+
+
+def _figure(letter: str, file: Path, words: str) -> str:
+    if not file.is_file():
+        return f"<figure><figcaption>{letter} has none.</figcaption></figure>"
+    try:
+        data = base64.b64encode(file.read_bytes()).decode()
+    except OSError as error:
+        raise InputError(f"'{file}' cannot be read ({error.strerror}); draw it again.") from error
+    return (
+        f'<figure><img src="data:image/png;base64,{data}" alt="{words} of {letter}">'
+        f"<figcaption>{letter}</figcaption></figure>"
+    )
+
+
+def _cases(readers: Sequence[ResultReader]) -> str:
+    """Lines of the case files that are not in both."""
+    cases = [reader.summary.case for reader in readers]
+    if not all(cases):
+        return "<p>A Python program has made one of the runs, so that there are no two cases.</p>"
+    texts = [case["text"].splitlines() for case in cases]
+    if texts[0] == texts[1]:
+        return "<p>Nothing: the case files are the same.</p>"
+    names = [f"{letter}: {case['file']}" for letter, case in zip(LETTERS, cases, strict=True)]
+    lines = difflib.unified_diff(*texts, *names, n=2, lineterm="")
+    told = escape("\n".join(lines))
+    return f"<p>Lines with − are of A alone, those with + of B.</p><pre><code>{told}</code></pre>"
+
+
+def _meaning(reader: ResultReader) -> str:
+    summary = reader.summary
+    staged = any(step.get("stage") for step in summary.steps)
+    words = CaseWords(summary.given, summary.units, summary.model["axes"], staged)
+    return words.meaning(reader.scene.driven)
+
+
+def _units(reader: ResultReader) -> str:
+    units = reader.summary.units
+    return ", ".join(units[kind] for kind in ("length", "force", "stress") if units.get(kind))
+
+
+def _began(reader: ResultReader) -> str:
+    began = reader.summary.surroundings.get("began", "")
+    return f", {began}" if began else ""
+
+
+def _section(name: str, head: str, text: str) -> str:
+    if not text:
+        return ""
+    heading = f'<h2 id="{name}-h">{head}</h2>'
+    return f'<section id="{name}" aria-labelledby="{name}-h">{heading}{text}</section>'

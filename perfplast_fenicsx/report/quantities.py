@@ -1,0 +1,105 @@
+"""Numbers of a run that are compared with those of another one."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number of a run.
+
+    Attributes:
+        words: What it is, as HTML.
+        of: Tells it of a run's results; None where there is none.
+        shown: Writes it.
+        unit: Kind of its unit; nothing of pure numbers.
+        is_load: Whether it is a load factor, which runs with other loads do not share.
+        at_end: Whether it is one at the last solved level, which may be at another load.
+    """
+
+    words: str
+    of: Callable[[ResultReader], float | None]
+    shown: Callable[[float], str] = "{:.6g}".format
+    unit: str = ""
+    is_load: bool = False
+    at_end: bool = False
+
+
+def last_load(reader: ResultReader) -> float | None:
+    """ζ of the last solved level."""
+    found = _last("zeta")(reader)
+    return None if found is None else float(found)
+
+
+def _of_mesh(key: str) -> Callable[[ResultReader], float | None]:
+    return lambda reader: reader.summary.mesh.get(key)
+
+
+def _cells(reader: ResultReader) -> float | None:
+    meshes = ((reader.summary.limit or {}).get("body") or {}).get("meshes") or [{}]
+    return meshes[-1].get("cells") or reader.summary.mesh.get("cells")
+
+
+def _of_limit(key: str) -> Callable[[ResultReader], float | None]:
+    return lambda reader: (reader.summary.limit or {}).get(key)
+
+
+def _of_body(key: str) -> Callable[[ResultReader], float | None]:
+    return lambda reader: ((reader.summary.limit or {}).get("body") or {}).get(key)
+
+
+def _last(key: str) -> Callable[[ResultReader], float | None]:
+    def found(reader: ResultReader) -> Any:
+        solved = [step for step in reader.summary.steps if step["converged"]]
+        return solved[-1].get(key) if solved else None
+
+    return found
+
+
+def _solved(reader: ResultReader) -> float | None:
+    return float(sum(step["converged"] for step in reader.summary.steps)) or None
+
+
+def _width(reader: ResultReader) -> float | None:
+    lower, upper = _of_body("lower")(reader), _of_body("upper")(reader)
+    return None if lower is None or upper is None or not lower else (upper - lower) / abs(lower)
+
+
+def bolts(readers: Sequence[ResultReader]) -> list[Quantity]:
+    """The forces of bolts at the last solved level, of all that some run has."""
+    forces = [_last("bolts")(reader) or {} for reader in readers]
+    names = dict.fromkeys(name for of_run in forces for name in of_run)
+
+    def force(name: str) -> Callable[[ResultReader], float | None]:
+        return lambda reader: (_last("bolts")(reader) or {}).get(name)
+
+    return [
+        Quantity(f"force of bolt {escape(name)} there", force(name), unit="force", at_end=True)
+        for name in names
+    ]
+
+
+QUANTITIES = (
+    Quantity("cells of the mesh, of the last one of several", _cells, "{:.0f}".format),
+    Quantity("unknowns of the first mesh", _of_mesh("dofs"), "{:.0f}".format),
+    Quantity("degree of the elements", lambda reader: reader.summary.given.get("degree")),
+    Quantity("mean size of the cells", lambda a: a.summary.element_size or None, unit="length"),
+    Quantity("ζ that the bodies carry, proven", _of_body("lower"), rounded_down, is_load=True),
+    Quantity("ζ at which they collapse, proven", _of_body("upper"), rounded_up, is_load=True),
+    Quantity("width of this bracket", _width, "{:.2%}".format),
+    Quantity("limit load of the mesh, estimate", _of_limit("estimate"), is_load=True),
+    Quantity("levels that are solved", _solved),
+    Quantity("ζ of the last of them", last_load, is_load=True),
+    Quantity("largest displacement there", _last("max_displacement"), unit="length", at_end=True),
+    Quantity("work of the loads there, α", _last("alpha"), unit="work", at_end=True),
+    Quantity("plastic share there", _last("plastic_fraction"), "{:.1%}".format, at_end=True),
+    Quantity("processes", lambda reader: float(reader.summary.ranks), "{:.0f}".format),
+    Quantity("wall time (s)", lambda a: a.summary.timings.get("total"), "{:.1f}".format),
+    Quantity("memory of all processes (MiB)", lambda a: a.summary.peak_memory_mb, "{:.0f}".format),
+)
+"""What is compared."""
