@@ -1,8 +1,9 @@
 """Tests on several ranks: what fails on one fails on all, and nothing waits for long.
 
-Of a test with many cases one runs there, and all where ``PERFPLAST_EVERY_CASE`` is set: what
-ranks exchange is the same in each, and what cases differ in is asserted on one rank. Of those that
-are marked ``costly`` one case runs on one rank as well.
+Of a test with many cases one runs there, and of several files half of the tests of each, with those
+that are marked ``mpi3``; all where ``PERFPLAST_EVERY_CASE`` is set: what ranks exchange is the same
+in many, and what they differ in is asserted on one rank. Of those that are marked ``costly`` one
+case runs on one rank as well, and those that are marked ``long`` have their turn there alone.
 
 After each phase of a test (set-up, call, tear-down) the ranks tell each other how it went, on a
 communicator of their own. Where it failed on some, it fails on all, with every traceback, and the
@@ -22,7 +23,7 @@ import tempfile
 import threading
 import time
 import zlib
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register marks, and the hooks, most of which one rank alone does not need."""
     config.addinivalue_line("markers", "mpi3: also runs on three ranks")
     config.addinivalue_line("markers", "costly: one of its cases runs, all with make verify")
+    config.addinivalue_line("markers", "long: runs with make verify alone")
     config.addinivalue_line("markers", "serial: cannot depend on ranks; runs on one alone")
     if config.pluginmanager.has_plugin("watchdog"):
         return
@@ -91,8 +93,12 @@ class Together:
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """What cannot depend on ranks has its turn on one, and so have most cases of one test."""
-        parallel = [item for item in items if not item.get_closest_marker("serial")]
-        keep(self._config, items, parallel if EVERY_CASE else one_of_each(parallel))
+        kept = [item for item in items if not item.get_closest_marker("serial")]
+        if not EVERY_CASE:
+            kept = one_of_each([item for item in kept if not item.get_closest_marker("long")])
+            if not self._config.getoption("keyword") and len({item.path for item in kept}) > 1:
+                kept = half_of_each_file(kept)
+        keep(self._config, items, kept)
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_finish(self, session: pytest.Session) -> None:
@@ -205,9 +211,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """On one rank one case of each costly test is enough."""
     if EVERY_CASE or MPI.COMM_WORLD.size > 1:
         return
-    chosen = one_of_each([item for item in items if item.get_closest_marker("costly")])
+    short = [item for item in items if not item.get_closest_marker("long")]
+    chosen = one_of_each([item for item in short if item.get_closest_marker("costly")])
     here = {item.nodeid for item in chosen}
-    kept = [it for it in items if it.nodeid in here or not it.get_closest_marker("costly")]
+    kept = [it for it in short if it.nodeid in here or not it.get_closest_marker("costly")]
     keep(config, items, kept)
 
 
@@ -224,6 +231,18 @@ def one_of_each(items: list[pytest.Item]) -> list[pytest.Item]:
     for item in items:
         cases.setdefault(item.nodeid.split("[")[0], []).append(item)
     return [of[zlib.crc32(name.encode()) % len(of)] for name, of in cases.items()]
+
+
+def half_of_each_file(items: list[pytest.Item]) -> list[pytest.Item]:
+    """Every second test of each file, the first among them, and all that three ranks run."""
+    turn: dict[Path, Iterator[bool]] = {}
+    kept = []
+    for item in items:
+        if item.get_closest_marker("mpi3"):
+            kept.append(item)
+        elif next(turn.setdefault(item.path, itertools.cycle([True, False]))):
+            kept.append(item)
+    return kept
 
 
 def _text(report: pytest.TestReport) -> str:

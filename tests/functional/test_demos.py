@@ -1,7 +1,7 @@
 """The demos check themselves: each runs here, small, on one rank and on the ranks of the run.
 
-Cases of the verification run once: on one rank, or on several what shows a pattern of exchange. At
-their full size ``make verify`` runs all of them on two.
+Cases of the verification run once: on one rank, or on several what shows a pattern of exchange, and
+of those that take long one. At their full size ``make verify`` runs all of them on two.
 """
 
 import importlib.util
@@ -20,15 +20,23 @@ FOLDER = Path(__file__).resolve().parents[2] / "demos"
 ON_SEVERAL = ("body_bounds", "friction", "meshed_apart")
 """Cases of the verification that run on several ranks, and not on one."""
 
+LONG = (
+    *("assemblies", "bound_costs", "bounds_in_space", "cracked_strips", "curved_seams", "ground"),
+    *("platens", "published", "published_blocks", "published_contact", "thick_sphere", "towers"),
+)
+"""Cases of the verification that take more than 5 s of one core where they are coarse."""
+
+
+def marks(name: str) -> list[pytest.MarkDecorator]:
+    """Of a case of the verification."""
+    if name in ON_SEVERAL:
+        return []
+    return [pytest.mark.serial, pytest.mark.costly] if name in LONG else [pytest.mark.serial]
+
+
 SCRIPTS = [
     *sorted(FOLDER.glob("*.py")),
-    *(
-        pytest.param(
-            FOLDER / "verification" / f"{name}.py",
-            marks=[] if name in ON_SEVERAL else [pytest.mark.serial],
-        )
-        for name in VERIFIED
-    ),
+    *(pytest.param(FOLDER / "verification" / f"{name}.py", marks=marks(name)) for name in VERIFIED),
 ]
 CASES = sorted(FOLDER.glob("*.toml"))
 

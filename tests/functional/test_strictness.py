@@ -50,8 +50,6 @@ SEEDS = [
 ]
 """In number 20 equilibrium leaves one contact force nothing but zero."""
 
-LONG = pytest.mark.skipif(EFFORT < 2, reason="takes a minute")
-
 ENDS = (0.0, 5.0)
 
 CONTRASTS = [
@@ -183,7 +181,9 @@ def cantilever() -> Problem:
     return Problem(tagged_mesh, {"bar": bar}, [Support("left")], [load], degree=2)
 
 
-@pytest.mark.parametrize("cells", [300, pytest.param(4000, marks=[LONG, pytest.mark.serial])])
+@pytest.mark.parametrize(
+    "cells", [300, pytest.param(4000, marks=[pytest.mark.long, pytest.mark.serial])]
+)
 def test_no_round_loses_a_bound(cells: int) -> None:
     found = adaptive_bounds(cantilever(), Adaptation(until=0.02, cells=cells))
     assert found.lower.strict

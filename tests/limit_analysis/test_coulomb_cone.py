@@ -1,7 +1,6 @@
 """Strict bounds of Mohr and Coulomb's and Tresca's bodies in plane strain."""
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +32,6 @@ from perfplast_fenicsx.proof import check
 from tests.models import Read
 
 COMM = MPI.COMM_WORLD
-EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
 FOOTING = {0.0: 2 + math.pi, 10.0: 8.344926, 20.0: 14.834712, 30.0: 30.139628}
 """Prandtl's N_c by angle of friction."""
 
@@ -138,7 +136,7 @@ def test_tresca_is_von_mises_of_the_same_shear_strength(read: Read) -> None:
     assert one.upper == pytest.approx(other.upper, rel=1e-9)
 
 
-@pytest.mark.skipif(EFFORT < 2, reason="4 000 cells; set PERFPLAST_FUZZ=2")
+@pytest.mark.long
 @pytest.mark.parametrize(("angle", "apart"), [(10.0, 0.010), (20.0, 0.015), (30.0, 0.020)])
 def test_footings_on_four_thousand_cells(read: Read, angle: float, apart: float) -> None:
     # few cells at first, and smaller ones at the edge: what refinement does not need it cannot undo

@@ -65,6 +65,7 @@ def test_limit_load_of_a_plate(n: int) -> None:
 
 
 @SERIAL
+@pytest.mark.long
 def test_limit_load_of_a_fine_plate_in_few_solves() -> None:
     limit = limit_load(l_plate_problem(4), 5e-3, method="path")
     assert limit.levelled_off

@@ -1,6 +1,5 @@
 """Strict bounds of ground without cohesion: what surcharge and weight alone let a footing carry."""
 
-import os
 from pathlib import Path
 
 from mpi4py import MPI
@@ -33,14 +32,11 @@ from perfplast_fenicsx.proof import check
 from tests.models import Read
 
 COMM = MPI.COMM_WORLD
-EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
 SURCHARGE = {20.0: 6.399394, 30.0: 18.401122}
 """N_q by angle of friction (H. Reissner, 1924)."""
 
 WEIGHT = {"smooth": 7.6532, "rough": 14.7543}
 """N_γ of 30° (C. M. Martin, IACMAG 2005)."""
-
-few = pytest.mark.skipif(EFFORT < 2, reason="4 000 cells; set PERFPLAST_FUZZ=2")
 
 
 def under_surcharge(read: Read, angle: float, grading: float = 1.0, size: float = 0.7) -> Problem:
@@ -103,7 +99,7 @@ def test_its_own_weight(read: Read, shared_tmp_path: Path) -> None:
     assert np.abs(stress).max(initial=0.0) > 0
 
 
-@few
+@pytest.mark.long
 @pytest.mark.parametrize("angle", [20.0, 30.0])
 def test_surcharges_to_three_percent(read: Read, angle: float, shared_tmp_path: Path) -> None:
     problem = under_surcharge(read, angle, grading=0.3, size=1.0)
@@ -111,7 +107,7 @@ def test_surcharges_to_three_percent(read: Read, angle: float, shared_tmp_path: 
     assert around(found, SURCHARGE[angle], shared_tmp_path) <= 0.03
 
 
-@few
+@pytest.mark.long
 @pytest.mark.parametrize(("base", "apart"), [("smooth", 0.1), ("rough", 0.06)])
 def test_weights(read: Read, base: str, apart: float, shared_tmp_path: Path) -> None:
     found = adaptive_bounds(on_heavy_sand(read, base), Adaptation(until=apart, cells=4000))

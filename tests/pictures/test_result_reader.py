@@ -175,11 +175,23 @@ def tube(
     return read_gmsh(comm, path), [], load, [Support("held")]
 
 
-@pytest.fixture
-def results(comm: MPI.Intracomm, shared_tmp_path: Path) -> Path:
-    """A folder with two levels."""
-    case, folder = write(comm, shared_tmp_path, CASE), shared_tmp_path / "results"
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with two levels, which no test writes into."""
+    comm = MPI.COMM_WORLD
+    base = comm.bcast(tmp_path_factory.mktemp("finished"))
+    case, folder = write(comm, base, CASE), base / "results"
     assert main(["run", str(case), "-o", str(folder), "--quiet"]) == SOLVED
+    return folder
+
+
+@pytest.fixture
+def results(comm: MPI.Intracomm, shared_tmp_path: Path, finished: Path) -> Path:
+    """A folder with two levels, of one test alone."""
+    folder = shared_tmp_path / "results"
+    if comm.rank == 0:
+        shutil.copytree(finished, folder)
+    comm.barrier()
     return folder
 
 
