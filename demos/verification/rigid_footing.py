@@ -16,7 +16,8 @@
 #
 # The limit load of the body is bracketed by strict bounds on adapted meshes of 4 000 cells: half
 # of the footing under the central load, and all of it under loads that lean and turn. What is known
-# has to lie between.
+# has to lie between. All pairs of V and H that are carried are between two polygons, which after at
+# most twelve directions are 1 % apart along any ray, and Green's curve is between them.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/rigid_footing.py
 
@@ -39,6 +40,7 @@ from perfplast_fenicsx import (
     Support,
     VonMises,
     adaptive_bounds,
+    envelope,
     limit_load,
 )
 from perfplast_fenicsx.io import ResultFolder, Scene
@@ -63,6 +65,10 @@ BOUNDED, TOLERANCE = 0.015, 1e-4
 WIDTHS, QUICK = {"central": 0.006, "inclined": 0.015, "eccentric": 0.015}, 0.2
 """Of strict brackets, by their loads; the same for a quick look."""
 CELLS = 4000
+APART, FOR_POLYGONS = 0.01, Adaptation(until=0.0045, cells=25000)
+"""Distance of the polygons of V and H, and how the mesh of each direction is adapted for that."""
+UNIT = 5 * SHEAR
+"""V/B of one unit, near all that is carried, so that directions are spread evenly."""
 
 
 def green(lean: float) -> float:
@@ -155,10 +161,62 @@ def bracket(folder: ResultFolder, case: str, coarse: bool) -> list[Row]:
     return rows
 
 
+def interaction(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Polygons of proof around and within Green's curve. Collective."""
+    began = time.perf_counter()
+    push, shove = Force("footing", (0.0, -2 * UNIT)), Force("footing", (2 * SHEAR, 0.0))
+    problem = Problem(
+        mesh(folder, write_footing, size=0.8),
+        {"ground": SOIL},
+        SUPPORTS,
+        [push],
+        degree=2,
+        rigid=[RigidSurface("footing")],
+    )
+    adaptation = Adaptation(QUICK, CELLS) if coarse else FOR_POLYGONS
+    most = 3 if coarse else 12
+    found = envelope(problem, [push], [shove], most, APART, adaptation=adaptation)
+    within, beyond = 0.0, 0.0
+    for angle in range(91):
+        v, h = math.cos(math.radians(angle)) * UNIT / SHEAR, math.sin(math.radians(angle))
+        if angle == 0:
+            known = (2 + math.pi) / v
+        elif v <= (1 + math.pi / 2) * h:  # where H = kB the curve goes straight down
+            known = 1 / h
+        else:
+            known = green(h / v) / SHEAR / v
+        within = max(within, found.inner(angle) / known)
+        beyond = max(beyond, known / found.outer(angle))
+    words = f"{len(found.directions)} directions"
+
+    def at_most(quantity: str, small: float, large: float, wanted: bool = True) -> Row:
+        return Row(
+            case="footing, V and H, strict",
+            quantity=quantity,
+            element="P1 and P2",
+            size=0.8,
+            dofs=found.last.problem.num_dofs,
+            computed=small,
+            exact=large,
+            allowed=1e-9 if wanted else None,
+            solves=0,
+            seconds=time.perf_counter() - began,
+            bound=True,
+            bracket=words,
+        )
+
+    return [
+        at_most("gap in %", 100 * found.gap, 100 * APART, wanted=not coarse),
+        at_most("inner polygon/exact", within, 1.0),
+        at_most("exact/outer polygon", beyond, 1.0),
+    ]
+
+
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     """Limit loads over the width, central and otherwise. Collective."""
     rows = [row for case in WIDTHS for row in bracket(folder, case, coarse)]
+    rows += interaction(folder, coarse)
     for size in (0.8, 0.2) if coarse else (0.8, 0.4, 0.2, 0.1):
         if size < 0.8:
             rows.append(half(folder, size))

@@ -43,7 +43,7 @@ def read_variation(text: str) -> Variation:
         )
     parts = values.split(":")
     if len(parts) == 1:
-        return Variation(key, tuple(_value(part, text) for part in values.split(",")))
+        return Variation(key, _all_different([_value(v, text) for v in values.split(",")], text))
     try:
         first, last, number = float(parts[0]), float(parts[1]), int(parts[2])
     except (ValueError, IndexError):
@@ -55,7 +55,18 @@ def read_variation(text: str) -> Variation:
         )
     step = (last - first) / (number - 1)
     inner = (first + i * step for i in range(1, number - 1))
-    return Variation(key, (first, *inner, last))
+    return Variation(key, _all_different([first, *inner, last], text))
+
+
+def _all_different(values: list[Any], whole: str) -> tuple[Any, ...]:
+    """The values, none of which would be solved twice."""
+    for number, value in enumerate(values):
+        if value in values[:number]:
+            raise InputError(
+                f"--vary {whole}: the value {value} is there twice, and would be solved twice; give"
+                " different values."
+            )
+    return tuple(values)
 
 
 def _value(text: str, whole: str) -> Any:
