@@ -1,7 +1,8 @@
-"""Shakedown of Bree's wall against its closed form."""
+"""Shakedown of Bree's wall, a sheet and a beam against closed forms."""
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 
 from perfplast_fenicsx import (
@@ -12,11 +13,13 @@ from perfplast_fenicsx import (
     Tie,
     Traction,
     VonMises,
+    shakedown_load,
 )
 from perfplast_fenicsx.limit_analysis import shakedown_diagram
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import Failure
 from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from perfplast_fenicsx.problem import Temperature
+from tests.limit_analysis.test_static_bound import rectangle
 
 
 def test_bree(comm: MPI.Intracomm) -> None:
@@ -60,3 +63,55 @@ def test_bree(comm: MPI.Intracomm) -> None:
         x, y = row.first, row.second
         assert max(x + y / 4, y / 2) == pytest.approx(1.0, rel=5e-3)
         assert row.failure == (Failure.ALTERNATING if y / 2 > x + y / 4 else Failure.COLLAPSE)
+
+
+STEEL = VonMises(2e5, 0.3, 1.0)
+
+
+@pytest.mark.parametrize(("thin", "exact"), [(True, 1.0), (False, 2 / 3**0.5)])
+def test_a_strip_that_is_pulled(thin: bool, exact: float, comm: MPI.Intracomm) -> None:
+    """A sheet grows thinner as it likes; in plane strain the strip resists that."""
+    surfaces = {
+        "left": lambda x: x[0] < 1e-9,
+        "right": lambda x: x[0] > 4 - 1e-9,
+        "bottom": lambda x: x[1] < 1e-9,
+    }
+    mesh = rectangle((4, 1), (4.0, 1.0), {"strip": lambda x: x[0] < 9}, surfaces, comm=comm)
+    problem = Problem(
+        mesh.thin() if thin else mesh,
+        {"strip": STEEL},
+        [Support("left", "x"), Support("bottom", "y")],
+        [Traction("right", (1.0, 0.0), name="pull")],
+        degree=2,
+    )
+    found = shakedown_load(problem, LoadDomain.of_ranges({"pull": (0.0, 1.0)}))
+    assert found.load == pytest.approx(exact, rel=2e-4)
+
+
+def test_a_load_that_moves_along_a_beam(comm: MPI.Intracomm) -> None:
+    """A beam on two supports yields more and more where the load has its largest moment.
+
+    Along it nothing is left to shake down to: P(L/4 − c/8) = σ_y h²/4 under a load over c, as if it
+    stood in the middle. A slender one, since the load spreads over its height.
+    """
+    length, width, places = 24.0, 0.5, (6.0, 12.0, 18.0)
+    ends = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > length - 1e-9}
+    under = {
+        f"at{number}": lambda x, place=place: (
+            (x[1] > 1 - 1e-9) & (np.abs(x[0] - place) < width / 2 + 1e-9)
+        )
+        for number, place in enumerate(places)
+    }
+    size = (length, 1.0)
+    mesh = rectangle((96, 4), size, {"beam": lambda x: x[1] < 2}, ends | under, comm=comm)
+    problem = Problem(
+        mesh.thin(),
+        {"beam": STEEL},
+        [Support("left", "y"), Support("right", "y")],
+        [Traction(on, (0.0, -1 / width), name=on) for on in under],
+        degree=2,
+    )
+    domain = LoadDomain.of_corners([{}, *({on: 1.0} for on in under)])
+    found = shakedown_load(problem, domain)
+    assert found.load == pytest.approx(0.25 / (length / 4 - width / 8), rel=0.02)
+    assert found.failure == Failure.COLLAPSE

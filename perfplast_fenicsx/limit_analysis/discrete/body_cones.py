@@ -133,7 +133,7 @@ def body_cones(problem: Problem) -> BodyCones:
     Raises:
         InputError: If a body's yield set is none that the method knows.
     """
-    tagged_mesh, materials = problem.tagged_mesh, _materials(problem)
+    tagged_mesh, materials = problem.tagged_mesh, materials_of(problem)
     topology = tagged_mesh.mesh.topology
     of_cells = np.zeros(topology.index_map(topology.dim).size_local, dtype=np.int64)
     flat, size = _components(problem)
@@ -157,11 +157,11 @@ def body_cones(problem: Problem) -> BodyCones:
 def has_cones(problem: Problem) -> bool:
     """Whether the method knows the yield sets of all bodies."""
     flat, size = _components(problem)
-    thin, materials = problem.tagged_mesh.is_thin, _materials(problem).values()
+    thin, materials = problem.tagged_mesh.is_thin, materials_of(problem).values()
     return all(_cone_of(it, size, flat, thin) is not None for it in materials)
 
 
-def _materials(problem: Problem) -> Mapping[str, Material]:
+def materials_of(problem: Problem) -> Mapping[str, Material]:
     """Of each volume, as the mesh has them."""
     given = problem.given.materials
     return in_plane_stress(given) if problem.tagged_mesh.is_thin else given

@@ -9,7 +9,11 @@ import ufl
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.discrete.body_cones import numbers_of, plain_cone
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import (
+    materials_of,
+    numbers_of,
+    plain_cone,
+)
 from perfplast_fenicsx.limit_analysis.discrete.standard_cones import PlainCone
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.yield_set import Cone
@@ -52,7 +56,8 @@ class PointLaws:
         for number, name in enumerate(names):
             points = cells[tagged_mesh.cells(name)].ravel()
             numbers[points[points < count]] = number
-        found = [_of_body(name, problem.given.materials[name], size) for name in names]
+        materials = materials_of(problem)  # sheets have other ones
+        found = [_of_body(name, materials[name], size) for name in names]
         rows = max((len(cone.matrix) for cone, _ in found if cone is not None), default=0)
         maps, bounds = np.zeros((len(names), 1 + rows, size)), np.zeros(len(names))
         unbounded = np.tile(np.eye(size), (len(names), 1, 1))
