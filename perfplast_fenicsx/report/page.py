@@ -24,7 +24,10 @@ from perfplast_fenicsx.report.verdict import Verdict, verdict_on
 from perfplast_fenicsx.report.view_data import View
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 
-SCRIPTS = ("decode", "camera", "shaders", "colours", "drawing", "viewer", "gestures", "controls")
+SCRIPTS = (
+    *("decode", "camera", "shaders", "colours", "drawing", "viewer", "sides"),
+    *("gestures", "controls"),
+)
 """Files of the view, in the order in which they are read."""
 
 

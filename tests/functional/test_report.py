@@ -207,6 +207,33 @@ def test_in_the_dark_and_on_paper(results: Path, browser: Any) -> None:
     legend = "getComputedStyle(document.getElementById('legend-bar')).printColorAdjust"
     assert page(legend) == "exact"
     assert page("getComputedStyle(document.getElementById('told')).display") == "none"
+    case = "document.querySelector('#again details').open"
+    assert not page(case)
+    page("window.dispatchEvent(new Event('beforeprint'))")
+    assert page(case)
+    page("window.dispatchEvent(new Event('afterprint'))")
+    assert not page(case)
+
+
+@alone
+def test_the_bodies_from_four_sides(results: Path, browser: Any) -> None:
+    """All different; they follow what is shown, and turn the large picture."""
+    page = Page(browser, results / "report.html")
+    images = "[...document.querySelectorAll('#sides img')]"
+    sources = f"{images}.map((image) => image.src)"
+    page.wait(f"{images}.every((image) => image.naturalWidth === 560)")
+    first = page(sources)
+    assert len(set(first)) == len(first) == 4
+    before = page.pixels()
+    page.choose("field", "")
+    plain = page.changed(before)
+    page.wait(f"{sources}[0] !== '{first[0]}'")
+    assert not set(first) & set(page(sources))
+    browser.find_elements("css selector", "#sides button")[3].click()
+    above = page.changed(plain)
+    page.part("reset").click()
+    page.changed(above)
+    assert (page.pixels() == plain).all()
 
 
 def test_date_and_command(results: Path, comm: MPI.Intracomm) -> None:

@@ -15,15 +15,21 @@ class Camera {
     this.reset();
   }
 
-  /** Look at all of it, as at first. */
-  reset() {
-    this.azimuth = this.plane ? -90 : -60;
-    this.elevation = this.plane ? 90 : 25;
+  /** Look at all of it, as at first or from a side (degrees). */
+  reset(azimuth = this.plane ? -90 : -60, elevation = this.plane ? 90 : 25) {
+    Object.assign(this, { azimuth, elevation });
     this.zoom = 1;
     this.centre = this.low.map((a, k) => 0.5 * (a + this.high[k]));
     const reach = (axis) =>
       axis.reduce((sum, a, k) => sum + 0.5 * Math.abs(a) * (this.high[k] - this.low[k]), this.room);
     this.extent = this.axes.slice(0, 2).map(reach);
+  }
+
+  /** Another camera, which looks at all of it from a side. */
+  seenFrom(azimuth, elevation) {
+    const other = Object.assign(Object.create(Camera.prototype), this);
+    other.reset(azimuth, elevation);
+    return other;
   }
 
   /** Unit vectors to the right, upwards, and towards the eye. */

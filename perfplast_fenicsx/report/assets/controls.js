@@ -51,6 +51,7 @@ function tell(viewer) {
   const times = state?.mechanism ? "" : `motion × ${short(viewer.amount)}`;
   part("scale-told").textContent = viewer.amount === 0 ? "not deformed" : times;
   part("hide").disabled = look.picked < 0;
+  viewer.sides?.later();
 }
 
 function connect(viewer) {
@@ -158,6 +159,8 @@ function connect(viewer) {
     viewer.redraw();
   }));
   part("legend-bar").style.background = scaleGradient();
+  window.addEventListener("beforeprint", () => viewer.paint());
+  if (!data.plane && !data.faces) viewer.sides = new Sides(viewer, part("sides"));
   followPointers(viewer, named);
   followKeys(viewer, {
     ",": () => step(-1), ".": () => step(1), p: play, h: hide, a: all,
@@ -168,6 +171,15 @@ function connect(viewer) {
   say(`Click a ${data.faces ? "face" : "body"} to see its name.`);
   return go(first < 0 ? states.length - 1 : first).then(() => canvas.setAttribute("data-ready", ""));
 }
+
+// Paper shows what is folded on the screen.
+const folded = () => document.querySelectorAll("details:not(#keys):not([open])");
+let unfolded = [];
+window.addEventListener("beforeprint", () => {
+  unfolded = [...folded()];
+  unfolded.forEach((details) => { details.open = true; });
+});
+window.addEventListener("afterprint", () => unfolded.forEach((details) => { details.open = false; }));
 
 if (data !== null) {
   Viewer.of(part("canvas"), data, tell).then(connect).catch((error) => {

@@ -94,12 +94,17 @@ class Viewer {
     this.waiting = true;
     requestAnimationFrame(() => {
       this.waiting = false;
-      this.fit();
-      this.look.amount = this.amount;
-      this.look.reach = Math.abs(this.amount) * (this.state?.largest ?? 0);
-      this.drawing.draw(this.look);
-      this.changed(this);
+      this.paint();
     });
+  }
+
+  /** Draw at once, as for paper, which waits for no frame. */
+  paint() {
+    this.fit();
+    this.look.amount = this.amount;
+    this.look.reach = Math.abs(this.amount) * (this.state?.largest ?? 0);
+    this.drawing.draw(this.look);
+    this.changed(this);
   }
 
   /** By what the motion is multiplied. */
