@@ -87,7 +87,8 @@ def run_combined(
             raise InputError(f"'{TABLE}' cannot be written: {error.strerror}.") from error
         worst = rows[0]["combination"]
         words = ((found[worst] or {}).get("design") or {}).get("in_words", "")
-        return [*shown(rows), f"The worst is '{worst}'. {words}".rstrip()]
+        said = f"The worst of {len(rows)}: {words}" if words else f"The worst is '{worst}'."
+        return [*shown(rows), said]
 
     for line in on_rank0(comm, table) or []:
         terminal.say(line)

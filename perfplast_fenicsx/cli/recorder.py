@@ -195,6 +195,13 @@ class Recorder:
             InputError: On every rank, if the system refuses.
         """
         solve = time.perf_counter() - self._solving
+        known = body.limits if body else (NOT_SOUGHT, NOT_SOUGHT)
+        lower, upper = (bound.value if bound.strict else None for bound in known)
+        zeta, design = self._run.case.loading.design, None
+        if zeta is not None and not standing_in_words(limit, body):
+            name = self._run.case.combination
+            design = DesignFactor.of(zeta, lower, upper, limit.estimate, name)
+            self._run.terminal.say(design.in_words())
         steps = []
         if body is not None:
             mesh, ended = self.results.summary.mesh, adaptive.reason if adaptive else ""
@@ -206,12 +213,6 @@ class Recorder:
         self._run.journal.limit(limit, body)
         if not self.results.reports:  # without levels nothing else has counted it
             self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
-        known = body.limits if body else (NOT_SOUGHT, NOT_SOUGHT)
-        lower, upper = (bound.value if bound.strict else None for bound in known)
-        zeta, design = self._run.case.loading.design, None
-        if zeta is not None and not standing_in_words(limit, body):
-            design = DesignFactor.of(zeta, lower, upper, limit.estimate)
-            self._run.terminal.say(design.in_words())
         self._writer.write_limit(limit, body, adaptive, steps, design)
         summary = self.results.summary
         forces = (summary.limit or {}).get("forces")

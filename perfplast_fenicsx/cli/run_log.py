@@ -138,7 +138,7 @@ class RunLog:
     def interior(self, step: InteriorStep) -> None:
         """Log a step of the interior point method; a monitor of it."""
         log.info(
-            "step %d: load %.10g, gap %.2e, forces without balance %.2e, volume change %.2e,"
+            "step %d: load %.10g, gap %.2e, forces without balance %.2e, inadmissible flow %.2e,"
             " length %.3g, %.2f s",
             *(step.number, step.load, step.gap, step.unbalanced, step.inadmissible),
             *(step.length, step.seconds),

@@ -138,7 +138,7 @@ class Terminal:
         """Show a step of the interior point method on the live line; a monitor of it."""
         self.status(
             f"step {step.number}: load {step.load:.6g}, gap {step.gap:.1e}, forces without balance"
-            f" {step.unbalanced:.1e}, volume change {step.inadmissible:.1e}"
+            f" {step.unbalanced:.1e}, inadmissible flow {step.inadmissible:.1e}"
         )
 
     def mesh(self, round_: Round) -> None:

@@ -119,12 +119,15 @@ class Control(Protocol):
         element: Defaults of ``[element]``.
         drives: ζ multiplies motions of supports and obstacles, and not loads.
         of_body: What holds for the bodies is asked for, not for their mesh alone.
+        together: One load factor ζ multiplies all that grows; else what varies has factors of its
+            own.
     """
 
     prescribes: ClassVar[Prescribed]
     element: ClassVar[Mapping[str, Any]]
     drives: ClassVar[bool]
     of_body: ClassVar[bool]
+    together: ClassVar[bool]
 
     @property
     def values(self) -> Sequence[float] | None:
@@ -174,6 +177,7 @@ class OfLevels:
 
     element: ClassVar[Mapping[str, Any]] = {}
     of_body: ClassVar[bool] = False
+    together: ClassVar[bool] = True
     limit_tolerance: ClassVar[None] = None
     limit_method: ClassVar[None] = None
     design: ClassVar[None] = None
@@ -194,6 +198,7 @@ class OfBody:
     element: ClassVar[Mapping[str, Any]] = {"degree": 2}  # linear ones lock
     drives: ClassVar[bool] = False
     of_body: ClassVar[bool] = True
+    together: ClassVar[bool] = True
     values: ClassVar[None] = None
     limit_method: ClassVar[LimitMethod] = LimitMethod.INTERIOR_POINT
 

@@ -31,6 +31,7 @@ class EnvelopeControl(OfBody):
     """
 
     design: ClassVar[None] = None
+    together: ClassVar[bool] = False
 
     first: list[str]
     second: list[str]

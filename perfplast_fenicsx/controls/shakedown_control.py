@@ -46,6 +46,7 @@ class ShakedownControl(OfBody):
 
     design: ClassVar[None] = None
     of_body: ClassVar[bool] = False
+    together: ClassVar[bool] = False
 
     ranges: dict[str, list[float]] | None = None
     corners: list[dict[str, float]] | None = None

@@ -108,11 +108,12 @@ class CaseWords:
             rows.append((first["on"], text))
         return rows
 
-    def meaning(self, driven: bool) -> str:
+    def meaning(self, driven: bool, several: bool = False) -> str:
         """What ζ multiplies, in a sentence; empty where nothing grows with it.
 
         Args:
             driven: Whether it moves supports, obstacles or overlaps, and no load does work.
+            several: Whether loads have factors of their own in its place.
         """
         if self._staged:
             return "ζ is the time: it grows by 1 in each stage."
@@ -126,7 +127,8 @@ class CaseWords:
             return ""
         most_named = 4  # loads that are named where ζ is explained; all stand in the case
         more = f" and {len(live) - most_named} more loads" if len(live) > most_named else ""
-        return f"ζ is the load factor: ζ = 1 is {', '.join(live[:most_named])}{more}."
+        one = "A factor of 1" if several else "ζ is the load factor: ζ = 1"
+        return f"{one} is {', '.join(live[:most_named])}{more}."
 
     def contacts(self) -> list[Row]:
         """What touches what, and is tied to what."""

@@ -42,6 +42,8 @@ def page_of(reader: ResultReader, view: View) -> str:
         InputError: If a file of the results cannot be read.
     """
     summary, scene = reader.summary, reader.scene
+    found = summary.limit or {}
+    several = bool(found.get("envelope") or found.get("shakedown"))
     staged = any(step.get("stage") for step in summary.steps)
     words = CaseWords(summary.given, summary.units, summary.model["axes"], staged)
     template = Template(asset("page.html"))
@@ -49,7 +51,7 @@ def page_of(reader: ResultReader, view: View) -> str:
         title=escape(scene.title or "A run"),
         head=head_of(summary),
         style=asset("page.css"),
-        verdict=_verdict(verdict_on(reader), words.meaning(scene.driven)),
+        verdict=_verdict(verdict_on(reader), words.meaning(scene.driven, several)),
         warnings=_warnings(summary),
         view=_view(view),
         curve=_curve(reader),

@@ -103,6 +103,7 @@ def test_until_decided(
     out, _ = capsys.readouterr()
     if comm.rank == 0:
         assert says in out
+        assert out.index(says) < out.index("The body that the mesh fills")
         table = json.loads((results / "summary.json").read_text(encoding="utf-8"))["limit"]
         assert len(table["body"]["meshes"]) == meshes
         verdict = verdict_on(ResultReader(results))

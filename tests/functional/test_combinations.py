@@ -109,7 +109,8 @@ def test_each_is_as_if_it_were_alone(
         lowers = [float(row["lower"]) for row in rows]
         assert lowers == sorted(lowers)
         assert [row["design load"] for row in rows] == ["not carried", *["carried"] * 4]
-        assert "The worst is '3.3 Q'. The design load (zeta = 1) is not carried" in out
+        assert "The worst of 5: '3.3 Q' (zeta = 1) is not carried" in out
+        assert "'1.35 G + 1.5 Q' (zeta = 1) is carried for certain, 1.47" in out
     assert main(["run", str(case), "--restart", str(results)]) == SOLVED
     again = comm.bcast(capsys.readouterr().out)
     assert again.count("is solved already") == len(COMBINED)

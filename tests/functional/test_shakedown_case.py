@@ -55,6 +55,8 @@ def test_a_run(
     assert "Shakedown to " in out
     assert "the elastic stresses are those of this mesh" in out
     assert "At 45 degrees: " in out
+    assert "A factor of 1 is traction (0, 0, 1) on 'top'." in out
+    assert "zeta" not in out
     text = comm.bcast((folder / "summary.json").read_text() if comm.rank == 0 else "")
     limit: dict[str, Any] = json.loads(text)["limit"]
     found = limit["shakedown"]
@@ -72,7 +74,9 @@ def test_a_run(
         verdict = verdict_on(ResultReader(folder))
         assert verdict.mark == "found"
         assert "1 × pull, 1 × heat" in verdict.details[0]
-        assert "Melan" in (folder / "report.html").read_text(encoding="utf-8")
+        page = (folder / "report.html").read_text(encoding="utf-8")
+        assert "Melan" in page
+        assert "A factor of 1 is traction" in page
 
 
 @pytest.mark.serial

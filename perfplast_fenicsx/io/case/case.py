@@ -83,6 +83,7 @@ class Case:
     initial: list[Initial]
     combinations: list[Combination]
     remarks: tuple[str, ...] = ()
+    combination: str = ""
     trust: bool = False
 
     @property
@@ -121,6 +122,7 @@ class Case:
                 title=f"{self.title}: {combination.name}",
                 loads=loads,
                 combinations=[],
+                combination=combination.name,
                 remarks=(*self.remarks, combination.in_words()),
             )
 

@@ -40,8 +40,10 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
     live = [load_in_words(load, units, whole) for load in case.loads if not load.constant]
     dead = [load_in_words(load, units, whole) for load in case.loads if load.constant]
     told = []
+    own = case.stages or not case.loading.together
+    factor = "A factor of 1" if own else "zeta = 1"
     if live:
-        told.append(f"{'A factor of 1' if case.stages else 'zeta = 1'} is {', '.join(live)}.")
+        told.append(f"{factor} is {', '.join(live)}.")
     elif case.scene.driven:
         told.append(
             "zeta = 1 is the motion of supports, obstacles and overlaps as the case gives it."

@@ -16,20 +16,26 @@ class DesignFactor:
         lower: So many times it is carried for certain; None where nothing is proven.
         upper: So many times it the bodies collapse for certain; None where nothing is proven.
         estimate: So many times it the mesh carries; None where its limit load was not found.
+        name: Of the combination of loads that it is, where it has one.
     """
 
     zeta: float
     lower: float | None
     upper: float | None
     estimate: float | None
+    name: str = ""
 
     @staticmethod
     def of(
-        zeta: float, lower: float | None, upper: float | None, estimate: float | None
+        zeta: float,
+        lower: float | None,
+        upper: float | None,
+        estimate: float | None,
+        name: str = "",
     ) -> "DesignFactor":
         """From the limit load and its bounds, as load factors."""
         over = [None if value is None else value / zeta for value in (lower, upper, estimate)]
-        return DesignFactor(zeta, *over)
+        return DesignFactor(zeta, *over, name)
 
     @property
     def carried(self) -> bool:
@@ -48,7 +54,8 @@ class DesignFactor:
 
     def in_words(self) -> str:
         """What it says, in a sentence."""
-        load = f"The design load (zeta = {self.zeta:.6g})"
+        what = f"'{self.name}'" if self.name else "The design load"
+        load = f"{what} (zeta = {self.zeta:.6g})"
         if self.carried and self.lower is not None:
             beyond = "" if self.upper is None else f"; {rounded_up(self.upper)} times it is not"
             spare = float(rounded_down(100 * (self.lower - 1), 2))
