@@ -22,7 +22,7 @@ from .limit_analysis.body.interaction import envelope as envelope
 from .limit_analysis.body.limit_bounds import limit_bounds as limit_bounds
 from .limit_analysis.body.safety_factor import FactorOfSafety as FactorOfSafety
 from .limit_analysis.body.safety_factor import factor_of_safety as factor_of_safety
-from .limit_analysis.discrete.limit_methods import LimitLoad as LimitLoad
+from .limit_analysis.discrete.limit_load import LimitLoad as LimitLoad
 from .limit_analysis.limit_search import limit_load as limit_load
 from .limit_analysis.shakedown.load_domain import LoadDomain as LoadDomain
 from .limit_analysis.shakedown.shakedown_load import shakedown_load as shakedown_load

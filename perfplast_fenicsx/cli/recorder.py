@@ -20,7 +20,7 @@ from perfplast_fenicsx.limit_analysis.body.next_step import Effort, next_steps
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety, times_in_words
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad

@@ -28,11 +28,8 @@ from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.run_lock import INTERRUPTED
 from perfplast_fenicsx.limit_analysis.discrete.drucker import drucker_bounds
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import (
-    LimitLoad,
-    LimitMethod,
-    method_for,
-)
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
 from perfplast_fenicsx.pictures.drawing_process import draw
 from perfplast_fenicsx.problem.halved import halved
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory

@@ -22,7 +22,7 @@ from perfplast_fenicsx.io.results.run_lock import BEGUN, ENDED, hold
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
 
 LEVELS = ("debug", "info", "warning", "error")

@@ -17,7 +17,7 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.interaction import Envelope
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad

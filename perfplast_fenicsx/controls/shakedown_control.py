@@ -7,7 +7,7 @@ from typing import ClassVar
 from perfplast_fenicsx.controls.control import OfBody, Run
 from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.shakedown.diagram import (
     check_directions,
     shakedown_diagram,

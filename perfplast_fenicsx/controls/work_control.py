@@ -9,11 +9,8 @@ from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.controls.level_values import check_rising, check_values, follow
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import bounds_of_mesh
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import (
-    TOLERANCE,
-    LimitLoad,
-    LimitMethod,
-)
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import TOLERANCE
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.limit_analysis.statements.design_factor import check_design
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance, ignored

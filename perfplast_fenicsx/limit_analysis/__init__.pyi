@@ -9,14 +9,12 @@ from .body.limit_bounds import bounds_of_mesh as bounds_of_mesh
 from .body.limit_bounds import limit_bounds as limit_bounds
 from .body.safety_factor import FactorOfSafety as FactorOfSafety
 from .body.safety_factor import factor_of_safety as factor_of_safety
-from .discrete.discrete_limit import DiscreteLimit as DiscreteLimit
 from .discrete.discrete_limit import InteriorStep as InteriorStep
 from .discrete.discrete_limit import Verdict as Verdict
 from .discrete.discrete_limit import interior_point as interior_point
-from .discrete.drucker import DruckerBounds as DruckerBounds
 from .discrete.drucker import drucker_bounds as drucker_bounds
-from .discrete.limit_methods import LimitLoad as LimitLoad
-from .discrete.limit_methods import LimitMethod as LimitMethod
+from .discrete.limit_load import LimitLoad as LimitLoad
+from .discrete.limit_load import LimitMethod as LimitMethod
 from .facets.entering import without_entering as without_entering
 from .limit_search import limit_load as limit_load
 from .path.kinematic_bound import dissipation_bound as dissipation_bound
@@ -28,6 +26,7 @@ from .shakedown.shakedown_load import shakedown_load as shakedown_load
 from .shakedown.shakedown_result import ShakedownLoad as ShakedownLoad
 from .statements.bound import Bound as Bound
 from .statements.bound import Scope as Scope
+from .statements.drucker_bounds import DruckerBounds as DruckerBounds
 from .stress.static_bound import StaticBound as StaticBound
 from .stress.static_bound import strict_lower_bound as strict_lower_bound
 from .stress.static_certificate import StaticCertificate as StaticCertificate

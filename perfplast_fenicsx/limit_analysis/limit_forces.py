@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from dolfinx import fem
 
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.problem.assembled.integrals import assemble_force
 from perfplast_fenicsx.problem.judged.certificate import contact_forces, friction_forces
 from perfplast_fenicsx.problem.judged.resultants import resultants

@@ -11,13 +11,9 @@ from typing import Any
 
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.limit_analysis.coulomb_search import coulomb_limit
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import (
-    TOLERANCE,
-    LimitLoad,
-    LimitMethod,
-    by_interior_point,
-    method_for,
-)
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import TOLERANCE, method_for, resisted
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Judge, Search, collapse_mechanism
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
@@ -78,7 +74,7 @@ def limit_load(
         return coulomb_limit(problem, rtol, solver, monitor, on_level, search, reached)
     check_friction_has_limits(problem)
     if _chosen(method, problem, follows) is LimitMethod.INTERIOR_POINT:
-        return by_interior_point(problem, rtol, monitor)
+        return resisted(interior_point(problem, rtol, monitor))
     solver = solver or WorkNewton(problem, NewtonOptions(**limit_options(rtol)))
     search = search or Search()
     judge = Judge(problem, rtol, search)

@@ -24,7 +24,7 @@ FAR = 30.0
 
 
 class Bounds(Protocol):
-    """What is drawn of a limit load (:class:`limit_methods.LimitLoad`)."""
+    """What is drawn of a limit load (:class:`limit_load.LimitLoad`)."""
 
     @property
     def lower(self) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class StoredLimit:
-    """What is known of the limit load (:class:`limit_methods.LimitLoad`).
+    """What is known of the limit load (:class:`limit_load.LimitLoad`).
 
     Attributes:
         lower: A lower bound of that of the mesh; −∞ where none is known.

@@ -32,7 +32,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.materials.drucker_prager import Match
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression

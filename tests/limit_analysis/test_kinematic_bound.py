@@ -37,7 +37,7 @@ def blocks(lower: Material, upper: Material, degree: int = 1) -> Problem:
     )
 
 
-def bound(problem: Problem) -> kinematic_bound.UpperBound:
+def bound(problem: Problem) -> kinematic_bound.MechanismBound:
     """From the elastic displacement."""
     state = Newton(problem).solve(1.0).state
     return kinematic_bound.dissipation_bound(problem, state.u, state)

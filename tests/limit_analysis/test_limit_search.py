@@ -50,7 +50,6 @@ def test_loading_ends_where_no_step_is_short_enough(
     assert limit.upper is not None
     assert limit.upper > PUNCH_LIMIT * (1 - 1e-9)
     assert limit.estimate == pytest.approx((limit.lower + limit.upper) / 2)
-    assert limit.uncertainty == pytest.approx((limit.upper - limit.estimate) / limit.estimate)
 
 
 @pytest.mark.parametrize("n", [1, 2])

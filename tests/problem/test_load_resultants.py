@@ -19,7 +19,6 @@ from perfplast_fenicsx import (
     two_blocks,
 )
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import from_interior_point
 from perfplast_fenicsx.limit_analysis.limit_forces import LimitForces, limit_forces
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
@@ -139,7 +138,7 @@ def test_statics(name: str) -> None:
         scale = max(map(abs, (*force, *moment)))
         assert_close(load.force, force, scale)
         assert_close(load.moment, moment, scale)
-    assert_static(problem, limit_forces(problem, from_interior_point(interior_point(problem))))
+    assert_static(problem, limit_forces(problem, interior_point(problem)))
 
 
 def test_statics_on_the_mesh_that_bounds_divide() -> None:
@@ -155,6 +154,6 @@ def test_statics_of_the_full_turn() -> None:
     (load,) = load_resultants(problem)
     assert load.force[1] == pytest.approx(-3 * np.pi, rel=DIGITS)
     assert load.moment == []
-    found = limit_forces(problem, from_interior_point(interior_point(problem)))
+    found = limit_forces(problem, interior_point(problem))
     assert found is not None
     assert found.reactions["support bottom"][1] == pytest.approx(3 * np.pi * found.zeta, rel=DIGITS)

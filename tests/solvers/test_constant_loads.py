@@ -24,7 +24,7 @@ from perfplast_fenicsx import (
     limit_load,
     load_path,
 )
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.problem import Load, LoadCase
 from perfplast_fenicsx.solvers.load_stepping import work_path

@@ -36,7 +36,8 @@ from perfplast_fenicsx.io.case.tables import (
     ReportHead,
 )
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitMethod, method_for
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
 from perfplast_fenicsx.materials.elastic import all_elastic
 from perfplast_fenicsx.materials.laws import Material
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh

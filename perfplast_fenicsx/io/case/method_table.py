@@ -6,7 +6,7 @@ from perfplast_fenicsx.controls.control import Control
 from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.schema import Table, choose, convert
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
 from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.solvers.methods import METHODS
 

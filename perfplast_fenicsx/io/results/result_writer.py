@@ -26,7 +26,7 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.interaction import Envelope
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.limit_forces import limit_forces
 from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad

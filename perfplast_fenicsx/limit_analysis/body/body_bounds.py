@@ -9,7 +9,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.body.bound_words import proven_words
 from perfplast_fenicsx.limit_analysis.body.ring_results import VelocityOf
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import Verdict
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.facets.contact_strength import strengths_of
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.question import Question

@@ -16,7 +16,8 @@ from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.cohesion import check_cohesion
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, from_interior_point
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
+from perfplast_fenicsx.limit_analysis.discrete.limit_methods import resisted
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED, strong_bodies
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_associated_slip
 from perfplast_fenicsx.limit_analysis.facets.entering import without_entering
@@ -121,10 +122,9 @@ def _bounds(
         problem = with_points_at_vertices(problem)
     log.info("upper bound: a mechanism on %s", problem)
     searched = with_associated_slip(without_entering(problem) or problem)
-    found = interior_point(searched, rtol, monitor)
-    limit = from_interior_point(found)
-    if np.isfinite(limit.lower):  # of pairs, not of coefficients
-        limit = replace(limit, contact_forces=contact_forces(problem, found.stress, limit.lower))
+    limit = resisted(interior_point(searched, rtol, monitor))
+    if np.isfinite(limit.lower) and limit.stress is not None:  # of pairs, not of coefficients
+        limit = replace(limit, contact_forces=contact_forces(problem, limit.stress, limit.lower))
     bounds, rates = _of_mesh(problem, limit)
     log.info("lower bound: a stress on the same cells")
     static = strict_lower_bound(given, rtol, monitor, bounds.question, form)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from dolfinx import fem
 
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import nodal_velocity
 from perfplast_fenicsx.problem.problem import Problem
 

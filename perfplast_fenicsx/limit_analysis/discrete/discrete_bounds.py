@@ -36,7 +36,7 @@ PROGRESS = 0.999
 
 
 @dataclass(frozen=True)
-class LowerBound:
+class StaticLoad:
     """λ of a stress in equilibrium, scaled into the yield set where nothing but λL loads.
 
     Attributes:
@@ -49,7 +49,7 @@ class LowerBound:
 
 
 @dataclass(frozen=True)
-class UpperBound:
+class KinematicLoad:
     """Dissipation of a mechanism with L(v) = 1, less the work of dead loads.
 
     Attributes:
@@ -65,7 +65,7 @@ class UpperBound:
     entering: float
 
 
-def lower_bound(iteration: InteriorIteration) -> LowerBound:
+def static_load(iteration: InteriorIteration) -> StaticLoad:
     """Bring the iterate's stress into balance and scale it into the yield set. Collective.
 
     Where the last step's factors do not balance it, those of uniform moduli do, with one more
@@ -85,13 +85,13 @@ def lower_bound(iteration: InteriorIteration) -> LowerBound:
     ratio = program.overstress(program.whole((now.pressure, now.deviator), now.load))
     unbalanced = iteration.unbalanced()
     if not unbalanced <= IN_BALANCE:
-        return LowerBound(None, unbalanced)
+        return StaticLoad(None, unbalanced)
     if program.keeps and ratio > 1:
-        return LowerBound(None, unbalanced)
-    return LowerBound(now.load / max(1.0, ratio) * program.load_unit, unbalanced)
+        return StaticLoad(None, unbalanced)
+    return StaticLoad(now.load / max(1.0, ratio) * program.load_unit, unbalanced)
 
 
-def upper_bound(iteration: InteriorIteration) -> UpperBound:
+def kinematic_load(iteration: InteriorIteration) -> KinematicLoad:
     """Make the iterate's velocity admissible, which takes a factorisation or a few. Collective.
 
     Pairs that push are held, and then those that enter; the iteration's velocity becomes the
@@ -108,7 +108,7 @@ def upper_bound(iteration: InteriorIteration) -> UpperBound:
         try:
             inadmissible = _project(iteration, jumps[closed])
         except SingularStiffness:
-            return UpperBound(None, 0.0, np.inf, np.inf)
+            return KinematicLoad(None, 0.0, np.inf, np.inf)
         largest = v.norm(PETSc.NormType.NORM_INFINITY) or 1.0
         enters = v.array_r[jumps] / largest
         entering = program.comm.allreduce(float(enters.max(initial=0)), MPI.MAX)
@@ -120,12 +120,12 @@ def upper_bound(iteration: InteriorIteration) -> UpperBound:
         inadmissible, entering = iteration.inadmissible(), 0.0
     work, dissipation = program.work(v), program.dissipation(v)
     if not (inadmissible <= EXACT and entering <= ROUNDING and work > ROUNDING):
-        return UpperBound(None, 0.0, inadmissible, entering)
+        return KinematicLoad(None, 0.0, inadmissible, entering)
     v.scale(1 / work)
     dissipated = dissipation / work * program.load_unit
     value = dissipated - program.dead_work(v) * program.load_unit
     size = measure_of(dissipated, value, program.loose)
-    return UpperBound(value, size, inadmissible, entering)
+    return KinematicLoad(value, size, inadmissible, entering)
 
 
 def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float:

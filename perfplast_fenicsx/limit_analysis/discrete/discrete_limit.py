@@ -9,6 +9,8 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 
+import numpy as np
+
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
@@ -25,10 +27,10 @@ from perfplast_fenicsx.limit_analysis.conic.natural_units import (
 )
 from perfplast_fenicsx.limit_analysis.discrete.discrete_bounds import IN_BALANCE
 from perfplast_fenicsx.limit_analysis.discrete.discrete_result import (
-    DiscreteLimit,
     discrete_result,
     why_unbounded,
 )
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.discrete.limit_program import limit_program
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
@@ -43,7 +45,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 def interior_point(
     problem: Problem, rtol: float = 1e-4, monitor: Callable[[InteriorStep], None] | None = None
-) -> DiscreteLimit:
+) -> LimitLoad:
     """Find the discrete limit load, its mechanism and its stress. Collective.
 
     Args:
@@ -61,11 +63,21 @@ def interior_point(
     check_friction_has_limits(problem)
     if not problem.loads.grows():
         return _of_dead_loads(_searched(problem, rtol, monitor, Question.STANDS))
-    found = _searched(problem, rtol, monitor, Question.LIMIT)
-    unknown = found.verdict is Verdict.STALLED and found.lower is None
+    try:
+        found = _searched(problem, rtol, monitor, Question.LIMIT)
+    except StopSearch as stop:
+        if isinstance(stop.found, LimitLoad):
+            stop.found = _or_none(problem, stop.found)
+        raise
+    unknown = found.verdict is Verdict.STALLED and not np.isfinite(found.lower)
     if not problem.loads.has_dead() or not unknown:
-        return found
+        return _or_none(problem, found)
     return _with_standing(found, _searched(problem, rtol, monitor, Question.STANDS))
+
+
+def _or_none(problem: Problem, found: LimitLoad) -> LimitLoad:
+    """The same, since no load at all is always carried where there are no constant ones."""
+    return found if problem.loads.has_dead() else replace(found, lower=max(found.lower, 0.0))
 
 
 def _searched(
@@ -73,7 +85,7 @@ def _searched(
     rtol: float,
     monitor: Callable[[InteriorStep], None] | None,
     question: Question,
-) -> DiscreteLimit:
+) -> LimitLoad:
     """Search, and begin anew as long as that may help. Collective."""
     found, start = _search(problem, rtol, monitor, Start(), question)
     while start is not None:
@@ -83,43 +95,45 @@ def _searched(
     return found
 
 
-def _with_standing(found: DiscreteLimit, stands: DiscreteLimit) -> DiscreteLimit:
+def _with_standing(found: LimitLoad, stands: LimitLoad) -> LimitLoad:
     """What was found, and what of the dead loads is carried; that alone if that is not all."""
-    standing = Standing(stands.lower, stands.upper)
     told = _of_dead_loads(stands)
-    if not standing.falls:
+    standing = told.standing
+    if standing is not None and not standing.falls:
         reason = f"{found.reason}; {standing.in_words()}"
         told = replace(found, standing=standing, reason=reason)
-    return replace(
-        told,
-        factorisations=found.factorisations + stands.factorisations,
-        linear_solves=found.linear_solves + stands.linear_solves,
-        steps=found.steps + stands.steps,
-    )
+    return _of_both(told, found, stands)
 
 
-def _of_dead_loads(stands: DiscreteLimit) -> DiscreteLimit:
+def _of_dead_loads(stands: LimitLoad) -> LimitLoad:
     """How many times dead loads are carried, told as that and as no load factor."""
-    standing = Standing(stands.lower, stands.upper)
+    times = stands.lower if np.isfinite(stands.lower) else None
+    standing = Standing(times, stands.upper)
     return replace(
         stands,
         reason=standing.in_words() if stands.verdict is Verdict.FOUND else stands.reason,
-        lower=None,
+        lower=-np.inf,
         estimate=None,
         upper=None,
-        has_dead=True,
         question=Question.STANDS,
         standing=standing,
     )
 
 
-def _together(before: DiscreteLimit, after: DiscreteLimit) -> DiscreteLimit:
+def _together(before: LimitLoad, after: LimitLoad) -> LimitLoad:
     """The better one of two searches, with what both have taken."""
     worse = after.verdict is not Verdict.FOUND and after.upper is None
+    return _of_both(before if worse and before.upper is not None else after, before, after)
+
+
+def _of_both(told: LimitLoad, before: LimitLoad, after: LimitLoad) -> LimitLoad:
+    """What is told, with what two searches have taken."""
+    steps = [*before.steps, *after.steps]
     return replace(
-        before if worse and before.upper is not None else after,
-        steps=before.steps + after.steps,
-        factorisations=before.factorisations + after.factorisations,
+        told,
+        steps=steps,
+        iterations=len(steps),
+        factorisations=(before.factorisations or 0) + (after.factorisations or 0),
         linear_solves=before.linear_solves + after.linear_solves,
     )
 
@@ -130,7 +144,7 @@ def _search(
     monitor: Callable[[InteriorStep], None] | None,
     start: Start,
     question: Question,
-) -> tuple[DiscreteLimit, Start | None]:
+) -> tuple[LimitLoad, Start | None]:
     """Search from a start, and tell where to begin anew; None to end. Collective."""
     with ExitStack() as made:
         program = limit_program(problem, question, start.reserve)
@@ -171,7 +185,7 @@ def _search(
             reason += f": {why_unbounded(problem)}"
         then = next_start(start, program, iteration.now, verdict, rtol)
         found = discrete_result(problem, program, iteration, verdict, reason, steps, rtol, question)
-        over = found.lower is None and found.unbalanced <= IN_BALANCE
+        over = not np.isfinite(found.lower) and found.unbalanced <= IN_BALANCE
         if program.keeps and verdict is Verdict.FOUND and over:
             then = start.with_more_in_reserve()
         return found, then

@@ -1,75 +1,19 @@
 """What an iterate of the interior point method tells of the limit load of a mesh."""
 
-from dataclasses import dataclass
-
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, Verdict
-from perfplast_fenicsx.limit_analysis.discrete.discrete_bounds import lower_bound, upper_bound
+from perfplast_fenicsx.limit_analysis.discrete.discrete_bounds import kinematic_load, static_load
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.discrete.locking import locking_bodies
 from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
 from perfplast_fenicsx.limit_analysis.statements.question import Question
-from perfplast_fenicsx.limit_analysis.statements.standing import Standing
 from perfplast_fenicsx.mesh_estimate import percent
 from perfplast_fenicsx.problem.problem import Problem
-
-
-@dataclass(frozen=True)
-class DiscreteLimit:
-    """The limit load of a discretisation.
-
-    Attributes:
-        verdict: Whether there is one.
-        reason: The same in words.
-        lower: λ of a stress in equilibrium and within yield; None where there is none.
-        estimate: Between the bounds; None without two, unless found.
-        upper: Dissipation of an admissible mechanism with L(v) = 1; None where there is none.
-        mechanism: Velocity v of the collapse or of the upper bound, with L(v) = 1; zero where there
-            is neither.
-        stress: σ at the lower bound, Mandel vectors at the quadrature points; in plane strain the
-            stress out of the plane is the one that leaves the most room to yield.
-        contact_forces: Forces of the pairs hosted by this rank there, shape (num_pairs,).
-        unbalanced: Largest force there that nothing balances, relative to the largest load.
-        inadmissible: Volume change of v in plastic bodies, and strain in elastic ones, relative to
-            ‖ε(v)‖.
-        steps: What was done.
-        factorisations: Of a stiffness, the projections included.
-        linear_solves: Linear systems solved with them.
-        locked: Bodies that have most of what keeps v from being a mechanism, where there is none.
-        has_dead: Whether constant loads are there.
-        question: Of which loads the factor was sought: that of the dead ones, where no load grows,
-            or no load factor is carried beside them. The mechanism is theirs then, with L₀(v) = 1
-            and L₁(v) = 0.
-        standing: How many times they are carried, where that was sought.
-    """
-
-    verdict: Verdict
-    reason: str
-    lower: float | None
-    estimate: float | None
-    upper: float | None
-    mechanism: fem.Function
-    stress: fem.Function
-    contact_forces: npt.NDArray[np.float64]
-    unbalanced: float
-    inadmissible: float
-    steps: list[InteriorStep]
-    factorisations: int
-    linear_solves: int
-    locked: tuple[str, ...] = ()
-    has_dead: bool = False
-    question: Question = Question.LIMIT
-    standing: Standing | None = None
-
-    def __repr__(self) -> str:
-        numbers = {"lower": self.lower, "estimate": self.estimate, "upper": self.upper}
-        told = (f"{name}={'none' if x is None else f'{x:.6g}'}" for name, x in numbers.items())
-        return f"DiscreteLimit({', '.join(told)}; {len(self.steps)} steps; {self.reason})"
 
 
 def why_unbounded(problem: Problem) -> str:
@@ -103,8 +47,11 @@ def discrete_result(
     steps: list[InteriorStep],
     rtol: float,
     question: Question,
-) -> DiscreteLimit:
-    """What an iterate tells, its bounds computed anew, wherever it has ended. Collective."""
+) -> LimitLoad:
+    """What an iterate tells, its bounds computed anew, wherever it has ended. Collective.
+
+    Its ``lower`` is that of a stress, −∞ of none, and not yet that without loads.
+    """
     mechanism = fem.Function(problem.V, name="mechanism")
     stress = fem.Function(problem.S, name="stress")
     forces: Floats = np.zeros(len(problem.basis.gap))
@@ -114,7 +61,7 @@ def discrete_result(
     if iteration is not None and steps:
         kinematic = (iteration.now.load + iteration.gap()) * program.load_unit
         power = (iteration.size() + iteration.gap()) * program.load_unit
-        low = lower_bound(iteration)
+        low = static_load(iteration)
         lower, unbalanced = low.value, low.unbalanced
         if lower is None and verdict is Verdict.FOUND:
             reason += "; forces were not brought into balance within yield, so that no load is"
@@ -122,7 +69,7 @@ def discrete_result(
         _write_stress(problem, iteration, stress)
         forces = iteration.now.forces * program.force_unit
         if verdict in (Verdict.FOUND, Verdict.STALLED):
-            high = upper_bound(iteration)
+            high = kinematic_load(iteration)
             upper, inadmissible = high.value, high.inadmissible
             if upper is None:
                 locked = locking_bodies(problem, iteration)
@@ -151,22 +98,26 @@ def discrete_result(
             useful = upper is not None and upper <= kinematic + polluted * power
             known = [bound for bound in (lower, upper if useful else None) if bound is not None]
             estimate = sum(known) / len(known) if known else steps[-1].load
-    return DiscreteLimit(
-        verdict=verdict,
-        reason=reason,
-        lower=lower,
+    return LimitLoad(
+        method=LimitMethod.INTERIOR_POINT,
+        lower=-np.inf if lower is None else lower,
         estimate=estimate,
+        residual=None,
         upper=upper,
+        alpha=None,
+        levelled_off=verdict is Verdict.FOUND,
+        reason=reason,
+        iterations=len(steps),
+        linear_solves=program.stiffness.solves,
+        factorisations=program.stiffness.factorisations,
         mechanism=mechanism,
         stress=stress,
         contact_forces=forces,
         unbalanced=unbalanced,
         inadmissible=inadmissible,
+        verdict=verdict,
         steps=steps,
-        factorisations=program.stiffness.factorisations,
-        linear_solves=program.stiffness.solves,
         locked=locked,
-        has_dead=program.has_dead,
     )
 
 

@@ -1,25 +1,10 @@
-"""What is known of a limit load, by whichever of the two methods, and which one suits a problem."""
+"""Which of the two methods suits a problem, and a limit load that must be one."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from enum import StrEnum
-
-import numpy as np
-from dolfinx import fem
-
-from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, StopSearch, Verdict
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import has_cones
-from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import (
-    DiscreteLimit,
-    interior_point,
-)
-from perfplast_fenicsx.limit_analysis.discrete.drucker import DruckerBounds
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
-from perfplast_fenicsx.limit_analysis.statements.question import Question
-from perfplast_fenicsx.limit_analysis.statements.standing import Standing
-from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
 
 MOST_UNKNOWNS = {2: 1_000_000, 3: 300_000}
@@ -30,103 +15,6 @@ TOLERANCE = 1e-3
 """What the bounds of a limit load may differ by, relative, where nobody says it."""
 
 
-class LimitMethod(StrEnum):
-    """How a limit load is found: directly, or where a loading path levels off."""
-
-    INTERIOR_POINT = "interior-point"
-    PATH = "path"
-
-
-@dataclass(frozen=True)
-class LimitLoad:
-    """What is known of ζ_lim.
-
-    Attributes:
-        method: How it was found.
-        lower: A lower bound of the discrete limit load: λ of a stress in equilibrium and within
-            yield, or the largest ζ(α) reached; −∞ where constant loads are there, and none is
-            known.
-        estimate: The limit load, between the bounds; None where there is none, or no upper bound
-            and no plateau was found. See :attr:`uncertainty`.
-        residual: Change of the estimate with the last level, relative; None without two estimates,
-            as without a path.
-        upper: (D(v) − L₀(v))/L₁(v) of a discretely incompressible mechanism, an upper bound of the
-            discrete limit load; None where none was found.
-        alpha: Work reached by the path; None without one.
-        levelled_off: Whether the estimate is known to the tolerance: the bounds have met, or ζ(α)
-            has levelled off.
-        reason: Why it ended, in words.
-        iterations: Steps of the interior point method, or levels.
-        linear_solves: Linear systems solved for all of it, the bounds included.
-        factorisations: Of the interior point method.
-        mechanism: Velocity v of the collapse, normalised to L₁(v) = 1.
-        levels: The loading path; behind a restart what came after it.
-        stress: σ at the lower bound, Mandel vectors at the quadrature points; None of a path, whose
-            levels have theirs.
-        contact_forces: Of the pairs hosted by this rank, with that stress.
-        inadmissible: Volume change of the mechanism in plastic bodies, and strain in elastic ones,
-            relative to ‖ε(v)‖; None of a path.
-        theorem: Whether limit theorems hold. With Coulomb's friction they do not: ``lower`` is then
-            the largest load that levels of this path carry, ``estimate`` the same where the search
-            has come to its end, and ``upper`` the least with a verdict that there is no equilibrium
-            (:mod:`coulomb_search`); neither is a bound of anything else.
-        drucker: Beside such a load, what two theorems say of all of its kind; None where they have
-            not been asked.
-        locked: Bodies that keep the interior point method from a mechanism, where it found none.
-        question: Of which loads the factor was sought: that of constant ones, where no load grows,
-            or no load factor is carried beside them. The mechanism is theirs then.
-        standing: How many times they are carried, where that was sought.
-    """
-
-    method: LimitMethod
-    lower: float
-    estimate: float | None
-    residual: float | None
-    upper: float | None
-    alpha: float | None
-    levelled_off: bool
-    reason: str
-    iterations: int
-    linear_solves: int
-    factorisations: int | None
-    mechanism: fem.Function
-    levels: Sequence[Level] = ()
-    stress: fem.Function | None = None
-    contact_forces: Floats | None = None
-    inadmissible: float | None = None
-    theorem: bool = True
-    drucker: DruckerBounds | None = None
-    locked: tuple[str, ...] = ()
-    question: Question = Question.LIMIT
-    standing: Standing | None = None
-
-    @property
-    def collapses(self) -> bool:
-        """Whether there is a mechanism, if only the velocity that a path ends with."""
-        known: tuple[float | None, ...] = (self.upper, self.estimate)
-        if self.question is Question.STANDS and self.standing is not None:
-            known = (self.standing.upper,)
-        return self.method is LimitMethod.PATH or any(value is not None for value in known)
-
-    @property
-    def uncertainty(self) -> float | None:
-        """How far the estimate may be from the limit load of the mesh, relative.
-
-        That is to the farther bound; without an upper one, what the last level has changed.
-        """
-        if self.estimate is None or not self.estimate > 0:
-            return None
-        if self.upper is None:
-            return self.residual
-        return max(self.upper - self.estimate, self.estimate - self.lower) / self.estimate
-
-    def __repr__(self) -> str:
-        numbers = {"lower": self.lower, "estimate": self.estimate, "upper": self.upper}
-        told = (f"{name}={'none' if x is None else f'{x:.6g}'}" for name, x in numbers.items())
-        steps = "levels" if self.method is LimitMethod.PATH else "steps"
-        return f"LimitLoad({', '.join(told)}; {self.iterations} {steps}; {self.reason})"
-
-
 def method_for(problem: Problem) -> LimitMethod:
     """The interior point method where it knows laws and loads, and a factorisation fits."""
     if not collapses_by_loads(problem):
@@ -135,46 +23,12 @@ def method_for(problem: Problem) -> LimitMethod:
     return LimitMethod.INTERIOR_POINT if small and has_cones(problem) else LimitMethod.PATH
 
 
-def by_interior_point(
-    problem: Problem, rtol: float, monitor: Callable[[InteriorStep], None] | None
-) -> LimitLoad:
-    """The limit load by :func:`discrete_limit.interior_point`. Collective."""
-    try:
-        return from_interior_point(interior_point(problem, rtol, monitor))
-    except StopSearch as stop:
-        if isinstance(stop.found, DiscreteLimit):
-            stop.found = from_interior_point(stop.found)
-        raise
-
-
-def from_interior_point(found: DiscreteLimit) -> LimitLoad:
-    """What the interior point method has found.
+def resisted(found: LimitLoad) -> LimitLoad:
+    """What the interior point method has found, of loads that something resists.
 
     Raises:
-        InputError: If no stress can carry the loads.
+        InputError: If no stress can carry them.
     """
     if found.verdict is Verdict.NO_RESISTANCE:
         raise InputError(f"{found.reason}; turn the loads around, or hold the bodies there.")
-    lower = max(found.lower or 0.0, 0.0)  # no load at all is always carried
-    if found.has_dead:
-        lower = -np.inf if found.lower is None else found.lower
-    return LimitLoad(
-        method=LimitMethod.INTERIOR_POINT,
-        lower=lower,
-        estimate=found.estimate,
-        residual=None,
-        upper=found.upper,
-        alpha=None,
-        levelled_off=found.verdict is Verdict.FOUND,
-        reason=found.reason,
-        iterations=len(found.steps),
-        linear_solves=found.linear_solves,
-        factorisations=found.factorisations,
-        mechanism=found.mechanism,
-        stress=found.stress,
-        contact_forces=found.contact_forces,
-        inadmissible=found.inadmissible,
-        locked=found.locked,
-        question=found.question,
-        standing=found.standing,
-    )
+    return found

@@ -33,7 +33,7 @@ from perfplast_fenicsx.rounding import ROUNDING, TINY
 
 
 @dataclass(frozen=True)
-class UpperBound:
+class MechanismBound:
     """(D(v) − L₀(v))/L₁(v), or None and the reason why there is none.
 
     Attributes:
@@ -49,7 +49,7 @@ class UpperBound:
     reason: str = ""
 
 
-def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) -> UpperBound:
+def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) -> MechanismBound:
     """Upper bound from a velocity. Collective.
 
     Args:
@@ -100,7 +100,7 @@ class KinematicBound:
         if self._flow is not None:
             self._flow.destroy()
 
-    def of(self, velocity: fem.Function, active: PairFlags) -> UpperBound:
+    def of(self, velocity: fem.Function, active: PairFlags) -> MechanismBound:
         """Upper bound from a velocity. Collective.
 
         Args:
@@ -109,7 +109,7 @@ class KinematicBound:
         """
         flow = self._flow
         if flow is None:
-            return UpperBound(None, None, 0, self.unable)
+            return MechanismBound(None, None, 0, self.unable)
         before = flow.solves
         # What flows less than the mean is at most so many times more viscous; the
         # next one where rounding spoils a flow.
@@ -122,11 +122,11 @@ class KinematicBound:
             except NoFlow as failure:
                 reason = str(failure)
         else:
-            return UpperBound(None, None, flow.solves - before, reason)
+            return MechanismBound(None, None, flow.solves - before, reason)
         mechanism = flow.velocity.copy()
         mechanism.name = flow.velocity.name
         bound = self._power() + self._rubbed(flow) - flow.dead_work()
-        return UpperBound(bound, mechanism, flow.solves - before)
+        return MechanismBound(bound, mechanism, flow.solves - before)
 
     def _rubbed(self, flow: ViscousFlow) -> float:
         """What friction dissipates in a flow. Collective."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from dolfinx import fem
 
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.shakedown.load_domain import LoadDomain
 from perfplast_fenicsx.problem.assembled.spaces import by_cell
 from perfplast_fenicsx.problem.problem import Problem

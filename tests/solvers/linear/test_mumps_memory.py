@@ -15,4 +15,4 @@ def test_a_factorisation_that_does_not_fit(monkeypatch: pytest.MonkeyPatch) -> N
     assert_refused(lambda: interior_point(problem), words)
     assert_refused(lambda: strict_lower_bound(problem), ["GiB", "coarser mesh"])
     monkeypatch.setattr(machine_memory, "physical_memory", lambda: 2**40)
-    assert interior_point(problem).lower is not None
+    assert interior_point(problem).levelled_off
