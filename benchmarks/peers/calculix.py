@@ -97,6 +97,14 @@ def with_loading(text: str, loading: str) -> str:
     return f"{kept}\n{loading}\n[output]\npictures = false\nfields = false\n"
 
 
+def loaded(folder: Path, text: str, loading: str, into: str) -> tuple[float, dict[str, Any]]:
+    """Run the case of ``folder/ours`` with a loading; its processor time (s) and summary."""
+    case = folder / "ours/case.toml"
+    case.write_text(with_loading(text, loading), encoding="utf-8")
+    seconds = perfplast(folder, "run", "ours/case.toml", "-o", into)
+    return seconds, json.loads((folder / into / "summary.json").read_text())
+
+
 def history(text: str, factors: Sequence[float]) -> str:
     """Stages of one level each, in which bodies remember plastic flow as in CalculiX."""
     (load,) = tomllib.loads(text)["load"]
@@ -114,17 +122,13 @@ def compare(name: str, size: float | None = None) -> dict[str, Any]:
         (folder / "model.inp").write_text(deck_text(mesh, deck, contact))
         theirs = calculix(folder, len(mesh.points))
         read = perfplast(folder, "mesh", "model.inp", "-o", "ours")
-        case = folder / "ours/case.toml"
-        text = case.read_text(encoding="utf-8")
-        case.write_text(with_loading(text, '[loading]\ncontrol = "bounds"\n'), encoding="utf-8")
-        bounded = perfplast(folder, "run", "ours/case.toml", "-o", "bounds")
-        limit = json.loads((folder / "bounds/summary.json").read_text())["limit"]
+        text = (folder / "ours/case.toml").read_text(encoding="utf-8")
+        bounded, found = loaded(folder, text, '[loading]\ncontrol = "bounds"\n', "bounds")
+        limit = found["limit"]
         most = limit["estimate"]
         below = [k for k, time in enumerate(theirs["times"]) if time < max(SHARES) * most]
         stages = [theirs["times"][k] for k in below]
-        case.write_text(with_loading(text, history(text, stages)), encoding="utf-8")
-        solved = perfplast(folder, "run", "ours/case.toml", "-o", "levels")
-        summary = json.loads((folder / "levels/summary.json").read_text())
+        solved, summary = loaded(folder, text, history(text, stages), "levels")
     steps = summary["steps"][-len(below) :]
     near = sorted({int(np.argmin(np.abs(np.array(stages) - s * most))) for s in SHARES})
     beside = [level(theirs, mesh, deck, below[k], stages[k], steps[k]) for k in near]

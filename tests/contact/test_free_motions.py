@@ -69,7 +69,6 @@ def round_pin(read: Read, load: Traction | BodyForce, tresca: float | None = Non
     )
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("load", [Traction("right", (1.0, 0.3)), BodyForce("pin", (1.0, 0.3))])
 def test_a_round_pin_without_friction(
     read: Read, load: Traction | BodyForce, caplog: pytest.LogCaptureFixture

@@ -116,7 +116,6 @@ def shells(assembly: TaggedMesh, **contact: Any) -> Problem:
     )
 
 
-@pytest.mark.mpi3
 def test_curved_facets_in_space_are_as_near_as_nodes(read: Read) -> None:
     """Lamé's pressure, on the same mesh and on one meshed apart, where Bernstein's coefficients of
     displacements, taken along the normals of nodes, lost 3.7 and 1.7 %."""
@@ -190,7 +189,6 @@ def test_straight_facets_of_curved_surfaces_are_told(read: Read) -> None:
     assert "straight" not in curved[0]
 
 
-@pytest.mark.mpi3
 def test_matching_nodes_give_the_same_rows(comm: MPI.Intracomm) -> None:
     """To rounding, and the same levels, where linear elements match."""
     levels = []

@@ -26,7 +26,6 @@ def in_corner(read: Read, *push: float) -> Problem:
     )
 
 
-@pytest.mark.mpi3
 def test_a_block_that_is_pushed_away(read: Read) -> None:
     problem = in_corner(read, -1.0, 1.0)
     report = Newton(problem).solve(10.0).report

@@ -23,6 +23,7 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.proof import check
+from tests.case_runs import assert_case_refused
 from tests.models import case_text, write_case
 
 ROLLERS = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
@@ -146,11 +147,7 @@ def test_refused_in_one_sentence(
     shared_tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    case = write_case(comm, shared_tmp_path / "case.toml", text_of(more))
-    assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == BAD_INPUT
-    err = comm.bcast(capsys.readouterr().err)
-    assert part in err
-    assert len(err.strip().splitlines()) == 1
+    assert_case_refused(comm, shared_tmp_path, text_of(more), part, capsys)
 
 
 def test_one_in_which_nothing_grows(

@@ -13,11 +13,11 @@ import pytest
 from meshes.footing import write_footing
 from meshes.strip_footing import write_strip_footing
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.run import SOLVED
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.report.verdict import verdict_on
-from tests.models import write_case
+from tests.case_runs import assert_case_refused, run_case
 
 CASE = """
 [mesh]
@@ -60,14 +60,11 @@ def test_a_footing(
     """A pressure alone is carried to (2 + π)k, and a shear stress to k."""
     if comm.rank == 0:
         write_strip_footing(shared_tmp_path / "ground.msh", size=0.5, grading=1.0)
-    case = write_case(comm, shared_tmp_path / "case.toml", CASE)
-    folder = shared_tmp_path / "r"
-    main(["run", str(case), "-o", str(folder), "--report"])
-    out = comm.bcast(capsys.readouterr().out)
+    run = run_case(comm, shared_tmp_path, CASE, capsys, "--report")
+    out, folder = run.out, run.folder
     assert "At 0 degrees: carried to " in out
     assert "At 90 degrees: carried to " in out
-    text = comm.bcast((folder / "summary.json").read_text() if comm.rank == 0 else "")
-    limit: dict[str, Any] = json.loads(text)["limit"]
+    limit: dict[str, Any] = run.summary["limit"]
     rows = limit["envelope"]["rows"]
     assert len(rows) == 91
     assert rows[0]["carried"] < 2 + math.pi < rows[0]["not carried from"]
@@ -142,14 +139,12 @@ def test_refused_in_one_sentence(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert old in CASE
-    case = write_case(comm, shared_tmp_path / "case.toml", CASE.replace(old, new))
-    assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == BAD_INPUT
-    err = comm.bcast(capsys.readouterr().err)
-    assert part in err
-    assert len(err.strip().splitlines()) == 1
+    assert_case_refused(comm, shared_tmp_path, CASE.replace(old, new), part, capsys)
 
 
-def test_solved_where_it_is_near_enough(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+def test_solved_where_it_is_near_enough(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A block under pressure p and its weight w: p + w ≤ Y."""
     text = """
         mesh = { builder = "stacked_blocks", n = 1 }
@@ -168,10 +163,9 @@ def test_solved_where_it_is_near_enough(comm: MPI.Intracomm, shared_tmp_path: Pa
         loading = { control = "envelope", first = ["top"], second = ["weight"], until = 0.01 }
         output = { pictures = false }
     """
-    case = write_case(comm, shared_tmp_path / "case.toml", text)
-    folder = shared_tmp_path / "r"
-    assert main(["run", str(case), "-o", str(folder)]) == SOLVED
-    limit = json.loads(comm.bcast((folder / "summary.json").read_text()))["limit"]
+    run = run_case(comm, shared_tmp_path, text, capsys)
+    assert run.status == SOLVED
+    limit = run.summary["limit"]
     assert limit["envelope"]["gap"] <= 0.01
     for row in limit["envelope"]["rows"]:
         angle = math.radians(row["angle"])

@@ -111,7 +111,6 @@ def test_the_four_algorithms_agree(read: Read, sign: float, outside: float) -> N
     assert bordered.report.zeta == pytest.approx(zeta, rel=1e-7)
 
 
-@pytest.mark.mpi3
 def test_limit_load_is_the_exact_one(read: Read) -> None:
     """By the interior point method, with a mechanism, and by the path, which knows no upper one."""
     found = limit_load(divided_tube(read), 1e-5)

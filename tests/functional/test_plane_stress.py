@@ -93,7 +93,6 @@ def test_the_four_algorithms_agree(read: Read) -> None:
     assert bordered.report.zeta == pytest.approx(zeta, rel=1e-7)
 
 
-@pytest.mark.mpi3
 def test_strict_bounds_of_a_ring(read: Read) -> None:
     """Of a polygon, on both sides of the limit load of its mesh; the upper one is near it."""
     problem = ring(read(write_thick_tube, outer=2.0, size=0.1), Pressure("inner", 1.0))

@@ -58,7 +58,6 @@ def folder(comm: MPI.Intracomm, shared_tmp_path: Path) -> Path:
     return shared_tmp_path
 
 
-@pytest.mark.mpi3
 def test_the_load_and_what_it_is_are_told(
     folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
 ) -> None:

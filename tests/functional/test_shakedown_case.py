@@ -1,7 +1,6 @@
 """Shakedown from a case file: what is told, written and drawn, and what is refused."""
 
 import csv
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +9,10 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, NO_SOLUTION, SOLVED
+from perfplast_fenicsx.cli.run import NO_SOLUTION, SOLVED
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.verdict import verdict_on
-from tests.models import write_case
+from tests.case_runs import assert_case_refused, run_case
 
 CASE = """
 mesh = { builder = "stacked_blocks", n = 1 }
@@ -47,18 +46,16 @@ poisson = 0.3
 def test_a_run(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    case = write_case(comm, shared_tmp_path / "case.toml", CASE)
-    folder = shared_tmp_path / "r"
-    assert main(["run", str(case), "-o", str(folder), "--report"]) == SOLVED
-    out = comm.bcast(capsys.readouterr().out)
+    run = run_case(comm, shared_tmp_path, CASE, capsys, "--report")
+    assert run.status == SOLVED
+    out, folder = run.out, run.folder
     assert "are ignored" not in out  # temperatures count
     assert "Shakedown to " in out
     assert "the elastic stresses are those of this mesh" in out
     assert "At 45 degrees: " in out
     assert "A factor of 1 is traction (0, 0, 1) on 'top'." in out
     assert "zeta" not in out
-    text = comm.bcast((folder / "summary.json").read_text() if comm.rank == 0 else "")
-    limit: dict[str, Any] = json.loads(text)["limit"]
+    limit: dict[str, Any] = run.summary["limit"]
     found = limit["shakedown"]
     assert limit["levelled_off"]
     assert found["names"] == ["pull", "heat"]
@@ -92,9 +89,9 @@ def test_constant_loads_that_are_too_much(
 ) -> None:
     text = CASE.replace('1.0], name = "stays"', '120.0], name = "stays"')
     text = text.replace(", directions = 3", "")
-    case = write_case(comm, shared_tmp_path / "case.toml", text)
-    assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == NO_SOLUTION
-    assert "No shakedown load was found" in comm.bcast(capsys.readouterr().out)
+    run = run_case(comm, shared_tmp_path, text, capsys)
+    assert run.status == NO_SOLUTION
+    assert "No shakedown load was found" in run.out
 
 
 RANGES = "ranges = { pull = [0, 1], heat = [0, 1] }"
@@ -134,8 +131,4 @@ def test_refused_in_one_sentence(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert old in CASE
-    case = write_case(comm, shared_tmp_path / "case.toml", CASE.replace(old, new))
-    assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == BAD_INPUT
-    err = comm.bcast(capsys.readouterr().err)
-    assert part in err
-    assert len(err.strip().splitlines()) == 1
+    assert_case_refused(comm, shared_tmp_path, CASE.replace(old, new), part, capsys)

@@ -95,7 +95,6 @@ def footing(read: Read, material: object, sign: float = 1.0) -> Problem:
     return Problem(tagged_mesh, {"ground": material}, supports, loads, degree=2)  # type: ignore[dict-item]
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_footing(read: Read, shared_tmp_path: Path, sign: float) -> None:
     """The checker's own dissipation, the shares' sum and the bracket say the same."""

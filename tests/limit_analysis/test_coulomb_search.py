@@ -99,7 +99,6 @@ def test_a_rough_block_tips() -> None:
     assert problem.loads.alpha(limit.mechanism.x.petsc_vec) == pytest.approx(1.0)
 
 
-@pytest.mark.mpi3
 def test_push_out_force_of_a_press_fit(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     """2π a L μ p with Lamé's pressure p.
 

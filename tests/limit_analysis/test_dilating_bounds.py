@@ -75,7 +75,6 @@ def proven(low: BodyBounds, high: BodyBounds, path: Path) -> set[str]:
     return set(checked)
 
 
-@pytest.mark.mpi3
 def test_a_footing(read: Read, shared_tmp_path: Path) -> None:
     """Prandtl's load is between the bounds, whose gap the cells' shares add up to."""
     bounds = limit_bounds(footing(read, 10.0))

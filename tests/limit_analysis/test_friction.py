@@ -47,7 +47,6 @@ def aside(gdim: int, shear: float, **friction: float) -> Problem:
     )
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_cones_of_friction_let_a_block_slide(gdim: int) -> None:
     """Static and kinematic load meet where the force aside is τ̄A."""

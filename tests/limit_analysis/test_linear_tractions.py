@@ -85,7 +85,6 @@ def in_water(sides: Sequence[Load], n: int = 3, shake: float = 0.2) -> Problem:
 WATER = f"{WEIGHT}*({DEEP} - y)"
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(
     "side",
     [Pressure("right", WATER), Traction("right", (f"-{WATER}", "0*x"))],

@@ -80,7 +80,6 @@ def test_strengths_beyond_what_rounding_resolves_are_said() -> None:
     assert "'layer0', 1e+15 times as strong as the weakest body; make it law = \"elastic\"" in words
 
 
-@pytest.mark.mpi3
 def test_a_weak_body_that_bears_nothing_spoils_no_bound() -> None:
     """Beside a column of 1 the other one may have 1e-3 or less: it was as if both had that."""
     found = [both(limit_bounds(columns([weak, 1.0]))) for weak in (1e-2, 1e-3, 1e-4)]
@@ -126,7 +125,6 @@ def test_bodies_that_were_too_strong_to_yield_do_in_the_end(
     assert strict_lower_bound(problem).bound.value == pytest.approx(bound, rel=1e-3)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("planes", [False, True])
 @pytest.mark.parametrize("e", [1e-2, 1e-4])
 def test_loads_of_which_little_is_bounded(e: float, planes: bool) -> None:
@@ -150,7 +148,6 @@ def shut(planes: bool) -> Problem:
     return Problem(square(4, 0.1), block, [], load, obstacles=walls, degree=2)
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("case", ["rollers", "planes", "all around"])
 def test_loads_that_nothing_bounds(case: str) -> None:
     problem = squeezed(0.0, True).problem if case == "all around" else shut(case == "planes")
@@ -161,7 +158,6 @@ def test_loads_that_nothing_bounds(case: str) -> None:
     assert bounds.in_words() == f"N{UNLIMITED[1:]}."
 
 
-@pytest.mark.mpi3
 def test_slender_bodies_carry_something() -> None:
     """They move so far that what K leaves of loads was taken for a corner that bears nothing."""
     length = 40

@@ -34,7 +34,6 @@ def test_damaged_meshes_are_refused(shared_tmp_path: Path, name: str, dim: int) 
     assert len(set(MPI.COMM_WORLD.allgather(sentence))) == 1
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("other", [2, 3])
 @pytest.mark.parametrize("gap", [0.0, 0.5])

@@ -16,7 +16,6 @@ from tests.models import STEEL
 
 
 @pytest.mark.costly
-@pytest.mark.mpi3
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("friction", [{"coulomb": 0.3}, {"tresca": 5.0}, {}])
 def test_elastic_bodies_are_unloaded(friction: dict[str, Any], degree: int) -> None:

@@ -1,0 +1,72 @@
+"""A case file through a whole run, told alike on every rank."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import BAD_INPUT
+from tests.models import write_case
+
+
+@dataclass(frozen=True)
+class CaseRun:
+    """What came of it.
+
+    Attributes:
+        status: Of the command.
+        out: What rank 0 says.
+        err: Its messages.
+        folder: The results.
+        summary: ``summary.json``; empty without one.
+    """
+
+    status: int
+    out: str
+    err: str
+    folder: Path
+    summary: dict[str, Any]
+
+
+def run_case(
+    comm: MPI.Intracomm,
+    folder: Path,
+    text: str,
+    capsys: pytest.CaptureFixture[str],
+    *more: str,
+) -> CaseRun:
+    """Run a case file, beside which its mesh may lie. Collective.
+
+    Args:
+        comm: The ranks.
+        folder: Of all of them; results are in ``r`` there.
+        text: Of the case.
+        capsys: That of the test.
+        more: Arguments of ``perfplast run``.
+    """
+    case, results = write_case(comm, folder / "case.toml", text), folder / "r"
+    status = main(["run", str(case), "-o", str(results), *more])
+    out, err = comm.bcast(tuple(capsys.readouterr()))
+    path = results / "summary.json"
+    there = comm.rank == 0 and path.exists()
+    summary = json.loads(path.read_text(encoding="utf-8")) if there else {}
+    return CaseRun(status, out, err, results, comm.bcast(summary))
+
+
+def assert_case_refused(
+    comm: MPI.Intracomm,
+    folder: Path,
+    text: str,
+    part: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A case is bad input, told in one sentence with a part that is given. Collective."""
+    found = run_case(comm, folder, text, capsys)
+    assert found.status == BAD_INPUT
+    assert part in found.err
+    assert len(found.err.strip().splitlines()) == 1
