@@ -1,7 +1,6 @@
 """Facets of two surfaces that lie on each other, or opposite each other along their normal."""
 
 from dataclasses import dataclass
-from itertools import permutations
 
 from mpi4py import MPI
 
@@ -10,6 +9,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
+from perfplast_fenicsx.limit_analysis.facets.facing_vertices import REACH, facing_vertices, fit
 from perfplast_fenicsx.parallel import bounding_box, send_rows
 
 Flags = npt.NDArray[np.bool_]
@@ -79,25 +79,10 @@ def pair_facets(
     gdim = primary["normal"].shape[1]
     corners = np.concatenate([primary["corners"], secondary["corners"]]).reshape(-1, gdim)
     low, high = bounding_box(comm, np.pad(corners, ((0, 0), (0, 3 - gdim))))
-    # Distance of the middles of facets that touch, relative to the size of the surfaces.
-    touching = 1e-6
-    found = match_nodes(comm, primary, secondary, touching * float(np.linalg.norm(high - low)))
+    found = match_nodes(comm, primary, secondary, REACH * float(np.linalg.norm(high - low)))
     a, b = found.primary, found.secondary
-    best = np.full(len(a), np.inf)
-    order = np.zeros((len(a), gdim), dtype=np.int64)
-    for permutation in permutations(range(gdim)):
-        between = b["corners"][:, permutation] - a["corners"]
-        along = np.einsum("fvi,fi->fv", between, a["normal"]).mean(axis=1)
-        across = along[:, None] * a["normal"] * [turned, *[False] * (gdim - 1)]
-        between = between - along[:, None, None] * a["normal"][:, None] + across[:, None]
-        off = np.linalg.norm(between, axis=2).max(axis=1)
-        order[off < best] = permutation
-        best = np.minimum(off, best)
-    size = np.ptp(a["corners"], axis=1).max(axis=1)
-    askew = np.linalg.norm(a["normal"] + b["normal"], axis=1)
-    # Distance of vertices, relative to the facet, and difference of normals that are rounding.
-    rounding = 1e-8
-    same = bool(((best <= rounding * size) & (askew <= rounding)).all())
+    order, off = facing_vertices(a["corners"], b["corners"], a["normal"], turned)
+    same = bool(fit(a["corners"], off, a["normal"], b["normal"]).all())
     if found.alone or not comm.allreduce(same, MPI.LAND):
         return None
     return _to_owners(comm, a, b, order)

@@ -1,7 +1,7 @@
 """Facets of bodies in contact with those opposite them, and the nodes that face each other."""
 
 from dataclasses import dataclass
-from itertools import combinations, permutations
+from itertools import combinations
 
 from mpi4py import MPI
 
@@ -12,6 +12,7 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
 from perfplast_fenicsx.limit_analysis.facets.contact_facets import contact_facets
+from perfplast_fenicsx.limit_analysis.facets.facing_vertices import REACH, facing_vertices, fit
 from perfplast_fenicsx.parallel import bounding_box
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -64,21 +65,18 @@ def matched_facets(
     """
     comm = problem.comm
     rows = _rows(problem, displacement)
-    touching = 1e-6  # distance of the middles of facets that touch, relative to their surfaces
-    rounding = 1e-8  # distance of vertices, relative to the facet, and difference of normals
     found = []
     for contact in problem.given.contacts:
         tags = [problem.tagged_mesh.surfaces[it] for it in (contact.primary, contact.secondary)]
         primary, secondary = (rows[rows["tag"] == tag] for tag in tags)
         gdim = rows["normal"].shape[1]
         low, high = bounding_box(comm, np.concatenate([primary["x"], secondary["x"]]))
-        reach = touching * float(np.linalg.norm(high - low))
+        reach = REACH * float(np.linalg.norm(high - low))
         matching = match_nodes(comm, primary, secondary, reach)
         a, b = matching.primary, matching.secondary
-        order, off = _order(a["at"][:, :gdim], b["at"][:, :gdim], a["normal"])
-        size = np.ptp(a["at"][:, :gdim], axis=1).max(axis=1)
-        turned = np.linalg.norm(a["normal"] + b["normal"], axis=1)
-        same = bool(((off <= rounding * size) & (turned <= rounding)).all())
+        corners = a["at"][:, :gdim]
+        order, off = facing_vertices(corners, b["at"][:, :gdim], a["normal"])
+        same = bool(fit(corners, off, a["normal"], b["normal"]).all())
         if matching.alone or not comm.allreduce(same, MPI.LAND):
             return None
         nodes = _with_midsides(order, a["nodes"].shape[1])
@@ -129,20 +127,6 @@ def _rows(problem: Problem, displacement: fem.Function | None) -> npt.NDArray[np
         rows["u"] = displacement.x.array.reshape(-1, gdim)[nodes]
     rows["tag"] = facets.tags[facets.areas > 0]
     return rows
-
-
-def _order(one: Floats, other: Floats, normals: Floats) -> tuple[Longs, Floats]:
-    """Which vertex of the other facet is opposite each vertex, and how far off along the facet."""
-    best = np.full(len(one), np.inf)
-    order = np.zeros(one.shape[:2], dtype=np.int64)
-    for permutation in permutations(range(one.shape[1])):
-        between = other[:, permutation] - one
-        along = np.einsum("fvi,fi->fv", between, normals).mean(axis=1)
-        between = between - along[:, None, None] * normals[:, None]
-        off = np.linalg.norm(between, axis=2).max(axis=1, initial=0.0)
-        order[off < best] = permutation
-        best = np.minimum(off, best)
-    return order, best
 
 
 def _with_midsides(order: Longs, count: int) -> Longs:
