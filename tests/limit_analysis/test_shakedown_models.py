@@ -1,4 +1,6 @@
-"""Shakedown of Bree's wall, a sheet and a beam against closed forms."""
+"""Shakedown of Bree's wall, sheets, a beam, a plate with a hole: against closed forms."""
+
+from pathlib import Path
 
 from mpi4py import MPI
 
@@ -7,8 +9,11 @@ import pytest
 
 from perfplast_fenicsx import (
     Elastic,
+    Force,
     LoadDomain,
+    Pressure,
     Problem,
+    RigidSurface,
     Support,
     Tie,
     Traction,
@@ -19,6 +24,7 @@ from perfplast_fenicsx.limit_analysis import shakedown_diagram
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import Failure
 from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from perfplast_fenicsx.problem import Temperature
+from tests.limit_analysis.test_shakedown import tube
 from tests.limit_analysis.test_static_bound import rectangle
 
 
@@ -114,4 +120,88 @@ def test_a_load_that_moves_along_a_beam(comm: MPI.Intracomm) -> None:
     domain = LoadDomain.of_corners([{}, *({on: 1.0} for on in under)])
     found = shakedown_load(problem, domain)
     assert found.load == pytest.approx(0.25 / (length / 4 - width / 8), rel=0.02)
+    assert found.failure == Failure.COLLAPSE
+
+
+def test_a_strip_that_a_plate_bends(comm: MPI.Intracomm) -> None:
+    """A moment on a rigid end that comes and goes: 2k h²/4 in plane strain, as once."""
+    surfaces = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 4 - 1e-9}
+    mesh = rectangle((16, 4), (4.0, 1.0), {"strip": lambda x: x[0] < 9}, surfaces, comm=comm)
+    problem = Problem(
+        mesh,
+        {"strip": STEEL},
+        [Support("left")],
+        [Force("right", (), 1.0, point=(4.0, 0.5), name="M")],
+        degree=2,
+        rigid=[RigidSurface("right")],
+    )
+    found = shakedown_load(problem, LoadDomain.of_ranges({"M": (0.0, 1.0)}))
+    assert found.load == pytest.approx(0.5 / 3**0.5, rel=2e-4)
+    assert found.failure == Failure.COLLAPSE
+
+
+def hoop(radius: float) -> tuple[float, float]:
+    """Largest and smallest hoop stress at a hole of radius 1 in a round plate that is pulled by 1.
+
+    By Airy's functions (A r² + B r⁴ + C/r² + D) cos 2θ and that of Lamé; 3 and −1 (G. Kirsch 1898)
+    of an infinite one.
+    """
+    b = radius**2
+    rows = [
+        [2, 0, 6, 4],
+        [2, 6, -6, -2],
+        [2, 0, 6 / b**2, 4 / b],
+        [2, 6 * b, -6 / b**2, -2 / b],
+    ]
+    far, quartic, near, _ = np.linalg.solve(rows, [0.0, 0.0, -0.5, -0.5])
+    mean, part = b / (b - 1), 2 * far + 12 * quartic + 6 * near
+    return float(mean - part), float(mean + part)
+
+
+def test_a_plate_with_a_hole(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    """Two tensions that come and go by themselves: the edge of the hole flows to and fro.
+
+    Its hoop stress may vary by 2σ_y: K p₁ − K' p₂ ≤ 2σ_y, and with p₁ and p₂ changed round.
+    """
+    radius = 5.0
+    problem = Problem(
+        tube(comm, shared_tmp_path, radius, 0.15, 1).thin(),
+        {"tube": STEEL},
+        [Support("x0", "x"), Support("y0", "y")],
+        [
+            Traction("outer", (f"x/{radius}", "0*x"), name="one"),
+            Traction("outer", ("0*x", f"y/{radius}"), name="other"),
+        ],
+        degree=2,
+    )
+    most, least = hoop(radius)
+    domain = LoadDomain.of_ranges({"one": (0.0, 1.0), "other": (0.0, 1.0)})
+    for row in shakedown_diagram(problem, domain, directions=3):
+        assert row.first is not None
+        assert row.second is not None
+        large, small = max(row.first, row.second), min(row.first, row.second)
+        assert most * large - least * small == pytest.approx(2.0, rel=0.01)
+        assert row.failure == Failure.ALTERNATING
+
+
+@pytest.mark.parametrize("ratio", [1.5, 2.0])
+def test_a_tube_by_its_section(ratio: float, comm: MPI.Intracomm) -> None:
+    """As a body of revolution: the limit load, which is less than twice that of first yield."""
+    thick, height = ratio - 1, 0.25
+    surfaces = {
+        "inner": lambda x: x[0] < 1e-9,
+        "low": lambda x: x[1] < 1e-9,
+        "high": lambda x: x[1] > height - 1e-9,
+    }
+    mesh = rectangle((12, 2), (thick, height), {"tube": lambda x: x[0] < 9}, surfaces, comm=comm)
+    mesh.mesh.geometry.x[:, 0] += 1.0
+    problem = Problem(
+        mesh.turned(),
+        {"tube": STEEL},
+        [Support("low", "y"), Support("high", "y")],
+        [Pressure("inner", 1.0, name="p")],
+        degree=2,
+    )
+    found = shakedown_load(problem, LoadDomain.of_ranges({"p": (0.0, 1.0)}))
+    assert found.load == pytest.approx(2 / 3**0.5 * np.log(ratio), rel=1e-3)
     assert found.failure == Failure.COLLAPSE
