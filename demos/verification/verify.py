@@ -27,6 +27,7 @@ CASES = (
     "rigid_footing",
     "torsion",
     "press_fit",
+    "bolted_ring",
     "platens",
     "friction",
     "cracked_strips",
