@@ -263,7 +263,7 @@ class Body:
     @property
     def on_axis(self) -> Flags:
         """Which of ``facets`` are on the axis of a revolution."""
-        return self.is_revolved & ~self.vertices[self.facets][..., 0].any(axis=1)
+        return np.asarray(self.is_revolved & ~self.vertices[self.facets][..., 0].any(axis=1))
 
     @cached_property
     def areas(self) -> Floats:

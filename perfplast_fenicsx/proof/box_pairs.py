@@ -26,7 +26,7 @@ def box_pairs(ones: Floats, others: Floats) -> Iterator[tuple[Longs, Longs]]:
     origin = np.minimum(ones[0].min(axis=0), others[0].min(axis=0))
     every = [(boxes - origin, _levels(boxes)) for boxes in (ones, others)]
     for level, beside in product(*(np.unique(levels) for _, levels in every)):
-        edge = np.ldexp(1.0, int(max(level, beside)))
+        edge = np.ldexp(1.0, int(max(int(level), int(beside))))
         some = [
             np.flatnonzero(levels == k)
             for (_, levels), k in zip(every, (level, beside), strict=True)

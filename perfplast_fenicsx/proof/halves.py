@@ -137,7 +137,7 @@ def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
         found = np.zeros(len(a), dtype=bool)
         for one, other in kinds:
             forces = one.body_force[a, None], other.body_force[b, None]
-            found |= _differ(*forces, np.zeros(len(a)))
+            found |= _differ(forces[0], forces[1], np.zeros(len(a)))
         return found | _pores_differ(lower, upper, a, b) if wet else found
 
     a, b = shared_cells(lower, upper, lambda a, b: weaker(a, b) | loaded(a, b))
@@ -153,7 +153,7 @@ def _pores_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
     for kind in _kinds(lower, upper):
         u = [of.pore_pressure[..., None] for of in kind]
         nothing = NOTHING * max(float(np.abs(of).max()) for of in u)
-        wet = u[0].any(axis=(1, 2))[a] | u[1].any(axis=(1, 2))[b]
+        wet = u[0][a].any(axis=(1, 2)) | u[1][b].any(axis=(1, 2))
         slopes = [
             np.einsum("cv,cvi->ci", of.pore_pressure, body.gradients)
             for of, body in zip(kind, (lower, upper), strict=True)
@@ -183,7 +183,10 @@ def _same_plates(lower: Body, upper: Body) -> bool:
             for name in ("rigid_force", "rigid_moment")
         )
         sizes = np.abs(forces[0]).max(axis=(1, 2), initial=0)
-        if _differ(*forces, 0 * sizes).any() or _differ(*moments, SAME * extent * sizes).any():
+        slack = SAME * extent * sizes
+        if _differ(forces[0], forces[1], 0 * sizes).any():
+            return False
+        if _differ(moments[0], moments[1], slack).any():
             return False
     return True
 

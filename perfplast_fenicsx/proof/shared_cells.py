@@ -27,7 +27,7 @@ def shared_cells(
         other: Those of the other.
         differ: Which of many pairs do; only of these it is told whether they share a volume.
     """
-    none = np.zeros(0, dtype=np.int64)
+    none: Longs = np.zeros(0, dtype=np.int64)
     places = [body.vertices[body.cells] for body in (one, other)]
     found = [(none, none)]
     for a, b in box_pairs(*(np.stack([x.min(axis=1), x.max(axis=1)]) for x in places)):
@@ -50,12 +50,13 @@ def have_common_volume(ones: Floats, others: Floats) -> Flags:
     at_once = 20_000  # pairs that are looked at together, for the memory they take
     for some in np.array_split(np.arange(len(ones)), len(ones) // at_once + 1):
         middle = ones[some].mean(axis=1, keepdims=True)
-        a, b = ones[some] - middle, others[some] - middle
+        a: Floats = ones[some] - middle
+        b: Floats = others[some] - middle
         overlap = ~_apart(a, b, np.concatenate([_facing(a), _facing(b)], axis=1))
         if d == 3 and overlap.any():
             a, b = a[overlap], b[overlap]
-            across = np.cross(_edges(a)[:, :, None], _edges(b)[:, None]).reshape(len(a), -1, 3)
-            overlap[overlap] = ~_apart(a, b, across)
+            across = np.cross(_edges(a)[:, :, None], _edges(b)[:, None])
+            overlap[overlap] = ~_apart(a, b, np.asarray(across.reshape(len(a), -1, 3), float))
         found[some] = overlap
     return found
 

@@ -213,8 +213,8 @@ def _cases(readers: Sequence[ResultReader]) -> str:
     texts = [case["text"].splitlines() for case in cases]
     if texts[0] == texts[1]:
         return "<p>Nothing: the case files are the same.</p>"
-    names = [f"{letter}: {case['file']}" for letter, case in zip(LETTERS, cases, strict=True)]
-    lines = difflib.unified_diff(*texts, *names, n=2, lineterm="")
+    a, b = (f"{letter}: {case['file']}" for letter, case in zip(LETTERS, cases, strict=True))
+    lines = difflib.unified_diff(texts[0], texts[1], a, b, n=2, lineterm="")
     told = escape("\n".join(lines))
     return f"<p>Lines with − are of A alone, those with + of B.</p><pre><code>{told}</code></pre>"
 

@@ -53,7 +53,7 @@ def _of_body(key: str) -> Callable[[ResultReader], float | None]:
     return lambda reader: ((reader.summary.limit or {}).get("body") or {}).get(key)
 
 
-def _last(key: str) -> Callable[[ResultReader], float | None]:
+def _last(key: str) -> Callable[[ResultReader], Any]:
     def found(reader: ResultReader) -> Any:
         solved = [step for step in reader.summary.steps if step["converged"]]
         return solved[-1].get(key) if solved else None

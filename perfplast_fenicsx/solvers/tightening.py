@@ -34,9 +34,10 @@ def tighten(problem: Problem, at_rest: Callable[[], Level]) -> Level | None:
     others: Floats = e0.x.array.copy()
     nothing = problem.create_vector()
     problem.loads = LoadCase(nothing, nothing)
-    slope = np.diag(shanks.stiffness())
-    step = preloads / slope.diagonal()
-    shortening, before = np.zeros(len(preloads)), np.zeros(len(preloads))
+    slope: Floats = np.diag(shanks.stiffness())
+    step: Floats = preloads / slope.diagonal()
+    shortening: Floats = np.zeros(len(preloads))
+    before: Floats = np.zeros(len(preloads))
     try:
         for number in range(most):
             shortening = shortening + step
