@@ -46,6 +46,7 @@ class WorkControl:
     prescribes: ClassVar[Prescribed] = Prescribed.WORK
     element: ClassVar[Mapping[str, Any]] = {}
     drives: ClassVar[bool] = False
+    together: ClassVar[bool] = True
     of_body: ClassVar[bool] = False
 
     values: list[float] | None = None
