@@ -13,7 +13,11 @@ from perfplast_fenicsx.pictures.picture_file import replace_picture
 
 
 def save_envelope(
-    rows: Sequence[Mapping[str, Any]], names: tuple[str, str], title: str, path: Path
+    rows: Sequence[Mapping[str, Any]],
+    names: tuple[str, str],
+    title: str,
+    path: Path,
+    alone: bool = False,
 ) -> None:
     """Draw both polygons, and between them where the edge of what is carried runs.
 
@@ -22,6 +26,7 @@ def save_envelope(
         names: Of the two loads.
         title: Heading.
         path: The png file.
+        alone: Whether no load acts beside the pairs, so that (0, 0) is carried too.
 
     Raises:
         OSError: If the file cannot be written.
@@ -37,7 +42,8 @@ def save_envelope(
         x, y = [r * cos(angle) for angle, r in known], [r * sin(angle) for angle, r in known]
         axes.plot(x, y, color=colour, label=says)
         if column == "carried":
-            axes.fill(x, y, color=colour, alpha=0.15)
+            corner = [0.0] if alone and rows[-1]["angle"] < 360 else []
+            axes.fill(corner + x, corner + y, color=colour, alpha=0.15)
     axes.axhline(0.0, color="black", linewidth=0.6)
     axes.axvline(0.0, color="black", linewidth=0.6)
     axes.set_xlabel(names[0], parse_math=False)

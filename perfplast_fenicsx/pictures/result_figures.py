@@ -46,7 +46,8 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
             from perfplast_fenicsx.pictures.envelope_picture import save_envelope
 
             pairs = reader.limit.envelope
-            save_envelope(pairs["rows"], pairs["names"], reader.scene.title, path)
+            alone = not any(load.constant for load in reader.scene.loads)
+            save_envelope(pairs["rows"], pairs["names"], reader.scene.title, path, alone)
         yield str(path)
     elif reader.limit is not None and reader.limit.shakedown:
         if rows := reader.limit.shakedown["diagram"]:
