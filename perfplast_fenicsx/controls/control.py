@@ -22,7 +22,7 @@ from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
-from perfplast_fenicsx.limit_analysis.statements.limit_checks import ignored
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import idle_pores, ignored
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
@@ -212,7 +212,7 @@ class OfBody:
 
     def remarks(self, problem: Problem) -> Sequence[str]:
         """What of it changes no limit load. Collective."""
-        return ignored(problem)
+        return [*ignored(problem), *idle_pores(problem)]
 
 
 def none_moved(name: str, on: str) -> bool:

@@ -9,7 +9,10 @@ REFUSALS: Mapping[str, str] = {
     "no limit load to be sought": f"{STAYS}: what hardens without end has no limit load",
     "is no projection on a yield set": f"{STAYS}: the algorithm is made of that projection",
     "knows no friction": f"{STAYS}: contact is a bound there, and friction is none",
-    "is a formula": f"{STAYS}: stresses are linear in cells, and balance linear tractions",
+    "is a formula": (
+        f"{STAYS}: stresses are linear in cells, and balance linear tractions; what a body carries"
+        " of linear ones below and above it need not carry of what lies between"
+    ),
     "no limit theorem holds": (
         f"{STAYS} of limit theorems; where a path loses equilibrium is found, with Drucker's pair"
         " beside it"

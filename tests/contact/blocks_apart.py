@@ -87,6 +87,8 @@ def blocks_apart(
     if gdim == 3:
         names["y0"] = (LOWER, lambda z: np.isclose(z[1], 0))
     if not angle:
+        names["x1"] = (LOWER, lambda z: np.isclose(z[0], 1))
+        names["upper_x1"] = (UPPER, lambda z: np.isclose(z[0], span[1]))
         names["upper_x0"] = (UPPER, lambda z: np.isclose(z[0], span[0]))
         if gdim == 3:
             names["upper_y0"] = (UPPER, lambda z: np.isclose(z[1], span[0]))

@@ -129,6 +129,15 @@ def test_pores_of_metal_change_nothing() -> None:
     assert bounds.upper.value == pytest.approx(plain.upper.value, rel=1e-6)
 
 
+@pytest.mark.parametrize("wet", [("lower",), ("upper", "lower")])
+def test_pores_of_metal_that_stay(shared_tmp_path: Path, wet: tuple[str, ...]) -> None:
+    """Mean stresses alone carry such a pressure, which is all that stays."""
+    metal = VonMises(1e4, 0.3, math.sqrt(3))
+    loads = [Pressure("top", 1.0), *(PorePressure(name, 0.3) for name in wet)]
+    problem = square(*loads, material=metal)
+    holds(proven(problem, shared_tmp_path), 2.0)
+
+
 def test_wet_pores_in_space(shared_tmp_path: Path) -> None:
     """A cube between smooth planes, of ground that a meridian of compression is matched to."""
     held = [Support(f"{axis}0", axis) for axis in "xyz"]

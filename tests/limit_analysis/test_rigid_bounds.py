@@ -12,6 +12,7 @@ from perfplast_fenicsx import (
     Contact,
     Force,
     InputError,
+    Pressure,
     Problem,
     ResultFolder,
     RigidSurface,
@@ -23,6 +24,7 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
 from perfplast_fenicsx.proof import check
+from tests.contact.blocks_apart import blocks_apart
 from tests.limit_analysis.test_linear_tractions import ENDS, cube
 from tests.limit_analysis.test_static_bound import rectangle
 
@@ -130,6 +132,22 @@ def test_a_plate_in_space(shared_tmp_path: Path, moment: tuple[float, ...]) -> N
     )
     bounds = proven(problem, shared_tmp_path)
     assert bounds.upper.value < 4 * bounds.lower.value
+
+
+@pytest.mark.parametrize("friction", [{}, {"tresca": 0.2}, {"coulomb": 0.2, "tresca": 0.1}])
+def test_a_plate_beside_contact(shared_tmp_path: Path, friction: dict[str, float]) -> None:
+    """It presses a block on another one, which it may not enter between the nodes either."""
+    pair = ("lower_top", "upper_bottom")
+    problem = Problem(
+        blocks_apart(MPI.COMM_WORLD, [2, 2], [2, 2], moved_by=0.0),
+        {"lower": SOIL, "upper": SOIL},
+        [Support("bottom")],
+        [Force("top", (0.0, -1.0), 0.1, point=(0.5, 2.0)), Pressure("x1", 0.3)],
+        [Contact(*pair, **friction)],  # type: ignore[arg-type]
+        degree=2,
+        rigid=[RigidSurface("top")],
+    )
+    proven(problem, shared_tmp_path)
 
 
 def test_a_plate_that_touches_is_told() -> None:

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Callable, Sequence
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 from dolfinx import fem
@@ -15,9 +17,11 @@ from perfplast_fenicsx import (
     DruckerPrager,
     InputError,
     Plane,
+    PorePressure,
     Pressure,
     Problem,
     Support,
+    Tie,
     Traction,
     VonMises,
 )
@@ -29,8 +33,10 @@ from perfplast_fenicsx.limit_analysis.facets.ring_cells import (
     of_parts,
 )
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, nodal_velocity
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import idle_pores
 from perfplast_fenicsx.limit_analysis.velocity.ring_dissipation import weights_of_rates
 from perfplast_fenicsx.materials.coulomb_ground import Tresca
+from tests.contact.blocks_apart import blocks_apart
 from tests.limit_analysis.test_static_bound import rectangle
 from tests.models import Read
 
@@ -190,6 +196,39 @@ def test_motions_along_the_axis_strain_nothing() -> None:
     assert problem.comm.allreduce(fem.assemble_scalar(form)) < 1e-25
     u = nodal_velocity(problem, v)
     assert np.abs(u.x.array.reshape(-1, 2) - [0.0, 1.0]).max() < 1e-12
+
+
+@pytest.mark.parametrize("tied", [False, True])
+@pytest.mark.parametrize(("lower", "upper"), [(2, 3), (3, 3)])
+def test_blocks_that_meet_on_the_axis(lower: int, upper: int, tied: bool) -> None:
+    """A column of two, meshed without order: at the axis symmetry alone tells of their shear."""
+    mesh = blocks_apart(MPI.COMM_WORLD, [lower] * 2, [upper] * 2).turned()
+    pair = ("lower_top", "upper_bottom")
+    problem = Problem(
+        mesh,
+        dict.fromkeys(mesh.volumes, STEEL),
+        [Support("bottom", "y")],
+        [Pressure("top", 1.0)],
+        [] if tied else [Contact(*pair)],
+        degree=2,
+        ties=[Tie(*pair)] if tied else [],
+    )
+    check(limit_bounds(problem), math.sqrt(3.0), 4e-3)
+
+
+def test_pores_do_no_work() -> None:
+    problem = disc(2)
+    wet = [PorePressure("disc", "0.3 + x*y"), PorePressure("disc", 0.2, constant=False)]
+    loads = [*problem.given.loads, *wet]
+    pores = Problem(problem.tagged_mesh, **{**vars(problem.given), "loads": loads})
+    bounds, plain = limit_bounds(pores), limit_bounds(problem)
+    assert bounds.strict
+    assert bounds.lower.value == pytest.approx(plain.lower.value, rel=1e-9)
+    assert bounds.upper.value == pytest.approx(plain.upper.value, rel=1e-9)
+    assert idle_pores(pores) == [
+        "pressures in pores do no work where volumes stay as they are, and are ignored"
+    ]
+    assert not idle_pores(problem)
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,7 @@ from perfplast_fenicsx.limit_analysis import (
 )
 from perfplast_fenicsx.limit_analysis.facets.entering import entering_between_nodes
 from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import composite_vertex_rule
+from perfplast_fenicsx.limit_analysis.velocity.resting_bodies import let_rest
 from perfplast_fenicsx.materials import deviator
 from perfplast_fenicsx.problem import Integral
 from tests.limit_analysis.test_interior_point import BLOCK, COMM, SOIL, K, footing, made
@@ -54,6 +55,21 @@ def work(problem: Problem, v: fem.Function, radius: float) -> float:
     dx = ufl.Measure("dx", problem.tagged_mesh.mesh, metadata={"quadrature_degree": 20})
     dissipation = Integral(problem.comm, radius * ufl.sqrt(ufl.dot(d, d)) * dx)()
     return dissipation / problem.loads.alpha(v.x.petsc_vec)
+
+
+def test_bodies_that_stay_rest() -> None:
+    """What rounding moves them by is nothing, and what is slow is something."""
+    problem = blocks_in_space()
+    v = fem.Function(problem.V)
+    upper = problem.bodies.of_node == problem.comm.allreduce(
+        int(problem.bodies.of_node.max()), MPI.MAX
+    )
+    values = v.x.array.reshape(problem.fixed.shape)
+    for slow, rests in ((1e-15, True), (1e-11, False)):
+        values[upper], values[~upper] = slow, 1.0
+        let_rest(problem, v)
+        assert (np.abs(values[upper]).max(initial=0.0) < slow / 2) == (rests or not upper.any())
+        assert (values[~upper] > 0.5).all()
 
 
 @pytest.mark.parametrize("tdim", [1, 2, 3])

@@ -225,6 +225,7 @@ def test_footings(ground: TaggedMesh) -> None:
         ([RigidSurface("bottom", held="x")], [], "'bottom' shares nodes with a support"),
         ([RigidSurface("top", held="z")], [], "held = 'z' of the rigid surface 'top' is not"),
         ([RigidSurface("top", held="x")], [Force("top", (1.0, 0.0))], "acts only along x, where"),
+        ([RigidSurface("top", held="x")], [Force("top", (), 1.0)], "has a moment, but"),
     ],
 )
 def test_what_is_refused(rigid: list[RigidSurface], loads: list[Force], words: str) -> None:

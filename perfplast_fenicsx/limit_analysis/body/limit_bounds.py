@@ -21,7 +21,7 @@ from perfplast_fenicsx.limit_analysis.discrete.limit_methods import resisted
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED, strong_bodies
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_associated_slip
 from perfplast_fenicsx.limit_analysis.facets.entering import without_entering
-from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, check_known
+from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, without_pores
 from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
 from perfplast_fenicsx.limit_analysis.statements.bound import (
     CONFINED,
@@ -48,6 +48,7 @@ from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
     MechanismRates,
     mechanism_rates,
 )
+from perfplast_fenicsx.limit_analysis.velocity.resting_bodies import let_rest
 from perfplast_fenicsx.limit_analysis.velocity.strict_work import strict_upper_bound
 from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
@@ -83,16 +84,17 @@ def limit_bounds(
     if problem.tagged_mesh.axisymmetric and problem.given.rigid:
         raise InputError(
             f"the surface '{problem.given.rigid[0].on}' is rigid, beside which bodies of revolution"
-            " have no strict bounds; give control = 'work' and until = 'limit', for the limit load"
-            " of the mesh."
+            " have no strict bounds; mesh the plate as a body with law = 'elastic', which is rigid"
+            " at collapse, or give control = 'work' and until = 'limit', for the limit load of the"
+            " mesh."
         )
     for load in problem.given.loads:
         check_bounded(load)
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
-    check_loads(problem)
     if problem.tagged_mesh.axisymmetric:
-        check_known(problem, body_cones(problem).dilates)
+        problem = without_pores(problem, body_cones(problem).dilates)
+    check_loads(problem)
     check_cohesion(problem)
     problem = with_room_for_stress(problem)
     with ExitStack() as made:
@@ -185,6 +187,7 @@ def _of_mesh(problem: Problem, limit: LimitLoad) -> tuple[BodyBounds, MechanismR
         why = UNLIMITED if limit.reason == UNLIMITED else why
         upper = Bound(None, "upper", Scope.MESH, (why,))
     else:
+        let_rest(problem, limit.mechanism)
         rates = mechanism_rates(problem, limit.mechanism)
         upper = strict_upper_bound(problem, limit.mechanism, question=question, rates=rates)
     if upper.of_rounding > NOTICED:

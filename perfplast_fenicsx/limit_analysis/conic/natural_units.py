@@ -113,10 +113,9 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
         if start.pushed:
             springs = hard * program.springs
             _flow(program, flow, springs)
-        found = _divide(program, program.load, flow, springs)
-        if found is None:
+        program.carried, pushes, flows = _divide(program, program.load, flow, springs)
+        if not flows:
             return False
-        program.carried, pushes = found
         if program.has_dead:
             _divide_dead(program)
         unit = _dissipation(program, flow) / program.work(flow) / max(program.degree, 1)
@@ -187,16 +186,14 @@ def _divide_dead(program: ConicProgram) -> None:
     flow = program.create_vector()
     try:
         program.stiffness.solve(program.dead, flow)
-        found = _divide(program, program.dead, flow, None)
-        if found is not None:
-            program.carried_dead, _ = found
+        program.carried_dead, _, _ = _divide(program, program.dead, flow, None)
     finally:
         flow.destroy()
 
 
 def _divide(
     program: ConicProgram, load: PETSc.Vec, flow: PETSc.Vec, springs: Floats | None
-) -> tuple[Stress | None, Floats] | None:
+) -> tuple[Stress | None, Floats, bool]:
     """Take off loads what stresses carry that nothing bounds, where that is most. Collective.
 
     Uzawa's iteration, with the factors of the flow. What contact carries is left in the loads,
@@ -209,8 +206,8 @@ def _divide(
         springs: Of contact, whose forces are looked for as well; None if not.
 
     Returns:
-        What is carried, None of nothing; contact forces, zeros where none are looked for. None if
-        no flow is left.
+        What is carried, None of nothing; contact forces, zeros where none are looked for; whether
+        any flow is left.
     """
     given, left, rest = load.copy(), program.create_vector(), load.copy()
     carried: Stress | None = None
@@ -239,7 +236,7 @@ def _divide(
             free = program.total(float(free + np.abs(more) @ np.abs(jumps)))
             power = float(rest.dot(flow))
             if not power > no_flow * first:
-                return None
+                return carried, pushes, False
             if free <= mostly * power:
                 break
             pressure, stress, pushes = pressure + of_mean, stress + of_shape, pushes + more
@@ -252,4 +249,4 @@ def _divide(
     finally:
         for vector in (given, left, rest):
             vector.destroy()
-    return carried, pushes
+    return carried, pushes, True

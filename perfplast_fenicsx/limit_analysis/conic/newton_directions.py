@@ -11,7 +11,7 @@ from perfplast_fenicsx.limit_analysis.conic.centrality import Products
 from perfplast_fenicsx.limit_analysis.conic.conic_program import PROXIMAL, ConicProgram
 from perfplast_fenicsx.limit_analysis.conic.conic_unknowns import Unknowns
 from perfplast_fenicsx.limit_analysis.conic.dilating_points import DilatingPoints
-from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli
+from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.principal_points import PrincipalPoints
 from perfplast_fenicsx.limit_analysis.conic.second_order_cones import Scaling, product, quotient
 
@@ -158,7 +158,10 @@ class NewtonDirections:
         work.right.array[jumps] += (pairs + now.forces * self._off_jumps) / now.rooms
         work.right.scale(-1.0)
         program.stiffness.solve(work.right, work.change)
-        factors = np.linalg.solve(self._works, self._missing - self._of_all(work.change))
+        try:
+            factors = np.linalg.solve(self._works, self._missing - self._of_all(work.change))
+        except np.linalg.LinAlgError as failure:
+            raise SingularStiffness("the loads do no work on any flow") from failure
         for factor, motion in zip(factors, self._motions, strict=True):
             work.change.axpy(float(factor), motion)
 

@@ -69,6 +69,7 @@ class BoundBody:
         rubbing: Facets whose shear tractions are those of such a resistance.
         why_not: Why what is found does not hold for the body.
         prevents: Why nothing can be found.
+        turned: Whether the bodies are of revolution.
     """
 
     numbers: FacetNumbers
@@ -88,6 +89,7 @@ class BoundBody:
     rubbing: Longs
     why_not: tuple[str, ...]
     prevents: str | None
+    turned: bool
 
 
 @once_a_problem
@@ -142,6 +144,7 @@ def bound_body(problem: Problem) -> BoundBody:
         rubbing=at.rubbing,
         why_not=(CURVED,) if curved else (),
         prevents=found[0] if found else None,
+        turned=problem.tagged_mesh.axisymmetric,
     )
 
 

@@ -110,7 +110,7 @@ def without_entering(problem: Problem) -> Problem | None:
         are linear and contact is flat; None where nodes do not match, and on curved faces that
         :func:`facet_contact.with_facet_contact` cannot do.
     """
-    if problem.constraints.in_mean or problem.num_tied:
+    if problem.constraints.in_mean or problem.given.ties:
         return None
     if not problem.num_pairs:
         return problem
@@ -158,12 +158,14 @@ def without_entering(problem: Problem) -> Problem | None:
         weights=combine.matMult(constraints.weights),
         area=area,
     )
-    told = (problem.given.contacts, problem.given.obstacles, problem.given.ties)
-    sliding, friction = tangential_rows(problem.V, touching, *told, problem.fixed)
+    told, rigid = (problem.given.contacts, problem.given.obstacles), problem.ties
+    taken = problem.fixed.copy()
+    taken[rigid.host, np.argmax(np.abs(rigid.normal), axis=1)] = True
+    sliding, friction = tangential_rows(problem.V, touching, *told, [], taken)
     for thing in (combine, diagonal):
         thing.destroy()
-    rows = stacked(problem.V, [touching, sliding])
-    basis = make_basis(problem.V, rows, problem.fixed, 0, len(sliding.host))
+    rows = stacked(problem.V, [touching, sliding, rigid])
+    basis = make_basis(problem.V, rows, problem.fixed, len(rigid.host), len(sliding.host))
     return variant(
         problem,
         constraints=touching,

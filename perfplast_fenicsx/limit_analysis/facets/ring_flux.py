@@ -80,29 +80,29 @@ def _check_rings_meet(problem: Problem) -> None:
         )
 
 
-def check_known(problem: Problem, dilates: bool) -> None:
-    """Refuse bodies of revolution of which no bounds are known.
+def without_pores(problem: Problem, dilates: bool) -> Problem:
+    """The same bodies of revolution without pressures in pores. Collective.
+
+    Where volumes stay as they are such a pressure does no work, whatever it is: effective and total
+    stresses differ by a mean stress, which does not matter to what yields so.
 
     Args:
         problem: The bodies.
         dilates: Whether any dilates.
 
     Raises:
-        InputError: If so, or if there is a pressure in pores.
+        InputError: If one does, for which no bounds are known.
     """
-    for load in problem.given.loads:
-        if isinstance(load, PorePressure):
-            raise InputError(
-                f"the load on '{load.on}' is a pressure in pores, beside which bodies of revolution"
-                " have no strict bounds; give control = 'work' and until = 'limit', for the limit"
-                " load of the mesh."
-            )
     if dilates:
         raise InputError(
             "bodies that dilate have strict bounds in plane strain and space, and not around an"
             " axis, where volumes that grow by enough at points may do so nowhere else; give"
             " control = 'work' and until = 'limit', for the limit load of the mesh."
         )
+    loads = [load for load in problem.given.loads if not isinstance(load, PorePressure)]
+    if len(loads) == len(problem.given.loads):
+        return problem
+    return Problem(problem.tagged_mesh, **{**vars(problem.given), "loads": loads})
 
 
 def nodal_velocity(problem: Problem, flux: fem.Function) -> fem.Function:

@@ -2,6 +2,7 @@
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import carries_any_load
+from perfplast_fenicsx.problem.declared.loads import PorePressure
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -71,6 +72,14 @@ def check_loads(problem: Problem) -> None:
         )
     if not _is_loaded(problem):
         raise InputError(f"there is no load, and {what}; give a load.")
+
+
+def idle_pores(problem: Problem) -> list[str]:
+    """That pressures in pores change no bounds of bodies of revolution, if there are any."""
+    pores = any(isinstance(load, PorePressure) for load in problem.given.loads)
+    if not (pores and problem.tagged_mesh.axisymmetric):
+        return []
+    return ["pressures in pores do no work where volumes stay as they are, and are ignored"]
 
 
 def ignored(problem: Problem) -> list[str]:

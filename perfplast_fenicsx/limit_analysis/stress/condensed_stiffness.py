@@ -145,7 +145,7 @@ class CondensedStiffness(SprungMatrix):
             self._across[some] = across = self._inverse[some] @ K[:, outer:, :outer]
             values[some] = K[:, :outer, :outer] - np.swapaxes(across, 1, 2) @ across
             # rows that the eliminated ones have told already, of cells with few stresses
-            few = strains.idle[some].any(axis=1, keepdims=True)
+            few = strains.few[some, None]
             told = K[:, self._outside, self._outside]
             values[some, self._outside, self._outside] += few * RIDGE * told
         if strains.facets.vector.comm.tompi4py().allreduce(singular):

@@ -36,6 +36,8 @@ class MultiplierStrains:
             :func:`ring_cells.ring_matrices`, in the coordinates of the cones; zeros at bare
             vertices, whose stress is zero and no unknown (:mod:`bare_vertices`).
         idle: Unknowns of a cell that are of such vertices alone, shape (num_cells, num_rows).
+        few: Cells with such vertices, or some on the axis, where stresses are zero: rows of their
+            facets may say what their own rows do.
     """
 
     def __init__(
@@ -85,6 +87,8 @@ class MultiplierStrains:
         places = (np.ones(self.rows.size), (self.rows.ravel(), np.arange(self.rows.size)))
         self._sum = sparse.csr_array(places)
         self._leave(bare)
+        on_axis_of_cells = on_axis.reshape(self.num_cells, points)
+        self.few: npt.NDArray[np.bool_] = self.idle.any(axis=1) | on_axis_of_cells.any(axis=1)
 
     def _leave(self, bare: npt.NDArray[np.bool_]) -> None:
         """Make no unknowns of the stresses at bare vertices, and find what is idle then."""

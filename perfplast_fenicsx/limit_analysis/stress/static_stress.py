@@ -56,7 +56,7 @@ def no_stress(
 ) -> StaticBound:
     """The stress 0, and no bound unless one is given."""
     count, _, tdim = body.vertices.shape
-    shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)  # of zeros, around an axis too
+    shape = (count, 6 if body.turned else 3, 4) if tdim == 2 else (count, 4, 4, 6)
     return StaticBound(
         bound=bound or Bound(None, "lower", Scope.MESH, (reason,)),
         verdict=verdict,

@@ -58,16 +58,16 @@ def declared_loads(
         if not isinstance(load, Force) or load.on not in straight:
             continue
         surface = straight[load.on]
+        if np.any(load.moment):
+            raise InputError(
+                f"the force on '{load.on}' has a moment, but that surface is held in part, and so"
+                " does not turn; leave the moment out, or held."
+            )
         value = fitting(f"value of the force on '{load.on}'", load.value, V.mesh.geometry.dim)
         if not np.delete(value, surface.axes(V.mesh.geometry.dim)).any():
             raise InputError(
                 f"the force on '{load.on}' acts only along {surface.held}, where that surface is"
                 " held; give it a component along which the surface is free, or leave it out."
-            )
-        if np.any(load.moment):
-            raise InputError(
-                f"the force on '{load.on}' has a moment, but that surface is held in part, and so"
-                " does not turn; leave the moment out, or held."
             )
     dead, live = (work_vector(V, tagged_mesh, part) for part in (constant, growing))
     case = LoadCase.of(dead, live, bcs)

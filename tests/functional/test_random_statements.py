@@ -1,0 +1,81 @@
+"""Cases that say many things at once have bounds that hold, or a sentence why not.
+
+``PERFPLAST_FUZZ=25`` tries three hundred.
+"""
+
+import os
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import InputError, ResultFolder, limit_bounds
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis import BodyBounds
+from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.proof import check
+from tests.random_statements import random_case
+
+COMM = MPI.COMM_WORLD
+EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
+REFUSED = (
+    "can move as a rigid body",
+    "they move bodies off what holds them",
+    "is a formula that is not linear",
+)
+"""Of sentences that are an answer to a case whose limit load is not known."""
+
+SEEDS = [
+    pytest.param(seed, marks=[] if seed in (0, 2, 4) else [pytest.mark.serial])
+    for seed in range(int(12 * EFFORT))
+]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_whatever_a_case_says(shared_tmp_path: Path, seed: int) -> None:
+    try:
+        case = random_case(seed)
+        bounds = limit_bounds(case.problem, 1e-3)
+    except InputError as refusal:
+        print("STATED", seed, "refused", str(refusal))
+        assert seed % 3 > 0
+        assert any(words in str(refusal) for words in REFUSED)
+        return
+    told = [seed, bounds.question.name, bounds.lower.value, bounds.upper.value, case.exact]
+    print("STATED", *told, case.words, bounds.why_not)
+    for bound in (bounds.lower, bounds.upper):
+        assert bound.strict or bound.why_not
+    proven = proven_of(bounds, shared_tmp_path)
+    lowest, highest = proven.get("lower", -np.inf), proven.get("upper", np.inf)
+    rounding = 1e-9 * max(abs(value) for value in (*proven.values(), 0.0))
+    assert lowest <= highest + rounding
+    if case.exact is None:
+        return
+    assert bounds.question is Question.LIMIT
+    rounding = max(rounding, 1e-9)
+    assert lowest <= case.exact + rounding
+    assert case.exact <= highest + rounding
+    assert bounds.strict
+    assert highest - lowest < 0.02
+
+
+def proven_of(bounds: BodyBounds, path: Path) -> dict[str, float]:
+    """What the checker proves of what is told as strict. Collective."""
+    halves = proofs(bounds, bounds)
+    if halves == (None, None):
+        return {}
+    folder = ResultFolder(COMM, path)
+    write_proof(folder, folder.file("bounds.h5"), *halves)
+    checked = check(folder.file("bounds.h5"))
+    found = {}
+    for kind, half in checked.items():
+        assert not half.faults
+        assert half.proven is not None
+        value = getattr(bounds, kind).value
+        assert half.proven == pytest.approx(value, rel=1e-9, abs=1e-9)
+        found[kind] = half.proven
+    strict = {bound.kind for bound in (bounds.lower, bounds.upper) if bound.strict}
+    assert set(found) == strict
+    return found
