@@ -71,12 +71,12 @@ def test_each_fact_is_made_once_a_mesh(
 
 
 def test_facts_live_as_long_as_their_problem() -> None:
-    asked = []
+    asked: list[int] = []
 
     @once_a_problem
     def cells(problem: Problem) -> int:
         asked.append(1)
-        return problem.tagged_mesh.mesh.topology.index_map(3).size_global
+        return int(problem.tagged_mesh.mesh.topology.index_map(3).size_global)
 
     problem, other = touching_blocks(), touching_blocks()
     assert cells(problem) == cells(problem) == cells(other) > 0

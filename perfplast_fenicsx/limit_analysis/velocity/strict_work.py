@@ -81,7 +81,9 @@ def strict_upper_bound(
             " alone; use degree = 2 and first-order cells"
         )
         return Bound(None, "upper", Scope.MESH, (why,))
-    rates, velocity = rates or mechanism_rates(problem, mechanism), mechanism.x.petsc_vec
+    if rates is None:
+        rates = mechanism_rates(problem, mechanism)
+    velocity = mechanism.x.petsc_vec
     # Work of live loads on a mechanism of dead ones that counts as none, relative to the norms of
     # both. It would count at load factors some million times as large as those that bodies bear.
     least_parting = 1e-6
