@@ -13,7 +13,6 @@ from petsc4py import PETSc
 
 import numpy as np
 from dolfinx import fem
-from scipy.optimize import linprog
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
@@ -128,5 +127,7 @@ def _best(rows: Floats, room: Floats, gain: Floats) -> Floats | None:
     """Maximise gain·v where rows·v ≤ room."""
     exact = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
     limits = (rows, room) if len(rows) else (None, None)
+    from scipy.optimize import linprog  # a tenth of a second, which few bodies ask for
+
     found = linprog(-gain, *limits, bounds=(-1, 1), method="highs", options=exact)
     return np.asarray(found.x, dtype=np.float64) if found.success else None

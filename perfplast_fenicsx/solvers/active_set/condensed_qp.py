@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import nnls
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.solvers.active_set.equality_qp import (
@@ -99,6 +98,8 @@ def openings(stiffness: Floats, forces: Floats) -> Floats:
     Returns:
         z times the roots of the diagonal of S, shape (n,).
     """
+    from scipy.optimize import nnls  # a tenth of a second, which few programs ask for
+
     S = (stiffness + stiffness.T) / 2
     largest = float(np.diag(S).max(initial=1e-300))
     scale = np.sqrt(np.maximum(np.diag(S), 1e-30 * largest))
