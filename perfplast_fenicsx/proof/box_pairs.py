@@ -23,10 +23,9 @@ def box_pairs(ones: Floats, others: Floats) -> Iterator[tuple[Longs, Longs]]:
     """
     if not (ones.shape[1] and others.shape[1]):
         return
-    origin = np.minimum(ones[0].min(axis=0), others[0].min(axis=0))
-    every = [(boxes - origin, _levels(boxes)) for boxes in (ones, others)]
-    for level, beside in product(*(np.unique(levels) for _, levels in every)):
-        edge = np.ldexp(1.0, int(max(int(level), int(beside))))
+    every = [(boxes, _levels(boxes)) for boxes in (ones, others)]
+    for level, beside in product(*([int(k) for k in np.unique(of)] for _, of in every)):
+        edge = np.ldexp(1.0, max(level, beside))
         some = [
             np.flatnonzero(levels == k)
             for (_, levels), k in zip(every, (level, beside), strict=True)
@@ -79,11 +78,6 @@ def _entries(grid: Longs) -> tuple[Longs, Longs, Longs]:
         there = np.flatnonzero((place <= grid[1]).all(axis=1))
         found.append((there, place[there]))
     places = np.concatenate([place for _, place in found])
-    return keys_of(places), np.concatenate([there for there, _ in found]), places
-
-
-def keys_of(places: Longs) -> Longs:
-    """A number for each place on a grid; those of different places may be equal, and seldom are."""
+    # of different places they may be equal, and seldom are
     factors = np.array([73_856_093, 19_349_663 << 20, 83_492_791 << 34])[: places.shape[1]]
-    keys: Longs = places @ factors
-    return keys
+    return places @ factors, np.concatenate([there for there, _ in found]), places

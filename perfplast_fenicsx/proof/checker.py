@@ -75,7 +75,9 @@ def check(path: str | Path) -> dict[str, Checked]:
         with h5py.File(path, "r", locking=False) as file, np.errstate(all="ignore"):
             for kind, judge in checks.items():
                 if kind in file:
-                    before = halves[kind] = judge(stored_arrays(file[kind]), before)
+                    before = halves[kind] = judge(stored_arrays(file, kind), before)
+            if len(halves) == 2:
+                faults, words = _together(halves["lower"], halves["upper"])
     except MemoryError as fault:
         raise ProofError(
             f"'{path}' is no proof of bounds: it is too large for this machine."
@@ -86,8 +88,6 @@ def check(path: str | Path) -> dict[str, Checked]:
         raise ProofError(f"'{path}' has neither a lower nor an upper bound.")
     found = {kind: half.checked for kind, half in halves.items()}
     if len(halves) == 2:
-        with np.errstate(all="ignore"):
-            faults, words = _together(halves["lower"], halves["upper"])
         found["lower"] = replace(found["lower"], words=(*found["lower"].words, words))
         if faults:
             found = {kind: _with(half, faults) for kind, half in found.items()}

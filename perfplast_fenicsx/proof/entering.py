@@ -46,9 +46,9 @@ def entering_of(body: Body, at_facets: Floats, fastest: float) -> Entering:
     d, reason = body.dim, None
     relative, volume, slip = 0.0, 0.0, 0.0
     speeds = np.maximum(np.abs(at_facets).max(axis=(1, 2), initial=0), SLOWEST * fastest)
-    rubs = body.contact_adhesion, body.contact_friction
-    contacts = zip(*body.contacts.T, *rubs, strict=True)
-    for one, other, adhesion, friction in contacts:
+    firsts, seconds = body.contacts.T
+    rubs = zip(body.contact_adhesion, body.contact_friction, strict=True)
+    for one, other, (adhesion, friction) in zip(firsts, seconds, rubs, strict=True):
         pair = touching(body, one, other)
         if pair.apart:
             reason = f"{pair.apart} facets of contact or more match none of those opposite"

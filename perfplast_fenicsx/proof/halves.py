@@ -123,6 +123,7 @@ def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
     """Centres of cells that share a volume: of those that are weaker above, or loaded otherwise."""
     strong = strengths_of(lower, upper)
     kinds = list(_kinds(lower, upper))
+    pulling = [pair for pair in kinds if any(of.body_force.any() for of in pair)]
     wet = any(of.pore_pressure.any() for pair in kinds for of in pair)
     rows = np.concatenate(
         [np.hstack([one, *(pair[k].body_force for pair in kinds)]) for k, one in enumerate(strong)]
@@ -135,7 +136,7 @@ def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
 
     def loaded(a: Longs, b: Longs) -> Flags:
         found = np.zeros(len(a), dtype=bool)
-        for one, other in kinds:
+        for one, other in pulling:
             forces = one.body_force[a, None], other.body_force[b, None]
             found |= _differ(forces[0], forces[1], np.zeros(len(a)))
         return found | _pores_differ(lower, upper, a, b) if wet else found
@@ -153,7 +154,8 @@ def _pores_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
     for kind in _kinds(lower, upper):
         u = [of.pore_pressure[..., None] for of in kind]
         nothing = NOTHING * max(float(np.abs(of).max()) for of in u)
-        wet = u[0][a].any(axis=(1, 2)) | u[1][b].any(axis=(1, 2))
+        wet_cells = [np.asarray(of.any(axis=(1, 2))) for of in u]
+        wet = wet_cells[0][a] | wet_cells[1][b]
         slopes = [
             np.einsum("cv,cvi->ci", of.pore_pressure, body.gradients)
             for of, body in zip(kind, (lower, upper), strict=True)
@@ -182,11 +184,9 @@ def _same_plates(lower: Body, upper: Body) -> bool:
             [getattr(of, name)[order][:, None] for of, order in zip(kind, orders, strict=True)]
             for name in ("rigid_force", "rigid_moment")
         )
-        sizes = np.abs(forces[0]).max(axis=(1, 2), initial=0)
-        slack = SAME * extent * sizes
-        if _differ(forces[0], forces[1], 0 * sizes).any():
-            return False
-        if _differ(moments[0], moments[1], slack).any():
+        sizes = SAME * extent * np.abs(forces[0]).max(axis=(1, 2), initial=0)
+        apart = _differ(forces[0], forces[1], 0 * sizes) | _differ(moments[0], moments[1], sizes)
+        if apart.any():
             return False
     return True
 

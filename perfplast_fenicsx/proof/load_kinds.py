@@ -94,13 +94,12 @@ class Loads:
         sums += np.einsum("cv,cv->c", self.pore_pressure, growth)
         return float(volumes @ sums) / (n * (n + 1))
 
-    def size(self, volumes: Floats, areas: Floats) -> float:
-        """The sum of the magnitudes of all forces, and of pressures in pores times sections."""
-        on_facets = np.linalg.norm(self.traction, axis=2).mean(axis=1)
+    def sizes(self, volumes: Floats, areas: Floats) -> tuple[Floats, Floats]:
+        """Magnitudes of forces in cells, with pressures in pores times sections, and on facets."""
         d = self.body_force.shape[1]
-        pores = volumes ** ((d - 1) / d) @ np.abs(self.pore_pressure).mean(axis=1)
-        forces = areas @ on_facets + volumes @ np.linalg.norm(self.body_force, axis=1)
-        return float(forces + pores)
+        pores = volumes ** ((d - 1) / d) * np.abs(self.pore_pressure).mean(axis=1)
+        in_cells = volumes * np.linalg.norm(self.body_force, axis=1) + pores
+        return in_cells, areas * np.linalg.norm(self.traction, axis=2).mean(axis=1)
 
     def stress(self, places: Floats) -> float:
         """A stress that they cause: the largest traction, pressure in pores and that of a column.

@@ -98,12 +98,19 @@ def bound_of(values: Any, with_constant: bool) -> float:
     return bound
 
 
-def stored_arrays(group: Any) -> dict[str, npt.NDArray]:
+def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
     """Those of an HDF5 group, none of which is read before it is known to be in the file.
+
+    Args:
+        file: Where the group is.
+        kind: Its name.
 
     Raises:
         ProofError: If the group is none, or an array is elsewhere, or larger than what is stored.
     """
+    if not isinstance(file.get(kind, getlink=True), h5py.HardLink):
+        raise ProofError(f"{kind} is a link.")
+    group = file[kind]
     if not isinstance(group, h5py.Group):
         raise ProofError("a half is no group of arrays.")
     found: dict[str, npt.NDArray] = {}

@@ -44,7 +44,7 @@ def shared_facets(one: Body, other: Body) -> SharedFacets:
         np.stack([x.min(axis=1) - r[:, None], x.max(axis=1) + r[:, None]])
         for x, r in zip(places, reach, strict=True)
     ]
-    none: Longs = np.zeros(0, dtype=np.int64)
+    none = np.zeros(0, dtype=np.int64)
     found: list[tuple[Longs, Longs, Floats]] = [(none, none, np.zeros(0))]
     for a, b in box_pairs(*boxes):
         facing = np.einsum("pi,pi->p", one.normals[a], other.normals[b]) > 0.5

@@ -83,7 +83,8 @@ def _supports(body: Body) -> str:
 def _contacts(body: Body) -> str:
     words: dict[str, list[str]] = {}
     rubs = zip(body.contact_adhesion, body.contact_friction, strict=True)
-    for one, other, terms in zip(*body.contacts.T, rubs, strict=True):
+    firsts, seconds = body.contacts.T
+    for one, other, terms in zip(firsts, seconds, rubs, strict=True):
         words.setdefault(_friction(*terms), []).append(f"surfaces {one} and {other}")
     rubs = zip(body.obstacle_adhesion, body.obstacle_friction, strict=True)
     obstacles = zip(body.obstacles, body.obstacle_normals, rubs, strict=True)

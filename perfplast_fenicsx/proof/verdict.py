@@ -19,6 +19,7 @@ LIMITS: Mapping[str, float] = {
     "unequal_shears": 1e-10,
     "rigid_forces": 1e-10,
     "left_of_load": 1e-10,
+    "left_of_piece": 1e-10,
     "left_of_strength": 1e-7,
     "entering": 1e-12,
     "bent": 1e-12,

@@ -188,7 +188,7 @@ def test_forged_dead_loads(shared_tmp_path: Path) -> None:
     bounds = limit_bounds(block(1.0, -3.0))
     checked(bounds, bounds, shared_tmp_path)
     with h5py.File(shared_tmp_path / "bounds.h5") as file:
-        lower, upper = stored_arrays(file["lower"]), stored_arrays(file["upper"])
+        lower, upper = stored_arrays(file, "lower"), stored_arrays(file, "upper")
     for arrays, judge in ((lower, check_lower), (upper, check_upper)):
         assert not judge(arrays).faults
         pushes = arrays["constant_traction"]
@@ -217,7 +217,7 @@ def test_forged_loads_of_any_factor(shared_tmp_path: Path) -> None:
     assert bounds.question is Question.STANDS
     checked(bounds, bounds, shared_tmp_path)
     with h5py.File(shared_tmp_path / "bounds.h5") as file:
-        lower, upper = stored_arrays(file["lower"]), stored_arrays(file["upper"])
+        lower, upper = stored_arrays(file, "lower"), stored_arrays(file, "upper")
     turned = upper["any_traction"] + 1e-3 * upper["traction"]
     assert any(
         "work of others" in of for of in check_upper({**upper, "any_traction": turned}).faults

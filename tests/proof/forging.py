@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -146,7 +147,7 @@ def times(name: str, factor: npt.ArrayLike) -> Callable[[Arrays], None]:
     return lambda them: them.update({name: them[name] * np.asarray(factor)})
 
 
-def put(name: str, where: object, value: object) -> Callable[[Arrays], None]:
+def put(name: str, where: Any, value: Any) -> Callable[[Arrays], None]:
     """Sets a part of an array."""
     return lambda them: them[name].__setitem__(where, value)
 

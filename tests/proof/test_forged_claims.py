@@ -1,5 +1,6 @@
 """Claims that the numbers of a file do not support are refused, whatever hides the difference."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,6 @@ from perfplast_fenicsx.proof import check
 from tests.limit_analysis.test_dead_loads import K, footing
 from tests.proof.forging import (
     Arrays,
-    Forgery,
     Halves,
     alone,
     blocks,
@@ -24,6 +24,8 @@ from tests.proof.forging import (
 from tests.proof.test_forgeries import free_cell
 
 pytestmark = pytest.mark.serial
+
+Change = Callable[[Arrays], object]
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +89,7 @@ def some_work(them: Arrays) -> None:
 
 
 @pytest.mark.parametrize("forge", [some_work, in_turn(some_work, idle_and_quick)])
-def test_work_of_loads_of_any_factor(fallen: Halves, tmp_path: Path, forge: Forgery) -> None:
+def test_work_of_loads_of_any_factor(fallen: Halves, tmp_path: Path, forge: Change) -> None:
     """However fast others are, those loads do it where they are."""
     said = said_of_forged(fallen, alone("upper", forge), tmp_path)
     assert "work of others" in said

@@ -4,11 +4,14 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 import pytest
 
-from perfplast_fenicsx import limit_bounds
+from perfplast_fenicsx import limit_bounds, read_gmsh
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import refined
 from tests.limit_analysis.test_dead_loads import footing
 from tests.proof.forging import (
     Arrays,
@@ -24,6 +27,7 @@ from tests.proof.forging import (
 )
 from tests.proof.test_forgeries import free_cell
 from tests.proof.test_rings import discs
+from tests.random_bodies import problem_of, stack, write_stack
 
 pytestmark = pytest.mark.serial
 
@@ -224,6 +228,23 @@ def test_a_hole_along_the_axis(turned: Halves, tmp_path: Path, radius: float) ->
         x[x == 0] = radius
 
     refused(turned, as_it_is, bored, as_it_is, "volume or place", tmp_path)
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize(("seed", "dim"), [(1, 2), (14, 3)])
+def test_halves_on_two_meshes(tmp_path: Path, seed: int, dim: int) -> None:
+    """A third of the cells is divided for one half, with contact, weight and several strengths."""
+    it = stack(seed, dim)
+    write_stack(tmp_path / "stack.msh", it)
+    coarse = problem_of(it, read_gmsh(MPI.COMM_WORLD, tmp_path / "stack.msh"))[0]
+    some = np.arange(len(coarse.tagged_mesh.cell_tags.indices)) % 3 == 0
+    fine = coarse.on(refined(coarse, some))
+    one, other = (limit_bounds(problem, 1e-3) for problem in (coarse, fine))
+    for name, (low, high) in {"finer above": (one, other), "finer below": (other, one)}.items():
+        folder = tmp_path / name
+        folder.mkdir()
+        counts = [len(of["cells"]) for of in written(folder, low, high).values()]
+        assert (counts[0] < counts[1]) == (name == "finer above")
 
 
 def finer(them: Arrays) -> None:

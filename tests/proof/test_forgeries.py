@@ -101,6 +101,23 @@ def nothing(them: Arrays) -> None:
             them[name] = them[name][:0]
 
 
+def floating(cone: str) -> Callable[[Arrays], None]:
+    """A cell that nothing holds is pulled by a little force, beside bodies that bear anything."""
+
+    def forge(them: Arrays) -> None:
+        them["cone_bound"] = 1e15 * them["cone_bound"]
+        free_cell(1e15)(them)
+        them["body_force"][-1] = 1e-11
+        if cone == "elastic":
+            them["cone"][-1] = -1
+        else:
+            d = them["vertices"].shape[1]
+            them["cone_bound"][-1] = 0.0
+            them["cone_slope"][-1, :d] = 0.2
+
+    return forge
+
+
 def twice_in_one_place(them: Arrays) -> None:
     """All bodies once more, where they are."""
     second_copy(them, 0.0)
@@ -129,6 +146,20 @@ def a_cell_within(them: Arrays) -> None:
     centre = them["vertices"][them["cells"][0]].mean(axis=0)
     free_cell(1.0, size=1e-3)(them)
     them["vertices"][-centre.size - 1 :] += centre - 50.0
+
+
+def crossing(them: Arrays) -> None:
+    """Two needles across each other, between the ends and middles of their sides."""
+    free_cell(1.0)(them)
+    free_cell(1.0)(them)
+    d = them["vertices"].shape[1]
+    one = np.concatenate([np.zeros((1, d)), np.eye(d)])
+    one[1, 0] = 8.0
+    other = 0.1 * np.concatenate([np.zeros((1, d)), np.eye(d)]) + 0.05
+    other[:, 0] += 2.0
+    other[:, 1] -= 4.0
+    other[2, 1] = 12.0
+    them["vertices"][-2 * d - 2 :] = 50.0 + np.concatenate([one, other])
 
 
 def folded(them: Arrays) -> None:
@@ -329,6 +360,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "a cell within another": (both(a_cell_within), "overlap"),
     "bodies half in each other": (both(lambda them: second_copy(them, 0.3)), "overlap"),
     "bodies by a hundredth in each other": (both(lambda them: second_copy(them, 0.99)), "overlap"),
+    "bodies across each other": (both(crossing), "overlap"),
     "folded": (both(folded), "folded|overlap|no volume"),
     "flat": (both(make("vertices", lambda a: a * ([1] * (a.shape[1] - 1) + [0]))), "no volume"),
     "two vertices of a cell are one": (
@@ -401,6 +433,11 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
         ),
         "left of strength|equilibrium",
     ),
+    "a force on an elastic body that nothing holds": (
+        alone("lower", floating("elastic")),
+        "left of piece",
+    ),
+    "a force on sand without stress": (alone("lower", floating("sand")), "equilibrium"),
     # the velocity
     "supports move by 1e-300": (
         high(lambda them: put("velocity", (slice(None), 0), them["velocity"][:, 0] + 1e-300)(them)),
@@ -452,6 +489,10 @@ def test_arrays_that_are_not_in_the_file(honest: Halves, tmp_path: Path) -> None
     with h5py.File(path, "w") as file:
         file["lower"] = 1.0
     refused(path, "no group")
+    write(path, {"upper": honest["upper"]})
+    with h5py.File(path, "a") as file:
+        file["lower"] = h5py.ExternalLink("other.h5", "lower")
+    refused(path, "lower is a link")
     path.write_text("lower")
     refused(path, "no proof of bounds")
 

@@ -34,6 +34,7 @@ from tests.proof.forging import (
     times,
     written,
 )
+from tests.proof.test_forgeries import free_cell
 from tests.random_bodies import Stack, write_stack
 
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is serial")
@@ -76,6 +77,13 @@ def without_plate(them: Arrays) -> None:
         del them[name]
 
 
+def pushed_for_nothing(them: Arrays) -> None:
+    """No stress under the plate, in a body that bears anything, beside one that is pressed more."""
+    them["cone_bound"] = 1e15 * them["cone_bound"]
+    them["stress"] = 0.0 * them["stress"]
+    free_cell(1e15, pressed=1e12)(them)
+
+
 RIGID: dict[str, tuple[Forgery, str]] = {
     "no plate at all": (both(without_plate), "nothing is loaded"),
     "no loads of the plate": (
@@ -116,6 +124,7 @@ RIGID: dict[str, tuple[Forgery, str]] = {
     "one number": (both(make("rigid_force", lambda a: a[:, 0])), "fits nothing"),
     "no flags": (both(drop("rigid_held")), "missing"),
     "half the bound": (high(times("bound", 0.5)), "only|above"),
+    "no stress under the plate": (alone("lower", pushed_for_nothing), "left of piece"),
     "twice the bound": (low(times("bound", 2.0)), "rigid forces"),
 }
 

@@ -1,0 +1,39 @@
+"""What cells bear of a stress: what is left of rows is relative to the least that they touch."""
+
+import numpy as np
+
+from perfplast_fenicsx.proof.body import Body, Floats
+from perfplast_fenicsx.proof.cones import vectors
+from perfplast_fenicsx.proof.rings import radii_of
+
+TINY = float(np.finfo(np.float64).tiny)
+
+BARE = float(np.finfo(np.float64).max)
+"""Of cells without stress that bear nothing but what presses them: rows that touch no others have
+to be exact. Those of elastic cells, which bear ∞, are relative to the weakest of all."""
+
+
+def least_radii(body: Body, stress: Floats) -> Floats:
+    """What each cell bears of a stress, or of S: its yield radius, or without cohesion the stress.
+
+    Args:
+        body: The bodies.
+        stress: As for :func:`lower.measure_stress`.
+    """
+    found, plastic = body.yield_radius.copy(), body.plastic
+    if body.is_revolved:
+        return found * radii_of(body).max(axis=1)
+    own = body.cones.own_radius(body.cone[plastic], vectors(stress[plastic]))
+    found[plastic] = np.where(np.isinf(own), BARE, own)
+    return found
+
+
+def least_of(radii: Floats) -> float:
+    """The least radius, the smallest number where there is none at all."""
+    least = float(radii.min())
+    return least if 0 < least < BARE else TINY
+
+
+def finite(radii: Floats, weakest: float) -> Floats:
+    """Those that are finite, and the weakest for the others."""
+    return np.where(np.isinf(radii), weakest, np.where(radii == BARE, TINY, radii))

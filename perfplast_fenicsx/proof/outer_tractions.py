@@ -1,0 +1,172 @@
+"""What a stress leaves on outer facets: tractions of loads, of contact, and on rigid surfaces."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.least_radii import finite, least_of
+from perfplast_fenicsx.proof.load_kinds import Loads
+from perfplast_fenicsx.proof.rigid import Rigid
+from perfplast_fenicsx.proof.rings import PAIRS, coefficients_of_radius, times_radius
+from perfplast_fenicsx.proof.rubbing import excess, unheld
+from perfplast_fenicsx.proof.touching import Touching, touching
+
+
+@dataclass(frozen=True)
+class Outer:
+    """What is left there.
+
+    Attributes:
+        ratios: Of each condition, relative to the weakest that a row touches, or to what it may be.
+        lost: Forces without balance of each facet, shape (num_facets,).
+        of_plates: Those of each rigid surface, shape (num_rigid,).
+        reacts: Magnitudes of forces of contact and of rigid surfaces on each facet.
+        reason: Why the conditions of contact cannot be told, or None.
+    """
+
+    ratios: dict[str, Floats]
+    lost: Floats
+    of_plates: Floats
+    reacts: Floats
+    reason: str | None
+
+
+def applied(body: Body, loads: Loads) -> Floats:
+    """Tractions of loads at the vertices of facets, or coefficients of r times these."""
+    if not body.is_revolved:
+        return loads.traction
+    return times_radius(body.vertices[body.facets][..., 0], loads.traction)
+
+
+def tractions_on(
+    body: Body, stress: Floats, sides: Longs, places: Longs, normals: Floats
+) -> Floats:
+    """Tractions there."""
+    cells = sides // (body.dim + 1)
+    tractions: Floats = np.einsum("fvij,fj->fvi", stress[cells[:, None], places], normals)
+    return tractions
+
+
+def outer_tractions(
+    body: Body, stress: Floats, loads: Loads, rigid: Sequence[Rigid], strengths: Floats
+) -> Outer:
+    """What is left on outer facets, and why it cannot be told.
+
+    Args:
+        body: The bodies.
+        stress: In equilibrium with the loads.
+        loads: All at once.
+        rigid: Rigid surfaces.
+        strengths: Of the cells (:func:`least_radii`).
+    """
+    d = body.dim
+    cells, places = body.outer // (d + 1), body.places
+    rho = np.ones(places.shape)
+    if body.is_revolved:
+        places = np.column_stack([places, PAIRS[places[:, 0], places[:, 1]]])
+        rho = coefficients_of_radius(body.vertices[body.facets][..., 0])
+    traction = tractions_on(body, stress, body.outer, places, body.normals)
+    rest = traction - applied(body, loads)
+    free = ~body.held
+    into = np.zeros_like(body.normals)  # where contact pushes from: σn = λt − p into
+    times = np.zeros(len(into), dtype=int)
+    adhesion, friction = np.zeros(len(into)), np.zeros(len(into))
+    radii = strengths[cells]
+    pairs: list[Touching] = [touching(body, one, other) for one, other in body.contacts]
+    reason = None
+    for pair, c, mu in zip(pairs, body.contact_adhesion, body.contact_friction, strict=True):
+        weaker = np.minimum(radii[pair.first], radii[pair.second])
+        for facets in (pair.first, pair.second):
+            into[facets] = body.normals[facets]
+            radii[facets] = weaker
+            times[facets] += 1
+            adhesion[facets], friction[facets] = c, mu
+        held_at_first, at_second = body.held[pair.first], body.held[pair.second]
+        if (c or mu) and (held_at_first.any(axis=1) & at_second.any(axis=1)).any():
+            reason = "supports hold both sides of facets that rub"
+    obstacles = zip(
+        body.obstacles,
+        body.obstacle_normals,
+        body.obstacle_adhesion,
+        body.obstacle_friction,
+        strict=True,
+    )
+    for tag, normal, c, mu in obstacles:
+        facets = body.on(tag)
+        into[facets] = normal
+        times[facets] += 1
+        adhesion[facets], friction[facets] = c, mu
+    if (times > 1).any():
+        reason = "a facet touches two others"
+    radii = finite(radii, least_of(strengths))[:, None]
+    glued = np.isin(body.surface, body.rigid)
+    if (times[glued] > 0).any() or body.held[glued].any():
+        reason = "a rigid surface is in contact, or held by supports"
+    off = [surface.resultant(body, rest) - surface.wanted(loads) for surface in rigid]
+    rest = rest * ~glued[:, None, None]
+    share = np.where(free, into, 0.0)
+    square = np.einsum("fi,fi->f", share, share)
+    # A contact whose normal leaves less than this free beside supports has no force to find.
+    undetermined = 1e-12
+    told = square > undetermined
+    pressure = np.zeros(rest.shape[:2])
+    pressure[told] = -np.einsum("fvi,fi->fv", rest[told], share[told]) / square[told, None]
+    shears = (rest + pressure[..., None] * into[:, None]) * free[:, None]
+    wrong = np.linalg.norm(shears, axis=2)
+    tension = np.maximum(-pressure, 0.0)
+    unequal = np.zeros_like(pressure)
+    for pair in pairs:
+        both = told[pair.first] & told[pair.second]
+        opposite = np.take_along_axis(pressure[pair.second], _order(body, pair), axis=1)
+        unequal[pair.first] = np.abs(pressure[pair.first] - opposite) * both[:, None]
+    left = {"outer_tractions": wrong, "tension": tension, "unequal_pressures": unequal}
+    ratios = {}
+    rubs = (adhesion > 0) | (friction > 0)
+    if rubs.any():
+        apart = _unequal_shears(body, pairs, shears, rubs)
+        rubs &= told  # what is not free to push has no shear that is known
+        ringed = np.where(rho > 0, rho, 1.0)[rubs]
+        told_of = (wrong[rubs] / ringed, pressure[rubs] / ringed, adhesion[rubs], friction[rubs])
+        beyond = np.zeros_like(wrong)
+        beyond[rubs] = ringed * unheld(*told_of)
+        wrong[rubs] = 0.0
+        left |= {"shear": beyond, "unequal_shears": apart}
+        ratios["shear_ratio"] = excess(*told_of)
+    lost = body.areas * sum(left.values()).mean(axis=1)
+    reacts = np.abs(pressure) + np.where(rubs[:, None], np.linalg.norm(shears, axis=2), 0.0)
+    reacts += np.where(glued[:, None], np.linalg.norm(traction, axis=2), 0.0)
+    if rigid:
+        ratios["rigid_forces"] = np.array(
+            [
+                np.linalg.norm(of) / surface.area / radii[surface.facets].min()
+                for of, surface in zip(off, rigid, strict=True)
+            ]
+        )
+    ratios |= {name: values / radii for name, values in left.items()}
+    of_plates = np.array([float(np.abs(of).sum()) for of in off])
+    return Outer(ratios, lost, of_plates, body.areas * reacts.mean(axis=1), reason)
+
+
+def _order(body: Body, pair: Touching) -> Longs:
+    """Places of what is known on facets opposite, in the order of that on the first ones."""
+    if not body.is_revolved:
+        return pair.order
+    return np.column_stack([pair.order, np.full(len(pair.order), 2)])
+
+
+def _unequal_shears(body: Body, pairs: Sequence[Touching], shears: Floats, rubs: Flags) -> Floats:
+    """What shear tractions of both sides of contact differ by where it rubs.
+
+    Those of components that supports hold are not known of that side, and are what balances the
+    other's.
+    """
+    found = np.zeros(shears.shape[:2])
+    for pair in pairs:
+        both = rubs[pair.first] & rubs[pair.second]
+        free = ~body.held[pair.first] & ~body.held[pair.second]
+        opposite = np.take_along_axis(shears[pair.second], _order(body, pair)[..., None], axis=1)
+        off = np.linalg.norm((shears[pair.first] + opposite) * free[:, None], axis=2)
+        found[pair.first] = off * both[:, None]
+    return found
