@@ -161,12 +161,12 @@ def _search(
             found = discrete_result(
                 problem, program, None, Verdict.STALLED, str(failure), steps, rtol, question
             )
-            return found, next_start(start, program, None, found.verdict, rtol)
+            return found, next_start(start, program, None, Verdict.STALLED, rtol)
         if not limited:
             found = discrete_result(
                 problem, program, None, Verdict.UNBOUNDED, UNLIMITED, steps, rtol, question
             )
-            return found, next_start(start, program, None, found.verdict, rtol)
+            return found, next_start(start, program, None, Verdict.UNBOUNDED, rtol)
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
         # The steps end at this share of rtol: making the mechanism exactly admissible afterwards

@@ -34,8 +34,11 @@ class DesignFactor:
         name: str = "",
     ) -> "DesignFactor":
         """From the limit load and its bounds, as load factors."""
-        over = [None if value is None else value / zeta for value in (lower, upper, estimate)]
-        return DesignFactor(zeta, *over, name)
+
+        def over(value: float | None) -> float | None:
+            return None if value is None else value / zeta
+
+        return DesignFactor(zeta, over(lower), over(upper), over(estimate), name)
 
     @property
     def carried(self) -> bool:
