@@ -88,7 +88,8 @@ class MultiplierStrains:
         self._sum = sparse.csr_array(places)
         self._leave(bare)
         on_axis_of_cells = on_axis.reshape(self.num_cells, points)
-        self.few: npt.NDArray[np.bool_] = (self.idle | on_axis_of_cells).any(axis=1)
+        few = self.idle.any(axis=1) | on_axis_of_cells.any(axis=1)
+        self.few: npt.NDArray[np.bool_] = np.asarray(few)
 
     def _leave(self, bare: npt.NDArray[np.bool_]) -> None:
         """Make no unknowns of the stresses at bare vertices, and find what is idle then."""
