@@ -84,9 +84,10 @@ def strict_upper_bound(
     if rates is None:
         rates = mechanism_rates(problem, mechanism)
     velocity = mechanism.x.petsc_vec
-    # Work of live loads on a mechanism of dead ones that counts as none, relative to the norms of
-    # both. It would count at load factors some million times as large as those that bodies bear.
-    least_parting = 1e-6
+    # Work of live loads on a mechanism of dead ones that counts as none, relative to what they do
+    # at all nodes without their signs, half of what a checker leaves. It would count at load
+    # factors some million times as large as those that bodies bear.
+    least_parting = 5e-7
     # Strain rates, relative to velocities over the size of the bodies, that are next to none.
     slowest = 1e-5
     # Volume change in plastic bodies, or what it lacks in those that dilate, and strain in elastic
@@ -117,7 +118,8 @@ def strict_upper_bound(
         total = comm.allreduce(float(weights.sum()))
         usual = largest[1] / total ** (1 / rates.gdim)
         whole = max(whole, (slowest * usual) ** 2 * total)
-    ends = abs(aside) <= least_parting * problem.loads.live.norm() * velocity.norm()
+    at_nodes = float(np.abs(problem.loads.live.array_r) @ np.abs(velocity.array_r))
+    ends = abs(aside) <= least_parting * comm.allreduce(at_nodes)
     if not (held and ends and whole > 0 and part <= admissible**2 * whole and work > 0):
         return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
     if not lacking <= admissible**2 * whole:
