@@ -27,6 +27,7 @@ from perfplast_fenicsx.limit_analysis import LimitMethod
 from perfplast_fenicsx.limit_analysis.discrete import limit_methods
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
+from perfplast_fenicsx.limit_analysis.path.limit_judge import Judge, Search
 from perfplast_fenicsx.limit_analysis.path.plateau import extrapolated_limit
 from perfplast_fenicsx.problem import Level
 from perfplast_fenicsx.problem.assembled.integrals import Integral
@@ -218,3 +219,13 @@ def test_extrapolation_of_a_power_law_is_exact() -> None:
 def test_a_limit_tolerance_out_of_range_is_refused(rtol: float) -> None:
     with pytest.raises(InputError, match="between 0 and 1"):
         limit_load(punch_problem(2), rtol)
+
+
+@SERIAL
+@pytest.mark.parametrize(("upper", "known"), [(1.00005, True), (0.99995, True), (0.999, False)])
+def test_a_level_above_the_load_of_a_mechanism_is_told(upper: float, known: bool) -> None:
+    search = Search(points=[(1.0, 1.0)], upper=upper)
+    Judge(punch_problem(2), 1e-4, search)._decide(1.0)
+    assert search.ended
+    assert search.levelled_off == known
+    assert ("above the load of a mechanism" in search.reason) == (not known)

@@ -66,10 +66,24 @@ def test_bodies_that_stay_rest() -> None:
     )
     values = v.x.array.reshape(problem.fixed.shape)
     for slow, rests in ((1e-15, True), (1e-11, False)):
-        values[upper], values[~upper] = slow, 1.0
+        values[upper], values[~upper] = slow, (1.0, 0.0, 0.0)
         let_rest(problem, v)
         assert (np.abs(values[upper]).max(initial=0.0) < slow / 2) == (rests or not upper.any())
-        assert (values[~upper] > 0.5).all()
+        assert (values[~upper, 0] > 0.5).all()
+
+
+def test_a_body_whose_rounding_another_gives_way_to_keeps_it() -> None:
+    """At rest it would be entered, by much beside the velocities there."""
+    problem = blocks_in_space()
+    bodies, height = problem.bodies, problem.V.tabulate_dof_coordinates()[:, 2]
+    upper = bodies.of_node == problem.comm.allreduce(int(bodies.of_node.max()), MPI.MAX)
+    low = problem.comm.allreduce(float(height[upper].min(initial=np.inf)), MPI.MIN)
+    v, slow = fem.Function(problem.V), 1e-14
+    values = v.x.array.reshape(problem.fixed.shape)
+    values[upper, 2] = slow
+    values[~upper, 2] = slow + (height[~upper] - low)  # the seam with it, the bottom falls
+    let_rest(problem, v)
+    assert (values[upper, 2] > slow / 2).all()
 
 
 @pytest.mark.parametrize("tdim", [1, 2, 3])

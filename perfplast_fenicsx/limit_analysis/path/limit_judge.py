@@ -186,7 +186,13 @@ class Judge:
         """Whether the estimate is known to the tolerance."""
         rtol, search = self._rtol, self._search
         search.levelled_off = False
-        if search.apart <= rtol:
+        if search.apart < -rtol:
+            search.ended = True
+            search.reason = (
+                f"a level lies {-search.apart:.1e} of its ζ above the load of a mechanism: levels"
+                " are in equilibrium no better than that; ask for a smaller tolerance of them"
+            )
+        elif search.apart <= rtol:
             search.levelled_off = search.ended = True
             search.reason = f"the bounds are within {rtol:g} of each other"
         elif search.upper is None and estimate is not None and len(search.estimates) > 1:
