@@ -7,7 +7,7 @@ RUN = timeout --foreground --kill-after=30 $(LIMIT) ./fenicsx
 
 help:
 	@echo 'make demo        two blocks pressed together, on 2 MPI ranks'
-	@echo 'make test        all tests on 1 rank, most on 2, a few on 3'
+	@echo 'make test        all tests on 1 rank, some on 2, a few on 3'
 	@echo 'make verify      every case with an exact solution, and random ones'
 	@echo 'make bench       how fast and how large: benchmarks/README.md (hours)'
 	@echo 'make lint        ruff and mypy'
