@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats
-from perfplast_fenicsx.proof.touching import touching
+from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 SLOWEST = 1e-8
 """Velocities on facets count as so much of the largest at least: jumps of 1e-20 of that are the
@@ -66,14 +66,7 @@ def entering_of(body: Body, at_facets: Floats, fastest: float) -> Entering:
         relative = max(relative, _largest_share(enters, faster))
         volume += float(enters @ body.areas[pair.first])
         slip += float(adhesion * (slips @ body.areas[pair.first]))
-    obstacles = zip(
-        body.obstacles,
-        body.obstacle_normals,
-        body.obstacle_adhesion,
-        body.obstacle_friction,
-        strict=True,
-    )
-    for tag, normal, adhesion, friction in obstacles:
+    for tag, normal, adhesion, friction in obstacles_of(body):
         facets = body.on(tag)
         normals = np.tile(normal, (len(facets), 1))
         enters, slips = _bernstein(at_facets[facets], normals, float(friction))

@@ -11,7 +11,7 @@ from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.rigid import Rigid
 from perfplast_fenicsx.proof.rings import PAIRS, coefficients_of_radius, times_radius
 from perfplast_fenicsx.proof.rubbing import excess, unheld
-from perfplast_fenicsx.proof.touching import Touching, touching
+from perfplast_fenicsx.proof.touching import Touching, obstacles_of, touching
 
 
 @dataclass(frozen=True)
@@ -86,14 +86,7 @@ def outer_tractions(
         held_at_first, at_second = body.held[pair.first], body.held[pair.second]
         if (c or mu) and (held_at_first.any(axis=1) & at_second.any(axis=1)).any():
             reason = "supports hold both sides of facets that rub"
-    obstacles = zip(
-        body.obstacles,
-        body.obstacle_normals,
-        body.obstacle_adhesion,
-        body.obstacle_friction,
-        strict=True,
-    )
-    for tag, normal, c, mu in obstacles:
+    for tag, normal, c, mu in obstacles_of(body):
         facets = body.on(tag)
         into[facets] = normal
         times[facets] += 1

@@ -1,5 +1,6 @@
 """Which facets of two surfaces lie opposite each other, found anew from their coordinates."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -155,3 +156,13 @@ def _overlapping(body: Body, a: Longs, b: Longs) -> int:
         if len(meets):
             return len(meets)
     return 0
+
+
+def obstacles_of(body: Body) -> Iterator[tuple[np.int64, Floats, np.float64, np.float64]]:
+    """Tag, normal, adhesion and friction of each rigid obstacle.
+
+    Args:
+        body: The bodies.
+    """
+    rubs = body.obstacle_adhesion, body.obstacle_friction
+    yield from zip(body.obstacles, body.obstacle_normals, *rubs, strict=True)

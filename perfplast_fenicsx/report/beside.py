@@ -8,11 +8,11 @@ from pathlib import Path
 from string import Template
 
 from perfplast_fenicsx._version import __version__
-from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
 from perfplast_fenicsx.report.page import asset
+from perfplast_fenicsx.report.page_file import write_page
 from perfplast_fenicsx.report.quantities import QUANTITIES, bolts, last_load
 from perfplast_fenicsx.report.stored_summary import check_summary
 from perfplast_fenicsx.report.tables import pairs, table
@@ -61,17 +61,7 @@ def write_beside(folders: Sequence[str | Path], output: str | Path | None = None
     for reader in readers:
         check_summary(reader)
     name = f"beside_{readers[1].path.resolve().name}.html"
-    target = Path(output) if output else readers[0].path / name
-    if target.is_dir():
-        raise InputError(f"the report '{target}' is a folder; give -o the name of a file.")
-    page = beside(readers)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        replace(target, page.encode())
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(f"'{target}' cannot be written ({reason}); give another -o.") from error
-    return target
+    return write_page(output, readers[0].path / name, lambda: beside(readers))
 
 
 def beside(readers: Sequence[ResultReader]) -> str:

@@ -4,10 +4,10 @@ import logging
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.page import page_of
+from perfplast_fenicsx.report.page_file import write_page
 from perfplast_fenicsx.report.stored_summary import check_summary
 from perfplast_fenicsx.report.view_data import view_data
 
@@ -32,19 +32,12 @@ def write_report(folder: str | Path, output: str | Path | None = None) -> Path:
         InputError: If the folder has no results, they cannot be read, or the file not be written.
     """
     reader = ResultReader(folder)
-    name = "report.html"
-    target = Path(output) if output else reader.path / name
-    if target.is_dir():
-        raise InputError(f"the report '{target}' is a folder; give -o the name of a file.")
-    check_summary(reader)
-    page = page_of(reader, view_data(reader))
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        replace(target, page.encode())
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(f"'{target}' cannot be written ({reason}); give another -o.") from error
-    return target
+
+    def page() -> str:
+        check_summary(reader)
+        return page_of(reader, view_data(reader))
+
+    return write_page(output, reader.path / "report.html", page)
 
 
 def report_on(folder: "ResultFolder") -> Path | None:

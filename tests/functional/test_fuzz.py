@@ -433,6 +433,24 @@ NAMES = [
 ]
 
 
+def refuse(comm: MPI.Intracomm, arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """A command is bad input, told in one sentence of one rank."""
+
+    def attempt() -> str:
+        assert main(arguments) == BAD_INPUT, arguments
+        return "refused"
+
+    outcome(comm, attempt)
+    error = capsys.readouterr().err
+    if comm.rank == 0:
+        assert error.startswith("perfplast: ")
+        assert error.endswith("\n")
+        assert error.count("\n") == 1
+        assert error[:-1].isprintable()
+    else:
+        assert error == ""
+
+
 @pytest.mark.parametrize("command", ["check", "run", "mesh"])
 def test_path_names(
     command: str,
@@ -458,16 +476,7 @@ def test_path_names(
         elif command == "run":
             arguments += ["-o", "results"]
 
-        def attempt(arguments: list[str] = arguments) -> str:
-            assert main(arguments) == BAD_INPUT
-            return "refused"
-
-        outcome(comm, attempt)
-        error = capsys.readouterr().err
-        if comm.rank == 0:
-            assert error.startswith("perfplast: ")
-            assert error.endswith("\n")
-            assert error[:-1].isprintable()
+        refuse(comm, arguments, capsys)
     assert not (shared_tmp_path / "results").exists()
 
 
@@ -488,18 +497,7 @@ def test_output_folders(
     comm.barrier()
     names = ["file", "file/below", "loop", "dangling", "fifo", "/dev/null", "/proc/1/x", "x" * 300]
     for name in names:
-
-        def attempt(name: str = name) -> str:
-            assert main(["run", str(case), "-o", name]) == BAD_INPUT, name
-            return "refused"
-
-        outcome(comm, attempt)
-        error = capsys.readouterr().err
-        if comm.rank == 0:
-            assert error.startswith("perfplast: ")
-            assert error.count("\n") == 1
-        else:
-            assert error == ""
+        refuse(comm, ["run", str(case), "-o", name], capsys)
 
 
 def test_result_folders(
