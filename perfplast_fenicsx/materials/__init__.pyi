@@ -8,7 +8,8 @@ from .drucker_prager import DruckerPragerSet as DruckerPragerSet
 from .elastic import Elastic as Elastic
 from .elastic import ElasticLaw as ElasticLaw
 from .hardening import Hardening as Hardening
-from .hardening import HardeningLaw as HardeningLaw
+from .hardening_flow import HardeningFlowLaw as HardeningFlowLaw
+from .hardening_law import HardeningLaw as HardeningLaw
 from .hill import Hill as Hill
 from .hill import HillLaw as HillLaw
 from .hill_set import HillForm as HillForm
@@ -27,7 +28,6 @@ from .mohr_coulomb import MohrCoulombLaw as MohrCoulombLaw
 from .mohr_coulomb import TrescaLaw as TrescaLaw
 from .plastic_flow import Flow as Flow
 from .plastic_flow import FlowLaw as FlowLaw
-from .plastic_flow import HardeningFlowLaw as HardeningFlowLaw
 from .von_mises import VonMises as VonMises
 from .von_mises import VonMisesLaw as VonMisesLaw
 from .von_mises import VonMisesSet as VonMisesSet

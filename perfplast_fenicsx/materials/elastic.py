@@ -106,6 +106,10 @@ class Elastic:
         """Itself, whatever the factor: it has no strength."""
         return self
 
+    def remembering(self) -> "Elastic":
+        """Itself: nothing flows."""
+        return self
+
     def in_plane_stress(self) -> "ElasticSheet":
         """The same with σ_zz = 0."""
         return ElasticSheet(self.young, self.poisson, self.expansion)

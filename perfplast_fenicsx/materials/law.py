@@ -47,8 +47,8 @@ class Law(Protocol):
     """A law that derives from a convex potential: Σ = Dψ is monotone.
 
     Strains e, rates and stresses s are Mandel vectors, shape (m,) with m = 6, or 4 in plane strain
-    (:mod:`mandel`); ``old`` is the history. :meth:`history` and :meth:`updated` are here as laws
-    without a history (those of Hencky) have them, if they derive from this class.
+    (:mod:`mandel`); ``old`` is the history. :meth:`history`, :meth:`flow` and :meth:`updated` are
+    here as laws without a history (those of Hencky) have them, if they derive from this class.
 
     Attributes:
         projects: Whether Σ(e) is the projection of C(e − p) on a yield set that stays, in the norm
@@ -112,6 +112,11 @@ class Law(Protocol):
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
         """Σ^{o,ρ}(e)[d], shape (m,), symmetric and not negative, from the stored fields."""
         ...
+
+    def flow(self, e: Expr) -> Expr:
+        """Plastic strain of the strain e of the virgin body, shape (m,): e − C⁻¹Σ(e) if perfect."""
+        elastic = self.elastic.compliance(self.stress(e, {}))
+        return self.plastic(e, {}) * (e - elastic)
 
     def updated(self, e: Expr, old: Old) -> Mapping[str, Expr]:
         """The history after a level that was accepted with the strain e."""

@@ -11,9 +11,14 @@ from perfplast_fenicsx.materials.law import Material
 class Thin(Protocol):
     """A material that knows of plane stress."""
 
-    def in_plane_stress(self) -> Material:
-        """The same body with σ_zz = 0, whatever ε_zz is."""
+    def in_plane_stress(self) -> Material | None:
+        """The same body with σ_zz = 0, whatever ε_zz is; None where that is not known."""
         ...
+
+
+def thin(material: Material) -> Material | None:
+    """What a material is in plane stress; None where that is not known."""
+    return material.in_plane_stress() if isinstance(material, Thin) else None
 
 
 def in_plane_stress(materials: Mapping[str, Material]) -> dict[str, Material]:
@@ -27,11 +32,11 @@ def in_plane_stress(materials: Mapping[str, Material]) -> dict[str, Material]:
     """
     found = {}
     for name, material in materials.items():
-        if not isinstance(material, Thin):
+        flat = thin(material)
+        if flat is None:
             raise InputError(
                 f"the law of volume '{name}', {type(material).__name__}, is not known in plane"
-                " stress; give VonMises or Hill without stages, or Elastic, or kind ="
-                " 'plane-strain'."
+                " stress; give VonMises, Hill or Elastic, or kind = 'plane-strain'."
             )
-        found[name] = material.in_plane_stress()
+        found[name] = flat
     return found

@@ -1,84 +1,64 @@
-r"""Plastic flow with the condition of von Mises: a step of Prandtl's and Reuss' law.
+r"""Plastic flow: a step of Prandtl's and Reuss' law.
 
-A step (implicit Euler) from the plastic strain p, the accumulated plastic strain p̄ and the back
-stress χ = ⅔H_k p is Hencky's law, shifted. With q = p + χ/(2μ) and the radius
-γ + √⅔ H_i p̄ in place of γ
+A step (implicit Euler) from the plastic strain p is Hencky's law of the same body, shifted:
 
-    Σ(e)  = Σ_H(e − q) + χ
-    ψ(e)  = ψ_H(e − q) + χ:e + μ(‖p‖² − ‖q‖²)
-    ψ*(s) = ψ_H*(s − χ) + (s − χ):q − μ(‖p‖² − ‖q‖²)
+    Σ(e)  = Σ_H(e − p)
+    ψ(e)  = ψ_H(e − p)
+    ψ*(s) = ψ_H*(s) + s:p
 
 where ψ is the energy that the step stores and dissipates, and ½ e:Ce of e − p where it is elastic.
-Without hardening q = p, χ = 0, and ψ*(s) = ½ s:C⁻¹s + s:p.
+So every law that is a projection on a yield set that stays has its flow (J. C. Simo, T. J. R.
+Hughes, Computational Inelasticity, 1998, chapter 3); :mod:`hardening_flow` is that of hardening.
 """
 
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import ClassVar, Protocol
 
 import ufl
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.materials.elastic import Elastic
-from perfplast_fenicsx.materials.hardening import Hardening, HardeningLaw
-from perfplast_fenicsx.materials.law import Law, Material, Old
+from perfplast_fenicsx.materials.elastic import all_elastic
+from perfplast_fenicsx.materials.law import Elasticity, Law, Material, Old
 from perfplast_fenicsx.materials.mandel import Expr
-from perfplast_fenicsx.materials.von_mises import FirstYield, VonMises, VonMisesLaw
+from perfplast_fenicsx.materials.plane_stress import thin
+from perfplast_fenicsx.materials.yield_set import YieldSet
 
 STRAIN, ACCUMULATED = "plastic_strain", "accumulated_plastic_strain"
-"""The history: p as a Mandel vector, and p̄ = ∫√⅔‖dp‖, which in uniaxial stress is ∫|dε^p|."""
+"""The history: p as a Mandel vector, and p̄ = ∫√⅔‖dp‖, which in uniaxial stress of a metal is
+∫|dε^p|."""
 
 
 class Step(Law, Protocol):
-    """A step of flow; see :class:`Law` for the methods.
-
-    Attributes:
-        shear: μ (stress).
-    """
-
-    shear: Expr
-    projects: ClassVar[bool] = False
+    """A step of flow; see :class:`Law` for the methods."""
 
     @abstractmethod
-    def hencky(self, old: Old) -> VonMisesLaw | HardeningLaw:
-        """The law of total strain with the radius that the yield set has now."""
+    def hencky(self, old: Old) -> Law:
+        """The law of total strain with the yield set as it is now."""
         ...
 
-    @abstractmethod
-    def back_stress(self, old: Old) -> Expr | None:
-        """χ, or None without kinematic hardening."""
-        ...
+    def shifted(self, e: Expr, old: Old) -> Expr:
+        """The strain that Hencky's law sees."""
+        return e - old[STRAIN]
 
     def history(self, m: int) -> Mapping[str, tuple[int, ...]]:
         """The shapes of p and p̄, zero at first."""
         return {STRAIN: (m,), ACCUMULATED: ()}
 
-    def shifted(self, e: Expr, old: Old) -> Expr:
-        """The strain e − q that Hencky's law sees."""
-        chi = self.back_stress(old)
-        seen = e - old[STRAIN]
-        return seen if chi is None else seen - chi / (2 * self.shear)
-
     def stress(self, e: Expr, old: Old) -> Expr:
         """Σ(e)."""
-        chi, stress = self.back_stress(old), self.hencky(old).stress(self.shifted(e, old), {})
-        return stress if chi is None else stress + chi
+        return self.hencky(old).stress(self.shifted(e, old), {})
 
     def potential(self, e: Expr, old: Old) -> Expr:
         """ψ(e)."""
-        chi, energy = self.back_stress(old), self.hencky(old).potential(self.shifted(e, old), {})
-        return energy if chi is None else energy + ufl.dot(chi, e) + self._offset(chi, old)
+        return self.hencky(old).potential(self.shifted(e, old), {})
 
     def conjugate(self, s: Expr, old: Old) -> Expr:
         """ψ*(s)."""
-        law, p, chi = self.hencky(old), old[STRAIN], self.back_stress(old)
-        if chi is None:
-            return law.conjugate(s, {}) + ufl.dot(s, p)
-        rest = s - chi
-        shift = ufl.dot(rest, p + chi / (2 * self.shear))
-        return law.conjugate(rest, {}) + shift - self._offset(chi, old)
+        return self.hencky(old).conjugate(s, {}) + ufl.dot(s, old[STRAIN])
 
     def plastic(self, e: Expr, old: Old) -> Expr:
         """1 where the step flows, else 0."""
@@ -94,57 +74,47 @@ class Step(Law, Protocol):
         more = math.sqrt(2 / 3) * ufl.sqrt(ufl.dot(flow, flow))
         return {STRAIN: old[STRAIN] + flow, ACCUMULATED: old[ACCUMULATED] + more}
 
-    def _offset(self, chi: Expr, old: Old) -> Expr:
-        """What makes ψ(e) the energy of the step: μ(‖p‖² − ‖q‖²)."""
-        return -ufl.dot(chi, old[STRAIN] + chi / (4 * self.shear))
 
+class FlowLaw(Step):
+    """Perfect plasticity, step by step; :func:`flow_law` makes it of a law of total strain.
 
-@dataclass(frozen=True)
-class FlowLaw(FirstYield, Step):
-    """Perfect plasticity, step by step."""
+    Args:
+        numbers: Those of the law of total strain.
+    """
 
+    of: ClassVar[type[Law]]
     projects: ClassVar[bool] = True
 
+    def __init__(self, **numbers: Expr) -> None:
+        self._perfect = self.of(**numbers)
+
     @property
-    def perfect(self) -> VonMisesLaw:
-        """The law of total strain."""
-        return VonMisesLaw(self.bulk, self.shear, self.yield_radius)
+    def elastic(self) -> Elasticity:
+        """C."""
+        return self._perfect.elastic
 
-    def hencky(self, old: Old) -> VonMisesLaw | HardeningLaw:
+    @property
+    def yields(self) -> YieldSet:
+        """Which stays."""
+        return self._perfect.yields
+
+    def hencky(self, old: Old) -> Law:
         """It does not change."""
-        return self.perfect
-
-    def back_stress(self, old: Old) -> Expr | None:
-        """None."""
-        return None
+        return self._perfect
 
     def unstressed(self, old: Old) -> Expr | None:
         """What has flowed."""
         return old[STRAIN]
 
+    def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
+        """That of Hencky's law."""
+        return self._perfect.tangent(stored, d)
 
-@dataclass(frozen=True)
-class HardeningFlowLaw(FlowLaw):
-    """Plastic flow with linear hardening, step by step.
 
-    Args:
-        isotropic: ⅔H_i (stress), not negative.
-        kinematic: ⅔H_k (stress), not negative; one of both is positive.
-    """
-
-    isotropic: Expr
-    kinematic: Expr
-    projects: ClassVar[bool] = False
-    carries_any_load: ClassVar[bool] = True
-
-    def hencky(self, old: Old) -> VonMisesLaw | HardeningLaw:
-        """With the radius γ + √⅔ H_i p̄."""
-        radius = self.yield_radius + math.sqrt(3 / 2) * self.isotropic * old[ACCUMULATED]
-        return HardeningLaw(self.bulk, self.shear, radius, self.isotropic, self.kinematic)
-
-    def back_stress(self, old: Old) -> Expr | None:
-        """⅔H_k p."""
-        return self.kinematic * old[STRAIN]
+@cache
+def flow_law(law: type[Law]) -> type[FlowLaw]:
+    """The flow of bodies of a law of total strain that is a projection on a yield set."""
+    return type(f"{law.__name__}Flow", (FlowLaw,), {"of": law, "dilates": law.dilates})
 
 
 @dataclass(frozen=True)
@@ -154,37 +124,55 @@ class Flow:
     Without it a body follows Hencky's law, and each level is one step from the virgin body.
 
     Args:
-        body: Its numbers.
+        body: Its numbers. Its law is a projection on a yield set (:attr:`Law.projects`), or the
+            body names the law of its flow as ``flow_law``, as :class:`Hardening` does.
 
     Raises:
-        InputError: If the body is none of these two.
+        InputError: If the body has no plastic flow, or has it already.
     """
 
-    body: VonMises | Hardening
+    body: Material
 
     def __post_init__(self) -> None:
-        if not isinstance(self.body, VonMises | Hardening):
+        projects = self.body.law.projects and not isinstance(self.body, Flow)
+        if all_elastic([self.body]) or not (projects or hasattr(self.body, "flow_law")):
             raise InputError(
-                f"{self.body!r} has no plastic flow to be remembered; give VonMises or Hardening."
+                f"{self.body!r} has no plastic flow to be remembered; give VonMises, Hill,"
+                " DruckerPrager, MohrCoulomb, Tresca or Hardening."
             )
 
     @property
-    def law(self) -> type[FlowLaw]:
-        """With hardening or without."""
-        return HardeningFlowLaw if isinstance(self.body, Hardening) else FlowLaw
+    def law(self) -> type[Law]:
+        """Of the flow."""
+        own: type[Law] | None = getattr(self.body, "flow_law", None)
+        return flow_law(self.body.law) if own is None else own
 
     @property
     def expansion(self) -> float:
         """Strain of a change of temperature by one degree (1/temperature)."""
-        return self.body.expansion
+        return float(getattr(self.body, "expansion", 0.0))
 
-    def parameters(self) -> dict[str, float]:
+    def parameters(self) -> Mapping[str, float]:
         """Those of the body."""
         return self.body.parameters()
 
+    def remembering(self) -> "Flow":
+        """Itself."""
+        return self
+
+    def in_plane_stress(self) -> "Flow | None":
+        """The same with σ_zz = 0; None where the body is not known there."""
+        flat = thin(self.body)
+        return None if flat is None else Flow(flat)
+
 
 def with_memory(material: Material) -> Material | None:
-    """A body that remembers its plastic flow, an elastic one as it is; None if it cannot."""
-    if isinstance(material, VonMises | Hardening):
-        return Flow(material)
-    return material if isinstance(material, Elastic | Flow) else None
+    """A body that remembers its plastic flow, an elastic one as it is; None if it cannot.
+
+    What a material says by a method ``remembering()`` comes first.
+    """
+    own = getattr(material, "remembering", None)
+    if own is not None:
+        found: Material | None = own()
+        return found
+    return Flow(material) if material.law.projects else None

@@ -155,6 +155,11 @@ class SheetLaw(QuadraticLaw):
         """Nothing."""
         return ufl.as_vector([0.0] * len(e))
 
+    def flow(self, e: Expr) -> Expr:
+        """Plastic strain of the strain e; across the plane it is what keeps the volume."""
+        p = super().flow(e)
+        return ufl.as_vector([p[0], p[1], -p[0] - p[1], p[3]])
+
 
 @dataclass(frozen=True, eq=False)
 class Sheet:

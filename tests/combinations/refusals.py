@@ -18,8 +18,6 @@ REFUSALS: Mapping[str, str] = {
         " beside it"
     ),
     "normals are averaged": f"{TO_COME}: obstacles that are made of planes",
-    "remembers no plastic flow": f"{TO_COME}: stages of dilating bodies",
-    "is not known in plane stress": f"{TO_COME}: stages of sheets",
     "cells are curved": f"{STAYS}: bounds are of the body that straight cells fill",
 }
 """Words of the sentence, and what the page says of them."""

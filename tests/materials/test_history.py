@@ -23,13 +23,15 @@ from perfplast_fenicsx import (
     l_plate,
     two_blocks,
 )
-from perfplast_fenicsx.materials import FlowLaw, Material
+from perfplast_fenicsx.materials import FlowLaw, Material, VonMisesLaw
 from tests.models import STEEL
 
 SHARP = NewtonOptions(tolerance=1e-12)
 
 
 class ScalarLaw(FlowLaw):
+    of = VonMisesLaw
+
     def history(self, m: int) -> Mapping[str, tuple[int, ...]]:
         return {"plastic_strain": ()}
 

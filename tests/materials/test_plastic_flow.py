@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from perfplast_fenicsx import Elastic, Flow, Hardening, InputError, VonMises
-from perfplast_fenicsx.materials import Material
+from perfplast_fenicsx import Elastic, Flow, Hardening, Hill, InputError, VonMises
+from perfplast_fenicsx.materials import DruckerPrager, Material, MohrCoulomb, Tresca
+from tests.materials.energy_cap import Foam
 from tests.materials.properties import Array, Point, check_all, deviator, strains
 from tests.models import STEEL
 
@@ -78,8 +79,58 @@ def test_impossible_hardening_is_named(isotropic: float, kinematic: float, named
         Hardening(2e5, 0.3, 400.0, isotropic, kinematic)
 
 
+GROUND = (
+    DruckerPrager(STEEL.young, 0.3, 200.0, 20.0, "compression"),
+    MohrCoulomb(STEEL.young, 0.3, 200.0, 20.0),
+    Tresca(STEEL.young, 0.3, 200.0),
+)
+ROLLED = Hill(STEEL.young, 0.3, 400.0, r33=1.6)
+
+
+@pytest.mark.parametrize("gdim", [2, 3])
+@pytest.mark.parametrize("body", [*GROUND, ROLLED, Foam(STEEL.young, 0.3, 300.0, 100.0)])
+def test_every_projection_has_its_flow(body: Material, gdim: int) -> None:
+    size = {2: 4, 3: 6}[gdim]
+    old = history(size)
+    old["plastic_strain"] = old["plastic_strain"] + np.r_[np.full(3, 1e-4), np.zeros(size - 3)]
+    flowing, hencky = Point(Flow(body), gdim=gdim, old=old), Point(body, gdim=gdim)
+    for e in strains([0.1 * YIELDS_AT, 2 * YIELDS_AT, 20 * YIELDS_AT], size, seed=5):
+        seen = e - old["plastic_strain"]
+        stress = flowing("stress", e)
+        assert np.allclose(
+            stress, hencky("stress", seen), rtol=1e-12, atol=1e-12 * abs(stress).max()
+        )
+        p = flowing("plastic_strain", e)
+        assert np.allclose(p, e - flowing("compliance", stress), rtol=0, atol=1e-12 * abs(e).max())
+        grown = flowing.number("accumulated_plastic_strain", e)
+        grown -= float(old["accumulated_plastic_strain"])
+        assert grown == pytest.approx(
+            math.sqrt(2 / 3) * np.linalg.norm(p - old["plastic_strain"]), abs=1e-12
+        )
+        # Fenchel: what the step stores and dissipates is the work of the stress less its conjugate
+        work = flowing.number("potential", e) + flowing.number("conjugate", stress)
+        assert work == pytest.approx(float(stress @ e), rel=1e-12)
+        # the stress maximises the work of the flow in the set, whose support function it is
+        flow = p - old["plastic_strain"]
+        assert flowing.number("dissipation", flow) == pytest.approx(
+            float(stress @ flow), rel=1e-9, abs=1e-12 * abs(work)
+        )
+
+
+def test_sheets_grow_thinner_as_they_flow() -> None:
+    old = history(4)
+    point = Point(Flow(STEEL).in_plane_stress(), gdim=2, old=old)
+    e = np.array([30 * YIELDS_AT, 5 * YIELDS_AT, 0.0, 4 * YIELDS_AT])
+    p, stress = point("plastic_strain", e), point("stress", e)
+    assert abs(p[:3].sum()) < 1e-12 * abs(p).max() and stress[2] == 0
+    elastic = e - point("compliance", stress)
+    assert np.allclose(p[[0, 1, 3]], elastic[[0, 1, 3]], rtol=0, atol=1e-12 * abs(e).max())
+    assert Flow(GROUND[0]).in_plane_stress() is None
+
+
 def test_what_cannot_flow_is_refused() -> None:
-    with pytest.raises(InputError, match=r"Elastic\(.*has no plastic flow to be remembered"):
-        Flow(Elastic(2e5, 0.3))  # type: ignore[arg-type]
+    for body in (Elastic(2e5, 0.3), Flow(STEEL)):
+        with pytest.raises(InputError, match=r"has no plastic flow to be remembered"):
+            Flow(body)
     assert isinstance(Flow(STEEL), Material)
     assert Flow(STEEL).expansion == STEEL.expansion

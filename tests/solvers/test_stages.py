@@ -32,6 +32,8 @@ from perfplast_fenicsx import (
     stage_path,
 )
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.materials import DruckerPrager, MohrCoulomb
+from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 
 YOUNG, YIELD, HARD, EXPANSION = 2e5, 300.0, 1e4, 1.2e-5
 STEEL = VonMises(YOUNG, 0.3, YIELD, EXPANSION)
@@ -134,6 +136,44 @@ def test_nothing_is_left_of_an_elastic_load(body: Elastic | Flow) -> None:
     for level, stress in zip(solved(problem, stages), stresses, strict=True):
         found = level.stress.x.array.reshape(-1, 6)
         assert np.allclose(found, stress * np.array([0, 0, -1, 0, 0, 0]), rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "ground",
+    [DruckerPrager(YOUNG, 0.1, 50.0, 30.0, "compression"), MohrCoulomb(YOUNG, 0.1, 50.0, 30.0)],
+)
+def test_ground_in_an_oedometer(ground: DruckerPrager | MohrCoulomb) -> None:
+    """Pressed between smooth walls it flows, and keeps their pressure where it is relieved.
+
+    Under the pressure q it flows once (1 + s)σ_h + (1 − s)q = b, and so far along
+    ((1 + s)/2, (1 + s)/2, s − 1) that ε_h stays zero.
+    """
+    sides = [
+        Surface(f"{axis}{side}", ("soil",), lambda x, i=i, side=side: x[i] == side)
+        for i, axis in enumerate("xyz")
+        for side in (0, 1)
+    ]
+    soil = structured_mesh(MPI.COMM_WORLD, [Box("soil", (0, 0, 0), (1, 1, 1), (2, 1, 1))], sides)
+    walls = [Support(f"{axis}{side}", axis) for axis in "xy" for side in (0, 1)]
+    held, pushed = [*walls, Support("z0", "z")], [Pressure("z1", 1.0, name="push")]
+    problem = Problem(soil, {"soil": Flow(ground)}, held, pushed)
+    stages = [Stage({"push": 600.0}, 2), Stage({"push": 200.0}), Stage({"push": 600.0})]
+    levels = solved(problem, stages)
+    sine, nu = 0.5, ground.poisson
+    bound = 2 * ground.cohesion * np.cos(np.pi / 6)
+    for level, push in zip(levels, (300.0, 600.0, 200.0, 600.0), strict=True):
+        most = max(push, 300.0 if level is levels[0] else 600.0)
+        across = (bound - (1 - sine) * most) / (1 + sine)
+        assert across < -nu / (1 - nu) * most
+        flow = -2 / (1 + sine) * (across * (1 - nu) + nu * most) / YOUNG
+        down = (-most - 2 * nu * across) / YOUNG - (1 - sine) * flow
+        relieved = most - push
+        across += nu / (1 - nu) * relieved
+        down += relieved * (1 - 2 * nu**2 / (1 - nu)) / YOUNG
+        found = level.stress.x.array.reshape(-1, 6)
+        expected = np.array([across, across, -push, 0, 0, 0])
+        assert np.allclose(found, expected, rtol=0, atol=1e-8 * push)
+        assert level.report.works["push"] == pytest.approx(-down, rel=1e-9)
 
 
 def test_contact_is_relieved_and_pushed_again() -> None:
