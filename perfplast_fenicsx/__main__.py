@@ -31,6 +31,7 @@ from perfplast_fenicsx.export.exported_files import export
 from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.case_schema import case_schema
+from perfplast_fenicsx.io.case.code_templates import TEMPLATES, templates_in_words
 from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.pictures.drawing_process import animate, plot
 from perfplast_fenicsx.report.beside import write_beside
@@ -266,6 +267,9 @@ def _command(comm: MPI.Intracomm, arguments: Sequence[str]) -> int:
             return about(comm, chosen.case, chosen.trust) if chosen.case else info(comm)
         if chosen.command == "materials":
             Terminal(comm).say(common_materials(chosen.units))
+            return SOLVED
+        if chosen.command == "template":
+            Terminal(comm).say(TEMPLATES[chosen.name] if chosen.name else templates_in_words())
             return SOLVED
         if chosen.command == "schema":
             return schema(comm, chosen.output)

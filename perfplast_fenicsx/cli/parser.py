@@ -12,6 +12,7 @@ from perfplast_fenicsx.cli.mesh_arguments import add_mesh
 from perfplast_fenicsx.cli.run_log import LEVELS
 from perfplast_fenicsx.cli.shell_completion import complete
 from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.io.case.code_templates import TEMPLATES
 from perfplast_fenicsx.materials.common import TABLE
 from perfplast_fenicsx.solvers.linear.option_trial import check_options
 from perfplast_fenicsx.units import SYSTEMS
@@ -266,6 +267,13 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         default=TABLE,
         help=f"as [units] system of a case file has it (default: {TABLE})",
     )
+    template = commands.add_parser(
+        "template",
+        help="show what a code asks of [design] and [[combination]], with clauses; no more",
+        description="Show tables for a case: which factors a check of a code asks for, and where"
+        " the code has them. Without a name, show the names.",
+    )
+    template.add_argument("name", choices=TEMPLATES, nargs="?", help="of the check")
     info = commands.add_parser(
         "info",
         parents=[scripts],

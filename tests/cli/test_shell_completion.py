@@ -25,6 +25,7 @@ LINES = {
         "materials",
         "info",
         "schema",
+        "template",
         "sweep",
         "export",
     },

@@ -119,6 +119,7 @@ def test_each_is_as_if_it_were_alone(
 
 
 GOOD = tables({"A": {"weight": 1.0}})
+HEATED = '[[temperature]]\nname = "heat"\non = "lower"\nchange = 1.0\n'
 
 
 @pytest.mark.parametrize(
@@ -133,6 +134,9 @@ GOOD = tables({"A": {"weight": 1.0}})
         tables({"..": {"weight": 1.0}}) + BOUNDS: "name = '..' is no name of a folder",
         tables({"": {"weight": 1.0}}) + BOUNDS: "name = '' is no name of a folder",
         tables({"A\\n": {"weight": 1.0}}) + BOUNDS: "is no name of a folder",
+        HEATED + tables({"A": {"heat": 1.0}}) + BOUNDS: "'heat' is no load: temperatures",
+        GOOD.replace("1.0", '"fill in: the code"') + BOUNDS: "weight is still to be filled in (the",
+        '[design]\nstrength = "fill in: B.8"\n' + BOUNDS: "strength is still to be filled in (B.8)",
         GOOD + GOOD + BOUNDS: "number 2: there are two combinations 'A'",
         GOOD + "[loading]\nvalues = [1.0]\n": "combinations are for limit loads and bounds",
         GOOD + '[loading]\ncontrol = "strength"\n': "this control seeks no load factor",

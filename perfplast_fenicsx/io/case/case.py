@@ -45,7 +45,7 @@ from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
-from perfplast_fenicsx.problem.declared.stage import Stage
+from perfplast_fenicsx.problem.declared.stage import Stage, called
 from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.problem import Problem
@@ -113,9 +113,11 @@ class Case:
         """
         strained = bool(self.initial) or any(a.interference and a.constant for a in self.contacts)
         with at(f"{self.path.name}, [[combination]] '{combination.name}'"):
-            loads = combination.of(self.loads)
             movers = (self.obstacles, self.contacts)
             held: list[Support | RigidSurface] = [*self.supports, *self.rigid]
+            moving = [called(one) for one in (*held, *self.obstacles) if _moves(one)]
+            strains = [getattr(one, "name", "") or one.on for one in self.initial]
+            loads = combination.of(self.loads, [*moving, *strains])
             elastic = all_elastic(self.materials.values())
             self.loading.check(Given(loads, held, *movers, strained, self.initial, elastic))
             return replace(
@@ -203,3 +205,8 @@ class Case:
         """The name of what solves a problem: an algorithm, or the interior point method."""
         direct = self.limit_method(problem) is LimitMethod.INTERIOR_POINT
         return str(LimitMethod.INTERIOR_POINT) if direct else self.method
+
+
+def _moves(one: Support | RigidSurface | Obstacle) -> bool:
+    """Whether it is moved by a given way."""
+    return one.moves if isinstance(one, Support | RigidSurface) else any(one.move)

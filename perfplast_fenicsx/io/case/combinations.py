@@ -1,12 +1,13 @@
 """``[[combination]]`` and ``[design]``: loads times factors, strengths divided by others."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from perfplast_fenicsx.controls.control import Control
 from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.io.case.code_templates import check_filled_in
 from perfplast_fenicsx.io.case.schema import Table, at, convert
 from perfplast_fenicsx.materials.laws import Material
 from perfplast_fenicsx.problem.declared.loads import Load
@@ -48,14 +49,24 @@ class Combination:
         if not any(self.factors.values()):
             raise InputError(f"'{self.name}' has no factor above 0; give one, or leave it out.")
 
-    def of(self, loads: Sequence[Load]) -> list[Load]:
+    def of(self, loads: Sequence[Load], idle: Collection[str] = ()) -> list[Load]:
         """The loads that act in it.
+
+        Args:
+            loads: Of the case.
+            idle: Names of what strains or moves the bodies, which changes no limit load.
 
         Raises:
             InputError: If there is none that is called as a factor is.
         """
         known = [called(load) for load in loads]
         for name in self.factors:
+            if name in idle and name not in known:
+                raise InputError(
+                    f"'{name}' is no load: temperatures, initial stresses, preloads and given"
+                    " motions change no limit load of bodies that flow, and have no factor; leave"
+                    " it out of factors."
+                )
             if name not in known:
                 raise InputError(f"there is no load '{name}'; {nearest(name, known)}")
         factors = [self.factors.get(name, 0.0) for name in known]
@@ -74,9 +85,11 @@ class DesignTable:
     Args:
         strength: Partial factor on yield stresses, cohesions and slopes of friction: a number for
             all bodies, or one for each, by its name; those that are not named keep theirs.
+        code: What factors of strengths and combinations are taken from, as results tell it.
     """
 
     strength: float | dict[str, float] = 1.0
+    code: str = ""
 
 
 def read_combinations(tables: Sequence[tuple[str, Table]]) -> list[Combination]:
@@ -90,6 +103,7 @@ def read_combinations(tables: Sequence[tuple[str, Table]]) -> list[Combination]:
     """
     found: list[Combination] = []
     for place, table in tables:
+        check_filled_in(table, place)
         one = convert(table, Combination, place)
         if one.name.casefold() in [other.name.casefold() for other in found]:
             raise InputError(f"{place}: there are two combinations '{one.name}'; rename one.")
@@ -127,7 +141,9 @@ def reduced(
     Raises:
         InputError: If a body is unknown, a factor none, or a material has no reduced strength.
     """
-    strength = convert(table, DesignTable, place).strength
+    check_filled_in(table, place)
+    design = convert(table, DesignTable, place)
+    strength = design.strength
     factors = strength if isinstance(strength, dict) else dict.fromkeys(materials, strength)
     found: dict[str, Material] = dict(materials)
     with at(place):
@@ -145,9 +161,15 @@ def reduced(
                 )
             found[body] = weaker(factor)
     changed = {body: factor for body, factor in factors.items() if factor != 1}
-    if not changed:
-        return found, ""
+    told = [_source(design.code)] if design.code else []
     if len(set(changed.values())) == 1 and len(changed) == len(materials):
-        return found, f"all strengths are divided by {next(iter(changed.values())):g}"
-    parts = [f"of '{body}' by {factor:g}" for body, factor in changed.items()]
-    return found, f"strengths are divided: {', '.join(parts)}"
+        told.insert(0, f"all strengths are divided by {next(iter(changed.values())):g}")
+    elif changed:
+        parts = [f"of '{body}' by {factor:g}" for body, factor in changed.items()]
+        told.insert(0, f"strengths are divided: {', '.join(parts)}")
+    return found, "; ".join(told)
+
+
+def _source(code: str) -> str:
+    """What is said of where factors are from."""
+    return f"factors are those of the case, which gives {code} for them; it is not checked here"

@@ -1,0 +1,109 @@
+"""Templates of ``[design]`` and ``[[combination]]`` by names of codes, and what is left open there.
+
+A template says which factors a check asks for and where its code has them. A number stands in it
+where a public source has it with standard and clause; what none has stays open, and a case in which
+something is still open is refused.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.schema import Table
+
+OPEN = "fill in: "
+"""What the value begins with where a template has no number; where to find it comes behind."""
+
+_HEAD = """\
+# A template, and no more: names of loads are those of the case, and whoever signs takes the
+# factors from the edition that applies. What begins with "fill in" has no public source that this
+# program could quote; a case in which it stands is refused.
+"""
+
+_TRESCA = """\
+# The code goes by Tresca's yield condition. In plane strain that is law = "mohr-coulomb" with
+# friction_angle = 0.0 and half the yield stress as cohesion. Elsewhere von Mises' condition with
+# sqrt(3)/2 of the yield stress lies inside of Tresca's: with the factor below times 1.1547 what is
+# carried for certain is carried by Tresca's condition too. With the factor itself it is the
+# collapse that holds for Tresca's: two runs bracket it.
+"""
+
+TEMPLATES: Mapping[str, str] = {
+    "en-13445-3-gpd": f"""\
+# EN 13445-3, Annex B (direct route): design check against global plastic deformation.
+{_HEAD}{_TRESCA}
+[design]
+code = "EN 13445-3, Annex B, global plastic deformation (template)"
+strength = "{OPEN}partial safety factor of the resistance, EN 13445-3, Annex B, of this check"
+
+[[combination]]
+name = "GPD"
+
+[combination.factors]
+pressure = "{OPEN}partial safety factor of the pressure, EN 13445-3, Annex B, of this check"
+weight = "{OPEN}partial safety factor of permanent actions, EN 13445-3, Annex B, of this check"
+""",
+    "asme-viii-2-limit-load": f"""\
+# ASME BPVC VIII-2, 5.2.3: limit-load analysis, by von Mises' condition.
+{_HEAD}# yield_stress of [material.NAME] is the strength that 5.2.3 prescribes for this analysis, so
+# that [design] divides by nothing. Further rows of the table, with live load, wind, earthquake and
+# snow, are further [[combination]]s.
+
+[design]
+code = "ASME BPVC VIII-2, 5.2.3, Table 5.4 (template)"
+
+[[combination]]
+name = "Table 5.4, design conditions"
+
+[combination.factors]
+pressure = "{OPEN}factor of P, ASME VIII-2, Table 5.4, design conditions, global"
+head = "{OPEN}factor of Ps (static head), ASME VIII-2, Table 5.4, design conditions, global"
+weight = "{OPEN}factor of D (dead weight), ASME VIII-2, Table 5.4, design conditions, global"
+""",
+    "en-1993-1-14": f"""\
+# EN 1993-1-14: resistance by a materially nonlinear analysis (MNA), von Mises' condition.
+{_HEAD}# 1.35 and 1.5: recommended values of EN 1990:2002, Table A1.2(B), expression (6.10); 1.0
+# where permanent actions are favourable. They are quoted in "Steel Buildings in Europe", part 10,
+# Table 2.1, which has gamma_M0 = 1.0 of EN 1993-1-1:2005, 6.1(1), too. National annexes may have
+# others.
+
+[design]
+code = "EN 1993-1-14, with EN 1990:2002, Table A1.2(B) (template)"
+strength = "{OPEN}gamma_M0 (EN 1993-1-1:2005, 6.1(1): 1.0) times the model factor of EN 1993-1-14"
+
+[[combination]]
+name = "1.35 G + 1.5 Q"
+factors = {{ permanent = 1.35, variable = 1.5 }}
+
+[[combination]]
+name = "1.0 G + 1.5 Q"
+factors = {{ permanent = 1.0, variable = 1.5 }}
+""",
+}
+"""By name, as TOML to be put into a case."""
+
+
+def check_filled_in(table: Table, place: str) -> None:
+    """Refuse what a template has left open.
+
+    Args:
+        table: Of a case.
+        place: Where it stands.
+
+    Raises:
+        InputError: If a value begins as :data:`OPEN`.
+    """
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            check_filled_in(value, f"{place}, {key}")
+        elif isinstance(value, str) and value.startswith(OPEN.strip()):
+            where = value.removeprefix(OPEN.strip()).strip() or "the number is missing"
+            raise InputError(
+                f"{place}: {key} is still to be filled in ({where}); give a number, by the edition"
+                " of the code that applies."
+            )
+
+
+def templates_in_words(names: Sequence[str] = tuple(TEMPLATES)) -> str:
+    """The names of templates with the first line of each."""
+    width = max(map(len, names))
+    return "\n".join(f"{name:{width}}  {TEMPLATES[name].splitlines()[0][2:]}" for name in names)

@@ -1,0 +1,78 @@
+"""Templates of codes: each is refused until all is filled in, and is read then."""
+
+import re
+import tomllib
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx import InputError, Support, VonMises
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.io.case.case_reader import case_of
+from perfplast_fenicsx.io.case.code_templates import OPEN, TEMPLATES
+from tests.models import case_text
+
+NAMES = {"en-13445-3-gpd", "asme-viii-2-limit-load", "en-1993-1-14"}
+
+
+def case(name: str, filled: float | None) -> tuple[Path, str]:
+    """Two blocks with a template, and with loads of the names that it has."""
+    text = TEMPLATES[name]
+    if filled is not None:
+        text = re.sub(f'"{OPEN}[^"]*"', str(filled), text)
+    factors = [one["factors"] for one in tomllib.loads(text)["combination"]]
+    steel = {"lower": VonMises(2e5, 0.3, 300.0), "upper": VonMises(2e5, 0.3, 300.0)}
+    blocks = {"builder": "stacked_blocks", "n": 1}
+    head = case_text(blocks, steel, [Support("bottom")]).partition("[[load]]")[0]
+    loads = "".join(
+        f'[[load]]\nname = "{load}"\non = "top"\npressure = 1.0\n'
+        for load in sorted({load for one in factors for load in one})
+    )
+    return Path("case.toml"), f'{head}{loads}{text}[loading]\ncontrol = "bounds"\n'
+
+
+def read(name: str, filled: float | None) -> list[str]:
+    """Remarks of the case."""
+    path, text = case(name, filled)
+    return list(case_of(path, text, tomllib.loads(text)).remarks)
+
+
+def test_names() -> None:
+    assert set(TEMPLATES) == NAMES
+
+
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_what_is_open_is_refused(name: str) -> None:
+    """With what is missing and where the code has it."""
+    with pytest.raises(InputError, match=r"is still to be filled in \(.*(EN|ASME).*\); give a"):
+        read(name, None)
+
+
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_filled_in_it_is_read(name: str) -> None:
+    """And its code is told with the results."""
+    (remark,) = read(name, 1.25)
+    assert tomllib.loads(TEMPLATES[name])["design"]["code"] in remark
+    assert remark.endswith("it is not checked here")
+
+
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_numbers_have_sources(name: str) -> None:
+    """No number that is not quoted in the comments, and none but those of EN 1990."""
+    numbers = re.findall(r"^(?!#).*= *(\d[\d.]*)", TEMPLATES[name], re.M)
+    assert bool(numbers) == (name == "en-1993-1-14")
+    told = [line for line in TEMPLATES[name].splitlines() if line.startswith("#")]
+    assert all(re.search(rf"\b{number}\b", "\n".join(told)) for number in numbers)
+
+
+def test_shown(comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["template"]) == SOLVED
+    listed = comm.bcast(capsys.readouterr().out)
+    assert all(name in listed for name in NAMES)
+    assert main(["template", "en-1993-1-14"]) == SOLVED
+    assert "Table A1.2(B)" in comm.bcast(capsys.readouterr().out)
+    assert main(["template", "en-1993-1-15"]) == BAD_INPUT
+    assert "en-1993-1-14" in comm.bcast(capsys.readouterr().err)
