@@ -175,7 +175,7 @@ def interaction(folder: ResultFolder, coarse: bool) -> list[Row]:
     )
     adaptation = Adaptation(QUICK, CELLS) if coarse else FOR_POLYGONS
     most = 3 if coarse else 12
-    found = envelope(problem, [push], [shove], most, APART, adaptation=adaptation)
+    found = envelope(problem, [[push], [shove]], most, APART, adaptation=adaptation)
     within, beyond = 0.0, 0.0
     for angle in range(91):
         v, h = math.cos(math.radians(angle)) * UNIT / SHEAR, math.sin(math.radians(angle))

@@ -1,4 +1,4 @@
-"""Which pairs of two loads are carried."""
+"""Which multiples of two or three loads are carried."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -14,15 +14,17 @@ from perfplast_fenicsx.problem.declared.stage import called
 
 @dataclass(frozen=True)
 class EnvelopeControl(OfBody):
-    """No loading: bounds of the set of pairs of two loads that are carried.
+    """No loading: bounds of the set of multiples of two or three loads that are carried.
 
     Args:
-        first: Names of the loads that the first number of a pair multiplies, or their surfaces
-            where they have none.
-        second: The same of the second number; constant loads are beside any pair.
-        until: Distance of the two polygons, relative, at which directions are enough.
+        first: Names of the loads that the first number multiplies, or their surfaces where they
+            have none.
+        second: The same of the second number; constant loads are beside any.
+        third: The same of a third number; without it there are two.
+        until: Distance of the two polygons, or polytopes, relative, at which directions are enough.
         directions: In which limit loads are bounded, at most.
-        around: Whether the numbers may be negative; without, they are from 0 on.
+        around: Whether the numbers may be negative, or the names of the loads whose number may;
+            without, they are from 0 on.
         limit_tolerance: How near each bound comes to the best of its kind on its mesh, relative,
             between 0 and 1.
 
@@ -35,9 +37,10 @@ class EnvelopeControl(OfBody):
 
     first: list[str]
     second: list[str]
+    third: list[str] | None = None
     until: float = 0.02
     directions: int = 12
-    around: bool = False
+    around: bool | list[str] = False
     limit_tolerance: float = 1e-4
 
     def __post_init__(self) -> None:
@@ -47,12 +50,26 @@ class EnvelopeControl(OfBody):
         if self.directions < 3:
             raise InputError(f"directions = {self.directions} is too few; give 3 or more.")
 
+    @property
+    def named(self) -> dict[str, list[str]]:
+        """The names of the loads of each number, by its key."""
+        two = {"first": self.first, "second": self.second}
+        return two if self.third is None else two | {"third": self.third}
+
+    @property
+    def signed(self) -> tuple[bool, ...]:
+        """Of each number whether it may be negative."""
+        if isinstance(self.around, bool):
+            return (self.around,) * len(self.named)
+        return tuple(bool({*names} & {*self.around}) for names in self.named.values())
+
     def check(self, given: Given) -> None:
-        """Refuse names of no load, loads of both or of neither, and obstacles that move."""
+        """Refuse names of no load, loads of several or of none, and obstacles that move."""
         given.require_load()
         given.refuse_moves()
         known = [called(load) for load in given.loads if not load.constant]
-        for key, names in (("first", self.first), ("second", self.second)):
+        signs = {} if isinstance(self.around, bool) else {"around": self.around}
+        for key, names in (self.named | signs).items():
             if not names:
                 raise InputError(f"{key} is empty; give the name of a load at least.")
             for name in names:
@@ -60,12 +77,14 @@ class EnvelopeControl(OfBody):
                     raise InputError(
                         f"{key} names '{name}', no load that grows; {nearest(name, known)}"
                     )
+        keys = " and ".join(self.named) if self.third is None else "first, second and third"
         for name in known:
-            if (name in self.first) == (name in self.second):
-                where = "in both first and second" if name in self.first else "in neither"
+            where = [key for key, names in self.named.items() if name in names]
+            if len(where) != 1:
+                said = f"in both {where[0]} and {where[1]}" if where else f"in none of {keys}"
                 raise InputError(
-                    f"the load '{name}' is {where}; give it in one of first and second, or"
-                    " constant = true to a load that stays."
+                    f"the load '{name}' is {said}; give it in one of {keys}, or constant = true to"
+                    " a load that stays."
                 )
 
     def find(self, run: Run) -> LimitLoad:
@@ -73,15 +92,14 @@ class EnvelopeControl(OfBody):
         growing = [load for load in run.problem.given.loads if not load.constant]
         found = envelope(
             run.problem,
-            [load for load in growing if called(load) in self.first],
-            [load for load in growing if called(load) in self.second],
+            [[load for load in growing if called(load) in names] for names in self.named.values()],
             directions=self.directions,
             until=self.until,
-            around=self.around,
+            around=self.signed,
             rtol=self.limit_tolerance,
             adaptation=run.adapt,
             monitor=run.record.direction,
             steps=run.record.interior,
         )
-        run.record.envelope(found, (" + ".join(self.first), " + ".join(self.second)))
+        run.record.envelope(found, [" + ".join(names) for names in self.named.values()])
         return replace(found.last.mesh, levelled_off=found.gap <= self.until)

@@ -191,7 +191,8 @@ def _collapse(limit: StoredLimit) -> str:
         reduced = "" if factor is None else f", strengths divided by F = {rounded_up(factor)}"
         return f"collapse mechanism of the constant loads{reduced}"
     if limit.envelope:
-        return f"collapse mechanism in the last direction, {limit.envelope['directions'][-1]:.4g}°"
+        last = ", ".join(f"{angle:.4g}°" for angle in limit.envelope["directions"][-1])
+        return f"collapse mechanism in the last direction, {last}"
     if limit.shakedown:
         return f"what a cycle leaves behind just above shakedown: {limit.shakedown['failure']}"
     if limit.standing:

@@ -144,7 +144,7 @@ class _Degree(TypedDict):
 
 class _Envelope(TypedDict):
     names: list[str]
-    directions: list[float]
+    directions: list[list[float]]
     gap: float | None
     rows: list[_Degree]
     in_words: str

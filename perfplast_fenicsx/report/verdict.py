@@ -87,16 +87,19 @@ def _of_strength(table: Mapping[str, Any]) -> Verdict:
 
 
 def _of_envelope(table: Mapping[str, Any]) -> Verdict:
-    """Which pairs of two loads are carried."""
-    one, other = table["names"]
+    """Which multiples of two or three loads are carried."""
+    letters = "abc"[: len(table["names"])]
+    times = [f"{a} times '{name}'" for a, name in zip(letters, table["names"], strict=True)]
+    noun, degrees = ("pair", "each degree") if len(letters) == 2 else ("triple", "every 5 degrees")
     says = (
-        f"A pair (a, b) is a times '{one}' and b times '{other}'. The inner polygon is the hull of"
-        " pairs that strict lower bounds prove; each side of the outer one is a mechanism of a"
-        " strict upper bound. path.csv has both for each degree."
+        f"A {noun} ({', '.join(letters)}) is {', '.join(times[:-1])} and {times[-1]}. The inner one"
+        f" is the hull of {noun}s that strict lower bounds prove; each side of the outer one is a"
+        f" mechanism of a strict upper bound. path.csv has both for {degrees}."
     )
+    first = "_".join([DIRECTIONS, *["000.00"] * (len(letters) - 1)]) + ".h5"
     proof = (
         f"What proves the bounds of each direction is in {DIRECTIONS}_ANGLE.h5, and proven anew by"
-        f" python3 -m perfplast_fenicsx.proof {DIRECTIONS}_000.00.h5 and so on."
+        f" python3 -m perfplast_fenicsx.proof {first} and so on."
     )
     mark: Mark = "proven" if table["gap"] is not None else "open"
     return Verdict(mark, table["in_words"], [says, proof])

@@ -74,7 +74,7 @@ def test_a_footing(
     if comm.rank == 0:
         with (folder / "path.csv").open(encoding="utf-8", newline="") as file:
             assert len(list(csv.DictReader(file))) == 91
-        for angle in limit["envelope"]["directions"]:
+        for (angle,) in limit["envelope"]["directions"]:
             proven = check(folder / f"direction_{angle:06.2f}.h5")
             assert not any(half.faults for half in proven.values())
         reader = ResultReader(folder)
@@ -118,6 +118,31 @@ def test_the_picture_of_a_rigid_footing(tmp_path: Path) -> None:
     assert rows[90]["carried"] <= 1.0 + 1e-9 <= rows[90]["not carried from"] + 2e-9
 
 
+@pytest.mark.serial
+def test_three_loads_of_a_rigid_footing(tmp_path: Path) -> None:
+    """V, H and M: proofs of each direction, rows, four views and the page."""
+    write_footing(tmp_path / "ground.msh", size=1.0)
+    head, tail = CASE[: CASE.index("[[support]]")], CASE[CASE.index("[loading]") :]
+    turn = '[[load]]\nname = "M"\non = "footing"\nmoment = 2.0\n'
+    text = head + RIGID + turn + tail.replace("pictures = false", "pictures = true")
+    text = text.replace('second = ["H"]', 'second = ["H"]\nthird = ["M"]\naround = ["M"]')
+    (tmp_path / "case.toml").write_text(text.replace("directions = 8", "directions = 4"))
+    main(["run", str(tmp_path / "case.toml"), "-o", str(tmp_path / "r"), "--report"])
+    table = json.loads((tmp_path / "r" / "summary.json").read_text())["limit"]["envelope"]
+    assert len(table["directions"]) == 4
+    for turned, risen in table["directions"]:
+        proven = check(tmp_path / "r" / f"direction_{turned:06.2f}_{risen:06.2f}.h5")
+        assert not any(half.faults for half in proven.values())
+    rows = {(row["angle"], row["elevation"]): row for row in table["rows"]}
+    assert len(rows) == 19 * 37
+    assert rows[0, 0]["carried"] <= 2 + math.pi <= rows[0, 0]["not carried from"]
+    assert (tmp_path / "r" / "envelope.png").stat().st_size > 10_000
+    page = (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
+    assert "A triple (a, b, c) is a times 'V', b times 'H' and c times 'M'." in page.replace(
+        "&#x27;", "'"
+    )
+
+
 @pytest.mark.parametrize(
     ("old", "new", "part"),
     [
@@ -125,6 +150,13 @@ def test_the_picture_of_a_rigid_footing(tmp_path: Path) -> None:
         ('first = ["V"]', 'first = ["W"]', "first names 'W', no load that grows"),
         ('second = ["H"]', 'second = ["V"]', "the load 'V' is in both first and second"),
         ('first = ["V"]\nsecond = ["H"]', 'first = ["V"]\nsecond = ["footing"]', "names 'footing'"),
+        ('second = ["H"]', 'second = ["H"]\nthird = ["H"]', "'H' is in both second and third"),
+        (
+            'second = ["H"]',
+            'second = ["H"]\naround = ["W"]',
+            "around names 'W', no load",
+        ),
+        ('second = ["H"]', 'second = ["H"]\nthird = []', "third is empty"),
         ("directions = 8", "directions = 2", "directions = 2 is too few"),
         ("until = 0.3", "until = 3.0", "until = 3.0 is not between 0 and 1"),
         ('name = "H"', 'name = "H"\nconstant = true', "second names 'H', no load that grows"),

@@ -13,7 +13,14 @@ from scipy.spatial import ConvexHull
 
 from perfplast_fenicsx import Force, InputError, Pressure, Problem, Support, Traction, VonMises
 from perfplast_fenicsx.limit_analysis import Envelope, envelope
-from perfplast_fenicsx.limit_analysis.body.interaction import _inner
+from perfplast_fenicsx.limit_analysis.body.proven_polytopes import (
+    farthest_apart,
+    inner_along,
+    outer_along,
+    rays_at,
+    spread,
+    to_begin_with,
+)
 from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from perfplast_fenicsx.pictures.envelope_picture import save_envelope
 from perfplast_fenicsx.problem.declared.loads import Load
@@ -58,18 +65,23 @@ def ellipse(angle: float) -> float:
     return Y / math.sqrt(a * a - a * b + b * b)
 
 
+def angles_of(found: Envelope) -> list[float]:
+    return [angle for (angle,) in found.directions]
+
+
 def is_around(found: Envelope, exact: Callable[[float], float], last: float) -> None:
     """An exact set is between the polygons of all rays up to one."""
-    for angle in [*np.arange(0.0, last + 0.25, 0.5), *found.directions]:
+    for angle in [*np.arange(0.0, last + 0.25, 0.5), *angles_of(found)]:
+        angle = float(angle)
         assert found.inner(angle) <= exact(angle) * (1 + 1e-9)
         assert found.outer(angle) >= exact(angle) * (1 - 1e-9)
 
 
 def is_closed(found: Envelope) -> None:
     """Both polygons end all around, and each pair that is carried is within every half-plane."""
-    assert found.around
+    assert all(found.signed)
     assert math.isfinite(found.gap)
-    for angle in np.arange(0.0, 360.0, 1.0):
+    for angle in np.arange(0.0, 360.0, 1.0).tolist():
         assert 0 < found.inner(angle) <= found.outer(angle) < math.inf
     beyond = found.carried @ found.sides[:, :2].T - found.sides[:, 2]
     assert (beyond <= 1e-9 * np.abs(found.sides[:, 2])).all()
@@ -79,21 +91,20 @@ def fits_the_ellipse(
     problem: Problem, along: Load, around: bool, until: float, path: Path
 ) -> Envelope:
     """An envelope that ends by itself with von Mises' ellipse between its polygons. Collective."""
-    told, most, last = list[float](), 48 if around else 20, 360 if around else 90
+    told, most, last = list[tuple[float, ...]](), 48 if around else 20, 360 if around else 90
     found = envelope(
         problem,
-        [ACROSS],
-        [along],
+        [[ACROSS], [along]],
         directions=most,
         until=until,
         around=around,
-        monitor=lambda angle, low, high: told.append(angle),
+        monitor=lambda angles, low, high: told.append(angles),
     )
     assert tuple(told) == found.directions
     assert len(told) < most
     assert found.gap <= until
     is_around(found, ellipse, last)
-    for angle in [*np.arange(0.0, last + 0.5, 0.5), *found.directions]:
+    for angle in [*np.arange(0.0, last + 0.5, 0.5), *angles_of(found)]:
         assert found.outer(angle) / found.inner(angle) <= (1 + until) * (1 + 1e-4)
     table = found.table()
     assert len(table) == last + 1
@@ -120,7 +131,7 @@ def test_loads_that_stay(cube: Problem) -> None:
     stays = Traction("z1", (0.0, 0.0, dead), constant=True)
     held = cube.given.supports
     problem = Problem(mesh, {"cube": STEEL}, held, [stays, ACROSS], degree=2)
-    found = envelope(problem, [ACROSS], [ALONG], directions=6, until=0.02)
+    found = envelope(problem, [[ACROSS], [ALONG]], directions=6, until=0.02)
     for a, b in found.carried:
         assert a * a - a * (b + dead) + (b + dead) ** 2 <= Y * Y * (1 + 1e-9)
     for p, q, r in found.sides:  # the support of the ellipse along (p, q)
@@ -137,7 +148,7 @@ def test_hulls_along_rays() -> None:
         points = random.normal(size=(random.integers(3, 9), 2)) + random.normal(size=2)
         points = np.vstack([points, -points[0] * random.uniform(0.5, 2)])
         angles = np.concatenate([np.linspace(0, 2 * np.pi, 400), np.arctan2(*points.T[::-1])])
-        reached = _inner(points, angles)
+        reached = inner_along(points, rays_at(np.degrees(angles)[:, None]))
         rays = np.column_stack([np.cos(angles), np.sin(angles)])
         met = np.isfinite(reached)
         ends = reached[met, None] * rays[met]
@@ -147,16 +158,55 @@ def test_hulls_along_rays() -> None:
         assert ((beyond @ edges[:, :2].T + edges[:, 2]).max(axis=1) > 0).all()
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("signed", [(False, False, False), (False, True, True), (True, True, True)])
+def test_an_octahedron(signed: tuple[bool, ...]) -> None:
+    """|a| + |b| + |c| ≤ 1 by its corners and faces, along rays in its faces' edges as well."""
+    angles = spread(signed, 5.0)
+    rays = rays_at(angles)
+    for axis, two in zip(rays.T, signed, strict=True):
+        assert (axis.min() < -0.99) == two
+        assert axis.min() > (-1.01 if two else -1e-12)
+    corners = np.array([s * row for row in np.eye(3) for s in (1.0, -1.0)] + [[0.0, 0.0, 0.0]])
+    allowed = corners[(corners > -0.5).all(axis=1) | np.array(signed)[np.argmax(abs(corners), 1)]]
+    faces = np.array([(x, y, z, 1.0) for x in (1, -1) for y in (1, -1) for z in (1, -1)])
+    sides = faces / np.sqrt(3)
+    exact = 1 / np.abs(rays).sum(axis=1)
+    np.testing.assert_allclose(inner_along(allowed, rays), exact, rtol=1e-9)
+    np.testing.assert_allclose(outer_along(sides, rays), exact, rtol=1e-9)
+    first = to_begin_with(signed)
+    assert len(first) == 3 + sum(signed) + 2 ** sum(signed)
+    gap, worst = farthest_apart(allowed, sides, signed, first)
+    assert gap == pytest.approx(0.0, abs=1e-9)
+    gap, worst = farthest_apart(allowed / 2, sides, signed, first)
+    assert gap == pytest.approx(1.0, rel=1e-9)
+    assert worst is not None
+    assert (rays_at(first) @ rays_at(worst[None])[0]).max() < math.cos(math.radians(0.9))
+
+
+@pytest.mark.parametrize(("around", "parts"), [((False, False), 1), ((True, False), 2)])
+def test_numbers_of_either_sign(around: tuple[bool, bool], parts: int, cube: Problem) -> None:
+    """A quarter or half of the ellipse, and what is refused."""
+    with pytest.raises(InputError, match="is not one of each of 3"):
+        envelope(cube, [[ACROSS], [ALONG], [ALONG]], around=around)
+    with pytest.raises(InputError, match="an envelope of 1 numbers cannot be made"):
+        envelope(cube, [[ACROSS]])
+    found = envelope(cube, [[ACROSS], [ALONG]], directions=4 + parts, around=around)
+    turns = [row["angle"] for row in found.table()]
+    assert (turns[0], turns[-1]) == (0.0, 90.0 * parts)
+    is_around(found, ellipse, 90.0 * parts)
+
+
 def test_one_direction_alone_is_no_polygon(cube: Problem) -> None:
-    found = envelope(cube, [ACROSS], [ALONG], directions=1)
+    found = envelope(cube, [[ACROSS], [ALONG]], directions=1)
     assert found.gap == math.inf
-    assert found.inner(45.0) == -math.inf
+    assert abs(found.inner(45.0)) < 1e-12  # nothing is carried without a load, and no more known
     assert isinstance(found, Envelope)
 
 
 def test_constant_loads_are_not_multiplied(cube: Problem) -> None:
     with pytest.raises(InputError, match="is constant, but an envelope multiplies it"):
-        envelope(cube, [Traction("z1", (0.0, 0.0, 1.0), constant=True)], [ACROSS])
+        envelope(cube, [[Traction("z1", (0.0, 0.0, 1.0), constant=True)], [ACROSS]])
 
 
 def green(angle: float) -> float:
@@ -181,9 +231,9 @@ TURN = Force("strip", (), 0.2, point=(2.0, 1.0))
 
 
 def test_forces_on_a_rigid_footing() -> None:
-    found = envelope(footing(PUSH), [PUSH], [SHOVE], directions=5, until=0.01)
+    found = envelope(footing(PUSH), [[PUSH], [SHOVE]], directions=5, until=0.01)
     is_around(found, green, 90.0)
-    assert len(found.carried) == len(found.sides) == 5
+    assert len(found.carried) - 1 == len(found.sides) == 5  # and zero
     assert found.gap < 0.6  # of 256 cells
 
 
@@ -192,11 +242,28 @@ def test_forces_and_moments_on_a_rigid_footing(beside: bool) -> None:
     """V and M, or H and M beside a V that stays: closed, and as wide when what acts is mirrored."""
     if beside:
         stays = replace(PUSH, value=(0.0, -2.0), constant=True)
-        found = envelope(footing(SHOVE, stays), [SHOVE], [TURN], 6, around=True)
+        found = envelope(footing(SHOVE, stays), [[SHOVE], [TURN]], 6, around=True)
         mirrored = 180.0
     else:
-        found = envelope(footing(PUSH), [PUSH], [TURN], 6, around=True)
+        found = envelope(footing(PUSH), [[PUSH], [TURN]], 6, around=True)
         mirrored = 0.0
     is_closed(found)
-    for angle in np.arange(0.0, 360.0, 5.0):
+    for angle in np.arange(0.0, 360.0, 5.0).tolist():
         assert found.inner(angle) <= found.outer(mirrored + (angle if beside else -angle))
+
+
+def test_forces_and_a_moment_on_a_rigid_footing(tmp_path: Path) -> None:
+    """V, H and M: Green's curve at M = 0, and as wide when what acts is mirrored."""
+    given = [[PUSH], [SHOVE], [TURN]]
+    found = envelope(footing(PUSH), given, 9, around=(False, True, True))
+    assert math.isfinite(found.gap)
+    beyond = found.carried @ found.sides[:, :3].T - found.sides[:, 3]
+    assert (beyond <= 1e-9 * np.abs(found.sides[:, 3])).all()
+    for angle in np.arange(0.0, 91.0, 10.0).tolist():
+        for rise in (-60.0, -30.0, 0.0, 30.0, 60.0):
+            assert 0 < found.inner(angle, rise) <= found.outer(-angle, -rise) < math.inf
+        assert found.inner(angle, 0.0) <= green(angle) * (1 + 1e-9)
+        assert found.outer(angle, 0.0) >= green(angle) * (1 - 1e-9)
+    assert "All triples inside of one polytope" in found.in_words()
+    save_envelope(found.table(), ("V", "H", "M"), "A footing", tmp_path / "envelope.png", True)
+    assert (tmp_path / "envelope.png").stat().st_size > 10_000

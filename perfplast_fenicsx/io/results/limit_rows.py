@@ -16,8 +16,9 @@ def limit_rows(summary: Summary) -> list[dict[str, Any]]:
         ``kinematic`` of its limit load, of the last mesh alone; ``body_lower`` and ``body_upper``,
         the best bounds of the bodies so far; ``seconds`` since the first began. Of a factor of
         safety, each ``factor`` with strict bounds, ``lower`` and ``upper``, of how many times the
-        loads are carried. Of an envelope, each ``angle`` (degrees) with how far pairs are
-        ``carried``, and ``not carried from`` where on. Of a diagram of shakedown, each ``angle``
+        loads are carried. Of an envelope, each ``angle`` (degrees), with three numbers
+        ``elevation`` as well, with how far all is ``carried``, and ``not carried from`` where on.
+        Of a diagram of shakedown, each ``angle``
         with the factors ``first`` and ``second`` to which bodies shake down, and its ``failure``.
     """
     limit = summary.limit or {}

@@ -16,7 +16,7 @@ EXPORTED = "export"
 
 PROOF = "bounds.h5"
 DIRECTIONS = "direction"
-"""What the names of the proof files of an envelope begin with, before the angle (degrees)."""
+"""What the names of the proof files of an envelope begin with, before the angles (degrees)."""
 
 STANDS, FALLS = "stands.h5", "falls.h5"
 """What proves a factor of safety: a stress with the strengths of the lower one, a velocity with

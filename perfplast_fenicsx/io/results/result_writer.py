@@ -23,7 +23,7 @@ from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, PROOF, 
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.body.interaction import Envelope
+from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Envelope
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
@@ -196,17 +196,18 @@ class ResultWriter:
             self.results.summary.limit = limit | told
             self.results.write()
 
-    def write_direction(self, angle: float, low: BodyBounds, high: BodyBounds) -> None:
+    def write_direction(self, angles: Angles, low: BodyBounds, high: BodyBounds) -> None:
         """Write what proves the bounds in a direction of an envelope. Collective.
 
         Raises:
             InputError: On every rank, if the system refuses.
         """
         with self.results.timed("output"):
-            self._prove(f"{DIRECTIONS}_{angle:06.2f}.h5", *proofs(low, high))
+            name = "_".join([DIRECTIONS, *(f"{angle:06.2f}" for angle in angles)])
+            self._prove(f"{name}.h5", *proofs(low, high))
 
-    def write_envelope(self, found: Envelope, names: tuple[str, str]) -> None:
-        """Write which pairs of two loads are carried, and the last mechanism. Collective.
+    def write_envelope(self, found: Envelope, names: Sequence[str]) -> None:
+        """Write which multiples of loads are carried, and the last mechanism. Collective.
 
         Raises:
             InputError: On every rank, if the system refuses; what was there before is whole.
