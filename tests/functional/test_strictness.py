@@ -93,6 +93,17 @@ def test_random_bodies(shared_tmp_path: Path, seed: int, dim: int) -> None:
         assert highest - lowest <= 3e-4 * exact
 
 
+def test_what_enters_beside_slow_velocities_is_seen(shared_tmp_path: Path) -> None:
+    """A body at rest that others enter by 1e-11 of the velocities there, and 1e-19 of the most."""
+    it, path = stack(7, 2), shared_tmp_path / "stack.msh"
+    if COMM.rank == 0:
+        write_stack(path, it)
+    COMM.barrier()
+    bounds = limit_bounds(problem_of(it, read_gmsh(COMM, path))[0], 1e-3)
+    assert bounds.strict
+    assert proofs_hold(bounds, shared_tmp_path) == {"lower", "upper"}
+
+
 def pressed(seed: int, path: Path) -> Pressed:
     """Glued layers, sliding ones in the plane and in space, or a square that is squeezed."""
     kind = seed % 4

@@ -28,7 +28,10 @@ from perfplast_fenicsx.limit_analysis import (
     strict_upper_bound,
     without_entering,
 )
-from perfplast_fenicsx.limit_analysis.facets.entering import entering_between_nodes
+from perfplast_fenicsx.limit_analysis.facets.entering import (
+    entered_share,
+    entering_between_nodes,
+)
 from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import composite_vertex_rule
 from perfplast_fenicsx.limit_analysis.velocity.resting_bodies import let_rest
 from perfplast_fenicsx.materials import deviator
@@ -81,9 +84,33 @@ def test_a_body_whose_rounding_another_gives_way_to_keeps_it() -> None:
     v, slow = fem.Function(problem.V), 1e-14
     values = v.x.array.reshape(problem.fixed.shape)
     values[upper, 2] = slow
-    values[~upper, 2] = slow + (height[~upper] - low)  # the seam with it, the bottom falls
+    depth = np.round(low - height[~upper], 6)  # none at the seam, not even by rounding
+    values[~upper, 2] = slow - depth  # the seam with it, the bottom falls
     let_rest(problem, v)
     assert (values[upper, 2] > slow / 2).all()
+
+
+def test_others_give_way_to_a_body_at_rest_that_they_would_enter() -> None:
+    """By their rounding, where it enters as much itself, beside the slow velocities there."""
+    problem = blocks_in_space()
+    bodies, height = problem.bodies, problem.V.tabulate_dof_coordinates()[:, 2]
+    upper = bodies.of_node == problem.comm.allreduce(int(bodies.of_node.max()), MPI.MAX)
+    low = problem.comm.allreduce(float(height[upper].min(initial=np.inf)), MPI.MIN)
+    v, rounding = fem.Function(problem.V), 1e-15
+    values = v.x.array.reshape(problem.fixed.shape)
+    values[upper, 2] = -rounding
+    values[~upper, 2] = rounding + (height[~upper] - low)  # the seam, where the bottom falls
+    away = 1e-6 * (1 + height)  # along the seam all are slow, and the largest velocity is far off
+    values[~upper, 0] = away[~upper]
+    before = entered_share(problem, v)
+    assert before is not None
+    assert before > 1e-10
+    assert entering_between_nodes(problem, v)
+    let_rest(problem, v)
+    assert (values[upper] == 0).all()
+    assert (values[~upper, 0] == away[~upper]).all()
+    assert entered_share(problem, v) == pytest.approx(0, abs=1e-13)
+    assert not entering_between_nodes(problem, v)
 
 
 @pytest.mark.parametrize("tdim", [1, 2, 3])

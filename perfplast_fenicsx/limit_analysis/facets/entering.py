@@ -14,21 +14,25 @@ from petsc4py import PETSc
 import numpy as np
 from dolfinx import fem, la
 
-from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.formulations.tangential_rows import tangential_rows
 from perfplast_fenicsx.contact.rows.constraints import stacked
 from perfplast_fenicsx.contact.rows.jump_basis import make_basis
 from perfplast_fenicsx.limit_analysis.facets.contact_facets import ContactFacets, contact_facets
+from perfplast_fenicsx.limit_analysis.facets.contact_strength import strength_of
+from perfplast_fenicsx.limit_analysis.facets.face_jumps import (
+    SAME,
+    UNSEEN,
+    at_nodes,
+    face_jumps,
+    flat_faces,
+    has_pair,
+    rows_of,
+)
 from perfplast_fenicsx.limit_analysis.facets.facet_contact import with_facet_contact
 from perfplast_fenicsx.limit_analysis.facets.matched_facets import matched_facets
-from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
-from perfplast_fenicsx.rounding import ROUNDING
-
-SAME = 1e-9
-"""Normals whose components differ by less are the same."""
-
 
 CURVED = "on curved contact surfaces normals are averaged, or are those of a curved obstacle"
 
@@ -46,48 +50,48 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
     """
     if problem.constraints.in_mean or problem.given.ties:
         return [IN_MEAN]
-    if not problem.num_pairs:
-        return []
-    faces = flat_faces(problem)
-    facets = contact_facets(problem)
-    if faces is None or not _are_flat(problem, facets, faces):
-        return _entering_facets(problem, velocity)
-    jumps = problem.constraints.jumps(velocity.x.petsc_vec)
-    nodes = facets.nodes
-    _, paired = at_nodes(problem, jumps, np.ones(len(jumps), dtype=bool))
-    entered = 0.0
-    for face in faces:
-        jump, known = at_nodes(problem, jumps, rows_of(problem, face))
-        kept = ~paired & (problem.fixed | (np.abs(face[1:]) <= SAME)).all(axis=1)
-        here = known[nodes].any(axis=1) & (known | kept)[nodes].all(axis=1)
-        entered = max(entered, float(jump[nodes[here]].max(initial=0)))
-        if problem.degree == 2:
-            w = jump[facets.edges(here)]
-            entered = max(entered, float((2 * w[:, 0] - w[:, 1:].mean(axis=1)).max(initial=0)))
-    return _if_entered(problem, velocity, entered)
-
-
-def _if_entered(problem: Problem, velocity: fem.Function, entered: float) -> list[str]:
-    """Words for what a velocity enters by, if that is more than rounding. Collective."""
-    comm = problem.comm
-    largest = comm.allreduce(float(np.abs(velocity.x.array).max(initial=0)), MPI.MAX)
-    return [ENTERS] if comm.allreduce(entered, MPI.MAX) > ROUNDING * largest else []
-
-
-def _entering_facets(problem: Problem, velocity: fem.Function) -> list[str]:
-    """The same where normals are averaged: of each facet and that opposite it. Collective."""
-    matched = None if problem.given.obstacles else matched_facets(problem, velocity)
-    if matched is None or problem.friction.count:
+    share = entered_share(problem, velocity)
+    if share is None:
         return [CURVED]
-    entered = [float(facets.coefficients().max(initial=0)) for facets in matched]
-    return _if_entered(problem, velocity, max(entered, default=0.0))
+    return [ENTERS] if share > UNSEEN else []
+
+
+def entered_share(
+    problem: Problem, velocity: fem.Function, *, rubbing: bool = False
+) -> float | None:
+    """The largest share that enters of the velocities at a facet and opposite it. Collective.
+
+    Args:
+        problem: The bodies and their contact, on straight cells.
+        velocity: Its ghosts up to date.
+        rubbing: Whether surfaces with Coulomb's friction that part by too little for their slip
+            count as entering.
+
+    Returns:
+        The share; None where surfaces are curved and normals averaged.
+    """
+    if not problem.num_pairs:
+        return 0.0
+    faces, comm = flat_faces(problem), problem.comm
+    if faces is None or not _are_flat(problem, contact_facets(problem), faces):
+        matched = None if problem.given.obstacles else matched_facets(problem, velocity)
+        if matched is None or problem.friction.count:
+            return None
+        mine = max((facets.entered() for facets in matched), default=0.0)
+    else:
+        strengths = [strength_of(source) for source in problem.constraints.sources]
+        shares = (
+            face.entered(strengths[face.source].friction if rubbing else 0.0)
+            for face in face_jumps(problem, velocity)
+        )
+        mine = max(shares, default=0.0)
+    return float(comm.allreduce(mine, MPI.MAX))
 
 
 def _are_flat(problem: Problem, facets: ContactFacets, faces: Floats) -> bool:
     """Whether the pairs around each facet have its normal. Collective."""
     nodes = facets.nodes
-    none = np.zeros(len(problem.constraints.host))
-    _, paired = at_nodes(problem, none, np.ones(len(none), dtype=bool))
+    none, paired = np.zeros(len(problem.constraints.host)), has_pair(problem)
     seen = ~paired[nodes].any(axis=1)
     for face in faces:
         _, known = at_nodes(problem, none, rows_of(problem, face))
@@ -173,56 +177,6 @@ def without_entering(problem: Problem) -> Problem | None:
         basis=basis,
         friction=friction.at(basis.sliding),
     )
-
-
-@once_a_problem
-def flat_faces(problem: Problem) -> Floats | None:
-    """Rows (number of the contact, normal) that pairs have; None if they are too many to be flat.
-
-    Collective.
-    """
-    constraints = problem.constraints
-    mine = _distinct(np.column_stack([constraints.surface, constraints.normal]))
-    most_faces = 64  # directions of contact beyond which surfaces count as curved
-    faces = _distinct(np.concatenate(problem.comm.allgather(mine[: most_faces + 1])))
-    return faces if len(faces) <= most_faces else None
-
-
-def rows_of(problem: Problem, face: Floats) -> PairFlags:
-    """Pairs of a flat face."""
-    rows = np.column_stack([problem.constraints.surface, problem.constraints.normal])
-    return np.asarray((np.abs(rows - face) <= SAME).all(axis=1))
-
-
-def _distinct(rows: Floats) -> Floats:
-    """One of each kind of rows that are the same but for rounding."""
-    _, first = np.unique(np.round(rows / SAME / 100), axis=0, return_index=True)
-    return rows[first]
-
-
-def at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats, PairFlags]:
-    """Jumps of the chosen pairs at all their nodes, and which nodes those are. Collective.
-
-    Returns:
-        For each local node, ghosts too; 0 and False at others.
-    """
-    shares = problem.constraints.shares
-    on_nodes, on_rows = shares.createVecs()
-
-    def summed(values: Floats) -> Floats:
-        on_rows.array[:] = values
-        shares.multTranspose(on_rows, on_nodes)
-        sums = la.vector(problem.V.dofmap.index_map, 1)
-        sums.array[: on_nodes.getLocalSize()] = on_nodes.array_r
-        sums.scatter_forward()
-        return np.array(sums.array, dtype=np.float64)
-
-    jump, weight = summed(np.where(chosen, jumps, 0.0)), summed(chosen.astype(np.float64))
-    for thing in (on_nodes, on_rows):
-        thing.destroy()
-    known: PairFlags = weight > 0
-    jump[known] /= weight[known]
-    return jump, known
 
 
 def _summed(problem: Problem, values: Floats) -> Floats:

@@ -12,6 +12,7 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
 from perfplast_fenicsx.limit_analysis.facets.contact_facets import contact_facets
+from perfplast_fenicsx.limit_analysis.facets.face_jumps import least_speed
 from perfplast_fenicsx.limit_analysis.facets.facing_vertices import REACH, facing_vertices, fit
 from perfplast_fenicsx.parallel import bounding_box
 from perfplast_fenicsx.problem.problem import Problem
@@ -28,6 +29,7 @@ class MatchedFacets:
         held_second: The same of the nodes opposite.
         normals: Unit normals out of the primary body, shape (n, d).
         jumps: u_first − u_second (length) of a displacement, shape (n, num_nodes, d).
+        speeds: Its largest component on both, or :func:`face_jumps.least_speed`, shape (n,).
     """
 
     first: Longs
@@ -36,6 +38,7 @@ class MatchedFacets:
     held_second: npt.NDArray[np.bool_]
     normals: Floats
     jumps: Floats
+    speeds: Floats
 
     def edges(self) -> list[tuple[int, int]]:
         """Places of the vertices between which the midsides are, in their order."""
@@ -49,6 +52,12 @@ class MatchedFacets:
         for node, (a, b) in enumerate(self.edges(), start=self.normals.shape[1]):
             found[:, node] = 2 * along[:, node] - (along[:, a] + along[:, b]) / 2
         return found
+
+    def entered(self) -> float:
+        """The largest share of velocities that enters their facets, on this rank."""
+        most = self.coefficients().max(axis=1, initial=0.0)
+        found = np.divide(most, self.speeds, out=np.zeros_like(most), where=self.speeds > 0)
+        return float(found.max(initial=0.0))
 
 
 def matched_facets(
@@ -65,6 +74,7 @@ def matched_facets(
     """
     comm = problem.comm
     rows = _rows(problem, displacement)
+    slowest = 0.0 if displacement is None else least_speed(problem, displacement)
     found = []
     for contact in problem.given.contacts:
         tags = [problem.tagged_mesh.surfaces[it] for it in (contact.primary, contact.secondary)]
@@ -92,6 +102,7 @@ def matched_facets(
                 opposite(b["held"]),
                 a["normal"],
                 a["u"] - opposite(b["u"]),
+                np.maximum(np.abs(np.stack([a["u"], b["u"]])).max(axis=(0, 2, 3)), slowest),
             )
         )
     return found

@@ -1,10 +1,19 @@
-"""Bodies that stay where they are while others collapse, whose velocities are rounding."""
+"""What moves by rounding alone: bodies that rest while others collapse, and what enters contact."""
 
 from mpi4py import MPI
 
 import numpy as np
 from dolfinx import fem
 
+from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.limit_analysis.facets.contact_facets import contact_facets
+from perfplast_fenicsx.limit_analysis.facets.entering import entered_share
+from perfplast_fenicsx.limit_analysis.facets.face_jumps import (
+    UNSEEN,
+    face_jumps,
+    jump_vectors,
+    rows_of,
+)
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -12,7 +21,8 @@ def let_rest(problem: Problem, mechanism: fem.Function) -> None:
     """Set velocities of bodies that are rounding to zero, if they enter no more then. Collective.
 
     What such a body enters of what it touches is rounding beside other bodies, and much beside its
-    own velocities, by which it is judged. Where others give way to its rounding, it keeps that.
+    own velocities, by which it is judged. Where others give way to its rounding, it keeps that as
+    long as nothing is entered, and else they give way to it where it rests.
 
     Args:
         problem: The bodies.
@@ -27,27 +37,65 @@ def let_rest(problem: Problem, mechanism: fem.Function) -> None:
     rests = largest <= rounding * largest.max(initial=0.0)
     if not rests.any():
         return
-    entered, moving = _most_entered(problem, mechanism), v.copy()
+    entered, moving = _entered(problem, mechanism), v.copy()
     v[rests[bodies.of_node]] = 0.0
     # Beside the velocities there: a tenth of what may enter where it is judged.
     nothing = 1e-13
-    if _most_entered(problem, mechanism) > max(entered, nothing):
-        v[:] = moving
+    if _entered(problem, mechanism) <= max(min(entered, UNSEEN), nothing):
+        return
+    if entered > UNSEEN:
+        part(problem, mechanism, ~problem.fixed & ~rests[bodies.of_node][:, None])
+        if _entered(problem, mechanism) <= UNSEEN:
+            return
+    v[:] = moving
 
 
-def _most_entered(problem: Problem, velocity: fem.Function) -> float:
-    """The largest jump into another body, beside the velocities on both sides. Collective."""
-    # Velocities count as so much of the largest at least, as where they are judged.
-    slowest = 1e-8
-    comm, constraints = problem.comm, problem.constraints
-    sizes = np.abs(velocity.x.array.reshape(problem.fixed.shape)).max(axis=1, initial=0.0)
-    fastest = comm.allreduce(float(sizes.max(initial=0.0)), MPI.MAX)
-    at_nodes, at_pairs = constraints.shares.createVecs()
-    at_nodes.array[:] = sizes[: at_nodes.local_size]
-    constraints.shares.mult(at_nodes, at_pairs)
-    beside = np.maximum(at_pairs.array_r, slowest * fastest)
-    jumps = constraints.jumps(velocity.x.petsc_vec)
-    share = np.divide(jumps, beside, out=np.zeros_like(jumps), where=beside > 0)
-    for vector in (at_nodes, at_pairs):
+def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
+    """Move what enters contact out of it, where that is by rounding. Collective.
+
+    Args:
+        problem: The bodies and their contact, on straight cells.
+        mechanism: A velocity, its ghosts up to date; changed.
+        free: Components of local nodes that may change, shape (num_nodes, gdim).
+    """
+    constraints, gdim = problem.constraints, free.shape[1]
+    v, owned = mechanism.x.array.reshape(free.shape), problem.V.dofmap.index_map.size_local
+    on_nodes, on_rows = constraints.shares.createVecs()
+    room = np.zeros(len(constraints.host))  # |n|² of the components that may change, both sides
+    for axis in range(gdim):
+        on_nodes.array[:] = free[:owned, axis]
+        constraints.shares.mult(on_nodes, on_rows)
+        room += constraints.normal[:, axis] ** 2 * on_rows.array_r
+    rounds = 4  # of nodes at edges, where one pair makes room for another
+    for _ in range(rounds):
+        enters = np.divide(
+            _entering(problem, mechanism), room, out=np.zeros_like(room), where=room > 0
+        )
+        for axis in range(gdim):
+            on_rows.array[:] = enters * constraints.normal[:, axis]
+            constraints.weights.multTranspose(on_rows, on_nodes)
+            v[:owned, axis] -= np.where(free[:owned, axis], on_nodes.array_r, 0.0)
+        mechanism.x.scatter_forward()
+    for vector in (on_nodes, on_rows):
         vector.destroy()
-    return float(comm.allreduce(float(share.max(initial=0.0)), MPI.MAX))
+
+
+def _entering(problem: Problem, velocity: fem.Function) -> Floats:
+    """By how much each pair enters, at midsides as its Bernstein coefficient has it. Collective."""
+    constraints = problem.constraints
+    enters = np.einsum("ni,ni->n", jump_vectors(problem, velocity), constraints.normal)
+    facets, host = contact_facets(problem), constraints.host
+    for face in face_jumps(problem, velocity):
+        middle = np.zeros(len(problem.fixed), dtype=bool)
+        middle[facets.edges(face.here)[:, 0]] = True
+        chosen = rows_of(problem, np.append(face.source, face.normal)) & middle[host]
+        enters[chosen] = face.w[host[chosen]] @ face.normal / 2  # 2 w_m − (w_a + w_b)/2
+    found: Floats = np.maximum(enters, 0.0)
+    return found
+
+
+def _entered(problem: Problem, velocity: fem.Function) -> float:
+    """What enters where that can be told, relative to velocities there. Collective."""
+    if problem.constraints.in_mean or problem.given.ties:
+        return 0.0
+    return entered_share(problem, velocity, rubbing=True) or 0.0

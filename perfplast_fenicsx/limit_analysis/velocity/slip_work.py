@@ -1,6 +1,6 @@
 """What a mechanism dissipates where surfaces rub, from above, whatever its slip is between nodes.
 
-The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`entering`), whose
+The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`face_jumps`), whose
 polynomials are not negative and add up to 1. So ‖w_t‖ is at most the mean of the coefficients'
 norms with these weights, and ∫c‖w_t‖ at most c times the area times their plain mean. And w keeps
 to the cone w_n ≥ μ‖w_t‖ of Coulomb's friction that follows its normal if its coefficients do.
@@ -18,12 +18,11 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
 from perfplast_fenicsx.limit_analysis.facets.contact_facets import ContactFacets, contact_facets
 from perfplast_fenicsx.limit_analysis.facets.contact_strength import strength_of
-from perfplast_fenicsx.limit_analysis.facets.entering import (
-    ROUNDING,
-    SAME,
-    at_nodes,
+from perfplast_fenicsx.limit_analysis.facets.face_jumps import (
+    UNSEEN,
+    face_jumps,
     flat_faces,
-    rows_of,
+    has_pair,
 )
 from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.problem.problem import Problem
@@ -64,62 +63,46 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
     topology = problem.tagged_mesh.mesh.topology
     shares = np.zeros(topology.index_map(topology.dim).size_local)
     strengths = [strength_of(source) for source in problem.constraints.sources]
-    faces = flat_faces(problem)
-    if faces is None or not any(it.adhesion or it.friction for it in strengths):
+    flat = flat_faces(problem) is not None
+    if not flat or not any(it.adhesion or it.friction for it in strengths):
         return SlipWork(0.0, 0.0, (), shares)
     comm = problem.comm
     facets = contact_facets(problem)
     nodes, gdim = facets.nodes, facets.normals.shape[1]
     constraints = problem.constraints
-    _, paired = at_nodes(
-        problem, np.zeros(len(constraints.host)), np.ones(len(constraints.host), dtype=bool)
-    )
-    jumps = _jump_vectors(problem, velocity)
-    moves = ~paired & ~problem.fixed.all(axis=1)
+    moves = ~has_pair(problem) & ~problem.fixed.all(axis=1)
     unknown = bool(moves[nodes[_that_rub(problem, facets)]].any())
     sums, lacking = np.zeros(2), 0.0
-    for face in faces:
-        strength = strengths[int(face[0])]
+    for face in face_jumps(problem, velocity):
+        strength = strengths[face.source]
         if not (strength.adhesion or strength.friction):
             continue
-        chosen, normal = rows_of(problem, face), face[1:]
-        of = [at_nodes(problem, along, chosen) for along in jumps.T]
-        w, known = np.column_stack([values for values, _ in of]), of[0][1]
-        kept = ~paired & (problem.fixed | (np.abs(normal) <= SAME)).all(axis=1)
-        here = known[nodes].any(axis=1) & (known | kept)[nodes].all(axis=1)
-        moves = ~known & ~problem.fixed.all(axis=1)
-        unknown |= bool(moves[nodes[here]].any())
-        if problem.degree == 2:
-            middle, *ends = facets.edges(here).T
-            w[middle] = 2 * w[middle] - (w[ends[0]] + w[ends[1]]) / 2
-        enters = w @ normal
-        sizes = np.linalg.norm(w - enters[:, None] * normal, axis=1)
-        sides = 2 if constraints.sources[int(face[0])].inner else 1
-        owned = np.flatnonzero(here & (facets.areas > 0))
+        unknown |= bool(face.moves[nodes[face.here]].any())
+        sides = 2 if constraints.sources[face.source].inner else 1
+        mine = facets.areas > 0
+        owned, sizes = np.flatnonzero(face.here & mine), face.across[mine[face.here]]
         area, at = facets.areas[owned] / sides, nodes[owned]
-        lost = strength.adhesion * area * sizes[at].mean(axis=1)
+        lost = strength.adhesion * area * sizes.mean(axis=1)
         layers = area * facets.areas[owned] ** (-1 / (gdim - 1))
-        sums += lost.sum(), layers @ (sizes[at] ** 2).mean(axis=1)
+        sums += lost.sum(), layers @ (sizes**2).mean(axis=1)
         if stress is not None:
             cells, out = facets.cells[owned], facets.normals[owned]
             around = _others(gdim)[facets.sides[owned]]
             tractions = (
                 matrices(stress[cells[:, None], around])[..., :gdim, :gdim] @ out[:, None, :, None]
             )
-            towards = np.sign(out @ normal)
+            towards = np.sign(out @ face.normal)
             order = np.concatenate(
                 [np.tile(np.arange(gdim), (len(at), 1)), facets.middles[owned]], axis=1
             )
-            there = w[np.take_along_axis(at, order.astype(np.int64), axis=1)]
+            there = face.w[np.take_along_axis(at, order.astype(np.int64), axis=1)]
             means = np.einsum("fai,an,fni->f", tractions[..., 0], _means(at.shape[1], gdim), there)
             np.add.at(shares, cells, lost + towards * area * means)
         if strength.friction:
-            short = (strength.friction * sizes + enters)[nodes[here]]
-            lacking = max(lacking, float(short.max(initial=0.0)))
-    largest = comm.allreduce(float(np.abs(velocity.x.array).max(initial=0)), MPI.MAX)
+            lacking = max(lacking, face.entered(strength.friction))
     why = {
         UNKNOWN: comm.allreduce(unknown, MPI.LOR),
-        CLOSED: comm.allreduce(lacking, MPI.MAX) > ROUNDING * largest,
+        CLOSED: comm.allreduce(lacking, MPI.MAX) > UNSEEN,
     }
     found = tuple(words for words, is_so in why.items() if is_so)
     power, squares = comm.allreduce(sums)
@@ -168,22 +151,3 @@ def _means(num_nodes: int, gdim: int) -> Floats:
             share = ways * math.factorial(gdim - 1) / math.factorial(gdim - 1 + len(factors))
             found[a, column] = share * (2 if len(set(group)) > 1 else 1)
     return found
-
-
-def _jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
-    """The whole jumps of pairs, shape (num_pairs, gdim); along the normal positive if they enter.
-
-    Collective.
-    """
-    weights, gdim = problem.constraints.weights, problem.V.dofmap.index_map_bs
-    on_nodes, on_rows = weights.createVecs()
-    owned = problem.V.dofmap.index_map.size_local
-    values = velocity.x.array.reshape(-1, gdim)[:owned]
-    jumps = np.zeros((on_rows.getLocalSize(), gdim))
-    for axis in range(gdim):
-        on_nodes.array[:] = values[:, axis]
-        weights.mult(on_nodes, on_rows)
-        jumps[:, axis] = on_rows.array_r
-    for vector in (on_nodes, on_rows):
-        vector.destroy()
-    return jumps
