@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 from dolfinx import fem, la
+from dolfinx.common import IndexMap
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -75,22 +78,28 @@ class Bodies:
 def find_bodies(V: fem.FunctionSpace, kinematics: Kinematics) -> Bodies:
     """Label the bodies of V's mesh and measure them. Collective."""
     comm = V.mesh.comm
-    count, of_node = _components(V)
+    count, of_node = components(comm, V.dofmap.index_map, V.dofmap.list)
     x = V.tabulate_dof_coordinates()
     low, high = bounding_box(comm, x)
     size = float(np.linalg.norm(high - low))
     return Bodies(count, of_node, (low + high) / 2, size, V.mesh.geometry.dim, kinematics)
 
 
-def _components(V: fem.FunctionSpace) -> tuple[int, Ints]:
-    """Number of bodies, and the body of each local node.
+def components(comm: MPI.Intracomm, index_map: IndexMap, cells: Ints) -> tuple[int, Ints]:
+    """Which things of cells hang together: the number of pieces, and that of each. Collective.
 
-    Each rank finds its own pieces. A ghost node ties the piece it lies in here to the piece it lies
-    in on its owner: only these few ties are shared by all ranks.
+    Each rank finds its own pieces. A ghost ties the piece it lies in here to the piece it lies in
+    on its owner: only these few ties are shared by all ranks.
+
+    Args:
+        comm: The ranks.
+        index_map: Of the things: nodes, or facets.
+        cells: Local numbers of those that each local cell joins, shape (num_cells, n).
+
+    Returns:
+        The number of pieces, and the piece of each local thing, ghosts too.
     """
-    comm, index_map = V.mesh.comm, V.dofmap.index_map
     num_nodes = index_map.size_local + index_map.num_ghosts
-    cells = V.dofmap.list
     rows = np.repeat(cells[:, 0], cells.shape[1])
     ones = np.ones(cells.size, dtype=np.int8)
     graph = coo_array((ones, (rows, cells.reshape(-1))), shape=(num_nodes, num_nodes))

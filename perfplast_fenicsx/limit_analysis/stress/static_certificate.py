@@ -10,6 +10,7 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.cone_functions import yield_ratios
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
+from perfplast_fenicsx.limit_analysis.stress.piece_balance import largest_left
 from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram
 
 ROUNDING = 1e-10
@@ -24,7 +25,7 @@ class StaticCertificate:
     The first four are stresses relative to the least finite yield radius γ (without cohesion what
     the stress itself has in its place, −αp, where that is least) of the cells that each
     condition touches: of a cell itself and those that share its facets, of a facet those on both
-    sides; of tension, and where all of these are elastic, to the least γ of all. The next three
+    sides; of tension, and where all of these are elastic, to the least γ of all. The next four
     tell of the sum of all forces that are not balanced, since these could add up, or be borne by a
     body that is weaker than those in which they stand.
     :func:`perfplast_fenicsx.proof.lower.measure_stress` finds the like anew.
@@ -37,6 +38,8 @@ class StaticCertificate:
         tension: Largest pull on surfaces in contact.
         forces: The sum of the magnitudes of all forces without balance, a force.
         left_of_load: The same sum, relative to those of the loads of each kind at λ.
+        left_of_piece: The same sum of the cells that facets join, relative to the loads and forces
+            of contact on these; of several pieces the largest.
         left_of_strength: The same sum, relative to the least γV^((d − 1)/d) of all cells that can
             yield, V being the volume.
         overstress: By how much stresses exceed yield, relative, where that is largest, negative in
@@ -50,6 +53,7 @@ class StaticCertificate:
     tension: float
     forces: float
     left_of_load: float
+    left_of_piece: float
     left_of_strength: float
     overstress: float
 
@@ -63,14 +67,18 @@ class StaticCertificate:
         """Whether the stress is in equilibrium, but for rounding."""
         each = (self.equilibrium, self.traction, self.shear, self.tension)
         # All forces without balance together, relative to the loads: bounds are never sought nearer
-        # to each other than 1e-4, and this is a millionth of it.
-        left_of_load = 1e-10
+        # to each other than 1e-4, and this is half of a millionth of it: half of what is left to
+        # whoever checks it.
+        left_of_load = 5e-11
+        # The same of one piece, half of what is left to whoever checks it.
+        left_of_piece = 5e-11
         # All forces without balance together, relative to what the weakest cell can bear: even if
         # one cell had to bear them all, that would be a ten-millionth of its strength.
         left_of_strength = 1e-7
         return (
             all(value <= ROUNDING for value in each)
             and self.left_of_load <= left_of_load
+            and self.left_of_piece <= left_of_piece
             and self.left_of_strength <= left_of_strength
         )
 
@@ -123,7 +131,8 @@ def certify_stress(
     strength, radius = (-float(value) for value in largest[5:])
     forces = np.abs(residual)
     forces[:count][static.form.jumps] = np.maximum(residual[:count][static.form.jumps], 0.0)
-    sums: Floats = np.array([forces.sum(), static.loaded(load, aside)])
+    loaded = static.loaded(load, aside)
+    sums: Floats = np.array([forces.sum(), loaded.sum()])
     comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
     missing, whole = (float(value) for value in sums)
     certificate = StaticCertificate(
@@ -133,6 +142,7 @@ def certify_stress(
         tension=pull / radius,
         forces=missing,
         left_of_load=missing / whole if whole > 0 else float(missing > 0),
+        left_of_piece=_left_of_piece(static, forces, loaded, residual, cell_radii * sections),
         left_of_strength=missing / strength,
         overstress=over,
     )
@@ -163,6 +173,38 @@ def beside_mechanism(
         return lower
     why = "what rounding leaves of its balance does work on the mechanism"
     return replace(lower, of=Scope.MESH, why_not=(*lower.why_not, why))
+
+
+def _left_of_piece(
+    static: StaticProgram, forces: Floats, loaded: Floats, residual: Floats, strengths: Floats
+) -> float:
+    """Forces without balance of one piece beside what acts on it, the largest. Collective.
+
+    Args:
+        static: The conditions.
+        forces: Without balance, of each row.
+        loaded: Magnitudes of its loads.
+        residual: Of its balance, with what presses at jumps.
+        strengths: Forces that cells bear.
+    """
+    form, facets = static.form, static.form.strains.facets
+    count, pieces = facets.count, form.pieces
+    cells = np.maximum(facets.meet(np.ones(facets.of_cells.shape), across=False), 1.0)
+    pushes = np.where(form.jumps, np.maximum(-residual[:count], 0.0), 0.0)
+
+    def on_both(values: Floats) -> Floats:
+        """What is at unknowns, and at those opposite too."""
+        return np.maximum(values, facets.meet(facets.gather(values / cells)))
+
+    left, acts = on_both(forces[:count]), loaded[:count] + on_both(pushes)
+    inner, wide = (form.strains.inner(of) for of in (forces, loaded)), len(form.areas)
+    left, acts, borne = (
+        pieces.sums(at.reshape(wide, -1), inside)
+        for at, inside in zip(
+            (left, acts, np.zeros(count)), (*inner, strengths[:, None]), strict=True
+        )
+    )
+    return largest_left(left, acts, borne)
 
 
 def _weakness(static: StaticProgram, inverse: Floats) -> tuple[Floats, Floats]:

@@ -22,6 +22,7 @@ from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
 from perfplast_fenicsx.limit_analysis.stress.condensed_stiffness import CondensedStiffness
 from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains
+from perfplast_fenicsx.limit_analysis.stress.piece_balance import Pieces
 from perfplast_fenicsx.limit_analysis.stress.stress_form import StressForm
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -45,6 +46,7 @@ class StaticForm:
         jumps: Whether an owned facet unknown is a jump of contact, shape (num_unknowns,).
         pressed: Those of the vertices, on the axis too, where there is no pressure.
         slips: Whether it is a tangential one on a surface in contact that does not rub.
+        pieces: Cells that facets join.
     """
 
     comm: MPI.Intracomm
@@ -61,6 +63,7 @@ class StaticForm:
     jumps: npt.NDArray[np.bool_]
     pressed: npt.NDArray[np.bool_]
     slips: npt.NDArray[np.bool_]
+    pieces: Pieces
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
@@ -141,6 +144,7 @@ def static_form(problem: Problem) -> StaticForm:
         jumps=jumps.ravel(),
         pressed=pressed.ravel(),
         slips=slips.ravel() & ~held.ravel(),
+        pieces=Pieces.of(mesh, at.numbers),
     )
 
 

@@ -53,15 +53,15 @@ class StaticProgram:
         """
         return load * self.load + self.dead + aside * self.free
 
-    def loaded(self, load: float, aside: float) -> float:
-        """The sum of the magnitudes of all loads, each kind by itself, on this rank.
+    def loaded(self, load: float, aside: float) -> Floats:
+        """The magnitudes of all loads, those of each kind added up, of each row on this rank.
 
         Args:
             load: λ.
             aside: Factor of the loads of any factor.
         """
         kinds = (load * self.load, self.dead, aside * self.free)
-        return float(sum(np.abs(kind).sum() for kind in kinds))
+        return np.asarray(np.abs(kinds).sum(axis=0))
 
     def can_carry(self) -> bool:
         """Whether any stress is in equilibrium with the loads, pulling contact too. Collective.

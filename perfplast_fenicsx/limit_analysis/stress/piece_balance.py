@@ -1,0 +1,68 @@
+"""What is left of the balance of each piece of the bodies by itself, beside its own loads.
+
+Forces without balance that are rounding beside all loads may be all that holds a piece on which
+little acts, as where it is pressed against nothing. Cells are of one piece if facets join them.
+"""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+from dolfinx.mesh import Mesh
+
+from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetNumbers
+from perfplast_fenicsx.mesh.connected_bodies import components
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Cells that facets join.
+
+    Attributes:
+        comm: The ranks.
+        count: How many pieces there are.
+        of_facets: That of each local facet.
+        of_cells: That of each owned cell.
+    """
+
+    comm: MPI.Intracomm
+    count: int
+    of_facets: Ints
+    of_cells: Ints
+
+    @classmethod
+    def of(cls, mesh: Mesh, numbers: FacetNumbers) -> "Pieces":
+        """Find them. Collective."""
+        index_map = mesh.topology.index_map(mesh.topology.dim - 1)
+        count, of_facets = components(mesh.comm, index_map, numbers.facets)
+        return cls(mesh.comm, count, of_facets, of_facets[numbers.facets[:, 0]])
+
+    def sums(self, at_facets: Floats, in_cells: Floats) -> Floats:
+        """Sums of numbers over each piece, shape (count,). Collective.
+
+        Args:
+            at_facets: Of owned facets, shape (num_facets, n).
+            in_cells: Of owned cells, shape (num_cells, n).
+        """
+        found = np.zeros(self.count)
+        np.add.at(found, self.of_facets[: len(at_facets)], at_facets.sum(axis=1))
+        np.add.at(found, self.of_cells, in_cells.sum(axis=1))
+        self.comm.Allreduce(MPI.IN_PLACE, found, MPI.SUM)
+        return found
+
+
+def largest_left(forces: Floats, loads: Floats, borne: Floats) -> float:
+    """The largest share that forces without balance have of the loads of one piece.
+
+    Args:
+        forces: What each piece has without balance.
+        loads: What loads it, contact too; a piece without could be free of stress.
+        borne: What its cells can bear.
+    """
+    # Share of all loads whose rounding may be left in a piece, unless its cells bear less.
+    of_all = 1e-3
+    sizes = loads + of_all * np.minimum(loads.sum(), borne)
+    loaded = loads != 0
+    return float(np.max(forces[loaded] / sizes[loaded], initial=0.0))
