@@ -35,6 +35,7 @@ verify: environment
 	PERFPLAST_FUZZ=5 $(RUN) python3 -m pytest -q tests/functional/test_fuzz.py
 	PERFPLAST_FUZZ=50 $(RUN) python3 -m pytest -q tests/contact/test_clipping.py
 	PERFPLAST_EVERY_CASE=1 $(RUN) python3 -m pytest -q -m 'costly or long' tests
+	PERFPLAST_EVERY_CASE=1 $(RUN) python3 -m pytest -q -m 'not costly' tests/functional/test_demos.py
 	PERFPLAST_EVERY_CASE=1 $(RUN) mpirun -n 2 scripts/rank0 python3 -m pytest -q tests
 
 # CASES="start punch_16" chooses, ROUNDS=1 runs each once

@@ -1,9 +1,10 @@
 """Tests on several ranks: what fails on one fails on all, and nothing waits for long.
 
-Of a test with many cases one runs there, and of several files half of the tests of each, with those
-that are marked ``mpi3``; all where ``PERFPLAST_EVERY_CASE`` is set: what ranks exchange is the same
-in many, and what they differ in is asserted on one rank. Of those that are marked ``costly`` one
-case runs on one rank as well, and those that are marked ``long`` have their turn there alone.
+Of a test with many cases one runs there, and of several files a third of the tests of each, with
+those that are marked ``mpi3``; all where ``PERFPLAST_EVERY_CASE`` is set: what ranks exchange is
+the same in many, and what they differ in is asserted on one rank. Of those that are marked
+``costly`` one case runs on one rank as well, and those that are marked ``long`` have their turn
+there alone, or where ``-k`` chooses.
 
 After each phase of a test (set-up, call, tear-down) the ranks tell each other how it went, on a
 communicator of their own. Where it failed on some, it fails on all, with every traceback, and the
@@ -97,7 +98,7 @@ class Together:
         if not EVERY_CASE:
             kept = one_of_each([item for item in kept if not item.get_closest_marker("long")])
             if not self._config.getoption("keyword") and len({item.path for item in kept}) > 1:
-                kept = half_of_each_file(kept)
+                kept = third_of_each_file(kept)
         keep(self._config, items, kept)
 
     @pytest.hookimpl(trylast=True)
@@ -208,8 +209,8 @@ class Together:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """On one rank one case of each costly test is enough."""
-    if EVERY_CASE or MPI.COMM_WORLD.size > 1:
+    """On one rank one case of each costly test is enough, but for what is asked for by name."""
+    if EVERY_CASE or MPI.COMM_WORLD.size > 1 or config.getoption("keyword"):
         return
     short = [item for item in items if not item.get_closest_marker("long")]
     chosen = one_of_each([item for item in short if item.get_closest_marker("costly")])
@@ -233,14 +234,14 @@ def one_of_each(items: list[pytest.Item]) -> list[pytest.Item]:
     return [of[zlib.crc32(name.encode()) % len(of)] for name, of in cases.items()]
 
 
-def half_of_each_file(items: list[pytest.Item]) -> list[pytest.Item]:
-    """Every second test of each file, the first among them, and all that three ranks run."""
+def third_of_each_file(items: list[pytest.Item]) -> list[pytest.Item]:
+    """Every third test of each file, the first among them, and all that three ranks run."""
     turn: dict[Path, Iterator[bool]] = {}
     kept = []
     for item in items:
         if item.get_closest_marker("mpi3"):
             kept.append(item)
-        elif next(turn.setdefault(item.path, itertools.cycle([True, False]))):
+        elif next(turn.setdefault(item.path, itertools.cycle([True, False, False]))):
             kept.append(item)
     return kept
 

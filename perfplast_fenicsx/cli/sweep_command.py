@@ -21,7 +21,6 @@ from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import case_of, read_case
 from perfplast_fenicsx.io.case.variations import Variation, grid, read_variation, varied
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.pictures.sweep_curve import save_sweep
 
 TABLE, PICTURE = "sweep.csv", "sweep.png"
 """Files of a sweep, in the folder that has those of the cases."""
@@ -175,6 +174,9 @@ def _written(
     writer.writerows(rows)
     try:
         replace(output / TABLE, text.getvalue().encode())
+        # Matplotlib takes a fifth of the time in which other commands start.
+        from perfplast_fenicsx.pictures.sweep_curve import save_sweep
+
         if not save_sweep(rows, keys, title, output / PICTURE):
             log.info("no %s: values of '%s' are no numbers", PICTURE, keys[0])
     except OSError as error:

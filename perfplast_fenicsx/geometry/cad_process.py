@@ -14,8 +14,8 @@ from perfplast_fenicsx.child_process import (
     environment_with_package,
 )
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.geometry.geometry_file import check_file, check_trust
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
-from perfplast_fenicsx.geometry.parts import check_file, check_trust
 from perfplast_fenicsx.geometry.progress import last_of
 from perfplast_fenicsx.geometry.survey import Survey
 

@@ -12,8 +12,8 @@ from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.cad_process import mesh_geometry
+from perfplast_fenicsx.geometry.geometry_file import check_file, check_trust, is_script
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
-from perfplast_fenicsx.geometry.parts import check_file, check_trust, is_script
 from perfplast_fenicsx.geometry.survey import Survey
 
 READS_OTHERS = re.compile(rb"\b(Merge|Include|ShapeFromFile)\b")

@@ -14,6 +14,7 @@ from perfplast_fenicsx.geometry.cad_measures import worst_area
 from perfplast_fenicsx.geometry.face_colours import set_aside, take_back
 from perfplast_fenicsx.geometry.face_names import face_names
 from perfplast_fenicsx.geometry.free_faces import put_together
+from perfplast_fenicsx.geometry.geometry_file import is_script
 from perfplast_fenicsx.geometry.joints import box, cut_along_each_other, near_misses
 from perfplast_fenicsx.geometry.left_out_bodies import without
 from perfplast_fenicsx.geometry.measured import (
@@ -25,7 +26,7 @@ from perfplast_fenicsx.geometry.measured import (
     qualities,
 )
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
-from perfplast_fenicsx.geometry.parts import Part, is_script, read_parts
+from perfplast_fenicsx.geometry.parts import Part, read_parts
 from perfplast_fenicsx.geometry.progress import Stage, begin
 from perfplast_fenicsx.geometry.seams import find_seams, free_faces, take_apart
 from perfplast_fenicsx.geometry.sizes import USUAL, Sizes, most_elements

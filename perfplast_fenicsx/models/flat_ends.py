@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from perfplast_fenicsx.geometry.parts import unique_names
+from perfplast_fenicsx.geometry.part_names import unique_names
 from perfplast_fenicsx.models.foreign_model import ForeignModel
 from perfplast_fenicsx.models.outer_facets import NOWHERE, OuterFacets
 

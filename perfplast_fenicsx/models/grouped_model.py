@@ -3,7 +3,7 @@
 import numpy as np
 
 from perfplast_fenicsx.arrays import Longs
-from perfplast_fenicsx.geometry.parts import unique_names
+from perfplast_fenicsx.geometry.part_names import unique_names
 from perfplast_fenicsx.models.element_facets import ElementFacets
 from perfplast_fenicsx.models.foreign_model import ForeignModel
 from perfplast_fenicsx.models.grouped_mesh import GroupedMesh

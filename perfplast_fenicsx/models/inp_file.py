@@ -6,7 +6,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.geometry.parts import unique_names
+from perfplast_fenicsx.geometry.part_names import unique_names
 from perfplast_fenicsx.models.element_facets import ElementFacets
 from perfplast_fenicsx.models.element_types import AXIS, STRESS
 from perfplast_fenicsx.models.foreign_model import ForeignMaterial, ForeignModel

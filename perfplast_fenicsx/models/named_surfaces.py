@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from perfplast_fenicsx.arrays import Longs
-from perfplast_fenicsx.geometry.parts import unique_names
+from perfplast_fenicsx.geometry.part_names import unique_names
 
 
 class NamedSurfaces:

@@ -15,12 +15,10 @@ from matplotlib.figure import Figure
 
 from perfplast_fenicsx.pictures.history_curve import draw_history
 from perfplast_fenicsx.pictures.picture_file import replace_picture
+from perfplast_fenicsx.pictures.stored_limit import FAR
 from perfplast_fenicsx.problem.judged.report import LevelReport
 
 LINE, ELASTIC, LIMIT = "#3b6ea5", "#707070", "#d62020"
-
-FAR = 30.0
-"""Where α ends so many times above its first value, its axis is logarithmic."""
 
 
 class Bounds(Protocol):

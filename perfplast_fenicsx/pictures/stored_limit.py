@@ -5,6 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+FAR = 30.0
+"""Where α ends so many times above its first value, its axis is logarithmic."""
+
 
 @dataclass(frozen=True)
 class StoredLimit:

@@ -5,8 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from perfplast_fenicsx.pictures.loading_curve import FAR
-from perfplast_fenicsx.pictures.stored_limit import StoredLimit
+from perfplast_fenicsx.pictures.stored_limit import FAR, StoredLimit
 from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 

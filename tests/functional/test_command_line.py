@@ -428,6 +428,18 @@ def test_as_a_program(case: Path, comm: MPI.Intracomm) -> None:
     assert done.stderr.count("\n") == 1
 
 
+def test_it_starts_without_what_few_commands_need(comm: MPI.Intracomm) -> None:
+    """Libraries of meshers and pictures, which have processes of their own."""
+    if comm.size > 1:
+        pytest.skip("a program that uses MPI cannot start another")
+    program = (
+        "import sys, perfplast_fenicsx.__main__;"
+        "print({'gmsh', 'matplotlib', 'pyvista'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "set()\n")
+
+
 def test_live_line(
     case: Path, comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -162,6 +162,7 @@ def test_pages_do_what_they_show(tmp_path: Path, name: str, count: int) -> None:
     assert not faults, "\n".join([*faults, f"docs/commands.py docs/{name} --write refreshes it"])
 
 
+@pytest.mark.long
 def test_site(tmp_path: Path) -> None:
     for module in ("sphinx", "myst_parser", "furo"):
         if not importlib.util.find_spec(module):

@@ -16,8 +16,10 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey, mesher
 from perfplast_fenicsx.geometry.first_case import first_case
+from perfplast_fenicsx.geometry.geometry_file import check_file
 from perfplast_fenicsx.geometry.glued import Glued
-from perfplast_fenicsx.geometry.parts import Part, check_file, unique_names
+from perfplast_fenicsx.geometry.part_names import unique_names
+from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.survey import Body, Joint
 from perfplast_fenicsx.mesh import gmsh_session
 from tests.geometry.files import pin_in_plate, survey_of, write
@@ -256,6 +258,7 @@ def test_a_file_of_others_without_solids(shared_tmp_path: Path) -> None:
         survey_of(FOREIGN / "occ" / "face1.brep", shared_tmp_path / "out.msh")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not FOREIGN.exists(), reason="OpenCASCADE's data are not installed")
 def test_a_drawing_of_others_that_is_sewn(shared_tmp_path: Path) -> None:
     """Its round faces would take more cells than a first mesh may have: 2.4 % are missing."""
@@ -356,6 +359,7 @@ def test_elements_without_volume(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert not (tmp_path / "block.msh").exists()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not (FOREIGN / "occ" / "CrankArm.brep").exists(), reason="no such file")
 def test_a_drawing_of_others_with_tiny_edges(shared_tmp_path: Path) -> None:
     """By default gmsh gives it elements of no volume."""

@@ -1,0 +1,23 @@
+"""Names that mesh files can hold, of whatever the parts of a model are called."""
+
+import re
+from collections import Counter
+from collections.abc import Iterable
+
+
+def unique_names(wanted: Iterable[str]) -> list[str]:
+    """Names of letters, digits and _ alone, in lower case, each once: equal ones are numbered."""
+    plain = [re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") or "part" for name in wanted]
+    plain = [f"part_{name}" if name[0].isdigit() else name for name in plain]
+    how_many, seen, used = Counter(plain), Counter[str](), set[str]()
+    names = []
+    for name in plain:
+        one = name
+        while how_many[name] > 1 or one in used:
+            seen[name] += 1
+            one = f"{name}_{seen[name]}"
+            if one not in used and one not in how_many:
+                break
+        used.add(one)
+        names.append(one)
+    return names
