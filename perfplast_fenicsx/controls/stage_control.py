@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from perfplast_fenicsx.controls.control import Moved, OfLevels, Run
 from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import Initial, Temperature
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
@@ -35,6 +36,7 @@ class StageControl(OfLevels):
         named = {name for stage in self.stages for name in stage.factors}
         taken = {called(load) for load in loads}
         taken |= {called(one) for one in initial if isinstance(one, Temperature)}
+        taken |= {one.called for one in initial if isinstance(one, Bolt)}
         return lambda name, on: name in named or (not name and on in named - taken)
 
     def check(self, given: Given) -> None:

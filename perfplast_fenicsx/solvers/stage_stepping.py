@@ -10,6 +10,7 @@ from perfplast_fenicsx.problem.history.loading_history import ROUNDING, LoadingH
 from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor
+from perfplast_fenicsx.solvers.tightening import tighten_anew
 
 
 def stage_path(
@@ -33,23 +34,41 @@ def stage_path(
         last valid one.
 
     Raises:
-        InputError: If the solver prescribes works.
+        InputError: If the solver prescribes works, or bolts were tightened anew before the start.
     """
     if solver.prescribes is not Prescribed.LOAD_FACTOR:
         raise InputError(
             f"stages prescribe loads, but the method '{solver.method}' prescribes works; take"
             " method = 'newton'."
         )
+    if start is not None:
+        history.check_start(start.zeta)
     rest = [0.0] if start is None and history.rests_first() else []
     for time in chain(rest, history.times()):
         if start is not None and time <= start.zeta + ROUNDING:
             continue
-        history.go_to(time)
-        level = _told(history, solver.solve(time, start, monitor))
+        level = _told(history, _solved(solver, history, time, start, monitor))
         yield level
         if not level.report.converged:
             return
         start = level.state
+
+
+def _solved(
+    solver: LevelSolver,
+    history: LoadingHistory,
+    time: float,
+    start: State | None,
+    monitor: Monitor | None,
+) -> Level:
+    """The level of a time, at which bolts are tightened if its stage does so. Collective."""
+
+    def solve() -> Level:
+        history.go_to(time)
+        return solver.solve(time, start, monitor)
+
+    wanted = history.tightened(time)
+    return tighten_anew(solver.problem.shanks, wanted, solve) if wanted else solve()
 
 
 def _told(history: LoadingHistory, level: Level) -> Level:

@@ -104,6 +104,70 @@ def test_limit_load_leaves_preload_out(
         assert "preloads of bolts stay, and do no work at collapse" in told
 
 
+STAGES = """
+[[stage]]
+name = "half"
+factors = { top = 10.0 }
+[[stage]]
+name = "tightened"
+factors = { anchor = 1.25 }
+[[stage]]
+name = "full"
+factors = { top = 20.0 }
+"""
+
+
+def test_stages_tighten_anew(
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    ended_after: Callable[[int], None],
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """In the table and in words; no restart behind it, as shortenings are not on file."""
+    text = CASE[: CASE.index("[loading]")] + STAGES
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
+    whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
+    assert main(["run", str(case), "-o", str(whole), "--report"]) == SOLVED
+    forces = [float(row["bolt_anchor"]) for row in path_of(whole)]
+    assert forces[0] == pytest.approx(PRELOAD, rel=1e-5)
+    assert forces[2] == pytest.approx(1.25 * PRELOAD, rel=1e-5)
+    assert forces[3] - forces[2] == pytest.approx(forces[1] - forces[0], rel=1e-4)
+    told = capfd.readouterr().out
+    if comm.rank == 0:
+        assert "but for what stages tighten anew (anchor); a preload changes no limit load" in told
+        assert "Preloads change no limit load" in (whole / "report.html").read_text()
+    ended_after(3)
+    assert main(["run", str(case), "-o", str(parts)]) != SOLVED
+    comm.barrier()
+    monkeypatch.undo()
+    capfd.readouterr()
+    assert main(["run", str(case), "--restart", str(parts)]) == BAD_INPUT
+    said = capfd.readouterr().err
+    if comm.rank == 0:
+        assert "the bolt 'anchor' was tightened anew in a stage before" in said
+        assert "--force" in said
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [("anchor = -1.0", ["-1 for the bolt 'anchor'", "above 0"]), ("ancor = 1.0", ["'anchor'"])],
+)
+def test_stages_that_are_wrong(
+    comm: MPI.Intracomm,
+    shared_tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    factor: str,
+    words: list[str],
+) -> None:
+    text = CASE[: CASE.index("[loading]")] + STAGES.replace("anchor = 1.25", factor)
+    case = write_case(comm, shared_tmp_path / "case.toml", text)
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "out")]) == BAD_INPUT
+    printed = capfd.readouterr().err
+    if comm.rank == 0:
+        assert all(word in printed for word in words)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "status", "words"),
     [

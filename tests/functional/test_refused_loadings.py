@@ -69,11 +69,11 @@ REFUSED = {
     ),
     "a stage of no load": (
         BLOCKS + CONTACT + stage("top = 1.0, tpo = 2.0"),
-        "a factor for 'tpo', but there is no load, no change of temperature and no motion",
+        "a factor for 'tpo', but there is no load, no change of temperature, no bolt and no motion",
     ),
     "a stage of what does not move": (
         BLOCKS + CONTACT + stage("top = 1.0, bottom = 2.0"),
-        "a factor for 'bottom', but there is no load, no change of temperature and no motion",
+        "a factor for 'bottom', but there is no load, no change of temperature, no bolt and no",
     ),
     "a stage of a load and a motion": (
         BLOCKS + CONTACT + PLANE + stage("top = 1.0"),

@@ -33,6 +33,7 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import ignored
 from perfplast_fenicsx.materials.plastic_flow import Flow
 from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
+from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.solvers.stage_stepping import stage_path
 from tests.checks import assert_refused
 from tests.solvers.levels import SERIAL, TIGHT, converged
@@ -166,6 +167,63 @@ def test_stages_keep_what_is_tightened() -> None:
     levels = list(stage_path(Newton(problem, TIGHT), LoadingHistory(problem, stages)))
     forces = [level.report.bolts["bolt"] for level in converged(levels)]
     assert forces == pytest.approx([PRELOAD, 1.5 * APART, PRELOAD], rel=1e-4)
+
+
+def in_stages(*stages: Stage, **changes: Any) -> list[Level]:
+    """The levels of a bolt that can flow, pulled at by the head."""
+    materials = {
+        "bolt": Flow(VonMises(YOUNG, 0.0, YIELD)),
+        "sleeve": Elastic(STIFFER, 0.0),
+        "head": Elastic(1e5 * YOUNG, 0.0),
+    }
+    pull = [Traction("top", (0.0, 0.0, 1 / 3), name="pull")]
+    problem = bolted(**({"loads": pull, "materials": materials} | changes))
+    history = LoadingHistory(problem, stages)
+    (told,) = problem.shanks.in_words()
+    assert told.count("tighten anew (bolt)") == any("bolt" in a.factors for a in stages)
+    return list(stage_path(Newton(problem, TIGHT), history))
+
+
+def test_stages_tighten_anew() -> None:
+    """Under load, in two levels; what is left without it is the new preload, by the diagram."""
+    load, more = 0.5 * APART, 1.5
+    left = more * PRELOAD - SHARE * load
+    apart = left / (1 - SHARE)
+    levels = in_stages(
+        Stage({"pull": load}),
+        Stage({"bolt": more}, steps=2),
+        Stage({"pull": 0.0}),
+        Stage({"pull": 0.95 * apart}),
+        Stage({"pull": 1.05 * apart, "bolt": 1.05 * apart / PRELOAD}),
+        Stage({"bolt": 0.5, "pull": 0.0}),
+    )
+    forces = [level.report.bolts["bolt"] for level in converged(levels)]
+    expected = [PRELOAD, theory(load), 1.25 * PRELOAD, more * PRELOAD, left]
+    expected += [left + SHARE * 0.95 * apart, 1.05 * apart, 0.5 * PRELOAD]
+    assert forces == pytest.approx(expected, rel=1e-4)
+    assert [level.report.factors["bolt"] for level in levels[:4]] == [1.0, 1.0, 1.25, 1.5]
+
+
+@SERIAL
+def test_limit_load_of_a_bolt_that_is_tightened_anew() -> None:
+    """It is that of the mesh without preload, to 1e-4 on both sides."""
+    steel, hard = VonMises(YOUNG, 0.0, YIELD), VonMises(STIFFER, 0.0, 10 * YIELD)
+    about = {"bolt": steel, "sleeve": hard, "head": hard}
+    full = limit_load(bolted(initial=(), materials=about), 1e-6).lower
+    flowing = {"materials": {name: Flow(law) for name, law in about.items()}}
+    anew = [Stage({"pull": 0.5 * APART}), Stage({"bolt": 2.0})]
+    converged(in_stages(*anew, Stage({"pull": (1 - 1e-4) * full}), **flowing))
+    above = in_stages(*anew, Stage({"pull": (1 + 1e-4) * full}), **flowing)[-1]
+    assert not above.report.converged
+
+
+@SERIAL
+def test_force_that_a_shank_does_not_reach() -> None:
+    """Told with the stage, and the force that it has."""
+    level = in_stages(Stage({"pull": 1.0}), Stage({"bolt": 2 * YIELD / PRELOAD}))[-1]
+    assert not level.report.converged
+    assert "in 'stage 2', at" in level.report.reason
+    assert "the bolt 'bolt' is not tightened to the force 800, but to" in level.report.reason
 
 
 @SERIAL

@@ -33,6 +33,7 @@ class Shanks:
     Attributes:
         bolts: As they were declared.
         shortening: Of each (length), shape (num_bolts,); None where they are not tightened yet.
+        anew: Names of those that stages tighten once more.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class Shanks:
         """
         self.bolts = [one for one in initial if isinstance(one, Bolt)]
         self.shortening: Floats | None = None
+        self.anew: tuple[str, ...] = ()
         self._comm, self._laws, self._dx = tagged_mesh.mesh.comm, laws, spaces.dx
         self._units: list[fem.Function] = []
         for number, bolt in enumerate(self.bolts):
@@ -110,9 +112,10 @@ class Shanks:
         if not self.bolts:
             return []
         told = ", ".join(f"'{bolt.called}' to {bolt.preload:.6g}" for bolt in self.bolts)
+        but = f", but for what stages tighten anew ({', '.join(self.anew)})" if self.anew else ""
         return [
             f"bolts are tightened before any load acts ({told}), and keep their length from then"
-            " on; a preload changes no limit load"
+            f" on{but}; a preload changes no limit load"
         ]
 
     def _held(self, unit: fem.Function) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.errors import InputError, check_magnitude, nearest
+from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import Initial, Temperature
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
@@ -24,7 +25,9 @@ class Stage:
         factors: What multiplies loads, changes of temperature and given motions at the end of the
             stage, by their names; where they have none by their ``on``. All start at zero, and what
             a stage does not name keeps its factor. Constant loads and motions, and temperatures
-            that no stage names, act in full all the time.
+            that no stage names, act in full all the time. The factor of a bolt times its preload is
+            its force, to which it is tightened, or loosened, beside what acts; it starts at 1, and
+            in stages that do not name it the bolt keeps its length.
         steps: Levels of the stage, 1 to 1 000 000. Where directions of stress turn, more of them
             make the result more accurate.
         name: What results call it.
@@ -78,17 +81,20 @@ def check_stages(
     Args:
         stages: One after the other.
         loads: What acts.
-        initial: Temperatures among them.
+        initial: Temperatures and bolts among them.
         movers: Supports, rigid surfaces, obstacles and contacts.
 
     Raises:
         InputError: If a stage names something else than loads and motions that are not constant,
-            and temperatures; if such a load or motion is in no stage; or if a name is of both.
+            temperatures and bolts; if such a load or motion is in no stage; if a name is of both;
+            or if a bolt would push.
     """
+    initial = list(initial)
     loaded = {called(load) for load in loads if not load.constant}
     warmed = {called(one) for one in initial if isinstance(one, Temperature)}
     moved = {called(one) for one in movers if follows(one)}
-    names = loaded | warmed | moved
+    bolts = {one.called for one in initial if isinstance(one, Bolt)}
+    names = loaded | warmed | moved | bolts
     still = {called(a) for a in movers if isinstance(a, Support | RigidSurface) and a.moves}
     still |= {called(a) for a in movers if isinstance(a, Contact) and a.interference}
     constant = {called(load) for load in loads if load.constant} | still - names
@@ -102,7 +108,18 @@ def check_stages(
         if name not in names:
             raise InputError(
                 f"stage {number} has a factor for '{name}', but there is no load, no change of"
-                f" temperature and no motion of this name; {nearest(name, names)}"
+                f" temperature, no bolt and no motion of this name; {nearest(name, names)}"
+            )
+        if name in bolts and name in loaded | warmed | moved | constant:
+            raise InputError(
+                f"stage {number} has a factor for '{name}', which is a bolt as well as something"
+                " else; give one of them another name."
+            )
+        if name in bolts and not stages[number - 1].factors[name] > 0:
+            raise InputError(
+                f"stage {number} has the factor {stages[number - 1].factors[name]:g} for the bolt"
+                f" '{name}', but its force is that times its preload, and pulls; give a number"
+                " above 0."
             )
         if name in moved & (loaded | warmed):
             raise InputError(

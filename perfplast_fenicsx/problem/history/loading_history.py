@@ -18,10 +18,12 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
 from perfplast_fenicsx.problem.assembled.initial_strain import initial_strain
 from perfplast_fenicsx.problem.assembled.load_case import LoadCase
 from perfplast_fenicsx.problem.assembled.spaces import Spaces
+from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import Initial, Temperature
 from perfplast_fenicsx.problem.declared.stage import Stage, called, check_stages
 from perfplast_fenicsx.problem.history.staged_motion import in_stage, named_motions
@@ -61,6 +63,9 @@ class LoadingHistory:
             warmed = [a for a in given.initial if isinstance(a, Temperature) and called(a) == name]
             if warmed:
                 self._strains[name] = self._strain(warmed)
+        bolts = [one for one in given.initial if isinstance(one, Bolt)]
+        self._preloads = {bolt.called: bolt.preload for bolt in bolts if bolt.called in names}
+        problem.shanks.anew = tuple(self._preloads)
         constant = [load for load in given.loads if load.constant]
         self._constant = work_vector(problem.V, problem.tagged_mesh, constant)
         rest = [a for a in given.initial if isinstance(a, Temperature) and called(a) in names]
@@ -96,6 +101,27 @@ class LoadingHistory:
         before, after = self._at_end(k - 1), self._at_end(k)
         share = time - k
         return {name: (1 - share) * before[name] + share * after[name] for name in after}
+
+    def tightened(self, time: float) -> dict[str, float]:
+        """Forces to which the stage of a time tightens bolts at it, by name."""
+        factors, stage = self.factors(time), self.stages[self.number(time)]
+        named = [name for name in self._preloads if name in stage.factors and time > 0]
+        return {name: factors[name] * self._preloads[name] for name in named}
+
+    def check_start(self, time: float) -> None:
+        """Refuse to go on from a time at which bolts have been tightened anew.
+
+        Raises:
+            InputError: If a stage has begun that does so: how far shanks are shortened is not with
+                the results.
+        """
+        begun = self.stages[: self.number(time) + 1] if time > 0 else ()
+        for name in self._preloads:
+            if any(name in stage.factors for stage in begun):
+                raise InputError(
+                    f"the bolt '{name}' was tightened anew in a stage before, from which no run can"
+                    " go on; run the case from its beginning, with --force."
+                )
 
     def works(self, u: PETSc.Vec) -> dict[str, float]:
         """ℓ_i(u) of each load by name. Collective."""
@@ -133,8 +159,9 @@ class LoadingHistory:
         return {name: before[name] - k * rate[name] for name in after}, rate
 
     def _at_end(self, k: int) -> Mapping[str, float]:
-        """Factors at the end of a stage; zero before the first one."""
+        """Factors at the end of a stage; zero before the first one, and 1 of bolts."""
         factors = dict.fromkeys((name for a in self.stages for name in a.factors), 0.0)
+        factors |= dict.fromkeys(self._preloads, 1.0)
         for stage in self.stages[: k + 1]:
             factors |= stage.factors
         return factors
