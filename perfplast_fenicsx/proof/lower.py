@@ -30,6 +30,7 @@ from perfplast_fenicsx.proof.rings import (
     radii_of,
     whole_stress,
 )
+from perfplast_fenicsx.proof.verdict import share_of
 
 
 @dataclass(frozen=True)
@@ -110,10 +111,10 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     of_plates = []
     for plate, off in zip(rigid, outer.of_plates, strict=True):
         wanted = sum(sums_of([plate], kind)[0] for kind in kinds)
-        of_plates.append(_share(off, wanted + float(outer.reacts[plate.facets].sum())))
+        of_plates.append(share_of(off, wanted + float(outer.reacts[plate.facets].sum())))
     measured["left_of_piece"] = max(of_pieces, *of_plates, 0.0)
-    measured["left_of_load"] = _share(forces, loaded)
-    measured["left_of_strength"] = _share(forces, float((radii * section).min()))
+    measured["left_of_load"] = share_of(forces, loaded)
+    measured["left_of_strength"] = share_of(forces, float((radii * section).min()))
     plastic = body.plastic
     bounded = vector if body.is_revolved else vectors(effective)
     ratios_of_yield = body.cones.ratios(body.cone[plastic], bounded[plastic])
@@ -123,13 +124,6 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
         measured["axis"] = on_axis(body, stress) / weakest
     measured["yield_ratio"] = _largest(np.where(ratios_of_yield < 0, 0.0, ratios_of_yield))
     return Left(measured, forces, loaded, outer.reason)
-
-
-def _share(part: float, whole: float) -> float:
-    """A part of a whole, ∞ if it is no number, or something of nothing."""
-    if part == 0:
-        return 0.0
-    return part / whole if np.isfinite(part) and whole > 0 else np.inf
 
 
 def _largest(values: Floats) -> float:

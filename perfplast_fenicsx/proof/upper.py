@@ -26,6 +26,7 @@ from perfplast_fenicsx.proof.parts import halved
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.rigid import Rigid, rigid_of, sums_of
 from perfplast_fenicsx.proof.rings import on_axis, ring_flow, speed_of
+from perfplast_fenicsx.proof.verdict import share_of
 
 
 def check_nodes(body: Body, nodes: Longs, count: int) -> None:
@@ -137,23 +138,23 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     size = min(size, 1e3 * work * least) if work > 0 else size
     # Of the loads whose factor is bounded, too: where nothing dissipates it is all that tells.
     measured = {
-        name: max(_share(stress * x, size), _share(at_one * x, work))
+        name: max(share_of(stress * x, size), share_of(at_one * x, work))
         for name, x in zip(names, left, strict=True)
     }
-    measured |= {"moved_supports": _share(moved, fastest), "entering": contact.relative}
+    measured |= {"moved_supports": share_of(moved, fastest), "entering": contact.relative}
     if rigid:
-        measured["bent"] = _share(bent, fastest)
+        measured["bent"] = share_of(bent, fastest)
     if body.others:
         most = _most_work(body, body.others, v, at_facets)
         plates = zip(rigid, motions, strict=True)
         most += sum(
             float(np.abs(one.wanted(body.others)) @ np.abs(motion)) for one, motion in plates
         )
-        measured["work_of_others"] = _share(abs(other_work), most)
+        measured["work_of_others"] = share_of(abs(other_work), most)
     others = abs(other_work) + of_others * sum(left)
     speed = fastest
     if body.is_revolved:
-        measured["axis"] = _share(on_axis(body, v), fastest)
+        measured["axis"] = share_of(on_axis(body, v), fastest)
         speed = speed_of(body, v)
     end = (contact.reason, body.loose)
     return Flow(measured, dissipation, work, constant_work, speed, others, *end)
@@ -187,13 +188,6 @@ def size_of(dissipation: float, excess: float, loose: bool) -> float:
     # Least dissipation that is counted, over the work of the loads whose factor is bounded.
     least_share = 1.0 if loose else 1e-3
     return max(dissipation, least_share * abs(excess))
-
-
-def _share(part: float, whole: float) -> float:
-    """A part of a whole, ∞ of none."""
-    if part == 0:
-        return 0.0
-    return part / whole if whole > 0 else np.inf
 
 
 def _plain_flow(body: Body, v: Floats, subdivisions: int) -> tuple[float, float, float]:

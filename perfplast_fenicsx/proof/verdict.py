@@ -1,5 +1,6 @@
 """What a stress or a velocity proves, and what may be left of its conditions."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -73,6 +74,13 @@ def rounding_of(bound: float, power: float) -> float:
     """
     sums = 1e-12  # rounding of sums over all cells
     return ROUNDING * abs(bound) + sums * power
+
+
+def share_of(part: float, whole: float) -> float:
+    """A part of a whole, ∞ if it is no number, or something of nothing."""
+    if part == 0:
+        return 0.0
+    return part / whole if math.isfinite(part) and whole > 0 else math.inf
 
 
 def faults_of(measured: Mapping[str, float]) -> list[str]:

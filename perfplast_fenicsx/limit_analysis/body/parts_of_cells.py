@@ -8,8 +8,9 @@ from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 
 def on_parts(stress: Floats, split: AlfeldSplit) -> Floats:
     """The stress of the parts of cells, as that of the cells of the split mesh."""
-    part = np.asarray(split.mesh.topology.original_cell_index) % stress.shape[1]
-    chosen: Floats = stress[split.parents, part]
+    parts = split.mesh.topology.dim + 1
+    part = np.asarray(split.mesh.topology.original_cell_index) % parts
+    chosen: Floats = stress.reshape(len(stress), parts, parts, stress.shape[2])[split.parents, part]
     return chosen
 
 

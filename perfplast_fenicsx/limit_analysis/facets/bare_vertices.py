@@ -29,7 +29,12 @@ def bare_vertices(problem: Problem, at: BoundBody, loose: Flags) -> Flags:
     topology, on = problem.tagged_mesh.mesh.topology, at.numbers.facets
     tdim = topology.dim
     exterior = np.isin(on, exterior_facet_indices(topology))
-    free = exterior & ~at.held[on].any(axis=2) & ~np.isin(on, at.in_contact) & loose[:, None]
+    free = (
+        exterior
+        & ~at.facets.held[on].any(axis=2)
+        & ~np.isin(on, at.facets.in_contact)
+        & loose[:, None]
+    )
     free &= at.rigid.surface[on] < 0
     pushed = (at.live.tractions != 0).any(axis=2) | (at.dead.tractions != 0).any(axis=2)
     vertices: Longs = topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)[: len(on)]

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import la
 
-from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.limit_analysis.facets.body_interfaces import (
     Interface,
@@ -60,13 +60,7 @@ class BoundBody:
         dead: Those that it does not.
         rigid: Facets of surfaces that move as rigid ones.
         interfaces: Contacts, and then obstacles.
-        axes: See :class:`body_interfaces.InterfaceFacets`, as of all up to ``rubbing``.
-        held: Components along the axes that supports hold, free rigid surfaces' too.
-        hosts: Facets whose first component is a jump.
-        twins: Unknowns that the jumps are relative to.
-        in_contact: Facets of surfaces in contact.
-        adhesion: Shear stress that slip has to overcome.
-        rubbing: Facets whose shear tractions are those of such a resistance.
+        facets: What supports and interfaces say of the facets, those of rigid surfaces too.
         why_not: Why what is found does not hold for the body.
         prevents: Why nothing can be found.
         turned: Whether the bodies are of revolution.
@@ -80,13 +74,7 @@ class BoundBody:
     dead: FacetLoads
     rigid: RigidFacets
     interfaces: Sequence[Interface]
-    axes: Floats
-    held: Flags
-    hosts: Longs
-    twins: Longs
-    in_contact: Longs
-    adhesion: Floats
-    rubbing: Longs
+    facets: InterfaceFacets
     why_not: tuple[str, ...]
     prevents: str | None
     turned: bool
@@ -135,13 +123,7 @@ def bound_body(problem: Problem) -> BoundBody:
         dead=dead[0],
         rigid=rigid,
         interfaces=interfaces,
-        axes=at.axes,
-        held=at.held,
-        hosts=at.hosts,
-        twins=at.twins,
-        in_contact=at.in_contact,
-        adhesion=at.adhesion,
-        rubbing=at.rubbing,
+        facets=at,
         why_not=(CURVED,) if curved else (),
         prevents=found[0] if found else None,
         turned=problem.tagged_mesh.axisymmetric,

@@ -73,11 +73,11 @@ def lone_corners(problem: Problem, body: BoundBody) -> Ints:
     normal = -slopes[np.arange(len(cell))[:, None], side]
     normal /= np.linalg.norm(normal, axis=2, keepdims=True)
 
-    axes, told = body.axes[here], ~body.held[here]
-    pressed = np.isin(here, body.in_contact)
+    axes, told = body.facets.axes[here], ~body.facets.held[here]
+    pressed = np.isin(here, body.facets.in_contact)
     told[..., 0] &= ~pressed  # by a pressure that is not known
     told[body.rigid.surface[here] >= 0] = False  # by resultants alone
-    told[np.isin(here, body.rubbing)] = False  # by no shear that is, either
+    told[np.isin(here, body.facets.rubbing)] = False  # by no shear that is, either
     # Components of a plane stress.
     components: Floats = np.array(
         [[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]], dtype=float

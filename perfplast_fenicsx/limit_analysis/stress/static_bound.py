@@ -239,11 +239,10 @@ def _result(
     radii = np.where(plastic, strains.radii, 0.0) / unit
     pressure, deviator = pressure[: strains.count], deviator[: strains.count]
     heads = radii - np.where(plastic, strains.slopes, 0.0) * pressure / unit
-    shape = (count, 3, 4) if tdim == 2 else (count, 4, 4, 6)
     stress = strains.whole(pressure, deviator)
     if problem.tagged_mesh.axisymmetric:
         rho = coefficients_of_radius(form.body.vertices)
-        shape, stress = (count, 6, 4), rho.reshape(-1, 1) * stress
+        stress = rho.reshape(-1, 1) * stress
     _, rates = strains.of(iteration.velocity)
     powers = heads * np.linalg.norm(rates, axis=1)
     if strains.tilts is not None:
@@ -255,9 +254,9 @@ def _result(
         bound=bound,
         verdict=verdict,
         reason=reason,
-        stress=stress.reshape(shape),
+        stress=stress.reshape(count, len(strains.rows), stress.shape[1]),
         aside=aside,
-        contact_facets=np.sort(form.body.hosts),
+        contact_facets=np.sort(form.body.facets.hosts),
         contact_pressure=pushes.reshape(-1, tdim),
         dissipation=powers.reshape(count, -1).sum(axis=1) * program.load_unit,
         certificate=certificate,

@@ -86,7 +86,7 @@ def static_form(problem: Problem) -> StaticForm:
     followers = at.rigid.followers(problem.comm, at.numbers, at.vertices, form.nodes)
     facets = FacetVelocities(mesh, at.numbers, form.twins.ravel(), form.nodes, followers)
     size = form.nodes * tdim
-    axes = np.where(at.held[:, :, None], 0.0, at.axes)[on]
+    axes = np.where(at.facets.held[:, :, None], 0.0, at.facets.axes)[on]
     turned, cones = problem.tagged_mesh.axisymmetric, body_cones(problem)
     bare = bare_vertices(problem, at, (cones.at_cells()[0] == 0) & (not turned))
     strains = MultiplierStrains(facets, at.vertices, axes, cones, bare, turned)
@@ -94,11 +94,11 @@ def static_form(problem: Problem) -> StaticForm:
     num_owned = facets.count // (form.nodes * tdim)
     everywhere = np.zeros((num_owned, form.nodes, tdim), dtype=bool)
     jumps, slips, held = everywhere.copy(), everywhere.copy(), everywhere
-    jumps[at.hosts, :, 0] = True
-    slips[at.in_contact, :, 1:] = True
-    slips[at.rubbing] = False
+    jumps[at.facets.hosts, :, 0] = True
+    slips[at.facets.in_contact, :, 1:] = True
+    slips[at.facets.rubbing] = False
     on_axis = form.areas[:num_owned] == 0
-    held[:] = at.held[:num_owned, None] | on_axis[..., None]
+    held[:] = at.facets.held[:num_owned, None] | on_axis[..., None]
     held[at.rigid.surface[:num_owned] >= 0] = True
     lead = at.rigid.lead - mesh.topology.index_map(tdim - 1).local_range[0]
     mine = np.flatnonzero((lead >= 0) & (lead < num_owned))
@@ -171,12 +171,12 @@ def _slip_places(at: BoundBody, areas: Floats) -> SlipPlaces:
         at: Conditions on facets.
         areas: What each node of each stands for; 0 on an axis, where there is no traction.
     """
-    tdim, nodes = at.held.shape[1], areas.shape[1]
-    facets = at.hosts[at.adhesion[at.hosts] > 0]
+    tdim, nodes = at.facets.held.shape[1], areas.shape[1]
+    facets = at.facets.hosts[at.facets.adhesion[at.facets.hosts] > 0]
     which = np.flatnonzero(areas[facets] > 0)
     of, places = facets[which // nodes], which % nodes
     first = (of * nodes + places) * tdim
-    shares = np.eye(tdim - 1) * ~at.held[of, None, 1:]
+    shares = np.eye(tdim - 1) * ~at.facets.held[of, None, 1:]
     area: Floats = areas[of, places]
     index = (first[:, None] + np.arange(1, tdim)).astype(np.int32)
-    return SlipPlaces(index, shares, area, at.adhesion[of] * area)
+    return SlipPlaces(index, shares, area, at.facets.adhesion[of] * area)

@@ -19,11 +19,11 @@ class StaticBound:
         bound: The bound, and what it is one of.
         verdict: Whether the best stress of the mesh was found.
         reason: The same in words.
-        stress: σ at the bound, Mandel vectors in the user's units, linear between vertices. In the
-            plane of shape (num_owned_cells, 3, 4), vertices in the order of the mesh's geometry
-            (that of its topology); in space (num_owned_cells, 4, 4, 6), by part and vertex, where
-            part a is the one in which the barycentre replaces vertex a. Around an axis Bernstein's
-            coefficients of rσ, which is quadratic (:mod:`ring_cells`), (num_owned_cells, 6, 4).
+        stress: σ at the bound, Mandel vectors in the user's units, linear between vertices, shape
+            (num_owned_cells, num_points, m). In the plane of the vertices in the order of the
+            mesh's geometry (that of its topology); in space of those of four parts one after the
+            other, part a being the one in which the barycentre replaces vertex a. Around an axis
+            Bernstein's coefficients of rσ, which is quadratic (:mod:`ring_cells`).
         aside: Factor of the loads of any factor, where there are any.
         contact_facets: Owned facets on which ``contact_pressure`` is given, one of each pair.
         contact_pressure: Pressure at their vertices, by global number, shape (num_facets, d).
@@ -56,7 +56,7 @@ def no_stress(
 ) -> StaticBound:
     """The stress 0, and no bound unless one is given."""
     count, _, tdim = body.vertices.shape
-    shape = (count, 6 if body.turned else 3, 4) if tdim == 2 else (count, 4, 4, 6)
+    shape = (count, 6 if body.turned else 3, 4) if tdim == 2 else (count, 16, 6)
     return StaticBound(
         bound=bound or Bound(None, "lower", Scope.MESH, (reason,)),
         verdict=verdict,

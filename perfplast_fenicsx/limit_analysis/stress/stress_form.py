@@ -54,16 +54,16 @@ class StressForm:
         slopes, volumes = gradients(x)
         shares = np.linalg.norm(slopes, axis=2) * volumes[:, None]
         nodes = NODES if turned else tdim
-        lengths = np.zeros((len(at.held), 1))
+        lengths = np.zeros((len(at.facets.held), 1))
         lengths[on, 0] = shares * tdim / nodes
-        rings = np.ones((len(at.held), nodes))
-        twins, sections = at.twins, volumes ** ((tdim - 1) / tdim)
+        rings = np.ones((len(at.facets.held), nodes))
+        twins, sections = at.facets.twins, volumes ** ((tdim - 1) / tdim)
         if turned:
             rings[on[..., None], at.numbers.places] = x[:, _others(tdim), 0]
             rings[:, 2] = rings[:, :2].mean(axis=1)
             rings *= 2 * math.pi
             sections = sections * 2 * math.pi * x[..., 0].mean(axis=1)
-            twins = _with_middles(at.twins)
+            twins = _with_middles(at.facets.twins)
         some = np.where(rings > 0, rings, rings.max(axis=1, keepdims=True))
         return cls(
             vertices=x,
