@@ -20,8 +20,9 @@ HEAD = """# What goes with what
 Each statement about two blocks in contact that are pressed, and each question that can be asked of
 them: "yes" where it is answered, one bound where only that is strict, and a number where it is
 refused or nothing is proven. Below are the sentences that the program says then. All are small
-cases in plane strain with quadratic elements, where nothing else is said. The page is made by
-running them (`tests/combinations`).
+cases in plane strain with quadratic elements, where nothing else is said. Shakedown is asked of
+blocks that are tied where they touch, and all loads vary. The page is made by running them
+(`tests/combinations`).
 
 """
 

@@ -34,6 +34,7 @@ QUESTIONS: Mapping[str, Tables] = {
         "loading": {"control": "bounds"},
         "mesh": {"adapt": {"cells": 300}},
     },
+    "shakedown, tied": {"loading": {"control": "shakedown"}},
 }
 """Tables of each; levels and factors are those of the statement."""
 
@@ -51,6 +52,12 @@ def asked(question: str, statement: Statement, given: Tables) -> Tables:
     if "values" in loading:
         value = statement.work if "control" in loading else statement.level
         tables["loading"] = loading | {"values": [value]}
+    if loading.get("control") == "shakedown":
+        varied = [load["on"] for load in given["load"] if not load.get("constant")]
+        tables["loading"] = loading | {"ranges": {name: [0.0, 1.0] for name in varied}}
+        plain = [one for one in given["contact"] if not set(one) - {"primary", "secondary"}]
+        tables["contact"] = [one for one in given["contact"] if one not in plain]
+        tables["tie"] = [*given.get("tie", []), *plain]
     if "stage" in tables:
         loads = [load["on"] for load in given["load"] if not load.get("constant")]
         factors = dict.fromkeys(loads, statement.level)

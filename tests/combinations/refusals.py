@@ -18,6 +18,11 @@ REFUSALS: Mapping[str, str] = {
         " beside it"
     ),
     "normals are averaged": f"{TO_COME}: obstacles that are made of planes",
+    "neither part nor slide": (
+        f"{STAYS}: elastic stresses of single loads are added up, which touching bodies forbid"
+    ),
+    "a rigid surface moves": f"{TO_COME}: given motions that vary",
+    "yield set is a cone of stresses": f"{TO_COME}: Mohr–Coulomb's cone at each corner",
     "cells are curved": f"{STAYS}: bounds are of the body that straight cells fill",
 }
 """Words of the sentence, and what the page says of them."""
