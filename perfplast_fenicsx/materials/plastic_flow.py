@@ -145,7 +145,8 @@ class Flow:
     def law(self) -> type[Law]:
         """Of the flow."""
         own: type[Law] | None = getattr(self.body, "flow_law", None)
-        return flow_law(self.body.law) if own is None else own
+        hencky: type[Law] = self.body.law
+        return flow_law(hencky) if own is None else own
 
     @property
     def expansion(self) -> float:

@@ -8,7 +8,6 @@ something is still open is refused.
 from collections.abc import Mapping, Sequence
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.case.schema import Table
 
 OPEN = "fill in: "
 """What the value begins with where a template has no number; where to find it comes behind."""
@@ -20,11 +19,11 @@ _HEAD = """\
 """
 
 _TRESCA = """\
-# The code goes by Tresca's yield condition. In plane strain that is law = "mohr-coulomb" with
-# friction_angle = 0.0 and half the yield stress as cohesion. Elsewhere von Mises' condition with
-# sqrt(3)/2 of the yield stress lies inside of Tresca's: with the factor below times 1.1547 what is
-# carried for certain is carried by Tresca's condition too. With the factor itself it is the
-# collapse that holds for Tresca's: two runs bracket it.
+# The code goes by Tresca's yield condition: law = "tresca" in [material.NAME], with half of the
+# yield stress as cohesion. Sheets in plane stress do not have it: there von Mises' condition with
+# sqrt(3)/2 of the yield stress lies inside of Tresca's, so that what is carried for certain with
+# the factor below times 1.1547 is carried by Tresca's condition too, and a collapse with the factor
+# itself is one by Tresca's.
 """
 
 TEMPLATES: Mapping[str, str] = {
@@ -82,7 +81,7 @@ factors = {{ permanent = 1.0, variable = 1.5 }}
 """By name, as TOML to be put into a case."""
 
 
-def check_filled_in(table: Table, place: str) -> None:
+def check_filled_in(table: Mapping[str, object], place: str) -> None:
     """Refuse what a template has left open.
 
     Args:
