@@ -116,7 +116,7 @@ def _shorten(
             slope = np.diag(own)
         else:
             slope = slope + np.outer(change - slope @ step, step) / (step @ step)
-        step, before = np.linalg.solve(slope, missing), forces
+        step[:], before = np.linalg.solve(slope, missing), forces
     worst = int(np.abs(missing / scale).argmax())
     why = level.report.reason if not level.report.converged else "its shank yields, or slips"
     name = list(wanted)[worst]
