@@ -17,7 +17,9 @@
 # The limit load of the body is bracketed by strict bounds on adapted meshes of 4 000 cells: half
 # of the footing under the central load, and all of it under loads that lean and turn. What is known
 # has to lie between. All pairs of V and H that are carried are between two polygons, which after at
-# most twelve directions are 1 % apart along any ray, and Green's curve is between them.
+# most twelve directions are 1 % apart along any ray, and Green's curve is between them. So are all
+# pairs of V and M, of which no exact curve is known. As a mirror image changes the sign of H and M,
+# and all signs may change together, the pairs above zero show the whole.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/rigid_footing.py
 
@@ -44,6 +46,7 @@ from perfplast_fenicsx import (
     limit_load,
 )
 from perfplast_fenicsx.io import ResultFolder, Scene
+from perfplast_fenicsx.limit_analysis import Envelope
 from perfplast_fenicsx.pictures import draw
 
 TITLE = "Rough rigid footing, plane strain"
@@ -162,9 +165,10 @@ def bracket(folder: ResultFolder, case: str, coarse: bool) -> list[Row]:
 
 
 def interaction(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Polygons of proof around and within Green's curve. Collective."""
+    """Polygons of proof around and within Green's curve, and those of V and M. Collective."""
     began = time.perf_counter()
     push, shove = Force("footing", (0.0, -2 * UNIT)), Force("footing", (2 * SHEAR, 0.0))
+    turn = Force("footing", (), 6 * SHEAR)
     problem = Problem(
         mesh(folder, write_footing, size=0.8),
         {"ground": SOIL},
@@ -187,28 +191,34 @@ def interaction(folder: ResultFolder, coarse: bool) -> list[Row]:
             known = green(h / v) / SHEAR / v
         within = max(within, found.inner(angle) / known)
         beyond = max(beyond, known / found.outer(angle))
-    words = f"{len(found.directions)} directions"
+    turned = envelope(problem, [[push], [turn]], most, APART, adaptation=adaptation)
 
-    def at_most(quantity: str, small: float, large: float, wanted: bool = True) -> Row:
+    def at_most(
+        quantity: str, small: float, large: float, wanted: bool = True, of: Envelope = found
+    ) -> Row:
         return Row(
-            case="footing, V and H, strict",
+            case=f"footing, V and {'H' if of is found else 'M'}, strict",
             quantity=quantity,
             element="P1 and P2",
             size=0.8,
-            dofs=found.last.problem.num_dofs,
+            dofs=of.last.problem.num_dofs,
             computed=small,
             exact=large,
             allowed=1e-9 if wanted else None,
             solves=0,
             seconds=time.perf_counter() - began,
             bound=True,
-            bracket=words,
+            bracket=f"{len(of.directions)} directions",
         )
 
+    central = (2 + math.pi) * SHEAR / UNIT
     return [
         at_most("gap in %", 100 * found.gap, 100 * APART, wanted=not coarse),
         at_most("inner polygon/exact", within, 1.0),
         at_most("exact/outer polygon", beyond, 1.0),
+        at_most("gap in %", 100 * turned.gap, 100 * APART, not coarse, turned),
+        at_most("below, M = 0", turned.inner(0.0), central, of=turned),
+        at_most("above, M = 0", central, turned.outer(0.0), of=turned),
     ]
 
 
