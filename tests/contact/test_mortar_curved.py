@@ -167,7 +167,6 @@ def test_rows_on_curved_facets(read: Read, hosts: Any, comm: MPI.Intracomm) -> N
     assert most(jumps(x / radius * inside[:, None]) - 1) < 2e-3
 
 
-@pytest.mark.mpi3
 def test_friction_on_curved_facets(read: Read, comm: MPI.Intracomm) -> None:
     """Translations of all bodies are no slip, and forces of friction are in balance."""
     shape = {"interface": SEAM_OF_SHELLS, "size": 0.5, "order": 2, "finer": 1.5}

@@ -69,7 +69,6 @@ def assert_lost_at(limit: LimitLoad, exact: float, rtol: float) -> None:
     assert "no equilibrium exists" in limit.reason
 
 
-@pytest.mark.mpi3
 @pytest.mark.parametrize(
     ("push", "weight", "exact"),
     [

@@ -127,7 +127,6 @@ def check(bounds: BodyBounds, exact: float, width: float) -> None:
     ],
     ids=["disc", "tube", "tubes meshed apart", "Tresca", "weight"],
 )
-@pytest.mark.mpi3
 def test_exact_limit_loads_lie_between(
     read: Read, problem: Callable[[Read], Problem], exact: float, width: float
 ) -> None:

@@ -71,7 +71,6 @@ def both(bounds: BodyBounds) -> tuple[float, float]:
     return bounds.lower.value, bounds.upper.value
 
 
-@pytest.mark.mpi3
 def test_rubbing_platens() -> None:
     """Monotone in the friction, from that of smooth platens to that of rough ones."""
     smooth = limit_bounds(between_platens(4))

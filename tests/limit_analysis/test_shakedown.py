@@ -89,7 +89,6 @@ def block(comm: MPI.Intracomm, law: object, loads: list[object], ties: bool = Tr
     )
 
 
-@pytest.mark.mpi3
 def test_a_bar_pulled_and_pushed(comm: MPI.Intracomm) -> None:
     """A stress without gradient has no residual stress: limit load either way, beside dead ones."""
     Y = math.sqrt(3)

@@ -38,7 +38,7 @@ def test_a_little_less_steep(degrees: float, degree: int) -> None:
     assert level.report.max_displacement < 1e-4
 
 
-@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.mpi3)])
+@pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("degrees", [1e-4, 0.001, 0.01])
 def test_a_little_too_steep(degrees: float, degree: int) -> None:
     """The level has no equilibrium, whatever little is missing of it."""

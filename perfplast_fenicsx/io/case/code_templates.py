@@ -61,8 +61,8 @@ weight = "{OPEN}factor of D (dead weight), ASME VIII-2, Table 5.4, design condit
     "en-1993-1-14": f"""\
 # EN 1993-1-14: resistance by a materially nonlinear analysis (MNA), von Mises' condition.
 {_HEAD}# 1.35 and 1.5: recommended values of EN 1990:2002, Table A1.2(B), expression (6.10); 1.0
-# where permanent actions are favourable. They are quoted in "Steel Buildings in Europe", part 10,
-# Table 2.1, which has gamma_M0 = 1.0 of EN 1993-1-1:2005, 6.1(1), too. National annexes may have
+# where permanent actions are favourable. "Steel Buildings in Europe", part 10, Table 2.1, quotes
+# 1.35, 1.5 and gamma_M0 = 1.0 with their standards, without clauses. National annexes may have
 # others.
 
 [design]
