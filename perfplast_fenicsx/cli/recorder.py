@@ -11,11 +11,12 @@ from perfplast_fenicsx.cli.system_info import petsc_options, versions
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
+from perfplast_fenicsx.io.results.proven_directions import write_proven
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
-from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Envelope
+from perfplast_fenicsx.limit_analysis.body.interaction import Envelope, Proven
 from perfplast_fenicsx.limit_analysis.body.next_step import Effort, next_steps
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety, times_in_words
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
@@ -243,7 +244,7 @@ class Recorder:
         self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
         self._writer.write_safety(found)
 
-    def direction(self, angles: Angles, low: BodyBounds, high: BodyBounds) -> None:
+    def direction(self, proven: Proven, low: BodyBounds, high: BodyBounds) -> None:
         """Show, log and prove the bounds in a direction of an envelope. Collective.
 
         Raises:
@@ -251,14 +252,15 @@ class Recorder:
             Interrupted: On every rank, if a signal has come.
         """
         lower, upper = low.limits[0], high.limits[1]
-        at = ", ".join(f"{angle:.4g}" for angle in angles)
+        at = ", ".join(f"{angle:.4g}" for angle in proven.angles)
         words = (
             f"At {at} degrees: carried to {lower.shown if lower.strict else 'none'} for"
             f" certain, collapse at {upper.shown if upper.strict else 'none'} at the latest."
         )
         self._run.terminal.say(words)
         self._run.journal.say(words)
-        self._writer.write_direction(angles, low, high)
+        self._writer.write_direction(proven.angles, low, high)
+        write_proven(self._run.folder, proven)
         self._run.interrupts.check()
 
     def envelope(self, found: Envelope, names: Sequence[str]) -> None:

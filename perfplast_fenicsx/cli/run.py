@@ -25,6 +25,8 @@ from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.case.units_table import odd_magnitudes
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
+from perfplast_fenicsx.io.results.proven_directions import read_proven
+from perfplast_fenicsx.io.results.result_files import KNOWN
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.run_lock import INTERRUPTED
 from perfplast_fenicsx.limit_analysis.discrete.drucker import drucker_bounds
@@ -138,9 +140,8 @@ def run(
             try:
                 status = _solve(context, solver, stages)
             except Interrupted as interrupted:
-                told = (
-                    "what is solved is on file; go on" if solver else "nothing is lost; begin anew"
-                )
+                kept = solver or folder.file(KNOWN).exists()
+                told = "what is solved is on file; go on" if kept else "nothing is lost; begin anew"
                 again = command.replace(" -o ", " --restart ", 1)
                 again = again or f"perfplast run {path} --restart {whole}"
                 log.warning("%s %s, %s with: %s", INTERRUPTED, interrupted, told, again)
@@ -190,7 +191,9 @@ def _asked(
     context: RunContext, solver: Any, stages: LoadingHistory | None, recorder: Recorder
 ) -> Run:
     """What the control of a case works with."""
-    saved = context.saved
+    saved, directions = context.saved, read_proven(context.folder)
+    if directions:
+        context.terminal.say(f"Directions on file: {len(directions)}; the last is looked at anew.")
     return Run(
         problem=context.problem,
         solver=solver,
@@ -202,6 +205,7 @@ def _asked(
         done=len(saved.reports),
         search=saved.search,
         reached=saved.reached,
+        directions=directions,
     )
 
 

@@ -14,7 +14,7 @@ from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Envelope
+from perfplast_fenicsx.limit_analysis.body.interaction import Envelope, Proven
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
@@ -72,8 +72,8 @@ class Record(Protocol):
     def safety(self, found: FactorOfSafety) -> None:
         """A factor of safety."""
 
-    def direction(self, angles: Angles, low: BodyBounds, high: BodyBounds) -> None:
-        """The bounds in a direction of an envelope (degrees)."""
+    def direction(self, proven: Proven, low: BodyBounds, high: BodyBounds) -> None:
+        """The bounds in a direction of an envelope, and what they prove."""
 
     def envelope(self, found: Envelope, names: Sequence[str]) -> None:
         """Which multiples of loads, with these names, are carried."""
@@ -97,6 +97,7 @@ class Run:
         done: Levels that are on file.
         search: What is known of a limit load from these.
         reached: How far a loading by chosen steps has come with these.
+        directions: What is on file of an envelope.
     """
 
     problem: Problem
@@ -109,6 +110,7 @@ class Run:
     done: int = 0
     search: Search | None = None
     reached: Reached | None = None
+    directions: Sequence[Proven] = ()
 
 
 class Control(Protocol):

@@ -100,6 +100,7 @@ class EnvelopeControl(OfBody):
             adaptation=run.adapt,
             monitor=run.record.direction,
             steps=run.record.interior,
+            known=run.directions,
         )
         run.record.envelope(found, [" + ".join(names) for names in self.named.values()])
         return replace(found.last.mesh, levelled_off=found.gap <= self.until)

@@ -4,6 +4,7 @@ from .body.adaptive_meshes import Round as Round
 from .body.adaptive_meshes import adaptive_bounds as adaptive_bounds
 from .body.body_bounds import BodyBounds as BodyBounds
 from .body.interaction import Envelope as Envelope
+from .body.interaction import Proven as Proven
 from .body.interaction import envelope as envelope
 from .body.limit_bounds import bounds_of_mesh as bounds_of_mesh
 from .body.limit_bounds import limit_bounds as limit_bounds

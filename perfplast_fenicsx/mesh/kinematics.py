@@ -255,7 +255,7 @@ class AroundAxis:
 _ALL: tuple[Kinematics, ...] = (Space(), PlaneStrain(), PlaneStress(), Axisymmetric())
 
 KINDS = {one.name: one for one in _ALL}
-"""By name."""
+"""Plane strain, plane stress and axisymmetry by their names in case files."""
 
 
 def _radius(domain: Any) -> Any:

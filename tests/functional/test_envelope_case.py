@@ -13,11 +13,11 @@ import pytest
 from meshes.footing import write_footing
 from meshes.strip_footing import write_strip_footing
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import SOLVED
+from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.report.verdict import verdict_on
-from tests.case_runs import assert_case_refused, run_case
+from tests.case_runs import CaseRun, assert_case_refused, run_case
 
 CASE = """
 [mesh]
@@ -82,6 +82,38 @@ def test_a_footing(
         assert "All pairs inside of one polygon are carried for certain" in verdict.sentence
         assert "'V'" in verdict.details[0]
         assert "envelope" in (folder / "report.html").read_text(encoding="utf-8")
+    goes_on(comm, shared_tmp_path / "case.toml", run, capsys)
+
+
+def goes_on(
+    comm: MPI.Intracomm, case: Path, run: CaseRun, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A run that was killed behind three directions looks at the last of them and the rest."""
+    folder = run.folder
+    kept, path, before = 3, folder / "directions.json", dict[str, Any]()
+    if comm.rank == 0:
+        rows = json.loads(path.read_text(encoding="utf-8"))
+        before = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["limit"]
+        path.write_text(json.dumps(rows[:kept]), encoding="utf-8")
+    comm.Barrier()
+    assert main(["run", str(case), "--restart", str(folder)]) == run.status
+    out = comm.bcast(capsys.readouterr().out)
+    assert f"Directions on file: {kept};" in out
+    if comm.rank == 0:
+        again = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["limit"]
+        directions = before["envelope"]["directions"]
+        assert again["envelope"]["directions"] == directions
+        assert out.count(" degrees: carried to ") == len(directions) - (kept - 1)
+        for row, same in zip(again["envelope"]["rows"], before["envelope"]["rows"], strict=True):
+            # the direction that is looked at anew comes as near to its bounds as limit_tolerance
+            assert row == pytest.approx(same, rel=1e-5, abs=1e-9)
+        assert len(json.loads(path.read_text(encoding="utf-8"))) == len(directions)
+        path.write_text("[{}]", encoding="utf-8")
+    comm.Barrier()
+    assert main(["run", str(case), "--restart", str(folder)]) == BAD_INPUT
+    if comm.rank == 0:
+        error = capsys.readouterr().err
+        assert "directions.json cannot be read" in error and "--force" in error
 
 
 RIGID = """

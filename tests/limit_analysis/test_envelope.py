@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from perfplast_fenicsx import Force, InputError, Pressure, Problem, Support, Traction, VonMises
-from perfplast_fenicsx.limit_analysis import Envelope, envelope
+from perfplast_fenicsx.limit_analysis import Envelope, Proven, envelope
 from perfplast_fenicsx.limit_analysis.body.proven_polytopes import (
     farthest_apart,
     inner_along,
@@ -91,16 +91,16 @@ def fits_the_ellipse(
     problem: Problem, along: Load, around: bool, until: float, path: Path
 ) -> Envelope:
     """An envelope that ends by itself with von Mises' ellipse between its polygons. Collective."""
-    told, most, last = list[tuple[float, ...]](), 48 if around else 20, 360 if around else 90
+    told, most, last = list[Proven](), 48 if around else 20, 360 if around else 90
     found = envelope(
         problem,
         [[ACROSS], [along]],
         directions=most,
         until=until,
         around=around,
-        monitor=lambda angles, low, high: told.append(angles),
+        monitor=lambda proven, low, high: told.append(proven),
     )
-    assert tuple(told) == found.directions
+    assert tuple(one.angles for one in told) == found.directions
     assert len(told) < most
     assert found.gap <= until
     is_around(found, ellipse, last)

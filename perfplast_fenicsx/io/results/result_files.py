@@ -18,6 +18,9 @@ PROOF = "bounds.h5"
 DIRECTIONS = "direction"
 """What the names of the proof files of an envelope begin with, before the angles (degrees)."""
 
+KNOWN = "directions.json"
+"""What the directions of an envelope have proven, for a run that goes on."""
+
 STANDS, FALLS = "stands.h5", "falls.h5"
 """What proves a factor of safety: a stress with the strengths of the lower one, a velocity with
 those of the upper."""

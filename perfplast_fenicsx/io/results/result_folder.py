@@ -30,6 +30,7 @@ from perfplast_fenicsx.io.results.result_files import (
     EXPORTED,
     FALLS,
     FIELDS,
+    KNOWN,
     MECHANISM,
     MECHANISM_POINTS,
     NAMED,
@@ -49,7 +50,7 @@ RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
     *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png", PROOF),
     *(POINT_SERIES, MECHANISM_POINTS),
-    *("strength.png", STANDS, FALLS, "envelope.png"),
+    *("strength.png", STANDS, FALLS, "envelope.png", KNOWN),
     "report.html",
     *(NEWEST, BEFORE, *EARLIER),
 )

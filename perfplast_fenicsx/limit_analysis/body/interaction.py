@@ -45,6 +45,26 @@ Angles = tuple[float, ...]
 that plane, towards the third."""
 
 
+@dataclass(frozen=True)
+class Proven:
+    """What is proven in a direction.
+
+    Attributes:
+        angles: The direction.
+        carried: The pair or triple in it that is carried for certain, as far out as was found; None
+            without a strict lower bound.
+        side: The half-space (n, r) of a mechanism, n·x ≤ r; None without a strict upper bound.
+    """
+
+    angles: Angles
+    carried: tuple[float, ...] | None
+    side: tuple[float, ...] | None
+
+    def is_at(self, angles: Angles) -> bool:
+        """Whether it is of this direction."""
+        return bool(np.allclose(self.angles, angles, rtol=0, atol=1e-9))
+
+
 @dataclass(frozen=True, eq=False)
 class Envelope:
     """Two polytopes with the surface of the set of what is carried between them.
@@ -126,8 +146,9 @@ def envelope(
     around: bool | Sequence[bool] = False,
     rtol: float = 1e-4,
     adaptation: Adaptation | None = None,
-    monitor: Callable[[Angles, BodyBounds, BodyBounds], None] | None = None,
+    monitor: Callable[[Proven, BodyBounds, BodyBounds], None] | None = None,
     steps: Callable[[InteriorStep], None] | None = None,
+    known: Sequence[Proven] = (),
 ) -> Envelope:
     """Bound the set of (a, b) or (a, b, c) for which such multiples are carried. Collective.
 
@@ -139,9 +160,11 @@ def envelope(
         around: Whether numbers may be negative; of each, or of all.
         rtol: How near each bound comes to the best of its kind on its mesh, relative.
         adaptation: How the mesh is adapted in each direction; None for that of the problem.
-        monitor: Called on every rank with each direction, and what has its lower and its upper
-            bound.
+        monitor: Called on every rank with what each direction proves, and what has its lower and
+            its upper bound.
         steps: Called on every rank after each step of the interior point method.
+        known: What an earlier search has proven, to go on with. Its last direction is looked at
+            anew, as the mechanism of the last one is part of the answer.
 
     Raises:
         InputError: If a load is constant, as many loads are none of a diagram, and as
@@ -152,8 +175,9 @@ def envelope(
     if len(signed) != len(loads):
         raise InputError(f"around = {around} is not one of each of {len(loads)} numbers.")
     stay = [load for load in problem.given.loads if load.constant]
-    carried = [] if stay else [np.zeros(len(loads))]
-    sides, asked = list[Floats](), list[Angles]()
+    carried: list[Sequence[float]] = [] if stay else [(0.0,) * len(loads)]
+    sides, asked = list[Sequence[float]](), list[Angles]()
+    last: BodyBounds | None = None
     queue = [tuple(map(float, row)) for row in to_begin_with(signed)]
     while len(asked) < directions:
         if not queue:
@@ -162,18 +186,37 @@ def envelope(
                 break
             queue = [worst]
         asked.append(queue.pop(0))
-        ray = rays_at(np.array(asked[-1:]))[0]
-        parts = zip(loads, ray, strict=True)
-        mixed = [scaled(load, f) for some, f in parts for load in some if abs(f) > 1e-12]
-        low, high = _bounds(variant(problem, loads=[*stay, *mixed]), adaptation, rtol, steps)
-        if monitor is not None:
-            monitor(asked[-1], low, high)
-        if low.lower.strict and low.question is Question.LIMIT and low.lower.value is not None:
-            carried.append(low.lower.value * ray)
-        if high.upper.strict and high.question is Question.LIMIT:
-            sides.append(_side(high, loads, ray))
+        proven = next((one for one in known[:-1] if one.is_at(asked[-1])), None)
+        if proven is None:
+            ray = rays_at(np.array(asked[-1:]))[0]
+            parts = zip(loads, ray, strict=True)
+            mixed = [scaled(load, f) for some, f in parts for load in some if abs(f) > 1e-12]
+            low, last = _bounds(variant(problem, loads=[*stay, *mixed]), adaptation, rtol, steps)
+            proven = _proven(asked[-1], ray, loads, low, last)
+            if monitor is not None:
+                monitor(proven, low, last)
+        carried += [] if proven.carried is None else [proven.carried]
+        sides += [] if proven.side is None else [proven.side]
+    if last is None:
+        raise RuntimeError("an earlier search was of more directions than this one")
     gap, _ = _worst(carried, sides, signed, asked)
-    return Envelope(*_arrays(carried, sides, len(loads)), tuple(asked), gap, signed, high)
+    return Envelope(*_arrays(carried, sides, len(loads)), tuple(asked), gap, signed, last)
+
+
+def _proven(
+    angles: Angles,
+    ray: Floats,
+    loads: Sequence[Sequence[Load]],
+    low: BodyBounds,
+    high: BodyBounds,
+) -> Proven:
+    """What the bounds along a ray prove. Collective."""
+    carried = side = None
+    if low.lower.strict and low.question is Question.LIMIT and low.lower.value is not None:
+        carried = tuple(map(float, low.lower.value * ray))
+    if high.upper.strict and high.question is Question.LIMIT:
+        side = tuple(map(float, _side(high, loads, ray)))
+    return Proven(angles, carried, side)
 
 
 def _check(loads: Sequence[Sequence[Load]], directions: int) -> None:
@@ -193,14 +236,14 @@ def _check(loads: Sequence[Sequence[Load]], directions: int) -> None:
 
 
 def _arrays(
-    carried: Sequence[Floats], sides: Sequence[Floats], number: int
+    carried: Sequence[Sequence[float]], sides: Sequence[Sequence[float]], number: int
 ) -> tuple[Floats, Floats]:
     return np.array(carried).reshape(-1, number), np.array(sides).reshape(-1, number + 1)
 
 
 def _worst(
-    carried: Sequence[Floats],
-    sides: Sequence[Floats],
+    carried: Sequence[Sequence[float]],
+    sides: Sequence[Sequence[float]],
     signed: tuple[bool, ...],
     asked: Sequence[Angles],
 ) -> tuple[float, Angles | None]:

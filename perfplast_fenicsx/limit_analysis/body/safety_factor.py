@@ -30,7 +30,7 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 log = logging.getLogger(__name__)
 
 MOST_SEARCHES = 10
-"""Of a root; three or four are usual."""
+"""Searches for a root F, at most; three or four are usual."""
 
 STEP = 1.3
 """Factor by which F changes where a side of μ is not known, or no two values are."""

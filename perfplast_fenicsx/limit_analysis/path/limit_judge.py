@@ -16,7 +16,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.next_work import Leap, Reached
 
 FAR = 1e6
-"""So many times the work at first yield is looked at."""
+"""Largest work that is looked at, in multiples of that at first yield."""
 
 
 @dataclass
