@@ -9,6 +9,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from meshes.thick_sphere import write_thick_sphere
 from perfplast_fenicsx import Elastic, Plane, Pressure, Problem, Support, Traction
 from perfplast_fenicsx.limit_analysis import (
     BodyBounds,
@@ -22,6 +23,7 @@ from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED, Star
 from tests.contrast_bodies import SURFACES, forces_left, layers, material, square, squeezed
 from tests.limit_analysis.stress_checker import check_stress
 from tests.limit_analysis.test_static_bound import rectangle
+from tests.models import Read
 
 COMM = MPI.COMM_WORLD
 
@@ -155,6 +157,17 @@ def test_loads_that_nothing_bounds(case: str) -> None:
     assert bounds.mesh.reason == UNLIMITED
     assert not bounds.mesh.levelled_off
     assert bounds.in_words() == f"N{UNLIMITED[1:]}."
+
+
+def test_linear_elements_that_lock(read: Read) -> None:
+    """A sphere that quadratic ones see burst."""
+    mesh = read(write_thick_sphere, size=0.4)
+    held = [Support("x0", "x"), Support("y0", "y"), Support("z0", "z")]
+    steel = dict.fromkeys(mesh.volumes, material(sqrt(3)))
+    locked = interior_point(Problem(mesh, steel, held, [Pressure("inner", 1.0)], degree=1))
+    assert locked.upper is locked.estimate is None
+    assert locked.reason.startswith(UNLIMITED) or "carry the loads beyond" in locked.reason
+    assert "linear elements lock" in locked.reason
 
 
 def test_slender_bodies_carry_something() -> None:

@@ -184,7 +184,7 @@ def _of_mesh(problem: Problem, limit: LimitLoad) -> tuple[BodyBounds, MechanismR
     if limit.upper is None and not (stands and limit.collapses):
         dilates = any(on.law.dilates for on in problem.laws)
         why = CONFINED if dilates else NO_MECHANISM
-        why = UNLIMITED if limit.reason == UNLIMITED else why
+        why = UNLIMITED if limit.reason.startswith(UNLIMITED) else why
         upper = Bound(None, "upper", Scope.MESH, (why,))
     else:
         let_rest(problem, limit.mechanism)

@@ -163,8 +163,14 @@ def _search(
             )
             return found, next_start(start, program, None, Verdict.STALLED, rtol)
         if not limited:
+            reason = UNLIMITED
+            if problem.degree == 1:
+                reason += (
+                    "; so they seem to wherever linear elements lock: ask quadratic ones (degree ="
+                    " 2 under [element])"
+                )
             found = discrete_result(
-                problem, program, None, Verdict.UNBOUNDED, UNLIMITED, steps, rtol, question
+                problem, program, None, Verdict.UNBOUNDED, reason, steps, rtol, question
             )
             return found, next_start(start, program, None, Verdict.UNBOUNDED, rtol)
         iteration = InteriorIteration(program)
