@@ -57,7 +57,7 @@ def test_all_four_find_the_same_stress(
     assert uzawa.linear.setups < uzawa.linear.solves / 4
 
 
-@pytest.mark.costly
+@pytest.mark.long
 @SERIAL
 @pytest.mark.parametrize("share", [0.6, 0.9])
 def test_all_four_find_the_same_stress_on_a_finer_mesh(share: float) -> None:
