@@ -11,8 +11,8 @@ import pytest
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, NO_SOLUTION, SOLVED
 from perfplast_fenicsx.pictures.result_reader import ResultReader
-from tests.functional.test_restart import ended_after as ended_after  # a fixture
 from tests.functional.test_restart import path_of
+from tests.functional.test_restart import run_until as run_until  # a fixture
 from tests.models import write_case
 
 PRELOAD = 40.0
@@ -59,8 +59,7 @@ values = [10.0, 20.0]
 def test_forces_of_a_bolt_are_told(
     comm: MPI.Intracomm,
     shared_tmp_path: Path,
-    ended_after: Callable[[int], None],
-    monkeypatch: pytest.MonkeyPatch,
+    run_until: Callable[[Path, Path, int], None],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     """At rest its preload; a restart tightens it anew, and goes on alike."""
@@ -82,10 +81,8 @@ def test_forces_of_a_bolt_are_told(
         assert "Preloads change no limit load" in page
         assert "tightened to 40 N" in page
         assert ResultReader(whole).reports[1].bolts == steps[1]["bolts"]
-    ended_after(2)
-    assert main(["run", str(case), "-o", str(parts)]) != SOLVED
+    run_until(case, parts, 2)
     comm.barrier()
-    monkeypatch.undo()
     assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
     again = [float(row["bolt_anchor"]) for row in path_of(parts)]
     assert again == pytest.approx([step["bolts"]["anchor"] for step in steps], rel=1e-5)
@@ -120,8 +117,7 @@ factors = { top = 20.0 }
 def test_stages_tighten_anew(
     comm: MPI.Intracomm,
     shared_tmp_path: Path,
-    ended_after: Callable[[int], None],
-    monkeypatch: pytest.MonkeyPatch,
+    run_until: Callable[[Path, Path, int], None],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     """In the table and in words; no restart behind it, as shortenings are not on file."""
@@ -137,10 +133,8 @@ def test_stages_tighten_anew(
     if comm.rank == 0:
         assert "but for what stages tighten anew (anchor); a preload changes no limit load" in told
         assert "Preloads change no limit load" in (whole / "report.html").read_text()
-    ended_after(3)
-    assert main(["run", str(case), "-o", str(parts)]) != SOLVED
+    run_until(case, parts, 3)
     comm.barrier()
-    monkeypatch.undo()
     capfd.readouterr()
     assert main(["run", str(case), "--restart", str(parts)]) == BAD_INPUT
     said = capfd.readouterr().err

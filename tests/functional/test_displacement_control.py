@@ -1,7 +1,6 @@
 """A run under displacement control: levels of its own, files, a restart."""
 
 import json
-import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,8 +14,8 @@ from perfplast_fenicsx.cli.run import SOLVED
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.solvers.newton import Newton
 from perfplast_fenicsx.solvers.stroke import GROWTH, stroke
-from tests.functional.test_restart import ended_after as ended_after  # a fixture
 from tests.functional.test_restart import path_of, same_path
+from tests.functional.test_restart import run_until as run_until  # a fixture
 from tests.models import STACK_HEIGHTS, write_case
 
 YOUNG, YIELD, HEIGHT = 2e5, 300.0, sum(STACK_HEIGHTS)
@@ -87,8 +86,7 @@ def test_first_yield_and_growing_strokes(
 def test_a_run(
     comm: MPI.Intracomm,
     shared_tmp_path: Path,
-    ended_after: Callable[[int], None],
-    monkeypatch: pytest.MonkeyPatch,
+    run_until: Callable[[Path, Path, int], None],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     """Force and stroke are on file and on the terminal, and a restart gives the same run."""
@@ -108,10 +106,8 @@ def test_a_run(
         assert step["balance"] < 1e-10
         assert float(row["driving_force"]) == pytest.approx(expected, rel=1e-9)
         assert float(row["obstacle_top_z"]) == pytest.approx(-expected, rel=1e-9)
-    ended_after(2)
-    assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM
+    run_until(case, parts, 2)
     assert len(path_of(parts)) == 2
     comm.barrier()
-    monkeypatch.undo()
     assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
     same_path(parts, whole)

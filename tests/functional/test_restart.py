@@ -97,10 +97,12 @@ def fields_of(folder: Path) -> list[dict[str, np.ndarray]]:
 
 
 @pytest.fixture
-def ended_after(monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm) -> Callable[[int], None]:
-    """Has the last rank get a SIGTERM when a run has solved so many levels."""
+def run_until(
+    monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm
+) -> Callable[[Path, Path, int], None]:
+    """Runs a case into a folder; the last rank gets a SIGTERM when so many levels are solved."""
 
-    def end(levels: int) -> None:
+    def run(case: Path, output: Path, levels: int) -> None:
         plain = recorder.Recorder.level
 
         def level(self: recorder.Recorder, level: Level, *more: object) -> None:
@@ -108,9 +110,11 @@ def ended_after(monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm) -> Callabl
                 signal.raise_signal(signal.SIGTERM)
             plain(self, level, *more)  # type: ignore[arg-type]
 
-        monkeypatch.setattr(recorder.Recorder, "level", level)
+        with monkeypatch.context() as patch:
+            patch.setattr(recorder.Recorder, "level", level)
+            assert main(["run", str(case), "-o", str(output)]) == 128 + signal.SIGTERM
 
-    return end
+    return run
 
 
 @pytest.mark.mpi3
@@ -119,8 +123,7 @@ def test_a_run_goes_on(
     method: str,
     comm: MPI.Intracomm,
     shared_tmp_path: Path,
-    ended_after: Callable[[int], None],
-    monkeypatch: pytest.MonkeyPatch,
+    run_until: Callable[[Path, Path, int], None],
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     if comm.size > 1 and method != "newton":
@@ -131,12 +134,10 @@ def test_a_run_goes_on(
     )
     whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
     assert main(["run", str(case), "-o", str(whole)]) == SOLVED
-    ended_after(2)
-    assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM
+    run_until(case, parts, 2)
     assert f"perfplast run {case} --restart {parts}" in caplog.text
     assert len(path_of(parts)) == 2
     comm.barrier()
-    monkeypatch.undo()
     assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
     same_path(parts, whole)
     comm.barrier()
@@ -149,18 +150,15 @@ def test_a_run_with_coulombs_friction_goes_on(
     method: str,
     comm: MPI.Intracomm,
     shared_tmp_path: Path,
-    ended_after: Callable[[int], None],
-    monkeypatch: pytest.MonkeyPatch,
+    run_until: Callable[[Path, Path, int], None],
 ) -> None:
     """The bounds of its first round follow from the state, and take as many rounds and steps."""
     text = solved_by(method, LOADINGS[method]).replace(RUBS, f"{RUBS}coulomb = 0.2\n")
     case = write_case(comm, shared_tmp_path / "case.toml", text)
     whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
     assert main(["run", str(case), "-o", str(whole)]) == SOLVED
-    ended_after(2)
-    assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM
+    run_until(case, parts, 2)
     comm.barrier()
-    monkeypatch.undo()
     assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
     same_path(parts, whole)
     rows, others = path_of(parts), path_of(whole)
@@ -173,8 +171,7 @@ def test_a_search_for_the_limit_load_goes_on(
     more: str,
     comm: MPI.Intracomm,
     shared_tmp_path: Path,
-    ended_after: Callable[[int], None],
-    monkeypatch: pytest.MonkeyPatch,
+    run_until: Callable[[Path, Path, int], None],
 ) -> None:
     case = write_case(comm, shared_tmp_path / "case.toml", solved_by("work-newton", LIMIT, more))
     whole = shared_tmp_path / "whole"
@@ -184,11 +181,9 @@ def test_a_search_for_the_limit_load_goes_on(
     expected = json.loads((whole / "summary.json").read_text())["limit"]
     for ended in (1, 2) if more else (2, levels):
         parts = shared_tmp_path / f"parts{ended}"
-        ended_after(ended)
-        assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM
+        run_until(case, parts, ended)
         assert len(path_of(parts)) == ended
         comm.barrier()
-        monkeypatch.undo()
         assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
         same_path(parts, whole)
         limit = json.loads((parts / "summary.json").read_text())["limit"]
@@ -202,8 +197,7 @@ def test_a_search_for_the_limit_load_goes_on(
 def test_a_cycle_goes_on(
     comm: MPI.Intracomm,
     shared_tmp_path: Path,
-    ended_after: Callable[[int], None],
-    monkeypatch: pytest.MonkeyPatch,
+    run_until: Callable[[Path, Path, int], None],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     """Ended while it is unloaded, with contact that closes and opens, beside a constant load."""
@@ -216,10 +210,8 @@ def test_a_cycle_goes_on(
     case = write_case(comm, shared_tmp_path / "case.toml", f"{CASE}{named}\n{text}")
     whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
     assert main(["run", str(case), "-o", str(whole)]) == SOLVED
-    ended_after(4)
-    assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM
+    run_until(case, parts, 4)
     comm.barrier()
-    monkeypatch.undo()
     capfd.readouterr()
     assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
     if comm.rank == 0:

@@ -1,7 +1,6 @@
 """A run in which stages move a punch: forces on file, a restart in the middle of a cycle."""
 
 import json
-import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,8 +11,8 @@ import pytest
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import SOLVED
 from tests.functional.test_displacement_control import CASE, HEIGHT, YIELD, YOUNG
-from tests.functional.test_restart import ended_after as ended_after  # a fixture
 from tests.functional.test_restart import path_of, same_path
+from tests.functional.test_restart import run_until as run_until  # a fixture
 from tests.models import write_case
 
 AT_YIELD = YIELD * HEIGHT / YOUNG
@@ -36,8 +35,7 @@ factors = {{ top = {2.5 * AT_YIELD} }}
 def test_a_cycle_of_a_punch_goes_on(
     comm: MPI.Intracomm,
     shared_tmp_path: Path,
-    ended_after: Callable[[int], None],
-    monkeypatch: pytest.MonkeyPatch,
+    run_until: Callable[[Path, Path, int], None],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     """Ended where the punch has left the blocks, which stay 2 ε_y shorter."""
@@ -57,11 +55,9 @@ def test_a_cycle_of_a_punch_goes_on(
         assert step["balance"] < 1e-10
         assert float(row["driving_force_top"]) == pytest.approx(force * YIELD, abs=1e-7)
         assert float(row["obstacle_top_z"]) == pytest.approx(-force * YIELD, abs=1e-7)
-    ended_after(4)
-    assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM
+    run_until(case, parts, 4)
     assert len(path_of(parts)) == 4
     comm.barrier()
-    monkeypatch.undo()
     assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
     same_path(parts, whole, at_rest=[str(i + 1) for i, force in enumerate(forces) if not force])
     assert [float(row["factor_top"]) for row in path_of(parts)] == pytest.approx(

@@ -22,6 +22,7 @@ from perfplast_fenicsx import (
     stacked_blocks,
     two_blocks,
 )
+from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.limit_analysis import (
     Scope,
     interior_point,
@@ -60,13 +61,19 @@ def work(problem: Problem, v: fem.Function, radius: float) -> float:
     return dissipation / problem.loads.alpha(v.x.petsc_vec)
 
 
+def upper_block(problem: Problem) -> tuple[PairFlags, Floats, float]:
+    """Which local nodes are the upper block's, heights of all, and of the seam. Collective."""
+    of_node, height = problem.bodies.of_node, problem.V.tabulate_dof_coordinates()[:, 2]
+    upper = of_node == problem.comm.allreduce(int(of_node.max()), MPI.MAX)
+    low = problem.comm.allreduce(float(height[upper].min(initial=np.inf)), MPI.MIN)
+    return upper, height, low
+
+
 def test_bodies_that_stay_rest() -> None:
     """What rounding moves them by is nothing, and what is slow is something."""
     problem = blocks_in_space()
     v = fem.Function(problem.V)
-    upper = problem.bodies.of_node == problem.comm.allreduce(
-        int(problem.bodies.of_node.max()), MPI.MAX
-    )
+    upper, *_ = upper_block(problem)
     values = v.x.array.reshape(problem.fixed.shape)
     for slow, rests in ((1e-15, True), (1e-11, False)):
         values[upper], values[~upper] = slow, (1.0, 0.0, 0.0)
@@ -78,9 +85,7 @@ def test_bodies_that_stay_rest() -> None:
 def test_a_body_whose_rounding_another_gives_way_to_keeps_it() -> None:
     """At rest it would be entered, by much beside the velocities there."""
     problem = blocks_in_space()
-    bodies, height = problem.bodies, problem.V.tabulate_dof_coordinates()[:, 2]
-    upper = bodies.of_node == problem.comm.allreduce(int(bodies.of_node.max()), MPI.MAX)
-    low = problem.comm.allreduce(float(height[upper].min(initial=np.inf)), MPI.MIN)
+    upper, height, low = upper_block(problem)
     v, slow = fem.Function(problem.V), 1e-14
     values = v.x.array.reshape(problem.fixed.shape)
     values[upper, 2] = slow
@@ -93,9 +98,7 @@ def test_a_body_whose_rounding_another_gives_way_to_keeps_it() -> None:
 def test_others_give_way_to_a_body_at_rest_that_they_would_enter() -> None:
     """By their rounding, where it enters as much itself, beside the slow velocities there."""
     problem = blocks_in_space()
-    bodies, height = problem.bodies, problem.V.tabulate_dof_coordinates()[:, 2]
-    upper = bodies.of_node == problem.comm.allreduce(int(bodies.of_node.max()), MPI.MAX)
-    low = problem.comm.allreduce(float(height[upper].min(initial=np.inf)), MPI.MIN)
+    upper, height, low = upper_block(problem)
     v, rounding = fem.Function(problem.V), 1e-15
     values = v.x.array.reshape(problem.fixed.shape)
     values[upper, 2] = -rounding
