@@ -105,11 +105,14 @@ def _made(source: Path, output: Path, material: str | None, force: bool) -> tupl
 
 def _draw(model: ForeignModel, survey: Survey, made: Path) -> None:
     """Draw the bodies; without a graphics system there is a mesh all the same."""
-    shown, body = model.cells, model.body
+    shown, body, face = model.cells, model.body, np.zeros(len(model.cells), dtype=np.int64)
     if model.dim == 3:
         outer = OuterFacets(model.cells, len(model.points))
         shown, body = outer.outwards(model.points, model.cells), model.body[outer.cells]
-    np.savez(made / "skin.npz", **skin_of_model(model, survey, shown, body))
+        at = outer.find(model.facets)
+        face = np.zeros(len(shown), dtype=np.int64)
+        face[at[at >= 0]] = model.surface[at >= 0] + 1
+    np.savez(made / "skin.npz", **skin_of_model(model, survey, shown, body, face))
     try:
         draw_parts(made / "skin.npz", made / PICTURE)
     except InputError as error:

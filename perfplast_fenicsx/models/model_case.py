@@ -116,7 +116,9 @@ def survey_of(model: ForeignModel) -> Survey:
     return Survey(dim, 1, nodes, bodies, joints, [], faces, list(model.remarks))
 
 
-def skin_of_model(model: ForeignModel, survey: Survey, outer: Longs, body: Longs) -> dict:
+def skin_of_model(
+    model: ForeignModel, survey: Survey, outer: Longs, body: Longs, face: Longs
+) -> dict:
     """What a picture shows: the outer triangles and the places of named surfaces.
 
     Args:
@@ -124,20 +126,22 @@ def skin_of_model(model: ForeignModel, survey: Survey, outer: Longs, body: Longs
         survey: Of it.
         outer: Corners of the triangles that are seen, shape (n, 3).
         body: Of each.
+        face: Number of the named surface of each from 1, 0 where there is none.
     """
     places = []
-    for number, face in enumerate(survey.faces):
+    for number, one in enumerate(survey.faces):
         middles = model.points[model.facets[model.surface == number]].mean(axis=1)
         centre = np.zeros(3)
-        centre[: model.dim] = face.centre
+        centre[: model.dim] = one.centre
         places.append(middles[np.argmin(np.linalg.norm(middles - centre, axis=1))])
     return {
         "points": model.points,
         "triangles": outer,
         "body": body,
+        "face": face,
         "names": np.array(model.bodies),
         "places": np.array(places).reshape(-1, 3),
-        "numbers": np.array([face.number for face in survey.faces], dtype=np.int64),
+        "numbers": np.array([one.number for one in survey.faces], dtype=np.int64),
     }
 
 

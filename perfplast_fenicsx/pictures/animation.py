@@ -59,7 +59,7 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
         images = [renderer.draw(number, panel) for panel in shown]
         state = level_caption(report, scene.driven, unit)
         words = (heading(scene.title), f"{state},   {in_words(scale)}{scene.view}")
-        canvas = FigureCanvasAgg(compose(shown, images, words, dpi, curve))
+        canvas = FigureCanvasAgg(compose(shown, images, words, renderer.view, dpi, curve))
         canvas.draw()
         frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
     each = float(np.clip(LENGTH / len(frames), *FRAME))

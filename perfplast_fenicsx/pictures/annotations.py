@@ -39,6 +39,8 @@ def load_arrows(
     arrows = 24  # at most about so many arrows show a load
     # Their length, and how near each other they may be, relative to the size of the bodies.
     arrow, apart = 0.1, 0.06
+    # A short surface has so many of them, unless they would be nearer each other than this.
+    least, nearest = 3, 0.025
     for i, load in enumerate(loads):
         chosen = np.flatnonzero(surface.marks[f"load {i}"])
         directions = _directions(load, surface, chosen)
@@ -50,6 +52,8 @@ def load_arrows(
         normals, facets = surface.normals[chosen], surface.facets[chosen]
         total = np.linalg.norm(normals, axis=1).sum()
         spacing = max((total / arrows) ** (1 / (facets.shape[1] - 1)), apart * surface.size)
+        across = np.ptp(surface.points[facets], axis=(0, 1)).max()
+        spacing = min(spacing, max(across / least, nearest * surface.size))
         weights, facet = spread(surface.points[facets], spacing)
         ends = np.einsum("nc,nci->ni", weights, points[facets[facet]])
         d = directions[facet] / np.linalg.norm(directions[facet], axis=1, keepdims=True)
@@ -155,15 +159,3 @@ def sample_obstacles(
         spacing=np.array([*((high - low) / (samples[gdim] - 1)), 1.0][:3]),
         distances=[distance.reshape(shape) for distance in distances],
     )
-
-
-def best_view(surface: Surface) -> tuple[float, float, float]:
-    """Of a few directions the first that sees nearly the most of the stressed skin."""
-    if surface.plane:
-        return (0.0, 0.0, 1.0)
-    weighed = surface.normals * (surface.at_cells["yield_ratio"] ** 4 + 1e-6)[:, None]
-    weighed = weighed[~surface.marks["contact"]]
-    views = np.array([(1.1, -1.9, 1.0), (-1.1, -1.9, 1.0), (1.1, 1.9, 1.0), (-1.1, 1.9, 1.0)])
-    seen = np.maximum(weighed @ views.T, 0).sum(axis=0)
-    x, y, z = views[int(np.argmax(seen > 0.95 * seen.max()))]
-    return (x, y, z)

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.pictures.heading import heading
+from perfplast_fenicsx.pictures.heading import drawable, heading
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 
 
@@ -99,8 +99,8 @@ def _polygons(
             axes.fill(*np.vstack([corner, points]).T, color=colour, alpha=0.15)
     axes.axhline(0.0, color="black", linewidth=0.6)
     axes.axvline(0.0, color="black", linewidth=0.6)
-    axes.set_xlabel(first, parse_math=False)
-    axes.set_ylabel(second, parse_math=False)
+    axes.set_xlabel(drawable(first), parse_math=False)
+    axes.set_ylabel(drawable(second), parse_math=False)
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
 
@@ -116,4 +116,4 @@ def _surfaces(axes: Any, rows: Sequence[Mapping[str, Any]], names: Sequence[str]
         draw = axes.plot_surface if column == "carried" else axes.plot_wireframe
         draw(*np.moveaxis(grid, -1, 0), **style)
     for axis, name in zip("xyz", names, strict=True):
-        getattr(axes, f"set_{axis}label")(name, parse_math=False)
+        getattr(axes, f"set_{axis}label")(drawable(name), parse_math=False)

@@ -26,6 +26,7 @@ def draw_fields(
     path: Path,
     largest_dissipation: float | None = None,
     state: Acting | None = None,
+    unique: bool = True,
 ) -> None:
     """Draw deformed bodies with plastic zone, displacement, contact pressure, slip and friction.
 
@@ -39,18 +40,19 @@ def draw_fields(
         largest_dissipation: Of all cells; for mechanisms alone, where the ``dissipation`` is shown
             instead of the displacement.
         state: What acts, which arrows and obstacles follow; by default as for ζ = 0.
+        unique: Whether the stress is that of a level, and not one of those of a limit load.
 
     Raises:
         OSError: If the file cannot be written.
     """
-    shown = panels([surface], scene.units, largest_dissipation)
+    shown = panels([surface], scene.units, largest_dissipation, unique=unique)
     wanted = SHOWN_DEFORMATION if largest_dissipation is None else SHOWN_MECHANISM
     scale = deformation_scale([surface], wanted)
     pixels = (1000, 800)  # of a panel
     renderer = Renderer([surface], scene, scale, pixels, [state or Acting()])
     images = [renderer.draw(0, panel) for panel in shown]
     words = (heading(scene.title), f"{caption},   {in_words(scale)}{scene.view}")
-    replace_picture(path, compose(shown, images, words))
+    replace_picture(path, compose(shown, images, words, renderer.view))
 
 
 def deformation_scale(frames: Sequence[Surface], shown: float = SHOWN_DEFORMATION) -> float:

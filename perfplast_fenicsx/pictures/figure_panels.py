@@ -15,6 +15,9 @@ from matplotlib.ticker import MaxNLocator
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.pictures.heading import drawable
+from perfplast_fenicsx.pictures.views import View, draw_axes
+from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.units import Units
 
 HUES = ("#6c9bcd", "#b5945c", "#74b386", "#a587c4")
@@ -50,6 +53,7 @@ def panels(
     units: Units,
     largest_dissipation: float | None = None,
     middle: bool = True,
+    unique: bool = True,
 ) -> list[Panel]:
     """Plastic zone, displacement or dissipation, contact pressure, slip and friction if any.
 
@@ -62,6 +66,8 @@ def panels(
         units: For the legends.
         largest_dissipation: Of all cells, inner ones too; for mechanisms alone.
         middle: Show displacement or dissipation, and not only the other two.
+        unique: Whether the stress is that of a level; that of a limit load is arbitrary where
+            nothing flows, which is said of the contact pressure.
     """
     found = [_stress(frames)]
     if "accumulated_plastic_strain" in frames[-1].at_cells and largest_dissipation is None:
@@ -78,6 +84,7 @@ def panels(
     if frames[0].marks["contact"].any():
         pressure = np.array([a.at_points["contact_pressure"] for a in frames])
         label = f"pressure ({units.of_stress()})"
+        label += "" if unique else "; arbitrary where nothing flows"
         found.append(_on_contact(frames[0], "Contact pressure", pressure, "magma_r", label))
         if middle and largest_dissipation is None and "slip" in frames[-1].at_points:
             found += _friction(frames, units)
@@ -185,14 +192,16 @@ def _logarithmic(shares: Floats, areas: Floats) -> LogNorm:
 
 
 def _from_zero(values: Floats) -> Normalize:
-    largest = float(values.max(initial=0.0))
-    return Normalize(min(0.0, float(values.min(initial=0.0))), largest if largest > 0 else 1.0)
+    largest, low = float(values.max(initial=0.0)), float(values.min(initial=0.0))
+    below = low if low < -ROUNDING * largest else 0.0
+    return Normalize(below, largest if largest > 0 else 1.0)
 
 
 def compose(
     shown: Sequence[Panel],
     images: Sequence[npt.NDArray[np.uint8]],
     words: tuple[str, str],
+    view: View,
     dpi: float = 140,
     curve: Callable[[Axes], None] | None = None,
 ) -> Figure:
@@ -202,6 +211,7 @@ def compose(
         shown: What the images are of.
         images: One of each panel, shape (height, width, 3).
         words: Title and subtitle.
+        view: From where the bodies are seen.
         dpi: Pixels in 1/5.9 of the figure's height.
         curve: Draws something in a last panel.
     """
@@ -228,8 +238,10 @@ def compose(
                 ticks=None if isinstance(norm, LogNorm) else ticks,
                 extend="both" if isinstance(norm, LogNorm) else "neither",
             )
-            bar.set_label(label, fontsize=10, parse_math=False)
+            bar.set_label(drawable(label), fontsize=10, parse_math=False)
             bar.ax.tick_params(labelsize=9)
+    # in the corner below the first image, at the left of its colour bar
+    draw_axes(figure.add_axes((0.002, 0.0, 0.1 * width, 0.11)), view)
     if curve is not None:
         axes = figure.add_axes((1 - 0.84 * width, 0.14, 0.78 * width, 0.68))
         axes.set_title("Loading", fontsize=12)

@@ -15,9 +15,22 @@ def heading(title: str) -> str:
     Args:
         title: Of the case, whatever it consists of.
     """
+    return drawable(_short(title))
+
+
+def drawable(words: str) -> str:
+    """Words of a case as pictures can show them, such as names of bodies.
+
+    Args:
+        words: Whatever they consist of.
+    """
     font = get_font(findfont("sans"))
-    words = _short(title)
     return "".join(one if font.get_char_index(ord(one)) else MISSING for one in words)
+
+
+def in_legend(words: str) -> str:
+    """Words of a case for places where matplotlib takes what is between dollars for a formula."""
+    return drawable(words).replace("$", r"\$")
 
 
 def remark_on(title: str) -> str | None:

@@ -6,6 +6,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 
+from perfplast_fenicsx.pictures.heading import in_legend
 from perfplast_fenicsx.problem.judged.report import LevelReport
 
 
@@ -38,7 +39,8 @@ def draw_history(
     colours = mpl.color_sequences["tab10"]
     for number, name in enumerate(names):
         line = np.array([(0.0, 0.0), *(place(report, name) for report in solved)])
-        axes.plot(*line.T, "o-", color=colours[number % len(colours)], markersize=4, label=name)
+        colour, label = colours[number % len(colours)], in_legend(name)
+        axes.plot(*line.T, "o-", color=colour, markersize=4, label=label)
         if now is not None:
             axes.plot(*place(now, name), "o", color="black", markersize=9)
     if not names:

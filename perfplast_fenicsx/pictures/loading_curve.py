@@ -14,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from perfplast_fenicsx.pictures.history_curve import draw_history
+from perfplast_fenicsx.pictures.path_points import LOGARITHMIC, between, from_rest
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.pictures.stored_limit import FAR
 from perfplast_fenicsx.problem.judged.report import LevelReport
@@ -95,9 +96,9 @@ def draw_curve(
         draw_history(axes, reports, unit, now)
         return
     solved = [report for report in reports if report.converged]
-    alphas = [0.0, *(report.alpha for report in solved)]
-    zetas = [0.0, *(report.zeta for report in solved)]
-    axes.plot(alphas, zetas, "o-", color=LINE, markersize=5, label="solved load levels")
+    alphas, zetas = from_rest(solved)
+    axes.plot(*between(alphas, zetas), color=LINE)
+    axes.plot(alphas, zetas, "o", color=LINE, markersize=5, label="solved load levels")
     if solved and solved[0].plastic_cells == 0 and solved[0].zeta > 0:
         slope = solved[0].alpha / solved[0].zeta
         top = max(zetas) * 1.05
@@ -116,12 +117,15 @@ def draw_curve(
             if not limit.theorem:
                 label = f"from {limit.lower:.6g} (solved) to {limit.upper:.6g} (no equilibrium)"
             axes.axhspan(limit.lower, limit.upper, color=LIMIT, alpha=0.15, label=label)
-    if len(solved) > 1 and solved[-1].alpha > FAR * solved[0].alpha > 0:
+    far = len(solved) > 1 and solved[-1].alpha > FAR * solved[0].alpha > 0
+    if far:
         axes.set_xscale("symlog", linthresh=solved[0].alpha)
     if now is not None:
         axes.plot(now.alpha, now.zeta, "o", color="black", markersize=9, zorder=5)
     bracket = f" ({unit})" if unit else ""
-    axes.set(xlabel=f"work of the loads α{bracket}", ylabel="load factor ζ")
+    axes.set(
+        xlabel=f"work of the loads α{bracket}{LOGARITHMIC if far else ''}", ylabel="load factor ζ"
+    )
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
     axes.grid(alpha=0.3)

@@ -4,24 +4,35 @@ Only the drawing process imports this (:mod:`drawing_process`).
 """
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
 import pyvista as pv
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.pictures.face_numbers import Label, labels, rooms, shared_out
+from perfplast_fenicsx.pictures.heading import in_legend
+from perfplast_fenicsx.pictures.picture_file import replace_picture
+from perfplast_fenicsx.pictures.views import BACK, FRONT, LEFT, PLANE, RIGHT, View, draw_axes
 
 PIXELS, DPI = (1000, 800), 100
 """Of each view."""
 
+Arrays = dict[str, npt.NDArray[np.generic]]
+
 
 def save_parts(source: str | Path, output: Path) -> None:
     """Draw the skin in an .npz file (:func:`perfplast_fenicsx.geometry.skin.skin_of`).
+
+    Bodies in space are seen from the front and from behind, and from both sides as well where a
+    face is not seen from there.
 
     Args:
         source: The file.
@@ -29,90 +40,171 @@ def save_parts(source: str | Path, output: Path) -> None:
     """
     with np.load(source) as file:
         skin = {name: file[name] for name in file.files}
-    flat = np.ptp(skin["points"][:, 2]) == 0
-    # Directions from which bodies in space are seen.
-    directions = {"from the front": (1.0, -1.6, 0.9), "from behind": (-1.0, 1.6, -0.9)}
-    views = {"": (0.0, 0.0, 1.0)} if flat else directions
-    figure = Figure(figsize=(len(views) * 7.0, 6.4), dpi=DPI)
-    FigureCanvasAgg(figure)
-    for column, (words, view) in enumerate(views.items(), start=1):
-        axes = figure.add_subplot(1, len(views), column)
-        axes.imshow(_view(skin, np.array(view), flat))
-        axes.set_title(words)
-        axes.set_axis_off()
-    names = [str(name) for name in skin["names"]]
-    most_names = 24  # so many bodies are named beside the picture at most
+    if np.ptp(skin["points"][:, 2]) == 0:
+        views, hidden = [PLANE], []
+        numbers = [_on_curves(skin, PLANE)]
+    else:
+        views = [FRONT, BACK]
+        seen = [rooms(_faces_at_pixels(skin, view)) for view in views]
+        if hidden := _hidden(skin, seen):
+            views += [LEFT, RIGHT]
+            seen += [rooms(_faces_at_pixels(skin, view)) for view in views[2:]]
+            hidden = _hidden(skin, seen)
+        numbers = [labels(room, PIXELS) for room in shared_out(seen)]
+    columns = min(len(views), 2)
+    lines = len(views) // columns
+    names = [in_legend(str(name)) for name in skin["names"]]
+    most_names, names_in_line = 24, 6  # so many bodies are named below the picture at most
     handles = [Patch(color=_hue(k), label=name) for k, name in enumerate(names) if k < most_names]
     if len(names) > most_names:
         handles.append(Patch(color="none", label=f"and {len(names) - most_names} more"))
-    columns = 6  # columns of the names of bodies
+    below = 0.3 + 0.24 * -(-len(handles) // names_in_line)  # inches
+    above, view_height = 0.9, 5.6
+    height = above + lines * view_height + below
+    figure = Figure(figsize=(columns * 7.0, height), dpi=DPI)
+    FigureCanvasAgg(figure)
+    for place, (view, found) in enumerate(zip(views, numbers, strict=True), start=1):
+        axes = figure.add_subplot(lines, columns, place)
+        axes.imshow(_image(skin, view))
+        axes.set_title(view.words, y=1.0)
+        axes.set_axis_off()
+        _write(axes, found)
+        draw_axes(axes.inset_axes((0.0, 0.88, 0.1, 0.125)), view)
     figure.legend(
-        handles=handles, loc="lower center", ncols=min(columns, len(handles)), frameon=False
+        handles=handles,
+        loc="lower center",
+        ncols=min(names_in_line, len(handles)),
+        frameon=False,
     )
-    figure.suptitle("Bodies, and the numbers of their free faces")
-    rows = -(-len(handles) // columns)
-    figure.subplots_adjust(0.01, 0.03 + 0.037 * rows, 0.99, 0.9, wspace=0.02)
-    figure.savefig(output)
+    words = "Bodies, and the numbers of their free faces"
+    if hidden:
+        words += f"; others hide {', '.join(map(str, hidden))}"
+    figure.suptitle(words, y=1 - 0.25 / height)
+    figure.subplots_adjust(
+        *(0.01, below / height, 0.99, 1 - above / height), wspace=0.02, hspace=0.08
+    )
+    replace_picture(output, figure)
 
 
-def _view(
-    skin: dict[str, npt.NDArray[np.generic]], view: Floats, flat: bool
-) -> npt.NDArray[np.uint8]:
-    """An image of the bodies from one direction."""
-    points, triangles = np.asarray(skin["points"], dtype=np.float64), skin["triangles"]
-    plotter = pv.Plotter(off_screen=True, window_size=list(PIXELS))
-    plotter.set_background("white")
+def _write(axes: Axes, found: list[Label]) -> None:
+    """Put numbers on an image."""
+    box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "#808080", "lw": 0.5, "alpha": 0.85}
+    line: dict[str, Any] = {"arrowstyle": "-", "color": "black", "lw": 0.7, "shrinkA": 0}
+    for label in found:
+        apart = label.at != label.words_at
+        axes.annotate(
+            str(label.number),
+            label.at,
+            label.words_at,
+            ha="center",
+            va="center",
+            fontsize=8,
+            bbox=box,
+            arrowprops=line | {"shrinkB": 0} if apart else None,
+        )
+        if apart:
+            axes.plot(*label.at, "o", color="black", markersize=2.5)
+
+
+def _hidden(skin: Arrays, seen: list[dict[int, tuple[float, float, float]]]) -> list[int]:
+    """Numbers of faces that are in none of the views."""
+    found = set().union(*seen)
+    return [int(number) for number in skin["numbers"] if int(number) not in found]
+
+
+def _on_curves(skin: Arrays, view: View) -> list[Label]:
+    """Numbers on the edges of plane bodies, at their middles."""
+    camera = _camera(skin, view)
+    places = np.asarray(skin["places"], dtype=np.float64) @ view.frame[:2].T
+    pixels = (places - camera.middle) * [1, -1] / camera.pixel + np.array(PIXELS) / 2
+    return [
+        Label(int(number), (x, y), (x, y))
+        for number, (x, y) in zip(skin["numbers"], pixels.tolist(), strict=True)
+    ]
+
+
+def _image(skin: Arrays, view: View) -> npt.NDArray[np.uint8]:
+    """The bodies from one direction, shape (height, width, 3)."""
+    points, triangles = _points(skin), _triangles(skin)
+    plotter = _plotter(skin, view)
+    flat = view is PLANE
     sharp = 30.0  # edges between facets that differ by more degrees are drawn
     for body in range(len(skin["names"])):
-        own = np.asarray(triangles[skin["body"] == body], dtype=np.int64)
+        own = triangles[skin["body"] == body]
         if not len(own):  # others cover all of it
             continue
-        faces = np.column_stack([np.full(len(own), 3), own]).ravel()
-        mesh = pv.PolyData(points, faces=faces).clean()
+        mesh = _mesh(points, own).clean()
         plotter.add_mesh(mesh, color=_hue(body), lighting=not flat, ambient=0.5, diffuse=0.5)
         edges = mesh.extract_feature_edges(sharp)
         if edges.n_points:
             plotter.add_mesh(edges, color="#303030", line_width=1.5, lighting=False)
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    places = np.asarray(skin["places"], dtype=np.float64)
-    lifted = 0.004  # numbers stand so far before their faces, relative to the size of all
-    plotter.add_point_labels(
-        places + lifted * size * view / np.linalg.norm(view),
-        [str(number) for number in skin["numbers"]],
-        font_size=15,
-        text_color="black",
-        shape_color="white",
-        shape_opacity=0.75,
-        show_points=False,
-        always_visible=flat,
-    )
-    up = (0.0, 1.0, 0.0) if flat else (0.0, 0.0, 1.0)
-    plotter.view_vector(view, viewup=up)
+    return _taken(plotter)
+
+
+def _faces_at_pixels(skin: Arrays, view: View) -> Longs:
+    """Which free face is seen at each pixel, 0 where there is none, shape (height, width)."""
+    face = np.asarray(skin["face"], dtype=np.int64)
+    factor = 0x9E3779B1  # odd: each number has a colour of its own, and neighbours differ much
+    colours = face * factor & 0xFFFFFF
+    split = (colours[:, None] >> np.array([16, 8, 0]) & 0xFF).astype(np.uint8)
+    plotter = _plotter(skin, view)
+    mesh = _mesh(_points(skin), _triangles(skin))
+    plotter.add_mesh(mesh, scalars=split, rgb=True, lighting=False)
+    image = _taken(plotter).astype(np.int64)
+    found = image @ np.array([1 << 16, 1 << 8, 1])
+    known, first = np.unique(colours, return_index=True)
+    at = np.minimum(np.searchsorted(known, found), len(known) - 1)
+    return np.where(known[at] == found, face[first][at], 0)
+
+
+class _Camera:
+    """What is in the middle of a view, to the right and upwards, and how large a pixel is."""
+
+    def __init__(self, points: Floats, view: View) -> None:
+        seen = points @ view.frame.T
+        self.low, self.high = seen.min(axis=0), seen.max(axis=0)
+        self.middle = (self.low + self.high)[:2] / 2
+        margin = 1.06  # so much more than the bodies is seen
+        self.pixel = float(margin * np.max((self.high - self.low)[:2] / PIXELS))
+
+
+def _camera(skin: Arrays, view: View) -> _Camera:
+    return _Camera(_points(skin)[np.unique(_triangles(skin))], view)
+
+
+def _plotter(skin: Arrays, view: View) -> pv.Plotter:
+    """An empty picture, with a camera that sees all bodies."""
+    plotter = pv.Plotter(off_screen=True, window_size=list(PIXELS))
+    plotter.set_background("white")
+    aim = _camera(skin, view)
+    depth = float(np.linalg.norm(aim.high - aim.low))
+    focus = np.array([*aim.middle, (aim.low[2] + aim.high[2]) / 2]) @ view.frame
+    plotter.camera.focal_point = focus
+    plotter.camera.position = focus + 2 * depth * view.frame[2]
+    plotter.camera.up = view.up
+    plotter.camera.clipping_range = (0.5 * depth, 3.5 * depth)
     plotter.enable_parallel_projection()
-    plotter.reset_camera()
-    _fit(plotter.camera, points[np.unique(triangles)], view, np.array(up))
-    plotter.reset_camera_clipping_range()
-    if not flat:
-        plotter.add_axes()
+    plotter.camera.parallel_scale = aim.pixel * PIXELS[1] / 2
+    plotter.camera_set = True
+    return plotter
+
+
+def _taken(plotter: pv.Plotter) -> npt.NDArray[np.uint8]:
     image = np.asarray(plotter.screenshot(return_img=True), dtype=np.uint8)
     plotter.close()
-    return image
+    return image[..., :3]
 
 
-def _fit(camera: pv.Camera, points: Floats, view: Floats, up: Floats) -> None:
-    """Let a parallel projection show all points, and little else."""
-    towards = view / np.linalg.norm(view)
-    right = np.cross(up, towards)
-    axes = np.array([right / np.linalg.norm(right), np.cross(towards, right)])
-    axes[1] /= np.linalg.norm(axes[1])
-    seen = points @ axes.T
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    focus = np.array(camera.focal_point)
-    shift = ((low + high) / 2 - axes @ focus) @ axes
-    camera.focal_point, camera.position = focus + shift, np.array(camera.position) + shift
-    width, height = high - low
-    margin = 1.06  # so much more than the bodies is seen
-    camera.parallel_scale = margin / 2 * max(height, width * PIXELS[1] / PIXELS[0])
+def _points(skin: Arrays) -> Floats:
+    return np.asarray(skin["points"], dtype=np.float64)
+
+
+def _triangles(skin: Arrays) -> Longs:
+    return np.asarray(skin["triangles"], dtype=np.int64)
+
+
+def _mesh(points: Floats, triangles: Longs) -> pv.PolyData:
+    return pv.PolyData(points, faces=np.column_stack([np.full(len(triangles), 3), triangles]))
 
 
 def _hue(body: int) -> str:

@@ -14,13 +14,17 @@ import pyvista as pv
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.pictures.acting import Acting, shares
-from perfplast_fenicsx.pictures.annotations import best_view, load_arrows, sample_obstacles
+from perfplast_fenicsx.pictures.annotations import load_arrows, sample_obstacles
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.figure_panels import Panel, hue
+from perfplast_fenicsx.pictures.views import view_of
 
 Paint = dict[str, Any]
 """How pyvista is to draw a mesh."""
 
+
+DARK = 17
+"""Red, green and blue of the arrows of loads."""
 
 IN_FRONT = 1e-3
 """In the plane, what is drawn upon the bodies is so far before them, relative to their size."""
@@ -31,6 +35,9 @@ class Renderer:
 
     The frames of an animation differ in the deformation, the arrows and the colours. They have one
     camera, which sees all of them.
+
+    Attributes:
+        view: From where they are seen.
     """
 
     def __init__(
@@ -59,7 +66,7 @@ class Renderer:
             load_arrows(skin, moved, scene.on_surfaces, lengths[number])
             for number, moved in enumerate(self._frames)
         ]
-        self._view = np.array(best_view(skin))
+        self.view = view_of(skin, scene.axisymmetric)
         self._axis = _axis(skin) if scene.axisymmetric else None
         bodies = range(len(skin.names))
         self._sharp = [] if self._flat else [self._sharp_edges(body) for body in bodies]
@@ -89,30 +96,30 @@ class Renderer:
             plotter.add_mesh(after, color="#202020", line_width=2.5, lighting=False)
         for mesh, paint in self._obstacles[frame]:
             plotter.add_mesh(mesh, lighting=not self._flat, **paint)
-        plotter.view_vector(self._view, viewup=(0, 1, 0) if self._flat else (0, 0, 1))
+        plotter.view_vector(self.view.towards, viewup=self.view.up)
         plotter.enable_parallel_projection()
-        arrows = self._arrows[frame]
-        if panel.loads and len(arrows.starts):
-            plotter.add_arrows(arrows.starts, arrows.vectors, color="#111111", lighting=False)
         if self._axis is not None:
             plotter.add_mesh(self._axis, color="#606060", line_width=2, lighting=False)
-            # Of a picture, for the arrows that say where r and z
-            # lead; and sizes of these two letters.
-            corner, letters = 0.22, (0.4, 0.2)
-            plotter.add_axes(
-                interactive=False,
-                line_width=4,
-                xlabel="r",
-                ylabel="z",
-                zlabel="",
-                label_size=letters,
-                viewport=(0, 0, corner, corner),
-            )
+        shows_loads = panel.loads and len(self._arrows[frame].starts) > 0
+        if shows_loads:
+            self._add_loads(plotter, frame)
         self._aim(plotter)
         plotter.enable_anti_aliasing("ssaa")
-        image = plotter.screenshot(return_img=True)
+        image = np.asarray(plotter.screenshot(return_img=True))[..., :3]
+        if shows_loads:  # those that bodies hide are seen through them, faintly
+            plotter.clear_actors()
+            self._add_loads(plotter, frame)
+            plotter.render()
+            alone = np.asarray(plotter.screenshot(return_img=True))[..., :3]
+            faint = 0.4
+            share = faint * (255.0 - alone) / (255.0 - DARK)
+            image = (image - share * np.maximum(image - float(DARK), 0.0)).astype(np.uint8)
         plotter.close()
-        return np.asarray(image)
+        return image
+
+    def _add_loads(self, plotter: pv.Plotter, frame: int) -> None:
+        arrows = self._arrows[frame]
+        plotter.add_arrows(arrows.starts, arrows.vectors, color=(DARK,) * 3, lighting=False)
 
     def _add_bodies(self, plotter: pv.Plotter, points: Floats, colours: Floats) -> None:
         most_edges = 40_000  # the mesh is drawn where it has no more triangles than this
@@ -196,10 +203,7 @@ class Renderer:
 
     def _aim(self, plotter: pv.Plotter) -> None:
         """Fill the image with what there is to see, loads included, alike in all panels."""
-        towards = self._view / np.linalg.norm(self._view)
-        right = np.cross(plotter.camera.up, towards)
-        right /= np.linalg.norm(right)
-        axes = np.array([right, np.cross(towards, right)])
+        axes, towards = self.view.frame[:2], self.view.frame[2]
         around = [mesh.points for parts in self._obstacles for mesh, _ in parts]
         arrows = [end for a in self._arrows for end in (a.starts, a.starts + a.vectors)]
         seen = np.concatenate([*self._frames, self._skin.points, *arrows, *around])

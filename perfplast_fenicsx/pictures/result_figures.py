@@ -63,7 +63,8 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
         with _drawing(target / "mechanism.png") as path:
             from perfplast_fenicsx.pictures.field_figure import draw_fields
 
-            draw_fields(moving, reader.scene, caption, path, largest)
+            unique = surface is not None
+            draw_fields(moving, reader.scene, caption, path, largest, unique=unique)
         yield str(path)
     elif not reader.reports:
         yield "No mechanism is on file: it needs a limit load, and [output] fields."

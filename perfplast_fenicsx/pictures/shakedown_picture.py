@@ -7,7 +7,7 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from perfplast_fenicsx.pictures.heading import heading
+from perfplast_fenicsx.pictures.heading import drawable, heading
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 
 
@@ -39,8 +39,8 @@ def save_shakedown(
         axes.plot(*zip(*some, strict=True), marker, color=colour, label=f"beyond: {failure}")
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel(f"times {names[0]}", parse_math=False)
-    axes.set_ylabel(f"times {names[1]}", parse_math=False)
+    axes.set_xlabel(drawable(f"times {names[0]}"), parse_math=False)
+    axes.set_ylabel(drawable(f"times {names[1]}"), parse_math=False)
     axes.set_title(heading(f"{title}: shakedown (estimate)"), parse_math=False)
     axes.grid(alpha=0.3)
     axes.legend(loc="best")

@@ -7,7 +7,7 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from perfplast_fenicsx.pictures.heading import heading
+from perfplast_fenicsx.pictures.heading import heading, in_legend
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 
 LINES = {
@@ -54,7 +54,7 @@ def save_sweep(
             if points:
                 label = f"{says}{': ' if told else ''}{told}"
                 xy = zip(*sorted(points), strict=True)
-                axes.plot(*xy, mark, color=f"C{number % 10}", markersize=5, label=label)
+                axes.plot(*xy, mark, color=f"C{number % 10}", markersize=5, label=in_legend(label))
     axes.set_xlabel(first, parse_math=False)
     axes.set_ylabel("load factor ζ, or factor of safety F")
     axes.set_title(heading(title), parse_math=False)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 
+from perfplast_fenicsx.pictures.path_points import LOGARITHMIC, between, from_rest
 from perfplast_fenicsx.pictures.stored_limit import FAR, StoredLimit
 from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -97,10 +98,12 @@ def curve_of(
         name = f"driving force (work for each 1 of ζ, {unit})" if unit else "driving force"
         return Curve("ζ, how far it is moved", name, [Line("", zetas, forces, words)])
     alphas = [report.alpha for report in solved]
-    line = Line("", [0.0, *alphas], [0.0, *zetas], ["no load", *words])
+    x, y = from_rest(solved)
+    line = Line("", x, y, words if len(x) == len(words) else ["no load", *words])
     band, band_words = _bounds(limit)
     far = alphas[0] if len(alphas) > 1 and alphas[-1] > FAR * alphas[0] > 0 else 0.0
-    return Curve(f"work of the loads α{bracket}", "load factor ζ", [line], band, band_words, far)
+    label = f"work of the loads α{bracket}{LOGARITHMIC if far else ''}"
+    return Curve(label, "load factor ζ", [line], band, band_words, far)
 
 
 def _bounds(limit: StoredLimit | None) -> tuple[tuple[float, float] | None, str]:
@@ -148,7 +151,7 @@ def to_svg(curve: Curve, sheet: Sheet = WIDE) -> str:
             f" {rounded_down(curve.band[0])} to {rounded_up(curve.band[1])}</text>"
         )
     for number, line in enumerate(curve.lines):
-        parts.append(_drawn(line, number, place, left))
+        parts.append(_drawn(line, number, place, left, curved=curve.far > 0))
     parts.append(
         f'<text class="mid" x="{(left + right) / 2}" y="{sheet.height - 8}">'
         f"{escape(curve.x_label)}</text>"
@@ -197,12 +200,17 @@ def _frame(left: int, right: int, foot: int) -> str:
 
 
 def _drawn(
-    line: Line, number: int, place: Callable[[float, float], tuple[float, float]], left: int
+    line: Line,
+    number: int,
+    place: Callable[[float, float], tuple[float, float]],
+    left: int,
+    curved: bool,
 ) -> str:
     """A curve with a mark at each point, whose words are shown below the mouse."""
     colour, shape = COLOURS[number % len(COLOURS)], MARKS[number % len(MARKS)]
     points = [place(x, y) for x, y in zip(line.x, line.y, strict=True)]
-    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+    along = [place(x, y) for x, y in zip(*between(line.x, line.y), strict=True)]
+    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in (along if curved else points))
     dash = DASHES[number // len(MARKS) % len(DASHES)]
     stroke = f'fill="none" stroke="{colour}" stroke-width="2" stroke-dasharray="{dash}"'
     parts = [f'<polyline points="{path}" {stroke}/>']

@@ -24,6 +24,13 @@ ROOM = 18_000_000
 """Characters of packed arrays that a page may have; with all else it stays below 20 MB."""
 
 
+ARBITRARY = (
+    "Stress and contact pressure are those of one state of equilibrium at the limit load. Where"
+    " nothing flows, as in bolts that no load reaches, others are possible."
+)
+"""What is said where they are not those of a level."""
+
+
 @dataclass(frozen=True)
 class View:
     """The data of the view.
@@ -58,6 +65,8 @@ def view_data(reader: ResultReader, room: int = ROOM) -> View:
         "marks": view_marks(reader),
         "states": [],
     }
+    if collapses and not reader.levels:
+        remarks.append(ARBITRARY)
     left = room - size_of(data)
     packer = _Packer(reader, order)
     newest = [packer.level(reader.levels[-1])] if reader.levels else []

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.pictures.views import FRONT
 from perfplast_fenicsx.units import Units
 
 pytestmark = pytest.mark.serial
@@ -36,7 +37,7 @@ def labels_of(names: list[str]) -> list[str]:
     surface = triangles(names, [0.5] * len(names))
     shown = figure_panels.panels([surface], Units("mm", "MPa"))
     blank = np.zeros((8, 10, 3), dtype=np.uint8)
-    figure = figure_panels.compose(shown, [blank] * len(shown), ("A title", "a caption"))
+    figure = figure_panels.compose(shown, [blank] * len(shown), ("A title", "a caption"), FRONT)
     figure.canvas.draw()
     bars = [axes for axes in figure.axes if axes.get_xlabel()]
     words = [axes.xaxis.label for axes in bars]

@@ -1,0 +1,98 @@
+"""Where the numbers of faces stand in a picture: on their faces, where these are seen."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt, find_objects
+
+from perfplast_fenicsx.arrays import Longs
+
+Room = dict[int, tuple[float, float, float]]
+"""By the number of a face a pixel (x, y) in it, and how far that is from what is not the face."""
+
+LEAST, ENOUGH = 1.5, 17.0
+"""Pixels: with less room a face is not seen; with so much its number is on it, else beside it."""
+
+
+@dataclass(frozen=True)
+class Label:
+    """A number in a picture.
+
+    Attributes:
+        number: Of a face.
+        at: The pixel of the face (x, y).
+        words_at: Where the number stands; elsewhere than ``at`` there is a line between both.
+    """
+
+    number: int
+    at: tuple[float, float]
+    words_at: tuple[float, float]
+
+
+def rooms(seen: Longs) -> Room:
+    """The pixel of each face that is farthest from all other ones.
+
+    Args:
+        seen: Number of the face at each pixel, 0 where there is none, shape (height, width).
+    """
+    found: Room = {}
+    for number, part in enumerate(find_objects(seen), start=1):
+        if part is None:
+            continue
+        distance = np.asarray(distance_transform_edt(np.pad(seen[part] == number, 1)))
+        ys, xs = np.nonzero(distance >= 0.97 * distance.max())
+        from_middle = (ys - ys.mean()) ** 2 + (xs - xs.mean()) ** 2  # of long faces
+        y, x = ys[from_middle.argmin()], xs[from_middle.argmin()]
+        if distance[y, x] >= LEAST:
+            place = (x + part[1].start - 1, y + part[0].start - 1)
+            found[number] = (float(place[0]), float(place[1]), float(distance[y, x]))
+    return found
+
+
+def shared_out(views: Sequence[Room]) -> list[Room]:
+    """Each face in the view that has the most room for its number, and where else there is enough.
+
+    Args:
+        views: What is seen in each.
+    """
+    best = {
+        number: max(view[number][2] for view in views if number in view)
+        for number in set().union(*views)
+    }
+    return [
+        {n: place for n, place in view.items() if place[2] >= min(best[n], 2 * ENOUGH)}
+        for view in views
+    ]
+
+
+def labels(room: Room, pixels: tuple[int, int]) -> list[Label]:
+    """Where the numbers stand; those of small faces beside them, and none on another one.
+
+    Args:
+        room: Of the faces in a view.
+        pixels: Width and height of it.
+    """
+    size = np.array(pixels)
+    taken = [np.array(place[:2]) for place in room.values()]
+    found = []
+    for number, (x, y, free) in sorted(room.items(), key=lambda item: -item[1][2]):
+        at = np.array([x, y])
+        words_at = at
+        if free < ENOUGH:
+            outward = np.arctan2(*(at - size / 2)[::-1])
+            turns = np.array([0, 1, -1, 2, -2, 3, -3, 4]) * np.pi / 4
+            tried = [
+                at + far * np.array([np.cos(outward + turn), np.sin(outward + turn)])
+                for far in (34, 52, 76, 104)
+                for turn in turns
+            ]
+            inside = [p for p in tried if (np.minimum(p, size - p) > ENOUGH).all()]
+            others = [place for place in taken if (place != at).any()]
+            apart = 1.7 * ENOUGH
+            words_at = next(
+                (p for p in inside if all(np.abs(p - o).max() > apart for o in others)), at
+            )
+            taken.append(words_at)
+        found.append(Label(number, (x, y), (float(words_at[0]), float(words_at[1]))))
+    return found
