@@ -11,8 +11,8 @@ from perfplast_fenicsx.arrays import Longs
 Room = dict[int, tuple[float, float, float]]
 """By the number of a face a pixel (x, y) in it, and how far that is from what is not the face."""
 
-LEAST, ENOUGH = 1.5, 17.0
-"""Pixels: with less room a face is not seen; with so much its number is on it, else beside it."""
+ENOUGH = 17.0
+"""Pixels: with so much room the number of a face is on it, else beside it."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def rooms(seen: Longs) -> Room:
         ys, xs = np.nonzero(distance >= 0.97 * distance.max())
         from_middle = (ys - ys.mean()) ** 2 + (xs - xs.mean()) ** 2  # of long faces
         y, x = ys[from_middle.argmin()], xs[from_middle.argmin()]
-        if distance[y, x] >= LEAST:
+        if distance[y, x] >= 1.5:  # pixels: with less room a face is not seen
             place = (x + part[1].start - 1, y + part[0].start - 1)
             found[number] = (float(place[0]), float(place[1]), float(distance[y, x]))
     return found

@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from perfplast_fenicsx.pictures.history_curve import draw_history
-from perfplast_fenicsx.pictures.path_points import LOGARITHMIC, between, from_rest
+from perfplast_fenicsx.pictures.path_points import between, from_rest
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.pictures.stored_limit import FAR
 from perfplast_fenicsx.problem.judged.report import LevelReport
@@ -123,9 +123,8 @@ def draw_curve(
     if now is not None:
         axes.plot(now.alpha, now.zeta, "o", color="black", markersize=9, zorder=5)
     bracket = f" ({unit})" if unit else ""
-    axes.set(
-        xlabel=f"work of the loads α{bracket}{LOGARITHMIC if far else ''}", ylabel="load factor ζ"
-    )
+    scale = ", logarithmic axis" if far else ""
+    axes.set(xlabel=f"work of the loads α{bracket}{scale}", ylabel="load factor ζ")
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
     axes.grid(alpha=0.3)

@@ -9,9 +9,6 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.rounding import ROUNDING
 
-LOGARITHMIC = ", logarithmic axis"
-"""Behind the label of one."""
-
 
 def from_rest(solved: Sequence[LevelReport]) -> tuple[list[float], list[float]]:
     """Works α and load factors ζ of levels, behind the unloaded bodies.

@@ -9,9 +9,6 @@ from matplotlib.axes import Axes
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 
-UPRIGHT = (0.0, 0.0, 1.0)
-"""What points upwards in pictures of bodies in space."""
-
 
 @dataclass(frozen=True)
 class View:
@@ -20,13 +17,13 @@ class View:
     Attributes:
         words: Such as "from the front"; empty where there is but one.
         towards: From the bodies to who looks.
-        up: What points upwards.
+        up: What points upwards; z of bodies in space.
         axes: Names of the axes that are seen, those of x, y and z; an empty one is not drawn.
     """
 
     words: str
     towards: tuple[float, float, float]
-    up: tuple[float, float, float] = UPRIGHT
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
     axes: tuple[str, str, str] = ("x", "y", "z")
 
     @property
@@ -74,8 +71,8 @@ def draw_axes(axes: Axes, view: View) -> None:
     axes.set_axis_off()
     colour = "#404040"
     along: dict[str, Any] = {"arrowstyle": "-|>", "color": colour, "lw": 1.2, "shrinkA": 0}
-    for name, end in zip(view.axes, view.frame.T.tolist(), strict=True):
-        x, y, _ = end
+    right, up, _ = view.frame
+    for name, x, y in zip(view.axes, right, up, strict=True):
         if name:
             axes.annotate("", (x, y), (0, 0), arrowprops=along | {"shrinkB": 0})
             length = float(np.hypot(x, y)) or 1.0

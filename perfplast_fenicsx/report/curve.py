@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from perfplast_fenicsx.pictures.path_points import LOGARITHMIC, between, from_rest
+from perfplast_fenicsx.pictures.path_points import between, from_rest
 from perfplast_fenicsx.pictures.stored_limit import FAR, StoredLimit
 from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -102,7 +102,7 @@ def curve_of(
     line = Line("", x, y, words if len(x) == len(words) else ["no load", *words])
     band, band_words = _bounds(limit)
     far = alphas[0] if len(alphas) > 1 and alphas[-1] > FAR * alphas[0] > 0 else 0.0
-    label = f"work of the loads α{bracket}{LOGARITHMIC if far else ''}"
+    label = f"work of the loads α{bracket}{', logarithmic axis' if far else ''}"
     return Curve(label, "load factor ζ", [line], band, band_words, far)
 
 
