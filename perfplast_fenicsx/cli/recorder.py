@@ -16,17 +16,16 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
+from perfplast_fenicsx.limit_analysis.body.designed import designed
 from perfplast_fenicsx.limit_analysis.body.interaction import Envelope, Proven
 from perfplast_fenicsx.limit_analysis.body.next_step import Effort, next_steps
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety, times_in_words
-from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
-from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
 from perfplast_fenicsx.problem.judged.report import Iteration
 from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
@@ -198,10 +197,9 @@ class Recorder:
         solve = time.perf_counter() - self._solving
         known = body.limits if body else (NOT_SOUGHT, NOT_SOUGHT)
         lower, upper = (bound.value if bound.strict else None for bound in known)
-        zeta, design = self._run.case.loading.design, None
-        if zeta is not None and not standing_in_words(limit, body):
-            name = self._run.case.combination
-            design = DesignFactor.of(zeta, lower, upper, limit.estimate, name)
+        case = self._run.case
+        design = designed(case.loading.design, case.combination, limit, body)
+        if design is not None:
             self._run.terminal.say(design.in_words())
         steps = []
         if body is not None:

@@ -1,14 +1,22 @@
 """Bounds of the limit load that hold for the bodies."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 from perfplast_fenicsx.controls.control import OfBody, Run
 from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.least_load import (
+    check_turns,
+    least_load,
+    zero_is_outside,
+)
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.design_factor import check_design
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
+from perfplast_fenicsx.limit_analysis.statements.question import Question
 
 
 @dataclass(frozen=True)
@@ -20,6 +28,8 @@ class BoundsControl(OfBody):
             between 0 and 1.
         design: Load factor of the load that the bodies are designed for, often 1.0: results tell
             how many times it is carried.
+        direction: "up" for the largest load factor that is carried, and where 0 is not carried
+            beside constant loads for the least one as well; "both" for both in any case.
 
     Raises:
         InputError: A tolerance or a load factor that is none.
@@ -27,24 +37,38 @@ class BoundsControl(OfBody):
 
     limit_tolerance: float = 1e-4
     design: float | None = None
+    direction: Literal["up", "both"] = "up"
 
     def __post_init__(self) -> None:
         check_tolerance(self.limit_tolerance)
         check_design(self.design)
 
     def check(self, given: Given) -> None:
-        """Refuse bodies without loads, and obstacles that move."""
+        """Refuse bodies without loads, obstacles that move, and loads without another end."""
         given.require_load()
         given.refuse_moves()
+        if self.direction == "both":
+            check_turns(given.loads)
 
     def find(self, run: Run) -> LimitLoad:
         """Find the bounds, of the mesh or of several that are adapted. Collective."""
         problem, record = run.problem, run.record
         if run.adapt is None:
-            body = limit_bounds(problem, self.limit_tolerance, record.interior)
-            record.limit(body.mesh, body)
-            return body.mesh
-        told = (record.mesh, record.interior)
-        found = adaptive_bounds(problem, run.adapt, self.limit_tolerance, *told, self.design)
-        record.limit(found.best.mesh, found.body, found)
-        return found.best.mesh
+            found, body = None, limit_bounds(problem, self.limit_tolerance, record.interior)
+        else:
+            told = (record.mesh, record.interior)
+            found = adaptive_bounds(problem, run.adapt, self.limit_tolerance, *told, self.design)
+            body = found.body
+        body = self._with_least(run, body)
+        mesh = found.best.mesh if found else body.mesh
+        record.limit(mesh, body, found)
+        return mesh
+
+    def _with_least(self, run: Run, body: BodyBounds) -> BodyBounds:
+        """With the other end of the load factors, if it is asked for or matters. Collective."""
+        asked = self.direction == "both" and body.question is Question.LIMIT
+        told = run.record.interior
+        if asked or zero_is_outside(run.problem, body, told):
+            least = least_load(run.problem, self.limit_tolerance, run.adapt, told)
+            return replace(body, least=least)
+        return body

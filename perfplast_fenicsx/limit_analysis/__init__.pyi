@@ -3,9 +3,11 @@ from .body.adaptive_meshes import AdaptiveBounds as AdaptiveBounds
 from .body.adaptive_meshes import Round as Round
 from .body.adaptive_meshes import adaptive_bounds as adaptive_bounds
 from .body.body_bounds import BodyBounds as BodyBounds
+from .body.body_bounds import LeastLoad as LeastLoad
 from .body.interaction import Envelope as Envelope
 from .body.interaction import Proven as Proven
 from .body.interaction import envelope as envelope
+from .body.least_load import least_load as least_load
 from .body.limit_bounds import bounds_of_mesh as bounds_of_mesh
 from .body.limit_bounds import limit_bounds as limit_bounds
 from .body.safety_factor import FactorOfSafety as FactorOfSafety

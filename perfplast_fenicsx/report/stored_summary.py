@@ -96,9 +96,14 @@ class _Round(TypedDict):
     cells: int
 
 
+class _Least(TypedDict):
+    in_words: str
+
+
 class _Body(TypedDict):
     lower: float | None
     upper: float | None
+    least: NotRequired[_Least | None]
     why_not: list[str]
     friction: NotRequired[str | None]
     meshes: list[_Round]

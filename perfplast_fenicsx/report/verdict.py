@@ -150,7 +150,8 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     mesh += " with associated friction" if limit.body.get("friction") else ""
     known = f"The limit load of {mesh} is {estimate.in_words('ζ = ')}."
     reasons = [f"{why[:1].upper()}{why[1:]}." for why in limit.body.get("why_not", [])]
-    beside = [f"{words}." for words in [limit.body.get("friction")] if words]
+    beside = [least["in_words"]] if (least := limit.body.get("least")) else []
+    beside += [f"{words}." for words in [limit.body.get("friction")] if words]
     met = table["levelled_off"] and limit.upper is not None
     ended = [] if met else [f"How the search on {mesh} ended: {table['reason']}."]
     ended += [f"{step[:1].upper()}{step[1:]}." for step in table.get("next_steps", [])]

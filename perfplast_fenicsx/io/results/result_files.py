@@ -14,7 +14,9 @@ POINT_SERIES, MECHANISM_POINTS = "points.vtkhdf.series", "mechanism_points.vtkhd
 EXPORTED = "export"
 """The folder with what other programs read."""
 
-PROOF = "bounds.h5"
+PROOF, LEAST = "bounds.h5", "least.h5"
+"""What proves bounds of the limit load, and of that of the growing loads turned round."""
+
 DIRECTIONS = "direction"
 """What the names of the proof files of an envelope begin with, before the angles (degrees)."""
 

@@ -31,6 +31,7 @@ from perfplast_fenicsx.io.results.result_files import (
     FALLS,
     FIELDS,
     KNOWN,
+    LEAST,
     MECHANISM,
     MECHANISM_POINTS,
     NAMED,
@@ -48,7 +49,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 RESULT_FILES = (
     *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
-    *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png", PROOF),
+    *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png", PROOF, LEAST),
     *(POINT_SERIES, MECHANISM_POINTS),
     *("strength.png", STANDS, FALLS, "envelope.png", KNOWN),
     "report.html",

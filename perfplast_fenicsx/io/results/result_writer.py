@@ -19,7 +19,7 @@ from perfplast_fenicsx.io.results.proof_file import (
     proofs,
     write_proof,
 )
-from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, PROOF, STANDS
+from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, LEAST, PROOF, STANDS
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
@@ -164,6 +164,8 @@ class ResultWriter:
             if body is not None and proven:
                 low, high = (adaptive.low, adaptive.high) if adaptive else (body, body)
                 self._prove(PROOF, *proofs(low, high))
+                if body.least is not None:
+                    self._prove(LEAST, *proofs(body.least.low, body.least.high))
             table = {key: getattr(limit, key) for key in LIMIT_KEYS}
             table |= {"drucker": limit.drucker and limit.drucker.table()}
             table |= {"body": body and _table(body, adaptive)}
@@ -285,6 +287,7 @@ def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
         "upper": upper.value if upper.strict else None,
         "strict": body.strict,
         "standing": standing,
+        "least": body.least and {**body.least.table(), "in_words": body.least_in_words},
         "why_not": body.why_not,
         "friction": body.friction,
         "certificates": dict(body.certificates),

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.body.bound_words import proven_words
+from perfplast_fenicsx.limit_analysis.body.bound_words import least_words, proven_words
 from perfplast_fenicsx.limit_analysis.body.ring_results import VelocityOf
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import Verdict
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
@@ -24,6 +24,37 @@ DRUCKER = (
     "With Coulomb's friction they are Drucker's pair: frictionless from below, but for adhesion,"
     " and associated from above, whichever way it slips"
 )
+
+
+@dataclass(frozen=True)
+class LeastLoad:
+    """What is proven of the least load factor that is carried.
+
+    It is that of the growing loads turned round, with the other sign.
+
+    Attributes:
+        low: With the best lower bound of the loads turned round.
+        high: With the best upper one.
+    """
+
+    low: "BodyBounds"
+    high: "BodyBounds"
+
+    @property
+    def carried(self) -> float | None:
+        """A load factor that is carried for certain; None where none is proven."""
+        bound = self.low.limits[0]
+        return -bound.value if bound.strict and bound.value is not None else None
+
+    @property
+    def none_below(self) -> float | None:
+        """No smaller one is carried; None where that is not proven."""
+        bound = self.high.limits[1]
+        return -bound.value if bound.strict and bound.value is not None else None
+
+    def table(self) -> dict[str, float | None]:
+        """The bounds, as ``summary.json`` has them."""
+        return {"carried": self.carried, "none_below": self.none_below}
 
 
 @dataclass(frozen=True)
@@ -65,6 +96,7 @@ class BodyBounds:
     advice: tuple[str, ...] = ()
     question: Question = Question.LIMIT
     by_flux: VelocityOf | None = None
+    least: LeastLoad | None = None
 
     @property
     def flow(self) -> VelocityOf:
@@ -105,7 +137,17 @@ class BodyBounds:
         if self.friction is not None and (lower or upper):
             early.append(f" {self.friction}.")
         proven = proven_words(self.lower, self.upper, self.question, self.why_not)
+        if self.least_in_words:
+            early.insert(0, f" {self.least_in_words}")
         return proven + "".join(early)
+
+    @property
+    def least_in_words(self) -> str:
+        """What is proven of the least load factor, in a sentence or two; empty if not sought."""
+        if self.least is None:
+            return ""
+        lower = self.lower.value if self.lower.strict else None
+        return least_words(self.least.carried, self.least.none_below, lower)
 
     @property
     def friction(self) -> str | None:

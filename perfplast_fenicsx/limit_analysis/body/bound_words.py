@@ -6,6 +6,7 @@ from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.statements.standing import Standing
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
 def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequence[str]) -> str:
@@ -34,3 +35,31 @@ def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequen
     if lower.strict:
         return f"{body} carries {lower.shown} at least, strictly{reasons}."
     return f"Nothing is proven of the body that the mesh fills{reasons}."
+
+
+def least_words(carried: float | None, none_below: float | None, lower: float | None) -> str:
+    """What is proven of the other end of the load factors that are carried.
+
+    Args:
+        carried: A load factor near that end that is carried for certain.
+        none_below: No smaller one is.
+        lower: A lower bound of the largest one, which is carried, too.
+    """
+    told = []
+    if carried is not None and lower is not None:
+        first, last = min(carried, lower), max(carried, lower)
+        ends = f"from {rounded_up(first)} to {rounded_down(last)}"
+        told.append(f"load factors {ends} are carried for certain")
+    elif carried is not None:
+        told.append(f"the load factor {rounded_up(carried)} is carried for certain")
+    if none_below is not None:
+        told.append(f"none below {rounded_down(none_below)} is carried")
+    if not told:
+        return "Nothing is proven of the least load factor that is carried."
+    words = f"{' and '.join(told)}; this is strict."
+    words = words[0].upper() + words[1:]
+    if none_below is not None and none_below > 0:
+        return f"{words} Without load the constant loads are not carried."
+    if carried is None or (carried > 0 and (lower is None or lower > 0)):
+        return f"{words} Whether the constant loads are carried without load is not decided."
+    return words

@@ -81,6 +81,22 @@ def limit_bounds(
             or a bound does not fit into memory (the lower one is asked first, before anything is
             computed).
     """
+    problem = admitted(problem, rtol)
+    with ExitStack() as made:
+        form = form_that_fits(problem)
+        if form is not None:
+            made.callback(form.destroy)
+        return _bounds(problem, form, rtol, monitor)
+
+
+def admitted(problem: Problem, rtol: float) -> Problem:
+    """The problem as bounds are sought of it. Collective.
+
+    Cells that could carry nothing are divided, and pressures that do no work left out.
+
+    Raises:
+        InputError: As :func:`limit_bounds`.
+    """
     if problem.tagged_mesh.axisymmetric and problem.given.rigid:
         raise InputError(
             f"the surface '{problem.given.rigid[0].on}' is rigid, beside which bodies of revolution"
@@ -96,12 +112,7 @@ def limit_bounds(
         problem = without_pores(problem, body_cones(problem).dilates)
     check_loads(problem)
     check_cohesion(problem)
-    problem = with_room_for_stress(problem)
-    with ExitStack() as made:
-        form = form_that_fits(problem)
-        if form is not None:
-            made.callback(form.destroy)
-        return _bounds(problem, form, rtol, monitor)
+    return with_room_for_stress(problem)
 
 
 def _bounds(

@@ -1,0 +1,97 @@
+"""The other end of the load factors that are carried: growing loads turned round.
+
+Beside loads that stay the factors form an interval, as sets of admissible stresses are convex, and
+0 need not be in it: a wall may need its prop. Where it is not, a bound of the largest one alone
+would be taken for more than it is.
+"""
+
+from collections.abc import Callable, Sequence
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, LeastLoad
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import admitted, limit_bounds
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
+from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.stress.static_bound import strict_lower_bound
+from perfplast_fenicsx.problem.declared.loads import Bearing, CosinePressure, Load
+from perfplast_fenicsx.problem.declared.scaled_load import scaled
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.variant import variant
+
+Steps = Callable[[InteriorStep], None]
+
+
+def least_load(
+    problem: Problem,
+    rtol: float = 1e-4,
+    adaptation: Adaptation | None = None,
+    steps: Steps | None = None,
+) -> LeastLoad:
+    """Bound the least load factor that is carried. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        rtol: How near each bound comes to the best of its kind on its mesh, relative.
+        adaptation: How the mesh is adapted for it; None for that of the problem.
+        steps: Called on every rank after each step of the interior point method.
+
+    Raises:
+        InputError: If a pin's force grows, which cannot pull, and as
+            :func:`limit_bounds.limit_bounds`.
+    """
+    check_turns(problem.given.loads)
+    turned = _turned(problem)
+    if adaptation is None:
+        found = limit_bounds(turned, rtol, steps)
+        return LeastLoad(found, found)
+    adapted = adaptive_bounds(turned, adaptation, rtol, steps=steps)
+    return LeastLoad(adapted.low, adapted.high)
+
+
+def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = None) -> bool:
+    """Whether bodies may not carry what stays without the growing loads. Collective.
+
+    It is found by a stress that carries the loads turned round, on the mesh of the problem; where
+    none is found, they may not.
+
+    Args:
+        problem: The bodies and their loads.
+        body: What is proven of the largest load factor that is carried.
+        steps: Called on every rank after each step of the interior point method.
+    """
+    roughly = 0.1  # all that counts is a sign
+    if body.question is not Question.LIMIT or not (body.lower.strict or body.upper.strict):
+        return False
+    if not (problem.loads.has_dead() and problem.loads.grows()):
+        return False
+    if any(map(_pushes, problem.given.loads)):
+        return False
+    if body.upper.strict and body.upper.value is not None and body.upper.value < 0:
+        return True
+    found = strict_lower_bound(admitted(_turned(problem), roughly), roughly, steps).bound
+    return found.value is None or found.value < 0
+
+
+def check_turns(loads: Sequence[Load]) -> None:
+    """Refuse growing loads that cannot act the other way.
+
+    Raises:
+        InputError: Naming the first one.
+    """
+    for load in filter(_pushes, loads):
+        raise InputError(
+            f"the load on '{load.on}' is the force of a pin, which pushes and cannot pull, so that"
+            " no least load factor is sought; leave direction out, or give a traction."
+        )
+
+
+def _pushes(load: Load) -> bool:
+    return isinstance(load, Bearing | CosinePressure) and not load.constant
+
+
+def _turned(problem: Problem) -> Problem:
+    """The bodies with the growing loads turned round. Collective."""
+    loads = [load if load.constant else scaled(load, -1.0) for load in problem.given.loads]
+    return variant(problem, loads=loads)
