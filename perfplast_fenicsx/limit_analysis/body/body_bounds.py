@@ -18,8 +18,6 @@ from perfplast_fenicsx.problem.problem import Problem
 
 NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("not computed; control = 'bounds' computes it",))
 
-STANDING = "no load factor was sought, but how many times constant loads are carried"
-
 DRUCKER = (
     "With Coulomb's friction they are Drucker's pair: frictionless from below, but for adhesion,"
     " and associated from above, whichever way it slips"
@@ -108,7 +106,7 @@ class BodyBounds:
         """Bounds of the load factor ζ; without values where they are of the constant loads."""
         if self.question is Question.LIMIT:
             return self.lower, self.upper
-        why = (STANDING,)
+        why = ("no load factor was sought, but how many times constant loads are carried",)
         return Bound(None, "lower", Scope.MESH, why), Bound(None, "upper", Scope.MESH, why)
 
     @property
