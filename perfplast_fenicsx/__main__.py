@@ -26,7 +26,7 @@ from perfplast_fenicsx.cli.signals import leave_pipes_to_python
 from perfplast_fenicsx.cli.sweep_command import sweep
 from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
-from perfplast_fenicsx.errors import InputError, on_rank0
+from perfplast_fenicsx.errors import InputError, on_rank0, visible
 from perfplast_fenicsx.export.exported_files import export
 from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.io.case.case_reader import read_case
@@ -113,7 +113,7 @@ def about(comm: MPI.Intracomm, path: str, trust: bool = False) -> int:
     case = read_case(path, comm, trust)
     tagged_mesh = case.tagged_mesh(comm)
     terminal = Terminal(comm)
-    terminal.say(f"{case.title}: {', '.join(case.materials)}")
+    terminal.say(f"{visible(case.title)}: {', '.join(case.materials)}")
     for text in meaning(case, tagged_mesh.kinematics.whole):
         terminal.say(text)
     return SOLVED

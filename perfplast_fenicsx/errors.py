@@ -33,11 +33,20 @@ class InputError(ValueError):
         if len(message) > LONGEST_MESSAGE:
             keep = LONGEST_MESSAGE // 2 - 10
             message = f"{message[:keep]} [...] {message[-keep:]}"
-        super().__init__("".join(map(_visible, message)))
+        super().__init__(visible(message))
 
 
-def _visible(character: str) -> str:
-    return character if character.isprintable() else ascii(character)[1:-1]
+def visible(text: str, lines: bool = False) -> str:
+    """A text with escapes in place of control characters, which a terminal would obey.
+
+    Args:
+        text: Any.
+        lines: Whether it may have several lines; a line's end is then left as it is.
+    """
+    return "".join(
+        shown if shown.isprintable() or (lines and shown == "\n") else ascii(shown)[1:-1]
+        for shown in text
+    )
 
 
 def check_magnitude(field: str, value: float) -> None:

@@ -234,6 +234,6 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
         context.terminal.say(text)
     results.summary.timings["total"] = recorder.elapsed()
     results.write()
-    context.terminal.results(context.folder)
+    context.terminal.results(context.folder, goes_on=bool(results.reports))
     solved = all(report.converged for report in results.reports)
     return SOLVED if solved and (limit is None or limit.levelled_off) else NO_SOLUTION

@@ -15,7 +15,7 @@ from types import TracebackType
 from mpi4py import MPI
 
 from perfplast_fenicsx.cli.system_info import petsc_options, surroundings, versions
-from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.errors import InputError, raise_together, visible
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.run_lock import BEGUN, ENDED, hold
@@ -51,7 +51,7 @@ def logged_to_console(
             super().emit(record)
 
     handler = Handler()
-    handler.setFormatter(logging.Formatter("perfplast: %(levelname)s: %(message)s"))
+    handler.setFormatter(_Visible("perfplast: %(levelname)s: %(message)s"))
     with _handled(comm, handler, level):
         yield
 
@@ -87,7 +87,7 @@ class RunLog:
             except OSError as error:
                 fault = f"'{path}' cannot be written ({error.strerror}); give another folder."
         raise_together(self._comm, fault)
-        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
+        handler.setFormatter(_Visible("%(asctime)s %(levelname)-7s %(message)s"))
         least = min(level, "info", key=LEVELS.index)
         self._handled = _handled(self._comm, handler, least)
 
@@ -168,6 +168,14 @@ class RunLog:
         log.info("%s", limit)
         if body is not None:
             log.info("%s", body)
+
+
+class _Visible(logging.Formatter):
+    """Writes control characters as escapes: logs are read on terminals."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line of a record, or lines."""
+        return visible(super().format(record), lines=True)
 
 
 class _LogFile(logging.FileHandler):

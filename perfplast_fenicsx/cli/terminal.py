@@ -13,6 +13,8 @@ from typing import TextIO
 from mpi4py import MPI
 
 from perfplast_fenicsx.cli.remaining import clock, next_level
+from perfplast_fenicsx.errors import visible
+from perfplast_fenicsx.io.results.result_files import BEFORE, NEWEST
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
@@ -69,15 +71,15 @@ class Terminal:
         self._driven = False
 
     def say(self, text: str = "") -> None:
-        """Write a line."""
+        """Write a line, or several; control characters as escapes."""
         if self._speaks:
             self.clear()
-            self._write(f"{text}\n")
+            self._write(f"{visible(text, lines=True)}\n")
 
     def status(self, text: str) -> None:
         """Say on the live line what is being done."""
         if self._live:
-            text = f"{clock(time.monotonic() - self._began)}  {text}"
+            text = f"{clock(time.monotonic() - self._began)}  {visible(text)}"
             text = text[: shutil.get_terminal_size().columns - 1]
             self.clear()
             self._shown = len(text)
@@ -225,10 +227,17 @@ class Terminal:
         for step in steps:
             self.say(f"{step[0].upper()}{step[1:]}.")
 
-    def results(self, folder: ResultFolder) -> None:
-        """Say where the results are and which there are."""
+    def results(self, folder: ResultFolder, goes_on: bool = True) -> None:
+        """Say where the results are and which there are.
+
+        Args:
+            folder: Where.
+            goes_on: Whether there are levels from which ``--restart`` goes on; otherwise
+                checkpoints have nothing for anybody.
+        """
         if self._comm.rank == 0:
-            self.say(f"Results in {folder.path}: {', '.join(folder.found())}")
+            found = [name for name in folder.found() if goes_on or name not in (NEWEST, BEFORE)]
+            self.say(f"Results in {folder.path}: {', '.join(found)}")
 
 
 def describe(title: str, method: str, problem: Problem, options: object = None) -> str:
@@ -245,8 +254,8 @@ def describe(title: str, method: str, problem: Problem, options: object = None) 
     if isinstance(options, NewtonOptions) and options.subdivision:
         linear = "Total FETI"
     return (
-        f"{title}: {bodies}; {cells} cells, P{problem.degree}{turned}, {problem.num_dofs} dofs,"
-        f" {pairs} contact pairs;"
+        f"{visible(title)}: {bodies}; {cells} cells, P{problem.degree}{turned},"
+        f" {problem.num_dofs} dofs, {pairs} contact pairs;"
         f" method {method} on {ranks}, {linear}"
     )
 

@@ -1,10 +1,11 @@
-"""Areas and volumes as the CAD system has them, beside those of the mesh."""
+"""Areas and volumes as the CAD system has them, beside those of the mesh and its centroids."""
 
 from collections.abc import Sequence
 
 import gmsh
 import numpy as np
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.geometry.parts import Part
 
 
@@ -18,13 +19,26 @@ def cad_measure(dim: int, tags: Sequence[int]) -> float | None:
 
 def mesh_measure(dim: int, tag: int) -> float:
     """Volume, area or length of the elements of an entity, curved ones too."""
-    total = 0.0
+    return float(_quadrature(dim, tag)[1].sum())
+
+
+def mesh_centre(dim: int, tags: Sequence[int]) -> Floats:
+    """Centroid of the elements of entities, shape (3,); curved ones too."""
+    found = [_quadrature(dim, tag) for tag in tags]
+    points, weights = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+    return np.asarray(weights @ points / weights.sum())
+
+
+def _quadrature(dim: int, tag: int) -> tuple[Floats, Floats]:
+    """Points of the elements of an entity, shape (n, 3), and weights, whose sum is its measure."""
+    points, weights = [np.empty((0, 3))], [np.empty(0)]
     gauss = "Gauss4"  # rule that volumes of curved elements are exact with
     for kind in gmsh.model.mesh.getElementTypes(dim, tag):
-        points, weights = gmsh.model.mesh.getIntegrationPoints(kind, gauss)
-        determinants = gmsh.model.mesh.getJacobians(kind, points, tag)[1]
-        total += float((determinants.reshape(-1, weights.size) @ weights).sum())
-    return total
+        local, of_rule = gmsh.model.mesh.getIntegrationPoints(kind, gauss)
+        _, determinants, places = gmsh.model.mesh.getJacobians(kind, local, tag)
+        points.append(places.reshape(-1, 3))
+        weights.append((determinants.reshape(-1, of_rule.size) * of_rule).ravel())
+    return np.concatenate(points), np.concatenate(weights)
 
 
 def worst_area(dim: int, parts: Sequence[Part]) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.geometry.cad_measures import cad_measure, mesh_measure
+from perfplast_fenicsx.geometry.cad_measures import cad_measure, mesh_centre, mesh_measure
 from perfplast_fenicsx.geometry.face_colours import hex_of, word_of
 from perfplast_fenicsx.geometry.free_faces import FaceGroup, round_of, shape_of
 from perfplast_fenicsx.geometry.parts import Part
@@ -58,8 +58,7 @@ def measured_faces(
     faces = []
     for group, name in zip(groups, names, strict=True):
         together.setdefault(name, []).extend(group.tags)
-        nodes = np.concatenate([_coordinates(dim - 1, tag) for tag in group.tags])
-        middle = nodes.mean(axis=0)
+        middle = mesh_centre(dim - 1, group.tags)
         middle[abs(middle) < ROUNDING * size] = 0.0
         area = sum(mesh_measure(dim - 1, tag) for tag in group.tags)
         shape, body = _shape(dim - 1, group), parts[group.body].name

@@ -55,7 +55,7 @@ class Face:
         body: Whose it is.
         shape: Such as "flat".
         area: Of its mesh.
-        centre: The mean of its nodes' places.
+        centre: Its centroid, as the mesh has it.
         cad: Its area in the file; None where that is not known.
         round_of: Of a cylinder, its radius and the direction of its axis, such as "R 5, along z";
             empty of others.

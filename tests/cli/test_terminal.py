@@ -1,6 +1,7 @@
 """What is told of bounds on the terminal."""
 
 import io
+from pathlib import Path
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -8,6 +9,7 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx.cli.terminal import Terminal
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
 
 pytestmark = pytest.mark.serial
 
@@ -17,3 +19,23 @@ def test_next_steps_are_told_behind_what_is_proven() -> None:
     terminal = Terminal(MPI.COMM_SELF, stream, live=False)
     terminal.body(bounds, ["make it finer"])  # type: ignore[arg-type]
     assert stream.getvalue() == "Bounds.\nMake it finer.\n"
+
+
+def test_control_characters_are_shown_and_not_obeyed() -> None:
+    """Names and titles may have them; only the ends of the program's own lines are left."""
+    stream = io.StringIO()
+    terminal = Terminal(MPI.COMM_SELF, stream, live=False)
+    terminal.say("\x1b]0;mine\x07\x1b[2J\rgood\u202e:\nnext")
+    assert stream.getvalue() == "\\x1b]0;mine\\x07\\x1b[2J\\rgood\\u202e:\nnext\n"
+
+
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_checkpoints_are_results_where_a_run_goes_on_from_them(
+    tmp_path: Path, goes_on: bool
+) -> None:
+    folder, stream = ResultFolder(MPI.COMM_SELF, tmp_path), io.StringIO()
+    for name in ("summary.json", "checkpoint.h5", "checkpoint_before.h5"):
+        folder.file(name).touch()
+    Terminal(MPI.COMM_SELF, stream, live=False).results(folder, goes_on)
+    assert "summary.json" in stream.getvalue()
+    assert ("checkpoint.h5" in stream.getvalue()) == goes_on

@@ -56,6 +56,9 @@ def test_bodies_joints_and_faces(shared_tmp_path: Path) -> None:
     faces = {face.name: face for face in found.faces}
     assert faces["part_1_x_low"].area == pytest.approx(80)
     assert faces["part_2_z_high"].shape == "flat"
+    assert faces["part_2_z_high"].centre == pytest.approx((0, 0, 4), abs=0.02)
+    assert faces["part_3_z_high"].centre == pytest.approx((15, 0, 8), abs=1e-9)
+    assert faces["part_4_x_high"].centre == pytest.approx((25, 0, 2), abs=1e-9)
     free = sum(face.area for face in found.faces if face.body == "part_3")
     assert free == pytest.approx(2 * (200 + 40 + 80) - 200)
 
