@@ -209,14 +209,19 @@ def _asked(
     )
 
 
+def _is_on(problem: Problem, found: LimitLoad) -> bool:
+    return found.mechanism.function_space.mesh is problem.tagged_mesh.mesh
+
+
 def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> int:
     case, recorder = context.case, Recorder(context)
     try:
         with at(case.path.name):
             limit = case.loading.find(_asked(context, solver, stages, recorder))
     except Interrupted as interrupted:
-        if isinstance(interrupted.found, LimitLoad):
-            recorder.limit(interrupted.found)
+        found = interrupted.found  # on a later mesh, of several, than results are written for
+        if isinstance(found, LimitLoad) and _is_on(context.problem, found):
+            recorder.limit(found)
         raise
     results = recorder.results
     if case.output.pictures and (recorder.last is not None or (limit and limit.collapses)):

@@ -21,7 +21,9 @@ from perfplast_fenicsx import (
     VonMises,
 )
 from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.recorder import Recorder
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import Round
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, StopSearch
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
@@ -192,6 +194,28 @@ def test_an_interrupted_run_writes_what_it_knows(
         assert 0 < limit["lower"] <= limit["estimate"] <= limit["upper"]
         assert not limit["levelled_off"]
         assert "the search was stopped after" in limit["reason"]
+
+
+def test_a_run_that_is_interrupted_on_its_second_mesh(
+    comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its mechanism is none of the mesh that results are written for."""
+    case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
+    until = 'until = "limit"\n'
+    if comm.rank == 0:
+        text = CASE.replace('control = "work"', 'control = "bounds"').replace(until, "")
+        case.write_text(text.replace("[mesh]", "[mesh]\nadapt = { until = 1e-4, cells = 500 }"))
+    comm.barrier()
+    rounds = list[Round]()
+
+    def interior(_: Recorder, step: InteriorStep) -> None:
+        if rounds and step.number == 3:
+            raise Interrupted(15)
+
+    monkeypatch.setattr(Recorder, "interior", interior)
+    monkeypatch.setattr(Recorder, "mesh", lambda _, round_: rounds.append(round_))
+    assert main(["run", str(case), "-o", str(results)]) == 128 + 15
+    assert len(rounds) == 1
 
 
 def test_elastic_bodies_that_may_turn(read: Read) -> None:
