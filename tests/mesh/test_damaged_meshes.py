@@ -12,7 +12,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.overlapping_bodies import check_bodies
 from perfplast_fenicsx.mesh.simplex_overlaps import overlap_depths
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
-from tests.mesh.damaged_meshes import DAMAGED, Plain, blocks
+from tests.mesh.damaged_meshes import DAMAGED, Plain, blocks, inverted
 
 
 def read(folder: Path, mesh: Plain) -> TaggedMesh:
@@ -43,6 +43,12 @@ def test_sound_meshes_are_not(shared_tmp_path: Path, dim: int, other: int, gap: 
         check_bodies(read(shared_tmp_path, blocks(dim, 2, (0.25,) * (dim - 1) + (gap,), other)))
         == []
     )
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_cells_numbered_the_other_way_round_are_harmless(shared_tmp_path: Path, dim: int) -> None:
+    """Volumes are positive whichever way vertices follow each other."""
+    assert check_bodies(read(shared_tmp_path, inverted(blocks(dim)))) == []
 
 
 def test_touching_without_names_is_told(shared_tmp_path: Path) -> None:

@@ -1,0 +1,85 @@
+"""Bodies with damaged meshes are refused by the checker, whatever stress is claimed in them.
+
+The stress is a pressure along the last axis, the same everywhere: it is in balance in any cell, and
+in all of the sound mesh, so that nothing but the mesh can be wrong.
+"""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx.proof import ProofError
+from perfplast_fenicsx.proof.checker import check_lower
+from tests.mesh.damaged_meshes import DAMAGED, NAMES, Plain, blocks, inverted
+from tests.proof.forging import Arrays
+
+pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is serial")
+
+HARMLESS = {("not glued", 2), ("not glued", 3), ("a few not glued", 2), ("a few not glued", 3)}
+"""Cuts along the pressure: a stress that a cut body bears is one of the whole body too, so that the
+lower bound holds for both. The run refuses them."""
+
+
+def pressed(mesh: Plain) -> Arrays:
+    """The lower half of a proof on a mesh, of the load 1 and the yield radius 1."""
+    d, cells = mesh.dim, mesh.cells
+    m = d * (d + 1) // 2
+    every = np.concatenate([np.delete(cells, i, axis=1) for i in range(d + 1)])
+    _, first, counts = np.unique(
+        np.sort(every, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    facets = every[first[counts == 1]]
+    named = {tuple(sorted(f)): tag for f, tag in zip(mesh.facets, mesh.tags, strict=True)}
+    surface = np.array([named.get(tuple(sorted(f)), 0) for f in facets])
+    stress = np.zeros((len(cells), d + 1, d, d))
+    stress[..., -1, -1] = -1.0
+    traction = np.zeros((len(facets), d, d))
+    traction[surface == NAMES["high"], :, -1] = -1.0
+    return {
+        "vertices": mesh.points,
+        "cells": cells,
+        "cone": np.zeros(len(cells), dtype=int),
+        "cone_bound": np.ones(1),
+        "cone_slope": np.zeros((1, m)),
+        "cone_matrix": np.eye(m)[None],
+        "cone_sine": np.full(1, np.nan),
+        "body_force": np.zeros((len(cells), d)),
+        "facets": facets,
+        "surface": surface,
+        "held": np.repeat(surface[:, None] == NAMES["low"], d, axis=1),
+        "traction": traction,
+        "rigid": np.zeros(0, dtype=int),
+        "rigid_held": np.zeros((0, d), dtype=bool),
+        "contacts": np.array([[NAMES["seam_a"], NAMES["seam_b"]]]),
+        "contact_adhesion": np.zeros(1),
+        "contact_friction": np.zeros(1),
+        "obstacles": np.zeros(0, dtype=int),
+        "obstacle_normals": np.zeros((0, d)),
+        "obstacle_adhesion": np.zeros(0),
+        "obstacle_friction": np.zeros(0),
+        "stress": stress,
+        "bound": np.array(1.0),
+    }
+
+
+def said_of(mesh: Plain) -> str:
+    """Faults of the half; nothing where it is a proof."""
+    try:
+        return "; ".join(check_lower(pressed(mesh)).faults)
+    except ProofError as error:
+        return str(error)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_sound_body_is_proven(dim: int) -> None:
+    """With its cells numbered the other way round as well."""
+    assert said_of(blocks(dim)) == ""
+    assert said_of(inverted(blocks(dim))) == ""
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("name", DAMAGED)
+def test_damaged_bodies_are_refused(name: str, dim: int) -> None:
+    said = said_of(DAMAGED[name][0](dim))
+    assert (said == "") == ((name, dim) in HARMLESS), said
