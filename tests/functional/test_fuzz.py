@@ -392,7 +392,7 @@ def test_mesh_faults(
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("a = " + "[" * 5000, "not valid TOML: .*recursion depth"),
+        ("a = " + "[" * 5000, "nested too deeply"),
         ("a = " + "9" * 5000, "not valid TOML: .*5000 digits"),
         ("a = 2026-02-30", "not valid TOML"),
         ("a = '", "not valid TOML"),

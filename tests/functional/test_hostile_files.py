@@ -70,6 +70,23 @@ on = "block"
 stress = ["{}", 0.0, 0.0, 0.0, 0.0, 0.0]
 """
 
+FORMULAS = (
+    "__import__('os').system('touch PWNED')",
+    "().__class__.__base__.__subclasses__()",
+    "open('PWNED', 'w')",
+    "eval('1')",
+    "exec('import os')",
+    "x.__class__",
+    "x.tofile('PWNED')",
+    "globals()['x']",
+    "[c for c in (1, 2)][0]",
+    "(lambda: 1)()",
+    "(x := 1)",
+    "f'{x}'",
+    "9**9**9**9**9",
+    "np.save('PWNED', x)",
+)
+
 STAGE = """
 [[stage]]
 name = "=HYPERLINK(2)"
@@ -153,20 +170,28 @@ HOSTILE = {
     "names as commands": Hostile(
         "a.msh", mesh_file("$(touch PWNED)", "`touch PWNED`"), "it has $(touch PWNED)", table="mesh"
     ),
-    "formula": Hostile(
+    "one more key": Hostile("a.msh", MESH, "no key 'run'", table="mesh", more="run = 'b.sh'"),
+    "include": Hostile("a.msh", MESH, "no key 'include'", table="mesh", more="include = 'b.toml'"),
+    "plugin": Hostile("a.msh", MESH, "no key 'plugin'", table="mesh", more="[plugin]\nx = 'b.py'"),
+    "output elsewhere": Hostile(
+        "a.msh", MESH, "no key 'folder'", table="mesh", more="[output]\nfolder = '../PWNED'"
+    ),
+    "law as program": Hostile(
         "a.msh",
         MESH,
-        "the formula",
+        "'os.system' is unknown",
         table="mesh",
-        more=FORMULA.format("__import__('os').system('touch PWNED')"),
+        more="[material.x]\nlaw = 'os.system'",
     ),
-    "formula of classes": Hostile(
-        "a.msh",
-        MESH,
-        "the formula",
-        table="mesh",
-        more=FORMULA.format("().__class__.__base__.__subclasses__()"),
+    "prototype": Hostile(
+        "a.msh", MESH, "no key '__class__'", table="mesh", more="[__class__]\nx = 1"
     ),
+    "nested": Hostile("a.msh", MESH, "nested too deeply", table="mesh", more="x = " + "[" * 9999),
+    "long number": Hostile("a.msh", MESH, "case.toml", table="mesh", more=f"x = {'9' * 9999}"),
+    "no text": Hostile("a.msh", MESH, "case.toml", table="mesh", more="x = '\x00\x1b[2J'"),
+} | {
+    f"formula {n}": Hostile("a.msh", MESH, "the formula", table="mesh", more=FORMULA.format(text))
+    for n, text in enumerate(FORMULAS)
 }
 
 

@@ -81,7 +81,11 @@ def parse(text: str, name: str) -> Table:
     """
     try:
         table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # TOMLDecodeError is one of the former
+    except RecursionError as error:
+        raise InputError(
+            f"{name} is nested too deeply to be read; a case needs a few brackets at most."
+        ) from error
+    except ValueError as error:  # also a TOMLDecodeError
         reason = str(error).partition("; use sys.")[0]  # not for who writes a case
         reason = reason[:1].lower() + reason[1:]
         remedy = _remedy(text, reason)
