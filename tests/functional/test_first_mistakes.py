@@ -103,6 +103,7 @@ ODD = [
     ((("yield_stress = 450.0", "yield_stress = 450e6"),), "yield_stress / young = 2.17e+03"),
     (SI, "young = 900 Pa is 9e-07 GPa"),
     ((('builder = "two_blocks"\nn = 2', 'file = "large.msh"'),), "the mesh is 2e+20 mm large"),
+    ((('builder = "two_blocks"\nn = 2', 'file = "tiny.msh"'),), "the mesh is 2e-12 mm large"),
 ]
 
 
@@ -112,8 +113,10 @@ def test_odd_numbers_are_told(
 ) -> None:
     if MPI.COMM_WORLD.rank == 0:
         mesh = blocks(3)
-        replace(mesh, points=1e20 * mesh.points).write(shared_tmp_path / "large.msh")
-    if "large" in changes[0][1]:
+        for name, scale in (("large", 1e20), ("tiny", 1e-12)):
+            scaled = replace(mesh, points=scale * mesh.points)
+            scaled.write(shared_tmp_path / f"{name}.msh")
+    if "file" in changes[0][1]:
         names = (("lower]", "a]"), ("upper]", "b]"), ('"left"', '"low"'), ('"top"', '"high"'))
         pairs = (('"upper_bottom"', '"seam_a"'), ('"lower_top"', '"seam_b"'))
         changes = (*changes, *names, *pairs, ("[[contact]]", "[[tie]]"))
