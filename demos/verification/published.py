@@ -104,6 +104,17 @@ def ends(found: AdaptiveBounds) -> tuple[float, float]:
     return lower.value, upper.value
 
 
+def show_bounds(folder: ResultFolder, title: str, found: AdaptiveBounds) -> None:
+    """Draw the mechanism on the last mesh. Collective."""
+    given, axisymmetric = found.problem.given, found.problem.tagged_mesh.axisymmetric
+    scene = Scene(title, given.loads, given.contacts, axisymmetric=axisymmetric)
+    writer = ResultWriter(
+        folder, found.problem, scene, "interior-point", prescribed=Prescribed.WORK
+    )
+    writer.write_limit(found.last.mesh, found.body, found)
+    draw(folder)
+
+
 # %% [markdown]
 # ## The cut
 #
@@ -163,13 +174,7 @@ def vessel(folder: ResultFolder, coarse: bool) -> list[Row]:
         else:
             told += [("EDF's above, ours below", ABOVE, lower)]
         rows += at_most(f"SSNV146, {reading}", found, time.perf_counter() - began, told)
-    pictures = subfolder(folder, "vessel")
-    scene = Scene(f"SSNV146, {reading}", loads, axisymmetric=True)
-    writer = ResultWriter(
-        pictures, found.problem, scene, "interior-point", prescribed=Prescribed.WORK
-    )
-    writer.write_limit(found.last.mesh, found.body, found)
-    draw(pictures)
+    show_bounds(subfolder(folder, "vessel"), f"SSNV146, {reading}", found)
     return rows
 
 

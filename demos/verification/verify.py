@@ -41,6 +41,8 @@ CASES = (
     "body_bounds",
     "bounds_in_space",
     "bound_costs",
+    "dead_loads",
+    "joints",
     "published",
     "published_blocks",
     "published_contact",

@@ -25,7 +25,8 @@ ON_SEVERAL = ("body_bounds", "friction", "meshed_apart")
 
 LONG = (
     *("assemblies", "axisymmetry", "bound_costs", "bounds_in_space", "contact_patch"),
-    *("cracked_strips", "curved_seams", "ground", "hertz_sphere", "platens", "published"),
+    *("cracked_strips", "curved_seams", "dead_loads", "ground", "hertz_sphere", "joints"),
+    *("platens", "published"),
     *("published_blocks", "published_contact", "rigid_footing", "strip_footing", "thick_sphere"),
     *("torsion", "towers"),
 )

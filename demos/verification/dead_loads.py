@@ -1,0 +1,138 @@
+# %% [markdown]
+# # Bounds beside loads that stay
+#
+# - Under a shear force H and a load V the strip of width B of weightless ground of the shear
+#   strength k carries V = kB (1 + π − arcsin h + √(1 − h²)) with h = H/(kB) (A. P. Green, J. Mech.
+#   Phys. Solids 2, 1954). Beside a dead H = kB/2 a live V may be 4.484019 kB. Turned round: beside
+#   a dead V of that size a live H may be from −kB/2 to kB/2. As the curve is steep there, a percent
+#   of H is a fifth of a percent of V: 4 000 cells leave 2.3 % of it. Meshes start coarse, as cells
+#   that a first mesh has at the ends of the footing are missing elsewhere in the end.
+# - A vertical cut of the height 1 with the weight γ = 2k, and a live pressure on its crest.
+# - The same with γ = 4k. Under its own weight alone the cut bears 3.7752 ... 3.7776 k (F. Kammoun
+#   and others, see published.py), so that it does not stand, and its strength falls short by
+#   4/3.7776 ... 4/3.7752. A crest that is pulled would save it: of a live pressure on the crest all
+#   factors that are carried are negative, which is proven by the upper bound of the largest one.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/dead_loads.py
+
+# %%
+import time
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+from demos.verification.bounded_bodies import GROUND
+from demos.verification.published import at_most, ends, show_bounds
+from demos.verification.slip import subfolder
+from demos.verification.study import Row, mesh, run
+from meshes.footing import write_footing
+from meshes.vertical_cut import write_vertical_cut
+from perfplast_fenicsx import (
+    Adaptation,
+    BodyForce,
+    Pressure,
+    Problem,
+    Support,
+    Traction,
+    adaptive_bounds,
+)
+from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.limit_analysis.statements.question import Question
+
+TITLE = "Bounds beside loads that stay"
+GREEN, SHEAR = 4.484019, 0.5
+"""V/kB and H/kB that are carried together."""
+CUT = (3.7752, 3.7776)
+"""Published bracket of the weight that a vertical cut bears, γH/k."""
+CELLS = 4000
+STRIP, STEEP, CREST, FALLS, QUICK = 0.01, 0.025, 0.005, 0.01, 0.15
+"""Widths of strict brackets, and for a quick look."""
+
+
+# %% [markdown]
+# ## The strip
+
+
+# %%
+def strip(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """V beside a dead H, and H of both signs beside a dead V. Collective."""
+    rows = []
+    cases = {
+        "dead H, live V": ((0.0, -1.0), (SHEAR, 0.0), GREEN, STRIP, 1.6),
+        "dead V, live H": ((1.0, 0.0), (0.0, -GREEN), SHEAR, STEEP, 3.2),
+        "dead V, live H, other end": ((-1.0, 0.0), (0.0, -GREEN), SHEAR, STEEP, 3.2),
+    }
+    for case, (live, dead, exact, asked, size) in cases.items():
+        if coarse and case != "dead H, live V":
+            continue
+        began = time.perf_counter()
+        problem = Problem(
+            mesh(folder, write_footing, size=size),
+            {"ground": GROUND},
+            [Support("bottom"), Support("sides")],
+            [Traction("footing", live), Traction("footing", dead, constant=True)],
+            degree=2,
+        )
+        gap = QUICK if coarse else asked
+        found = adaptive_bounds(problem, Adaptation(QUICK if coarse else STRIP, CELLS))
+        lower, upper = ends(found)
+        told = [
+            ("gap in %", 100 * (upper / lower - 1), 100 * gap),
+            ("below", lower, exact),
+            ("above", exact, upper),
+        ]
+        rows += at_most(case, found, time.perf_counter() - began, told)
+    return rows
+
+
+# %% [markdown]
+# ## The cut
+
+
+# %%
+def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """A pressure on the crest, and how much is missing where the cut falls. Collective."""
+    rows = []
+    crest = [Pressure("top", 1.0)]
+    cases = {"live crest": (2.0, crest), "too heavy, live": (4.0, crest), "falls": (4.0, [])}
+    for case, (weight, live) in cases.items():
+        if coarse and live and weight > CUT[1]:
+            continue
+        began = time.perf_counter()
+        problem = Problem(
+            mesh(folder, write_vertical_cut),
+            {"ground": GROUND},
+            [Support("sides"), Support("bottom")],
+            [*live, BodyForce("ground", (0.0, -weight), constant=True)],
+            degree=2,
+        )
+        gap = QUICK if coarse else CREST if live else FALLS
+        found = adaptive_bounds(problem, Adaptation(gap, CELLS))
+        lower, upper = ends(found)
+        told = [("gap in %", 100 * (upper / lower - 1), 100 * gap)]
+        if live and weight > CUT[1]:
+            told = [("largest factor, above", upper, 0.0)]
+        if not live:
+            assert found.body.question is Question.STANDS, "a load factor was found"
+            told += [
+                ("falls short, at least", 1 / upper, weight / CUT[0]),
+                ("falls short, at most", weight / CUT[1], 1 / lower),
+            ]
+        rows += at_most(f"vertical cut, {case}", found, time.perf_counter() - began, told)
+    show_bounds(subfolder(folder, "cut"), f"Vertical cut, {case}", found)
+    return rows
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """All of them. Collective."""
+    return [*strip(folder, coarse), *cut(folder, coarse)]
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()

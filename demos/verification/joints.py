@@ -1,0 +1,126 @@
+# %% [markdown]
+# # Bounds of bodies with joints
+#
+# A block twice as wide as high is pressed between platens, in plane strain, a quarter of it by
+# symmetry.
+#
+# - With Tresca's friction τ̄ = m k, k = σ_y/√3, the mean pressure grows with m from 2k of smooth
+#   platens to the 2.4277 k of rough ones. Strict brackets on adapted meshes are half a percent
+#   wide. They rise with m without touching each other up to m = 3/4; those of 3/4 and 1 overlap, as
+#   what is carried has nearly grown to that of rough platens there.
+# - With Coulomb's friction the load at which the block collapses depends on how it slips, and lies
+#   between the limit loads without friction and with friction whose slip is associated (Drucker's
+#   two theorems): bounds tell this pair, and a path with true slip ends in it.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/joints.py
+
+# %%
+import math
+import time
+from collections.abc import Sequence
+from itertools import pairwise
+
+from mpi4py import MPI
+
+from demos.verification.published import at_most, ends, show_bounds
+from demos.verification.slip import subfolder
+from demos.verification.study import Row, mesh, run
+from meshes.facing_blocks import write_facing_blocks
+from perfplast_fenicsx import (
+    Adaptation,
+    Contact,
+    Pressure,
+    Problem,
+    Support,
+    VonMises,
+    adaptive_bounds,
+    limit_load,
+)
+from perfplast_fenicsx.io import ResultFolder
+
+TITLE = "Bounds with joints"
+STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
+STRONGER = VonMises(young=206900.0, poisson=0.29, yield_stress=4500.0)
+K = STEEL.yield_stress / math.sqrt(3)
+ROUGH = 2.42768
+"""Mean pressure over k between rough platens."""
+CELLS = 4000
+MONOTONE, PAIR, QUICK = 0.005, 0.015, 0.1
+"""Widths of strict brackets: with Tresca's friction, of each of the pair, and for a quick look."""
+COULOMB = 0.1
+
+
+def between_platens(folder: ResultFolder, size: float, **friction: float) -> Problem:
+    """The quarter, with one of the platens as a body. Collective."""
+    shape = {"left": 0.0, "below": 0.5, "above": 0.25, "fine": size, "size": size}
+    return Problem(
+        mesh(folder, write_facing_blocks, **shape),
+        {"lower": STEEL, "upper": STRONGER},
+        [Support("left", "x"), Support("bottom", "y")],
+        [Pressure("top", 1.0)],
+        [Contact("lower_seam", "upper_seam", **friction)],  # type: ignore[arg-type]
+        degree=2,
+    )
+
+
+# %% [markdown]
+# ## Tresca's friction
+
+
+# %%
+def adhesive(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Strict brackets for some m. Collective."""
+    gap, rows = QUICK if coarse else MONOTONE, list[Row]()
+    found = []
+    for m in (0.0, 1.0) if coarse else (0.0, 0.25, 0.5, 0.75, 1.0):
+        began = time.perf_counter()
+        problem = between_platens(folder, 0.25, tresca=m * K)
+        bounds = adaptive_bounds(problem, Adaptation(gap, CELLS))
+        low, high = ends(bounds)
+        found.append((low / K, high / K))
+        told = [("gap in %", 100 * (high / low - 1), 100 * gap)]
+        known = {0.0: 2.0, 1.0: ROUGH}.get(m)
+        if known is not None:
+            told += [("below, over k", low / K, known), ("above, over k", known, high / K)]
+        rows += at_most(f"platens, m = {m:g}", bounds, time.perf_counter() - began, told)
+    apart = [(a[1], b[0]) for a, b in pairwise(found[:-1])]
+    told = [("upper, lower of next m", *pair) for pair in apart]
+    told.append(("lower, upper of m = 1", found[-2][0], found[-1][1]))
+    show_bounds(subfolder(folder, "platens"), "Rough platens", bounds)
+    return rows + at_most("platens, monotone in m", bounds, 0.0, told)
+
+
+# %% [markdown]
+# ## Coulomb's friction
+
+
+# %%
+def joint(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Drucker's pair, and a path with true slip between. Collective."""
+    gap, began = QUICK if coarse else PAIR, time.perf_counter()
+    asked = Adaptation(gap, CELLS)
+    smooth = adaptive_bounds(between_platens(folder, 0.25), asked)
+    pair = adaptive_bounds(between_platens(folder, 0.25, coulomb=COULOMB), asked)
+    path = limit_load(between_platens(folder, 0.25 if coarse else 0.1, coulomb=COULOMB), 1e-3)
+    (free, _), (least, most) = ends(smooth), ends(pair)
+    told = [
+        ("smooth below, path", free, path.lower),
+        ("Drucker's below, path", least, path.lower),
+        ("path, associated above", path.lower, most),
+    ]
+    return at_most(f"joint, mu = {COULOMB}", pair, time.perf_counter() - began, told)
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Both. Collective."""
+    return [*adhesive(folder, coarse), *joint(folder, coarse)]
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()
