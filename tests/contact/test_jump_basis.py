@@ -170,3 +170,18 @@ def test_rows_in_a_ring_are_refused(comm: MPI.Intracomm) -> None:
     )
     fixed = np.zeros((V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts, 3), bool)
     assert_refused(lambda: make_basis(V, constraints, fixed), ["ring", "leave one"])
+
+
+def test_more_rows_than_freedom_are_refused(comm: MPI.Intracomm) -> None:
+    """Four normals at one node."""
+    V = make_spaces(stacked_blocks(comm, 1).mesh, 1).V
+    index_map = V.dofmap.index_map
+    host = np.zeros(4 if index_map.local_range[0] == 0 else 0, dtype=np.int64)
+    every, normal = np.arange(len(host)), np.vstack([np.eye(3), np.full((1, 3), 3**-0.5)])
+    normal = normal[: len(host)]
+    kind = np.zeros(len(host), dtype=np.int32)
+    terms = [(every, host, normal)]
+    constraints = make_constraints(V, host.astype(np.int32), kind * 1.0, normal, kind, terms)
+    fixed = np.zeros((index_map.size_local + index_map.num_ghosts, 3), bool)
+    words = ["independent conditions", "perfplast mesh --tied"]
+    assert_refused(lambda: make_basis(V, constraints, fixed), words)

@@ -204,7 +204,8 @@ def _choose(comm: MPI.Intracomm, host: Ints, coefficient: Floats) -> tuple[Longs
     raise_together(
         comm,
         f"{total} contact nodes carry more independent conditions than they have freedom for; name"
-        " each pair of faces once and leave nodes that supports hold out of the contact surfaces."
+        " each pair of faces once, leave nodes that supports hold out of the contact surfaces, or"
+        " glue bodies that meet at so coarse a corner ([[tie]]; perfplast mesh --tied)."
         if total
         else None,
     )
