@@ -93,7 +93,7 @@ def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
     """A pressure on the crest, and how much is missing where the cut falls. Collective."""
     rows = []
     crest = [Pressure("top", 1.0)]
-    cases = {"live crest": (2.0, crest), "too heavy, live": (4.0, crest), "falls": (4.0, [])}
+    cases = {"live crest": (2.0, crest), "too heavy": (4.0, crest), "falls": (4.0, [])}
     for case, (weight, live) in cases.items():
         if coarse and live and weight > CUT[1]:
             continue
