@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import ufl
+from ufl.algorithms import expand_derivatives
+from ufl.utils.stacks import StackDict
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
@@ -245,8 +247,7 @@ def _principal(cone: PrincipalCone, law: Any) -> PlainPrincipal:
 
 
 def numbers_of(expression: Expr) -> Floats:
-    """Numbers of an expression of numbers; UFL evaluates scalars."""
-    expression = ufl.as_ufl(expression)
-    shape = expression.ufl_shape
-    entries = [expression[i](()) if i else expression(()) for i in np.ndindex(*shape)]
-    return np.array(entries, dtype=np.float64).reshape(shape)
+    """Numbers of an expression of numbers, entry by entry, as UFL evaluates scalars."""
+    plain = expand_derivatives(ufl.as_ufl(expression))  # which each call of it would do again
+    entries = [plain.evaluate((), {}, i, StackDict()) for i in np.ndindex(*plain.ufl_shape)]
+    return np.array(entries, dtype=np.float64).reshape(plain.ufl_shape)
