@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Ints
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle, move_of
 from perfplast_fenicsx.contact.formulations.node_to_node import NodeToNode
@@ -17,6 +17,7 @@ from perfplast_fenicsx.contact.formulations.node_to_obstacle import NodeToObstac
 from perfplast_fenicsx.contact.mortar.mortar_contact import Mortar
 from perfplast_fenicsx.contact.rows.constraints import Constraints, Formulation, Source, joined
 from perfplast_fenicsx.contact.surfaces.gap_function import NoPartners
+from perfplast_fenicsx.contact.surfaces.surface_nodes import directions
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
@@ -29,13 +30,13 @@ class NodesOrMortar:
         contact: The two surfaces.
         place: Where it stands, for messages.
         number: Of the contact.
-        hosting: Of how many rows each local node is the host already; None for none.
+        taken: See :func:`surface_nodes.surface_node_type`, of each local node; None for nothing.
     """
 
     contact: Contact
     place: str
     number: int
-    hosting: Ints | None = None
+    taken: Floats | None = None
 
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
@@ -43,7 +44,7 @@ class NodesOrMortar:
         """See :meth:`constraints.Formulation.constraints`."""
         named = (self.contact, self.place, self.number)
         try:
-            return NodeToNode(*named, self.hosting).constraints(V, tagged_mesh, fixed)
+            return NodeToNode(*named, self.taken).constraints(V, tagged_mesh, fixed)
         except NoPartners:
             return Mortar(*named).constraints(V, tagged_mesh, fixed)
 
@@ -92,7 +93,7 @@ def find_constraints(
     for count, obstacle in enumerate(obstacles, start=1):
         place = f"obstacle {count} ({type(obstacle).__name__.lower()} at '{obstacle.on}')"
         chosen.append(NodeToObstacle(obstacle, place, len(chosen)))
-    hosting = np.zeros(len(fixed), dtype=np.int32)
+    taken = np.zeros((*fixed.shape, fixed.shape[1]))
     parts: dict[int, Constraints] = {}
     # where supports hold one side the other one has to be the host, and is known to be first
     held = [_is_held(V, tagged_mesh, contact, fixed) for contact in contacts]
@@ -100,9 +101,10 @@ def find_constraints(
     for number in sorted(range(len(chosen)), key=lambda number: not held[number]):
         formulation = chosen[number]
         if isinstance(formulation, NodeToNode | NodesOrMortar):
-            formulation = replace(formulation, hosting=hosting)
-        parts[number] = formulation.constraints(V, tagged_mesh, fixed)
-        np.add.at(hosting, parts[number].host, 1)
+            formulation = replace(formulation, taken=taken)
+        parts[number] = part = formulation.constraints(V, tagged_mesh, fixed)
+        along = directions(part.normal, ~fixed[part.host])
+        np.add.at(taken, part.host, along[:, :, None] * along[:, None, :])
     return joined(V, [parts[number] for number in range(len(chosen))], sources)
 
 

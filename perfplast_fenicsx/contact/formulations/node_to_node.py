@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
 from perfplast_fenicsx.contact.surfaces.gap_function import MATCHING_TOLERANCE, normals_and_gaps
@@ -16,6 +16,7 @@ from perfplast_fenicsx.contact.surfaces.node_matching import Matching, match_nod
 from perfplast_fenicsx.contact.surfaces.surface_nodes import (
     can_host,
     check_outside,
+    crowded,
     extent,
     surface_nodes,
 )
@@ -29,21 +30,21 @@ class NodeToNode:
     """(u_a − u_b)·n ≤ g for each node a of the primary surface and b of the secondary opposite it.
 
     n is the mean of both surfaces' normals, so that it is the same seen from either. The host is a
-    unless supports leave a no freedom along n, or a is the host of more rows of other contacts
-    than b: where three bodies meet along a curve two normals of a node may be one. Where supports
-    leave b none either, there is no row.
+    unless supports leave a no freedom along n, or rows of other contacts have taken more of it
+    than of b's: where three bodies meet along a curve two normals of a node may be one. Where
+    supports leave b none either, there is no row.
 
     Attributes:
         contact: The two surfaces.
         place: Where it stands, for messages.
         number: Of the contact.
-        hosting: Of how many rows each local node is the host already; None for none.
+        taken: See :func:`surface_nodes.surface_node_type`, of each local node; None for nothing.
     """
 
     contact: Contact
     place: str
     number: int
-    hosting: Ints | None = None
+    taken: Floats | None = None
 
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
@@ -61,9 +62,9 @@ class NodeToNode:
             surface_nodes(V, tagged_mesh, surface, fixed)
             for surface in (contact.primary, contact.secondary)
         )
-        if self.hosting is not None:
+        if self.taken is not None:
             for nodes in (primary, secondary):
-                nodes["hosts"] = self.hosting[nodes["node"]]
+                nodes["taken"] = self.taken[nodes["node"]]
         check_outside(comm, self.place, contact.primary, primary)
         check_outside(comm, self.place, contact.secondary, secondary)
         size = extent(comm, np.concatenate([primary["x"], secondary["x"]]))
@@ -116,8 +117,9 @@ def _to_hosts(
         freer = secondary["free"].sum(axis=1) > primary["free"].sum(axis=1)
         on_primary &= ~(freer & can_host(secondary, normal))
     else:
-        idler = secondary["hosts"] < primary["hosts"]
-        on_primary &= ~(idler & can_host(secondary, normal))
+        more = 0.1  # of a square of a cosine: directions that are normal to each other may turn
+        freer = crowded(primary, normal) > crowded(secondary, normal) + more
+        on_primary &= ~(freer & can_host(secondary, normal))
     host, guest = (
         np.where(on_primary, *sides) for sides in ((primary, secondary), (secondary, primary))
     )

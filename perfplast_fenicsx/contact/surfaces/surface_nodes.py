@@ -26,8 +26,8 @@ def surface_node_type(gdim: int) -> np.dtype:
     Its fields are the coordinates ``x`` (3 numbers), the ``rank`` that owns the node, its local
     block dof ``node`` there and its global one ``number``, the ``size`` of the facets around it
     (length), the ``weight`` ∫N of its shape function over the face (length, area), the outward unit
-    ``normal`` of the face, which components no support holds, ``free``, and of how many rows of
-    other contacts it is the host already, ``hosts``.
+    ``normal`` of the face, which components no support holds, ``free``, and Σ m mᵀ of the
+    directions m that rows of other contacts have taken from it as their host, ``taken``.
     """
     return np.dtype(
         [
@@ -39,7 +39,7 @@ def surface_node_type(gdim: int) -> np.dtype:
             ("weight", np.float64),
             ("normal", np.float64, gdim),
             ("free", np.bool_, gdim),
-            ("hosts", np.int32),
+            ("taken", np.float64, (gdim, gdim)),
         ]
     )
 
@@ -71,7 +71,7 @@ def rows_of_nodes(
     rows["weight"] = faces.weight
     rows["normal"] = faces.normal
     rows["free"] = ~fixed[faces.node]
-    rows["hosts"] = 0
+    rows["taken"] = 0
     return rows
 
 
@@ -99,6 +99,30 @@ def can_host(nodes: SurfaceNodes, normal: Floats) -> npt.NDArray[np.bool_]:
         LEAST_COSINE
     )
     return able
+
+
+def directions(normal: Floats, free: npt.NDArray[np.bool_]) -> Floats:
+    """Unit vectors along what supports leave of normals, shape (n, gdim); 0 where that is nothing.
+
+    Args:
+        normal: Shape (n, gdim).
+        free: Components that no support holds, shape (n, gdim).
+    """
+    left = normal * free
+    length = np.linalg.norm(left, axis=1, keepdims=True)
+    return np.divide(left, length, out=np.zeros_like(left), where=length > 0)
+
+
+def crowded(nodes: SurfaceNodes, normal: Floats) -> Floats:
+    """Σ (m·n)² over the directions m that hosts have given away: 0 if n is normal to all of them.
+
+    Args:
+        nodes: Shape (n,).
+        normal: The next direction, shape (n, gdim).
+    """
+    along = directions(normal, nodes["free"])
+    shares: Floats = np.einsum("ni,nij,nj->n", along, nodes["taken"], along)
+    return shares
 
 
 def extent(comm: MPI.Intracomm, x: Floats) -> float:
