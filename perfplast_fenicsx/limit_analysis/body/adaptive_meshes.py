@@ -263,16 +263,14 @@ def refined(
             are made fans in place of being refined: what it loses there is for want of directions.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
-    if problem.bodies.gdim == 3:
-        if found is not None and found.static is not None:
-            tagged_mesh, marked = _with_fans(problem, marked, found.static.dissipation)
-        return refine(
-            tagged_mesh, marked, opposite_vertices(tagged_mesh, given.contacts)
-        ).tagged_mesh
+    in_space = problem.bodies.gdim == 3
+    if in_space and found is not None and found.static is not None:
+        tagged_mesh, marked = _with_fans(problem, marked, found.static.dissipation)
     pairs = opposite_vertices(tagged_mesh, given.contacts)
     finer = refine(tagged_mesh, marked, pairs).tagged_mesh
-    # Cells that meet at least, in the end, at points where the stress depends on the direction.
-    valence = 24
+    if in_space:
+        return finer
+    valence = 24  # cells that meet at least where the stress depends on the direction, in the end
     points = singular_points(finer, given, valence)
     if problem.comm.allreduce(len(points)):
         finer = fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
@@ -289,12 +287,14 @@ def _with_fans(
         The mesh, and which of its owned cells are still marked.
     """
     comm, given, tagged_mesh = problem.comm, problem.given, problem.tagged_mesh
-    most = 0.5  # of the dissipation of the multipliers, which often is that of a few cells
+    most = 0.5  # of the dissipation of the multipliers, which often is that of a few cells,
+    nearly = 0.9  # and of theirs, which has to be at such edges: else size matters as well
     valence = 12  # around edges; each costs as many cells as the edge has
-    edges = singular_edges(tagged_mesh, given, valence)
-    edges &= largest_shares(comm, dissipation, most)[:, None]
+    few = largest_shares(comm, dissipation, most)
+    edges = singular_edges(tagged_mesh, given, valence) & few[:, None]
     cut = edges.any(axis=1)
-    if not comm.allreduce(int(cut.sum())):
+    at_edges, of_few = comm.allreduce(np.array([dissipation[cut].sum(), dissipation[few].sum()]))
+    if not at_edges > nearly * of_few:
         return tagged_mesh, marked
     fans = fan_around(tagged_mesh, edges, opposite_vertices(tagged_mesh, given.contacts))
     return fans.tagged_mesh, fetch_rows(comm, marked & ~cut, fans.parents)
