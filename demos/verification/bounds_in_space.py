@@ -29,6 +29,7 @@ from mpi4py import MPI
 
 from demos.verification.body_bounds import rows_of
 from demos.verification.bounded_bodies import GROUND, Case
+from demos.verification.published import show_bounds
 from demos.verification.slip import subfolder
 from demos.verification.study import Row, run
 from meshes.rough_cube import write_rough_cube
@@ -44,10 +45,8 @@ from perfplast_fenicsx import (
     adaptive_bounds,
     limit_bounds,
 )
-from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
+from perfplast_fenicsx.io import ResultFolder
 from perfplast_fenicsx.limit_analysis import AdaptiveBounds
-from perfplast_fenicsx.pictures import draw
-from perfplast_fenicsx.problem import Prescribed
 
 TITLE = "Bounds of the body, in space"
 RTOL = 1e-3
@@ -113,15 +112,6 @@ def sphere(folder: ResultFolder, case: Case, **changes: object) -> list[Row]:
     return rows_of(case, low, high, cells, time.perf_counter() - began)
 
 
-def show(folder: ResultFolder, case: Case, problem: Problem, found: AdaptiveBounds) -> None:
-    """Draw the mechanism on the last mesh. Collective."""
-    inside = subfolder(folder, case.name.split()[0])
-    scene = Scene(case.name, case.loads, case.contacts)
-    writer = ResultWriter(inside, problem, scene, "interior-point", prescribed=Prescribed.WORK)
-    writer.write_limit(found.last.mesh, found.body, found)
-    draw(inside)
-
-
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     """Bounds of the three bodies; of the punch with more and more cells. Collective."""
     if coarse:
@@ -130,7 +120,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         rows = sphere(folder, replace(SPHERE, asked=SPHERE.coarse), size=COARSE_SPHERE)
         cube = replace(CUBE, asked=CUBE.coarse)
         found, new = adapted(cube, cube.problem(folder))
-        show(folder, cube, found.problem, found)
+        show_bounds(subfolder(folder, "cube"), cube.name, found)
         return rows + new
     rows = sphere(folder, SPHERE)
     rows += adapted(CUBE, CUBE.problem(folder))[1]
@@ -139,7 +129,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         found, new = adapted(replace(PUNCH, asked=asked), problem)
         rows += new
         problem = found.problem
-    show(folder, PUNCH, problem, found)
+    show_bounds(subfolder(folder, "punch"), PUNCH.name, found)
     return rows
 
 
