@@ -16,13 +16,14 @@ def force_rows(
     moments: bool = False,
     zeta: str = "zeta",
 ) -> list[Row]:
-    """What loads are at ζ = 1 and at the bounds, and supports at the limit load of the mesh.
+    """What loads are at ζ = 1 and at collapse, and supports at the lower bound or an estimate.
 
     Args:
         loads: Tables of :class:`load_resultants.LoadResultant`.
         lower: Load factor that the bodies carry for certain.
         upper: One at which they collapse for certain.
-        at_limit: Table of :class:`limit_forces.LimitForces`.
+        at_limit: Table of :class:`limit_forces.LimitForces`, by which loads and supports balance:
+            of the strict lower bound, or of the limit load of the mesh.
         moments: Whether moments are meant, and no forces.
         zeta: How the load factor is called.
 
@@ -45,6 +46,7 @@ def _rows(
     moments: bool,
     zeta: str,
 ) -> Iterator[Row]:
+    strict = at_limit is not None and at_limit.get("strict", False)
     for load in loads:
         named = load["name"] not in ("", load["on"])
         name = f"load {load['name']} on {load['on']}" if named else f"load {load['on']}"
@@ -61,7 +63,13 @@ def _rows(
             shown = rounded_up(upper)
             words = f"{name}, {zeta} = {shown}, collapse for certain"
             yield words, [float(shown) * number for number in one]
+        if at_limit is not None and not strict:
+            words = f"{name}, {zeta} = {at_limit['zeta']:.6g}, limit load of the mesh"
+            yield words, [at_limit["zeta"] * number for number in one]
     if at_limit is not None and loads:
+        at = f"{at_limit['zeta']:.6g}, limit load of the mesh"
+        if strict:
+            at = f"{rounded_down(at_limit['zeta'])}, carried for certain"
         for name, one in at_limit["moments" if moments else "reactions"].items():
             if name != "loads":
-                yield f"{name}, {zeta} = {at_limit['zeta']:.6g}, limit load of the mesh", one
+                yield f"{name}, {zeta} = {at}", one

@@ -97,19 +97,22 @@ class Units:
 
         Returns:
             Units of ``length``, ``stress``, ``force``, ``work``, ``moment`` and ``force_density``
-            (force per volume), and the ``system``; empty texts of what is unknown.
+            (force per volume), and the ``system``; empty texts of what is unknown. In a system
+            moments are those of arms in metres (:meth:`moment_scale`).
         """
         system = self.known
         length = system.length if system else self.length
         stress = system.stress if system else self.stress
-        force = work = density = ""
+        force = work = density = moment = ""
         if system:
+            moment = f"{system.force} m" + ("" if whole else "/m")
             force = system.force if whole else f"{system.force}/{length}"
             work = f"{system.force} {length}" + ("" if whole else f"/{length}")
             density = f"{system.force}/{length}^3"
         elif length and stress:
             force = f"{stress} {length}²" if whole else f"{stress} {length}"
             work = f"{stress} {length}³" if whole else f"{stress} {length}²"
+            moment = work
             density = f"{stress}/{length}"
         return {
             "system": self.name or "",
@@ -117,9 +120,18 @@ class Units:
             "stress": stress,
             "force": force,
             "work": work,
-            "moment": work,
+            "moment": moment,
             "force_density": density,
         }
+
+    def moment_scale(self, whole: bool = True) -> float:
+        """What moments (force × length) are multiplied by to be in the unit of :meth:`table`.
+
+        Args:
+            whole: As there; N mm for each millimetre of depth is N m for each metre.
+        """
+        system = self.known
+        return system.metres if system and whole else 1.0
 
     def of_length(self) -> str:
         """What stands in brackets behind a length."""
@@ -137,5 +149,7 @@ class Units:
         """What numbers are in, without a full stop; nothing where nothing is known."""
         table = self.table(whole)
         kinds = {"length": "lengths", "force": "forces", "stress": "stresses", "work": "works"}
+        if table["moment"] != table["work"]:
+            kinds["moment"] = "moments of results"
         said = [f"{word} in {table[kind]}" for kind, word in kinds.items() if table[kind]]
         return ", ".join(said)

@@ -20,11 +20,21 @@ def test_units_of_quantities() -> None:
     space, plane = (Units(system="mm-N-MPa").table(whole) for whole in (True, False))
     assert space == {
         **{"system": "mm-N-MPa", "length": "mm", "stress": "MPa", "force": "N"},
-        **{"work": "N mm", "moment": "N mm", "force_density": "N/mm^3"},
+        **{"work": "N mm", "moment": "N m", "force_density": "N/mm^3"},
     }
+    assert plane["moment"] == "N m/m"
     assert (plane["force"], plane["work"]) == ("N/mm", "N mm/mm")
     assert Units("m", "kPa").name == "m-kN-kPa"
     assert Units("m", "kPa").table() == Units(system="m-kN-kPa").table()
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_moments_have_arms_in_metres(name: str) -> None:
+    """A moment of a force and an arm of one metre is 1 in the unit that is told."""
+    units = Units(system=name)  # type: ignore[arg-type]
+    assert units.moment_scale() / SYSTEMS[name].metres == 1.0  # type: ignore[index]
+    assert units.table()["moment"] == f"{units.table()['force']} m"
+    assert units.moment_scale(whole=False) == Units("cm", "bar").moment_scale() == 1.0
 
 
 def test_units_of_no_system() -> None:

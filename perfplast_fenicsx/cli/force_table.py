@@ -21,7 +21,7 @@ def force_lines(
         loads: As for :func:`force_rows.force_rows`, and so the next three.
         lower: Load factor that the bodies carry for certain.
         upper: One at which they collapse for certain.
-        at_limit: What the stress of the mesh is in balance with.
+        at_limit: What the stress of the lower bound, or of the mesh, is in balance with.
         axes: Letters of the components of forces.
         units: As :meth:`units.Units.table` has them.
     """

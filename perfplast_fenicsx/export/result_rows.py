@@ -129,7 +129,8 @@ def _resultants(summary: Summary) -> Iterator[Row]:
             if any(load["moment"]):
                 yield turn(state, told_at, name, [zeta * part for part in load["moment"]])
     if found := limit.get("forces"):
+        state = "lower" if found.get("strict") else "limit"
         for name, parts in found["reactions"].items():
-            yield row("limit", found["zeta"], name, parts)
+            yield row(state, found["zeta"], name, parts)
         for name, parts in found["moments"].items():
-            yield turn("limit", found["zeta"], name, parts)
+            yield turn(state, found["zeta"], name, parts)

@@ -1,9 +1,9 @@
-"""The limit load ζ_lim: where ζ(α) levels off, with bounds and the collapse mechanism.
+"""The limit load ζ_lim: where ζ(α) levels off, with both sides and the collapse mechanism.
 
 ζ(α) is continuous, does not fall, and tends to ζ_lim as α grows (properties iii and v of Čermák,
-Haslinger, Sysala, COMPLAS XII, 2013), so every ζ(α) reached is a lower bound of the discrete limit
-load. Where the curve is nearly flat its increments are nearly a mechanism, which gives an upper
-bound, and the direction in which to leap on until the bounds meet.
+Haslinger, Sysala, COMPLAS XII, 2013), so every ζ(α) reached is a static side of the discrete limit
+load. Where the curve is nearly flat its increments are nearly a mechanism, which gives a
+kinematic side, and the direction in which to leap on until both meet. No side bounds the body.
 """
 
 from collections.abc import Callable

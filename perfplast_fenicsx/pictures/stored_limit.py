@@ -14,11 +14,12 @@ class StoredLimit:
     """What is known of the limit load (:class:`limit_load.LimitLoad`).
 
     Attributes:
-        lower: A lower bound of that of the mesh; −∞ where none is known.
+        lower: The static side of that of the mesh, no bound of the body; −∞ where none is known.
         estimate: That of the mesh.
-        upper: An upper bound of it.
+        upper: The kinematic side of it, no bound of the body.
         body: What ``summary.json`` says of the body, if anything.
-        theorem: Whether these are bounds; if not, loads between which a path loses equilibrium.
+        theorem: Whether limit theorems hold for these; if not, a path loses equilibrium between
+            them.
         standing: Whether constant loads alone are carried, in a sentence, where that was sought.
         strength: A factor of safety, where that was (:meth:`safety_factor.FactorOfSafety.table`).
         envelope: Which pairs of loads are carried, where that was.

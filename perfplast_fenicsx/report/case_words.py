@@ -161,7 +161,10 @@ class CaseWords:
         """A load's kind and size."""
         known = LOADS.get(load["kind"])
         words, unit = (known.words, known.quantities["value"]) if known else (load["kind"], "")
-        return f"{words} {self.number(load['value'], unit)}"
+        acts = [f"{words} {self.number(load['value'], unit)}"] if load["value"] != [] else []
+        if load.get("moment", []) != []:
+            acts.append(f"moment {self.number(load['moment'], 'work')}")
+        return " and ".join(acts)
 
     def _letters(self, components: str) -> str:
         """Components by the letters of the model's axes."""

@@ -165,9 +165,10 @@ def _limit_forces(reader: ResultReader) -> str:
         text += force_table("moment about the origin", about, units[1], moments)
     note = summary.model["forces"]
     text += f"<p>Forces and moments are {escape(note)}.</p>" if note else ""
-    if limit.get("forces"):
+    if found := limit.get("forces"):
+        whose = "proves the lower bound" if found.get("strict") else "was found on the mesh"
         text += (
-            "<p>Forces of supports and contacts are those of the stress that was found on the mesh;"
+            f"<p>Forces of supports and contacts are those of the stress that {whose};"
             " where they can share a force in several ways, it is one of them.</p>"
         )
     return _section("loads", "Forces and moments", text)

@@ -123,6 +123,7 @@ class _Loaded(TypedDict):
 
 class _Forces(TypedDict):
     zeta: float
+    strict: NotRequired[bool]
     reactions: dict[str, list[float]]
     moments: dict[str, list[float]]
 

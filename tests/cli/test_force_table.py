@@ -28,24 +28,33 @@ AT_LIMIT = {
 
 
 def test_what_is_applied_carried_and_held() -> None:
-    units = {"force": "N", "moment": "N mm"}
+    units = {"force": "N", "moment": "N m"}
     lines = force_lines([PUSH, WEIGHT], 2.0, 3.0, AT_LIMIT, "xyz", units)
     cells = [line.split() for line in lines]
     assert cells[0] == ["Forces", "(N)", "x", "y", "z"]
     assert lines[1].strip().startswith("load push, zeta = 1 ")
-    assert [row[-3:] for row in cells[1:6]] == [
+    assert [row[-3:] for row in cells[1:7]] == [
         ["0", "0", "-10"],
         ["0", "0", "-20"],
         ["0", "0", "-30"],
+        ["0", "0", "-25"],
         ["0", "0", "-1"],
         ["0", "0", "25"],
     ]
     assert "zeta = 2, carried for certain" in lines[2]
     assert "zeta = 3, collapse for certain" in lines[3]
-    assert "weight on lid, at any zeta" in lines[4]
-    assert "support floor, zeta = 2.5, limit load of the mesh" in lines[5]
-    assert cells[6][:6] == ["Moments", "about", "the", "origin", "(N", "mm)"]
-    assert cells[8][-3:] == ["10", "0", "0"]
+    assert "push, zeta = 2.5, limit load of the mesh" in lines[4]
+    assert "weight on lid, at any zeta" in lines[5]
+    assert "support floor, zeta = 2.5, limit load of the mesh" in lines[6]
+    assert cells[7][:6] == ["Moments", "about", "the", "origin", "(N", "m)"]
+    assert cells[9][-3:] == ["10", "0", "0"]
+
+
+def test_supports_of_the_stress_that_proves_a_bound() -> None:
+    lines = force_lines([PUSH], 2.5, 3.0, AT_LIMIT | {"strict": True}, "xyz", {})
+    assert len(lines) == 10
+    assert lines[4].startswith("  support floor, zeta = 2.5, carried for certain")
+    assert not any("limit load of the mesh" in line for line in lines)
 
 
 def test_what_is_not_known_has_no_row() -> None:

@@ -74,7 +74,10 @@ def test_run(
         assert "4 contact pairs; method newton on" in header
         assert forces[0].startswith("Forces (N) at zeta = 80, in balance to ")
         assert meaning == "zeta = 1 is pressure 1 MPa on 'top'."
-        assert units == "Units: lengths in mm, forces in N, stresses in MPa, works in N mm."
+        assert units == (
+            "Units: lengths in mm, forces in N, stresses in MPa, works in N mm, moments of results"
+            " in N m."
+        )
         words = [line.split() for line in forces[1:]]
         assert [" ".join(line[:-3]) for line in words] == [
             *("loads", "support x0", "support y0", "support bottom"),

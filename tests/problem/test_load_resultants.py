@@ -18,8 +18,8 @@ from perfplast_fenicsx import (
     limit_bounds,
     two_blocks,
 )
+from perfplast_fenicsx.limit_analysis.body.limit_forces import LimitForces, limit_forces
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
-from perfplast_fenicsx.limit_analysis.limit_forces import LimitForces, limit_forces
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
 from tests.contact.blocks_apart import blocks_apart
@@ -145,7 +145,26 @@ def test_statics_on_the_mesh_that_bounds_divide() -> None:
     problem = cantilevers([Traction("top", (0.0, 0.0, -1.0))])
     found = limit_bounds(problem, 1e-2)
     assert found.problem is not problem
-    assert_static(problem, limit_forces(found.problem, found.mesh))
+    of_mesh = limit_forces(found.problem, found.mesh)
+    assert_static(problem, of_mesh)
+    of_body = limit_forces(found.problem, found.mesh, found)
+    assert_static(problem, of_body)
+    assert of_mesh is not None
+    assert of_body is not None
+    assert (of_mesh.strict, of_body.strict) == (False, True)
+    assert of_body.zeta == pytest.approx(found.lower.value, rel=DIGITS)
+
+
+@pytest.mark.parametrize("name", ["a force and a moment", "weight", "rollers", "plane strain"])
+def test_statics_of_a_lower_bound(name: str) -> None:
+    """The stress that proves it is in balance with the loads, in each support."""
+    make, _ = CASES[name]
+    problem = make()
+    body = limit_bounds(problem, 1e-2)
+    found = limit_forces(body.problem, body.mesh, body)
+    assert_static(problem, found)
+    assert found is not None
+    assert found.strict
 
 
 def test_statics_of_the_full_turn() -> None:

@@ -72,6 +72,12 @@ def test_the_case_in_words() -> None:
         ("p – q", "glued together"),
     ]
     assert words.number([1, -0.0], "force") == "(1, 0) N/mm"
+    turned = {"kind": "force", "on": "lid", "value": [], "moment": 3.0, "constant": False}
+    both = turned | {"value": [0, -2.5]}
+    assert CaseWords({"loads": [turned, both]}, Units("mm", "MPa").table(False), "xy").loads() == [
+        ("lid", "moment 3 N mm/mm, times ζ"),
+        ("lid", "force (0, -2.5) N/mm and moment 3 N mm/mm, times ζ"),
+    ]
     assert CaseWords(GIVEN, {}, "xy").number(2.0, "force") == "2"
     staged = CaseWords(GIVEN, {}, "rz", staged=True)
     assert "times ζ" not in str(staged.loads() + staged.supports() + staged.contacts())

@@ -21,13 +21,13 @@ from perfplast_fenicsx.io.results.proof_file import (
 )
 from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, LEAST, PROOF, STANDS
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
+from perfplast_fenicsx.io.results.resultant_tables import ResultantTables
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Envelope
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.limit_forces import limit_forces
 from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
@@ -35,7 +35,6 @@ from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.path_bracket import PathBracket
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
-from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
 from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -88,7 +87,8 @@ class ResultWriter:
             folder, problem, scene.title, __version__, method, prescribed, saved.reports
         )
         self.results.summary.units = scene.units.table(problem.kinematics.whole)
-        self.results.summary.loads = [asdict(load) for load in load_resultants(problem)]
+        self._resultants = ResultantTables(scene.units, problem.kinematics.whole)
+        self.results.summary.loads = self._resultants.loads(problem)
         self._output = OutputFields(problem) if fields else None
         self._fields, self._points = None, points
         if fields:
@@ -171,8 +171,9 @@ class ResultWriter:
             table |= {"body": body and _table(body, adaptive)}
             table["verdict"] = verdict_of(limit, body)
             table["standing"] = standing_in_words(limit, body)
-            forces = limit_forces(body.problem if body else self._problem, limit)
-            table["forces"] = forces and asdict(forces)
+            found_on = body.problem if body else self._problem
+            best = adaptive.low if adaptive else body
+            table["forces"] = self._resultants.at_limit(found_on, limit, best if proven else None)
             table["design"] = design and asdict(design) | {"in_words": design.in_words()}
             self.results.summary.limit = table | {"next_steps": list(steps)}
             self.results.write()

@@ -28,25 +28,25 @@ class LimitLoad:
 
     Attributes:
         method: How it was found.
-        lower: A lower bound of the discrete limit load: λ of a stress in equilibrium and within
-            yield, or the largest ζ(α) reached; −∞ where constant loads are there, and none is
-            known.
-        estimate: The limit load, between the bounds; None where there is none, or no upper bound
-            and no plateau was found.
+        lower: The static side of the mesh, and no bound of the body: λ of a stress in equilibrium
+            on the mesh and within yield, or the largest ζ(α) reached; −∞ where constant loads are
+            there, and none is known.
+        estimate: The limit load of the mesh, between both sides: an estimate of that of the body.
+            None where there is none, or no kinematic side and no plateau was found.
         residual: Change of the estimate with the last level, relative; None without two estimates,
             as without a path.
-        upper: (D(v) − L₀(v))/L₁(v) of a discretely incompressible mechanism, an upper bound of the
-            discrete limit load; None where none was found.
+        upper: The kinematic side of the mesh, and no bound of the body: (D(v) − L₀(v))/L₁(v) of a
+            mechanism that is incompressible on the mesh; None where none was found.
         alpha: Work reached by the path; None without one.
-        levelled_off: Whether the estimate is known to the tolerance: the bounds have met, or ζ(α)
+        levelled_off: Whether the estimate is known to the tolerance: both sides have met, or ζ(α)
             has levelled off.
         reason: Why it ended, in words.
         iterations: Steps of the interior point method, or levels.
-        linear_solves: Linear systems solved for all of it, the bounds included.
+        linear_solves: Linear systems solved for all of it, both sides included.
         factorisations: Of the interior point method.
         mechanism: Velocity v of the collapse, normalised to L₁(v) = 1.
         levels: The loading path; behind a restart what came after it.
-        stress: σ at the lower bound, Mandel vectors at the quadrature points; None of a path, whose
+        stress: σ at the static side, Mandel vectors at the quadrature points; None of a path, whose
             levels have theirs.
         contact_forces: Of the pairs hosted by this rank, with that stress.
         unbalanced: Largest force there that nothing balances, relative to the largest load; ∞ of

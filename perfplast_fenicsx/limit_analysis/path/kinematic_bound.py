@@ -1,4 +1,4 @@
-"""An upper bound of the limit load from a collapse mechanism that the laws admit.
+"""A kinematic side of the limit load of a mesh from a collapse mechanism that the laws admit.
 
 For v with v = 0 on supports, no jump into the other body, and ε(v) admissible for the law of each
 body, the limit load is at most (D(v) − L₀(v))/L₁(v) with D the dissipation, the support function of

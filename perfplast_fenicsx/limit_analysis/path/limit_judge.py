@@ -27,7 +27,7 @@ class Search:
         points: (α − α₀, ζ) of the levels.
         rest: α₀, that of ζ = 0, once it is known; None where nothing but ζ loads the bodies.
         estimates: Of the limit load, one for each level from where there is one.
-        upper: The least upper bound.
+        upper: The least kinematic side.
         levelled_off: Whether the estimate is known to the tolerance.
         ended: Whether the last level is the last.
         reason: Why.

@@ -163,7 +163,7 @@ class Force(Load):
     """
 
     words: ClassVar[str] = "force"
-    quantities: ClassVar[Quantities] = MappingProxyType({"value": "force", "moment": "moment"})
+    quantities: ClassVar[Quantities] = MappingProxyType({"value": "force", "moment": "work"})
 
     on: str
     value: Sequence[float] = ()

@@ -39,7 +39,8 @@ def test_meaning(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     assert meaning(case) == [
         "zeta = 1 is pressure 1 MPa on 'top'.",
         "At any load factor there is body force (0, 0, '-x') N/mm^3 on 'lower'.",
-        "Units: lengths in mm, forces in N, stresses in MPa, works in N mm.",
+        "Units: lengths in mm, forces in N, stresses in MPa, works in N mm, moments of results"
+        " in N m.",
     ]
 
 
