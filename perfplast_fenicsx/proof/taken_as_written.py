@@ -3,6 +3,7 @@
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body
+from perfplast_fenicsx.proof.cuts import cuts_of
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.rings import around, normals_of, times_radius
 
@@ -15,6 +16,7 @@ def taken_as_written(body: Body) -> str:
     parts = [
         f"{len(body.cells)} {shape} of volume {body.volumes @ around(body):.6g}, glued where they"
         " share vertices",
+        *_cuts(body),
         _strengths(body),
         _supports(body),
         _contacts(body),
@@ -34,6 +36,17 @@ def _listed(words: list[str]) -> str:
     most_words = 6  # materials, surfaces and so on that are named one by one
     more = len(words) - most_words
     return ", ".join(words[:most_words]) + (f" and {more} more" if more > 0 else "")
+
+
+def _cuts(body: Body) -> list[str]:
+    """Facets on each other that nothing joins; nothing of sound bodies."""
+    places = cuts_of(body)
+    if not len(places):
+        return []
+    return [
+        f"cut open between {len(places)} pairs of facets that lie on each other without contact, as"
+        f" at {_vector(places[0])}: the bound is one of bodies with that cut"
+    ]
 
 
 def _strengths(body: Body) -> str:

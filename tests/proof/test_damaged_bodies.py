@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is 
 
 HARMLESS = {("not glued", 2), ("not glued", 3), ("a few not glued", 2), ("a few not glued", 3)}
 """Cuts along the pressure: a stress that a cut body bears is one of the whole body too, so that the
-lower bound holds for both. The run refuses them."""
+lower bound holds for both. The run refuses them, and the checker tells of them."""
 
 
 def pressed(mesh: Plain) -> Arrays:
@@ -76,10 +76,15 @@ def test_the_sound_body_is_proven(dim: int) -> None:
     """With its cells numbered the other way round as well."""
     assert said_of(blocks(dim)) == ""
     assert said_of(inverted(blocks(dim))) == ""
+    assert "cut open" not in str(check_lower(pressed(blocks(dim))).words)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("name", DAMAGED)
 def test_damaged_bodies_are_refused(name: str, dim: int) -> None:
-    said = said_of(DAMAGED[name][0](dim))
+    mesh = DAMAGED[name][0](dim)
+    said = said_of(mesh)
     assert (said == "") == ((name, dim) in HARMLESS), said
+    if not said:
+        (told,) = (word for word in check_lower(pressed(mesh)).words if word.startswith("Taken"))
+        assert "cut open between" in told
