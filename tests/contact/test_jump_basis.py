@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import Contact, Problem, TaggedMesh, stacked_blocks
-from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
+from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints, named
 from perfplast_fenicsx.contact.rows.jump_basis import JumpBasis, make_basis
 from perfplast_fenicsx.problem.assembled.spaces import make_spaces
 from tests.checks import assert_refused, largest
@@ -183,5 +183,8 @@ def test_more_rows_than_freedom_are_refused(comm: MPI.Intracomm) -> None:
     terms = [(every, host, normal)]
     constraints = make_constraints(V, host.astype(np.int32), kind * 1.0, normal, kind, terms)
     fixed = np.zeros((index_map.size_local + index_map.num_ghosts, 3), bool)
-    words = ["independent conditions", "perfplast mesh --tied"]
+    words = ["1 contact nodes carry more independent conditions", "perfplast mesh --tied"]
     assert_refused(lambda: make_basis(V, constraints, fixed), words)
+    whole = named(comm, constraints)
+    words = ["1 contact nodes of surface 0 carry"]
+    assert_refused(lambda: make_basis(V, whole, fixed), words)

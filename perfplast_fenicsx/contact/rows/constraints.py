@@ -230,7 +230,10 @@ def joined(
 
 
 def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
-    """The rows of all parts, on each rank one below the other; without sources. Collective."""
+    """The rows of all parts, on each rank one below the other. Collective.
+
+    Sources are those of the first part; ``surface`` has other numbers behind its rows.
+    """
     count = sum(len(part.host) for part in parts)
     rows = (count, V.mesh.comm.allreduce(count))
     none = np.zeros(0, dtype=np.int32)
@@ -245,6 +248,7 @@ def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
         np.concatenate([np.zeros(0), *(part.area for part in parts)]),
         any(part.in_mean for part in parts),
         tuple(remark for part in parts for remark in part.remarks),
+        parts[0].sources if parts else (),
     )
 
 

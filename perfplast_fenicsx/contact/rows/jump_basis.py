@@ -10,6 +10,7 @@ rigid motions of both bodies together, and 105 where the whole jump had replaced
 displacement.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from mpi4py import MPI
@@ -27,7 +28,7 @@ from perfplast_fenicsx.contact.rows.sparse_rows import (
     matrix_of_entries,
     unknowns,
 )
-from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,10 @@ def make_basis(
     at_host = (axis >= 0) & (axis < gdim)
     coefficient = np.zeros((len(host), gdim))
     coefficient[pair[at_host], axis[at_host]] = value[at_host]
-    component, inverse, mate = _choose(comm, constraints.host, coefficient)
+    bounded = len(host) - num_ties - num_sliding
+    of_contact = constraints.surface[:bounded]
+    names = tuple(source.name for source in constraints.sources)
+    component, inverse, mate = _choose(comm, constraints.host, coefficient, of_contact, names)
     row = host + component
 
     def matrix(*entries: Entries) -> PETSc.Mat:
@@ -131,7 +135,6 @@ def make_basis(
         moving.destroy()
         T, whole = matrix(entries_of(T)), T
         whole.destroy()
-    bounded = kept - num_sliding
     gap = constraints.gap[:bounded]
     return JumpBasis(T, M, index[:bounded], gap, index[kept:], index[bounded:kept])
 
@@ -161,7 +164,9 @@ def _terms_of(chosen: Longs, pair: Longs, num_pairs: int) -> tuple[Longs, Longs]
     return which, begins[which] + within
 
 
-def _choose(comm: MPI.Intracomm, host: Ints, coefficient: Floats) -> tuple[Longs, Floats, Longs]:
+def _choose(
+    comm: MPI.Intracomm, host: Ints, coefficient: Floats, surface: Ints, names: Sequence[str]
+) -> tuple[Longs, Floats, Longs]:
     """Which component each pair replaces, and the inverse of the replaced part at each host.
 
     Gaussian elimination with column pivoting, for all hosts at once: k conditions at a host replace
@@ -171,6 +176,8 @@ def _choose(comm: MPI.Intracomm, host: Ints, coefficient: Floats) -> tuple[Longs
         comm: The ranks.
         host: Of each pair, shape (num_pairs,).
         coefficient: Of the host's free components in its row, shape (num_pairs, gdim).
+        surface: Number of the name of each of the first pairs.
+        names: Of contacts, for messages.
 
     Returns:
         The component of each pair; the row of the inverse that gives this component, shape
@@ -189,32 +196,45 @@ def _choose(comm: MPI.Intracomm, host: Ints, coefficient: Floats) -> tuple[Longs
     rows[group, slot] = coefficient
     reduced, chosen = rows.copy(), np.zeros((len(nodes), most), dtype=np.int64)
     every = np.arange(len(nodes))
-    entangled = 0
+    entangled = sizes > gdim
     for k in range(min(most, gdim)):
         real = member[:, k] >= 0
         chosen[:, k] = np.argmax(np.abs(reduced[:, k]), axis=1)
         pivot = reduced[every, k, chosen[:, k]]
-        entangled += int((real & (np.abs(pivot) < 1e-3)).sum())
+        entangled |= real & (np.abs(pivot) < 1e-3)
         safe = np.where(np.abs(pivot) < 1e-3, 1.0, pivot)
         factor = reduced[every[:, None], np.arange(most), chosen[:, k][:, None]] / safe[:, None]
         factor[:, : k + 1] = 0
         reduced -= factor[:, :, None] * reduced[:, k][:, None, :]
-    entangled += int((sizes > gdim).sum())
-    total = comm.allreduce(entangled)
-    raise_together(
-        comm,
-        f"{total} contact nodes carry more independent conditions than they have freedom for; name"
-        " each pair of faces once, leave nodes that supports hold out of the contact surfaces, or"
-        " glue bodies that meet at so coarse a corner ([[tie]]; perfplast mesh --tied)."
-        if total
-        else None,
-    )
+    mine = np.unique(surface[entangled[group[: len(surface)]]]) if names else ()
+    _refuse(comm, int(entangled.sum()), [names[number] for number in mine])
     block = np.broadcast_to(np.eye(most), (len(nodes), most, most)).copy()
     both = (member[:, :, None] >= 0) & (member[:, None, :] >= 0)
     picked = np.take_along_axis(rows, np.repeat(chosen[:, None, :], most, axis=1), axis=2)
     block[both] = picked[both]
     inverse = np.asarray(np.linalg.inv(block), dtype=np.float64)
     return chosen[group, slot], inverse[group, slot], member[group]
+
+
+def _refuse(comm: MPI.Intracomm, nodes: int, contacts: Sequence[str]) -> None:
+    """Refuse nodes of this rank with more conditions than freedom, of these contacts. Collective.
+
+    Raises:
+        InputError: On every rank, if there are any on one.
+    """
+    total = comm.allreduce(nodes)
+    if not total:
+        return
+    found = sorted({name for some in comm.allgather(contacts) for name in some})
+    most = 4  # contacts that are named
+    named = ", ".join(found[:most])
+    more = f" and {len(found) - most} more" if len(found) > most else ""
+    raise InputError(
+        f"{total} contact nodes{f' of {named}' if named else ''}{more} carry more independent"
+        " conditions than they have freedom for; name each pair of faces once, leave nodes that"
+        " supports hold out of the contact surfaces, or glue bodies that meet at so coarse a corner"
+        " ([[tie]]; perfplast mesh --tied)."
+    )
 
 
 def _resolve(Q: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
