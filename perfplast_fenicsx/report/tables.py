@@ -106,7 +106,7 @@ def force_table(what: str, axes: str, unit: str, rows: Sequence[tuple[str, list[
 
 
 def _bracket(unit: str) -> str:
-    return f" ({escape(unit)})" if unit else ""
+    return f" ({escape(unit).replace(' ', '&nbsp;')})" if unit else ""
 
 
 def pairs(rows: Iterable[tuple[str, str]]) -> str:

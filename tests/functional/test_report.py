@@ -173,6 +173,10 @@ def test_in_a_browser(results: Path, browser: Any) -> None:
     page.wait("document.getElementById('canvas').width === 2 * canvas.clientWidth")
     height = "document.querySelector('.curve.narrow text').getBoundingClientRect().height"
     assert page(height) > 11
+    place = "document.querySelector('{}').getBoundingClientRect().toJSON()"
+    label, stage = (page(place.format(what)) for what in ("#largest text", ".stage"))
+    assert stage["left"] < label["left"] < label["right"] < stage["right"]
+    assert page("[...document.querySelectorAll('pre')].every((a) => a.scrollWidth <= 390)")
     narrow = page.pixels()
     assert 0.05 < (narrow.min(axis=2) < 250).mean() < 0.95
 
@@ -207,12 +211,45 @@ def test_in_the_dark_and_on_paper(results: Path, browser: Any) -> None:
     legend = "getComputedStyle(document.getElementById('legend-bar')).printColorAdjust"
     assert page(legend) == "exact"
     assert page("getComputedStyle(document.getElementById('told')).display") == "none"
+    kept = "getComputedStyle(document.querySelector('{}')).breakInside"
+    told = [page(kept.format(part)) for part in ("#again", "#verdict", "tr", "dl > div")]
+    assert told == ["auto", "avoid", "avoid", "avoid"]
     case = "document.querySelector('#again details').open"
     assert not page(case)
     page("window.dispatchEvent(new Event('beforeprint'))")
     assert page(case)
     page("window.dispatchEvent(new Event('afterprint'))")
     assert not page(case)
+
+
+NOTHING_AT_THE_EDGE = """(image) => {
+    const {naturalWidth: width, naturalHeight: height} = image;
+    const pen = Object.assign(document.createElement("canvas"), {width, height}).getContext("2d");
+    pen.drawImage(image, 0, 0);
+    const [right, bottom] = [width - 1, height - 1];
+    return [[0, 0, width, 1], [0, bottom, width, 1], [0, 0, 1, height], [right, 0, 1, height]]
+        .every((strip) => pen.getImageData(...strip).data.every((value) => value > 250));
+}"""
+"""Whether a picture is white along its edges, so that neither bodies nor arrows are cropped."""
+
+
+@alone
+def test_every_control_is_reached_by_keys(results: Path, browser: Any) -> None:
+    """In the order of the page, each with a frame around it while it has the keys."""
+    from selenium.webdriver import ActionChains, Keys
+
+    page = Page(browser, results / "report.html")
+    wanted = page(
+        "[...document.querySelectorAll('a, canvas, button, input, select, summary, .scroll')]"
+        ".filter((part) => !part.disabled && part.checkVisibility()).length"
+    )
+    passed = []
+    for _ in range(wanted):
+        ActionChains(browser).send_keys(Keys.TAB).perform()
+        passed.append(page("[...document.querySelectorAll('*')].indexOf(document.activeElement)"))
+        assert page("getComputedStyle(document.activeElement).outlineWidth") == "3px"
+    assert passed == sorted(set(passed))
+    assert page("document.activeElement.tagName") == "SUMMARY"
 
 
 @alone
@@ -224,6 +261,7 @@ def test_the_bodies_from_four_sides(results: Path, browser: Any) -> None:
     page.wait(f"{images}.every((image) => image.naturalWidth === 560)")
     first = page(sources)
     assert len(set(first)) == len(first) == 4
+    assert page(f"{images}.every({NOTHING_AT_THE_EDGE})")
     before = page.pixels()
     page.choose("field", "")
     plain = page.changed(before)

@@ -126,7 +126,7 @@ def test_levels_that_failed_have_no_certificates() -> None:
     assert second.count("mark bad") == second.count("mark ") == 1
     assert "no solution" in second
     told = level_table([report(1.0)], False, "kN m", "m")
-    assert "work α (kN m)" in told
+    assert "work α (kN&nbsp;m)" in told
     assert "largest displacement (m)" in told
 
 

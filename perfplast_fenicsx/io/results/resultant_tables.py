@@ -1,14 +1,19 @@
 """Forces and moments as ``summary.json`` has them, moments in their unit of the case."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
 
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.limit_forces import limit_forces
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.units import Units
 
 
@@ -26,8 +31,11 @@ class ResultantTables:
 
     def loads(self, problem: Problem) -> list[dict[str, Any]]:
         """Of each load at ζ = 1. Collective."""
-        found = load_resultants(problem)
-        return [asdict(load) | {"moment": self._told(load.moment)} for load in found]
+        found, rounding = load_resultants(problem), self._rounding(problem)
+        return [
+            asdict(load) | {"moment": self._told(load.moment, rounding * _largest([load.force]))}
+            for load in found
+        ]
 
     def at_limit(
         self, problem: Problem, limit: LimitLoad, body: BodyBounds | None
@@ -36,8 +44,18 @@ class ResultantTables:
         found = limit_forces(problem, limit, body)
         if found is None:
             return None
-        moments = {name: self._told(moment) for name, moment in found.moments.items()}
+        least = self._rounding(problem) * _largest(found.reactions.values())
+        moments = {name: self._told(moment, least) for name, moment in found.moments.items()}
         return asdict(found) | {"moments": moments}
 
-    def _told(self, moment: Sequence[float]) -> list[float]:
-        return [self._scale * number for number in moment]
+    def _rounding(self, problem: Problem) -> float:
+        """Moment of a unit force that is none. Collective."""
+        mine = float(np.abs(problem.tagged_mesh.mesh.geometry.x).max(initial=0.0))
+        return ROUNDING * problem.comm.allreduce(mine, MPI.MAX)
+
+    def _told(self, moment: Sequence[float], least: float) -> list[float]:
+        return [self._scale * number if abs(number) > least else 0.0 for number in moment]
+
+
+def _largest(forces: Iterable[Sequence[float]]) -> float:
+    return max((abs(number) for force in forces for number in force), default=0.0)

@@ -70,7 +70,7 @@ class Adaptation:
             return None
         strict = lower.strict and upper.strict
         what = "bounds" if strict else "values, which are no bounds of the body,"
-        return f"the {what} are within {self.until:g} of each other"
+        return f"{what} within {self.until:g} of each other are what was asked for"
 
     def check(self, tagged_mesh: TaggedMesh) -> None:
         """Refuse a first mesh that cannot be adapted. Collective.

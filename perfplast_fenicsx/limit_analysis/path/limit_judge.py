@@ -194,7 +194,7 @@ class Judge:
             )
         elif search.apart <= rtol:
             search.levelled_off = search.ended = True
-            search.reason = f"the bounds are within {rtol:g} of each other"
+            search.reason = f"both sides of the mesh are within {rtol:g} of each other"
         elif search.upper is None and estimate is not None and len(search.estimates) > 1:
             zeta, before = search.lower, search.estimates[-2]
             if estimate - zeta <= rtol * zeta and abs(estimate - before) <= rtol * zeta:

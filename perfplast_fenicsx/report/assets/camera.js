@@ -1,17 +1,24 @@
 // From where the bodies are seen: parallel projection, z (in the plane y) upwards.
 
 class Camera {
-  /** Look at points, those of a plane mesh from the front, with some room (length) around them. */
-  constructor(points, plane, room) {
+  /**
+   * Look at points, those of a plane mesh from the front, with some room (length) around them, and
+   * at the ends of what is drawn beside them.
+   */
+  constructor(points, plane, room, beside) {
     Object.assign(this, { plane, room });
     const low = [Infinity, Infinity, Infinity];
     const high = [-Infinity, -Infinity, -Infinity];
-    for (let i = 0; i < points.length; i++) {
-      low[i % 3] = Math.min(low[i % 3], points[i]);
-      high[i % 3] = Math.max(high[i % 3], points[i]);
-    }
-    Object.assign(this, { low, high });
-    this.radius = 0.5 * Math.hypot(...high.map((a, k) => a - low[k])) || 1;
+    const reach = (some) => {
+      for (let i = 0; i < some.length; i++) {
+        low[i % 3] = Math.min(low[i % 3], some[i]);
+        high[i % 3] = Math.max(high[i % 3], some[i]);
+      }
+      return [[...low], [...high]];
+    };
+    const [least, most] = reach(points);
+    Object.assign(this, { low: least, high: most, wide: reach(beside) });
+    this.radius = 0.5 * Math.hypot(...most.map((a, k) => a - least[k])) || 1;
     this.reset();
   }
 
@@ -19,9 +26,10 @@ class Camera {
   reset(azimuth = this.plane ? -90 : -60, elevation = this.plane ? 90 : 25) {
     Object.assign(this, { azimuth, elevation });
     this.zoom = 1;
-    this.centre = this.low.map((a, k) => 0.5 * (a + this.high[k]));
+    const [low, high] = this.wide;
+    this.centre = low.map((a, k) => 0.5 * (a + high[k]));
     const reach = (axis) =>
-      axis.reduce((sum, a, k) => sum + 0.5 * Math.abs(a) * (this.high[k] - this.low[k]), this.room);
+      axis.reduce((sum, a, k) => sum + 0.5 * Math.abs(a) * (high[k] - low[k]), this.room);
     this.extent = this.axes.slice(0, 2).map(reach);
   }
 

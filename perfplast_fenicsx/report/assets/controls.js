@@ -23,7 +23,7 @@ function drawLargest(viewer) {
   part("largest").toggleAttribute("hidden", !found || !viewer.look.marked);
   if (!found) return;
   part("largest").setAttribute("viewBox", `0 0 ${canvas.clientWidth} ${canvas.clientHeight}`);
-  const left = found.x > 0.7 * canvas.clientWidth;
+  const left = found.x > 0.5 * canvas.clientWidth;
   part("largest").innerHTML = ["#fff", "#1b1f24"].map((colour, k) =>
     `<circle cx="${found.x}" cy="${found.y}" r="7" stroke="${colour}" stroke-width="${5 - 3 * k}"/>`).join("") +
     `<text x="${found.x + (left ? -11 : 11)}" y="${found.y + 4}"` +

@@ -6,7 +6,9 @@ const COLLAPSING = 0.06; // that of a mechanism, which may be of a small part
 class Viewer {
   constructor(canvas, data, mesh, changed) {
     Object.assign(this, { canvas, data, mesh, changed, state: null, field: null, values: null });
-    this.camera = new Camera(mesh.points, mesh.plane, ENLARGED * data.size);
+    const ends = mesh.marks.flatMap(({ anchors, offsets }) =>
+      Array.from(offsets, (offset, i) => mesh.points[3 * anchors[Math.floor(i / 3)] + (i % 3)] + offset));
+    this.camera = new Camera(mesh.points, mesh.plane, ENLARGED * data.size, ends);
     this.drawing = new Drawing(canvas, mesh);
     this.look = {
       camera: this.camera, amount: 0, reach: 0, cut: [0, 0, 0, 1], field: false, range: [0, 1],
