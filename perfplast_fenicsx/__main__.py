@@ -33,7 +33,9 @@ from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.case_schema import case_schema
 from perfplast_fenicsx.io.case.code_templates import TEMPLATES, templates_in_words
 from perfplast_fenicsx.io.case.load_words import meaning
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
 from perfplast_fenicsx.pictures.drawing_process import animate, plot
+from perfplast_fenicsx.problem.judged.slip import check_slip_is_true
 from perfplast_fenicsx.report.beside import write_beside
 from perfplast_fenicsx.report.report_file import write_report
 
@@ -86,7 +88,10 @@ def check(comm: MPI.Intracomm, path: str, trust: bool = False) -> int:
     problem = case.problem(comm)
     case.history(problem)
     warn_of(comm, case, problem)
-    text = describe(case.title, case.method_on(problem), problem, case.options)
+    method = case.method_on(problem)
+    if method != LimitMethod.INTERIOR_POINT:
+        check_slip_is_true(problem)
+    text = describe(case.title, method, problem, case.options)
     Terminal(comm).say(f"{text}\n{case.path} can be run.")
     return SOLVED
 

@@ -11,6 +11,8 @@
 # - With Coulomb's friction the load at which the block collapses depends on how it slips, and lies
 #   between the limit loads without friction and with friction whose slip is associated (Drucker's
 #   two theorems): bounds tell this pair, and a path with true slip ends in it.
+# - Where slip is said to be associated, both bounds are those of that joint. Nearer bounds on finer
+#   meshes lie between them.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/joints.py
 
@@ -45,12 +47,13 @@ K = STEEL.yield_stress / math.sqrt(3)
 ROUGH = 2.42768
 """Mean pressure over k between rough platens."""
 CELLS = 4000
-MONOTONE, PAIR, QUICK = 0.005, 0.015, 0.1
-"""Widths of strict brackets: with Tresca's friction, of each of the pair, and for a quick look."""
+MONOTONE, JOINT, FINER, QUICK = 0.005, 0.015, 0.003, 0.1
+"""Widths of strict brackets: with Tresca's friction, of an associated joint, on meshes that are
+finer, and for a quick look."""
 COULOMB = 0.1
 
 
-def between_platens(folder: ResultFolder, size: float, **friction: float) -> Problem:
+def between_platens(folder: ResultFolder, size: float, **friction: float | bool) -> Problem:
     """The quarter, with one of the platens as a body. Collective."""
     shape = {"left": 0.0, "below": 0.5, "above": 0.25, "fine": size, "size": size}
     return Problem(
@@ -96,19 +99,34 @@ def adhesive(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def joint(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Drucker's pair, and a path with true slip between. Collective."""
-    gap, began = QUICK if coarse else PAIR, time.perf_counter()
-    asked = Adaptation(gap, CELLS)
-    smooth = adaptive_bounds(between_platens(folder, 0.25), asked)
-    pair = adaptive_bounds(between_platens(folder, 0.25, coulomb=COULOMB), asked)
-    path = limit_load(between_platens(folder, 0.25 if coarse else 0.1, coulomb=COULOMB), 1e-3)
-    (free, _), (least, most) = ends(smooth), ends(pair)
+    """An associated joint, Drucker's pair, and a path with true slip between. Collective."""
+    gap, finer = (QUICK, QUICK / 2) if coarse else (JOINT, FINER)
+    began, rubs = time.perf_counter(), {"coulomb": COULOMB}
+    associated = between_platens(folder, 0.25, **rubs, associated=True)
+    joint = adaptive_bounds(associated, Adaptation(gap, CELLS))
+    took = time.perf_counter() - began
+    within = adaptive_bounds(associated, Adaptation(finer, CELLS))
+    smooth = adaptive_bounds(between_platens(folder, 0.25), Adaptation(gap, CELLS))
+    pair = adaptive_bounds(between_platens(folder, 0.25, **rubs), Adaptation(gap, CELLS))
+    path = limit_load(between_platens(folder, 0.25 if coarse else 0.1, **rubs), 1e-3)
+    (free, _), (least, most), (low, high) = ends(smooth), ends(pair), ends(joint)
+    inside = ends(within)
+    rows = [
+        ("gap in %", 100 * (high / low - 1), 100 * gap),
+        ("below, below on a finer mesh", low, inside[0]),
+        ("above on a finer mesh, above", inside[1], high),
+        ("smooth below, joint below", free, low),
+        ("path, joint above", path.lower, high),
+    ]
+    found = at_most(f"associated joint, mu = {COULOMB}", joint, took, rows)
+    took = time.perf_counter() - began - took
     told = [
         ("smooth below, path", free, path.lower),
         ("Drucker's below, path", least, path.lower),
         ("path, associated above", path.lower, most),
     ]
-    return at_most(f"joint, mu = {COULOMB}", pair, time.perf_counter() - began, told)
+    show_bounds(subfolder(folder, "joint"), "Associated joint", joint)
+    return found + at_most(f"Drucker's pair, mu = {COULOMB}", pair, took, told)
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:

@@ -111,10 +111,10 @@ def run(
         whole = str(Path(output).parent) if prepared else output
         with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
             said = [*case.remarks]
-            said += _on_friction(problem, case.loading.limit_tolerance is not None)
             if method == LimitMethod.INTERIOR_POINT:
                 said += case.loading.remarks(problem)
             else:
+                said += _on_friction(problem, case.loading.limit_tolerance is not None)
                 said += problem.shanks.in_words()
             for remark in said:
                 terminal.say(f"{remark}.")

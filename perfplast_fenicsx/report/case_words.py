@@ -174,11 +174,12 @@ class CaseWords:
         return ", ".join(names[a] for a in components if a in names)
 
     def _friction(self, place: Table) -> str:
-        if place.get("tresca"):
-            return f"friction {self.number(place['tresca'], 'stress')} (Tresca)"
+        adhesion = self.number(place["tresca"], "stress") if place.get("tresca") else ""
         if place.get("coulomb"):
-            return f"friction coefficient {plain(place['coulomb'])} (Coulomb)"
-        return "without friction"
+            law = "Coulomb, associated" if place.get("associated") else "Coulomb"
+            words = f"friction coefficient {plain(place['coulomb'])} ({law})"
+            return f"{words} beside an adhesion of {adhesion}" if adhesion else words
+        return f"friction {adhesion} (Tresca)" if adhesion else "without friction"
 
     def _numbers(self, material: Table) -> str:
         told = []

@@ -16,7 +16,7 @@ from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.errors import check_finite
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.report import Iteration
-from perfplast_fenicsx.problem.judged.slip import remember_slip
+from perfplast_fenicsx.problem.judged.slip import check_slip_is_true, remember_slip
 from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
@@ -173,8 +173,10 @@ class LevelSolver(Stepper, ABC):
             subdivision: Of Total FETI.
 
         Raises:
-            InputError: If Total FETI, which a subdivision asks for, does not go with the problem.
+            InputError: If Total FETI, which a subdivision asks for, does not go with the problem,
+                or friction is associated.
         """
+        check_slip_is_true(problem)
         self.problem = problem
         self.tolerance, self.max_iterations = end
         self.criterion = criterion

@@ -17,6 +17,7 @@ REFUSALS: Mapping[str, str] = {
         f"{STAYS} of limit theorems; where a path loses equilibrium is found, with Drucker's pair"
         " beside it"
     ),
+    "for bounds of the body alone": f"{STAYS}: true slip follows no normal of friction's cone",
     "normals are averaged": f"{TO_COME}: obstacles that are made of planes",
     "neither part nor slide": (
         f"{STAYS}: elastic stresses of single loads are added up, which touching bodies forbid"

@@ -92,6 +92,7 @@ STATEMENTS = (
     ),
     Statement("Tresca's friction", tables=_contact(tresca=20.0)),
     Statement("Coulomb's friction", tables=_contact(coulomb=0.2)),
+    Statement("a joint that dilates", tables=_contact(coulomb=0.2, associated=True)),
     Statement("contact of nodes that do not match", mesh="apart"),
     Statement("a tie", tables={"contact": [], "tie": [CONTACT]}),
     Statement(

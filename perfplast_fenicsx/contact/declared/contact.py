@@ -31,6 +31,8 @@ class Contact(FrictionTerms):
             whatever the pressure, and where the surfaces are apart, too.
         coulomb: Friction of Coulomb: its coefficient μ, not negative. Beside it ``tresca`` is an
             adhesion, the shear stress that is to be overcome without pressure.
+        associated: Whether slip follows the normal of that friction's cone, as of a joint that
+            dilates: surfaces part by μ times what they slip. Bounds of the body alone know it.
         name: What stages call an overlap that grows; that of the primary surface without it.
 
     Raises:
@@ -47,6 +49,7 @@ class Contact(FrictionTerms):
     coulomb: float | None = None
     constant: bool = True
     name: str = ""
+    associated: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -11,17 +11,26 @@ class FrictionTerms:
     Attributes:
         tresca: Shear stress that slip has to overcome, whatever the pressure.
         coulomb: Coefficient of friction: so many times the pressure comes to it.
+        associated: Whether slip follows the normal of friction's cone, so that surfaces part by
+            ``coulomb`` times what they slip.
     """
 
     tresca: float | None
     coulomb: float | None
+    associated: bool = False
 
     def __post_init__(self) -> None:
         """Refuse friction that is none.
 
         Raises:
-            InputError: If friction is negative or not finite.
+            InputError: If friction is negative or not finite, or none follows the pressure that
+                slip could part surfaces by.
         """
+        if self.associated and not self.coulomb:
+            raise InputError(
+                "associated = true is of friction that follows the pressure; give coulomb, a number"
+                " above zero, or leave associated out."
+            )
         for key, value in (("tresca", self.tresca), ("coulomb", self.coulomb)):
             if value is not None and not (math.isfinite(value) and value >= 0):
                 raise InputError(

@@ -36,6 +36,8 @@ class Plane(_NamedFriction):
         coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Beside it
             ``tresca`` is an adhesion.
         name: What its force is called in results; that of its surface without it.
+        associated: Whether slip parts body and obstacle by μ times what it is, as of a joint that
+            dilates. Bounds of the body alone know it.
     """
 
     on: str
@@ -45,6 +47,7 @@ class Plane(_NamedFriction):
     tresca: float | None = None
     coulomb: float | None = None
     name: str = ""
+    associated: bool = False
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """Distance of points to the obstacle and the unit direction that leads into it.

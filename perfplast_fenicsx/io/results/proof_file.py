@@ -191,7 +191,8 @@ def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
     Args:
         problem: The bodies.
         question: Of which loads λ is the factor.
-        follows: Whether slip follows the normal of friction's cone; else there is adhesion alone.
+        follows: Whether slip follows the normal of friction's cone; else there is adhesion alone
+            where it does not do so by itself.
     """
     tagged_mesh, body = problem.tagged_mesh, bound_body(problem)
     mesh = tagged_mesh.mesh
@@ -219,8 +220,11 @@ def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
         met = [[tags[name] for name in it.surfaces] for it in kinds[kind]]
         rubbing[f"{kind}s"] = table_of(problem, met, shape, np.int64)
         for name in ("adhesion", "friction"):
-            none = name == "friction" and not follows
-            values = [0.0 if none else getattr(it.strength, name) for it in kinds[kind]]
+            known = [follows or name == "adhesion" or it.strength.associated for it in kinds[kind]]
+            values = [
+                getattr(it.strength, name) if there else 0.0
+                for it, there in zip(kinds[kind], known, strict=True)
+            ]
             rubbing[f"{kind}_{name}"] = table_of(problem, values, (), np.float64)
     into = [it.into for it in body.interfaces if it.into is not None]
     return {

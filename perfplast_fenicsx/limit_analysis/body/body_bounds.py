@@ -150,4 +150,11 @@ class BodyBounds:
     @property
     def friction(self) -> str | None:
         """What the bounds say of Coulomb's friction, in a sentence; None without it."""
-        return DRUCKER if any(it.friction for it in strengths_of(self.problem)) else None
+        rubs = [it for it in strengths_of(self.problem) if it.friction]
+        told = [DRUCKER] if any(not it.associated for it in rubs) else []
+        if any(it.associated for it in rubs):
+            told.append(
+                "With associated friction surfaces part by its coefficient times their slip; true"
+                " friction, which parts them by less, carries no more than the upper one"
+            )
+        return ". ".join(told) or None

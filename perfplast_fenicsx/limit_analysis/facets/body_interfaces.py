@@ -4,7 +4,7 @@ What an interface bears is told by its strength (:mod:`contact_strength`), whate
 which facets it acts, and which unknowns its jumps are, is told here.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -29,12 +29,14 @@ class Interface:
         strength: What tractions they bear.
         obstacle: The obstacle; None between bodies.
         into: Unit normal into it where it is a half space, shape (d,); None of others.
+        dilation: μ where bodies part as they slip and stresses know it, else 0: in the plane.
     """
 
     surfaces: tuple[str, ...]
     strength: ContactStrength
     obstacle: Obstacle | None = None
     into: Floats | None = None
+    dilation: float = 0.0
 
 
 @dataclass(eq=False)
@@ -50,6 +52,8 @@ class InterfaceFacets:
             the components at each vertex, of the first one alone where nothing rubs.
         in_contact: Owned facets of surfaces in contact.
         adhesion: Shear stress that slip has to overcome on a host facet, shape (num_facets,).
+        friction: μ on host facets that part as they slip, whose two components are the jumps a and
+            b of :mod:`associated_slip`; 0 on others. Shape (num_facets,).
         rubbing: Owned facets whose shear tractions are those of such a resistance, both sides.
         oblique: Whether supports hold any surface obliquely to its normal, on this rank.
         matched: Whether all surfaces match facet by facet.
@@ -62,6 +66,7 @@ class InterfaceFacets:
     twins: Longs
     in_contact: Longs
     adhesion: Floats
+    friction: Floats
     rubbing: Longs
     oblique: bool = False
     matched: bool = True
@@ -74,7 +79,7 @@ class InterfaceFacets:
         axes = np.tile(np.eye(d), (count, 1, 1))
         twins = np.full((count, d, d), -1)
         no = np.zeros(0, dtype=np.int64)
-        return cls(axes, held.copy(), no, twins, no, np.zeros(count), no)
+        return cls(axes, held.copy(), no, twins, no, np.zeros(count), np.zeros(count), no)
 
     def add(self, problem: Problem, facets: FacetGeometry, interface: Interface) -> None:
         """Take an interface in. Collective."""
@@ -97,12 +102,13 @@ class InterfaceFacets:
             return
         self.hosts = np.append(self.hosts, pairs.host)
         self.twins[pairs.host, :, 0] = pairs.guest
-        if self._rub(pairs.host, interface.strength, pairs.turned):
+        if self._rub(pairs.host, interface, pairs.turned):
             d = self.held.shape[1]
             self.twins[pairs.host] = pairs.guest[:, :, None] + np.arange(d)
             self.both_held |= pairs.both_held or bool((pairs.guest < 0).any())
         self._turn(pairs.host, facets.normals(pairs.host), pairs.aligned)
         self._turn(pairs.turned, -facets.normals(pairs.turned), pairs.turned_aligned)
+        self._dilate(pairs.host, interface.dilation, pairs.turned)
 
     def _add_obstacle(
         self, problem: Problem, facets: FacetGeometry, interface: Interface, obstacle: Obstacle
@@ -114,7 +120,8 @@ class InterfaceFacets:
         pressed = on[free].astype(np.int64)
         self.hosts = np.append(self.hosts, pressed)
         self._turn(pressed, into[free], self.held[pressed])
-        self._rub(pressed, interface.strength)
+        self._rub(pressed, interface)
+        self._dilate(pressed, interface.dilation)
 
     def _free(self, on: Ints, normal: Floats) -> Flags:
         """Which facets supports leave free along a normal."""
@@ -127,23 +134,37 @@ class InterfaceFacets:
     def _turn(self, on: Longs, normal: Floats, aligned: PairFlags) -> None:
         self.axes[on], self.held[on] = turned_axes(normal, self.held[on], aligned)
 
-    def _rub(self, host: Longs, strength: ContactStrength, *others: Longs) -> bool:
-        """Let facets adhere; whether they do."""
-        if strength.adhesion > 0:
-            self.adhesion[host] = strength.adhesion
+    def _rub(self, host: Longs, interface: Interface, *others: Longs) -> bool:
+        """Let facets adhere or rub; whether they do."""
+        adhesion = interface.strength.adhesion
+        rubs = adhesion > 0 or interface.dilation > 0
+        if rubs:
+            self.adhesion[host] = adhesion
             self.rubbing = np.concatenate([self.rubbing, host, *others])
-        return strength.adhesion > 0
+        return rubs
+
+    def _dilate(self, host: Longs, friction: float, *others: Longs) -> None:
+        """Let plane facets part as they slip: with w = a(n/2 + t/2μ) + b(n/2 − t/2μ)."""
+        if friction > 0:
+            self.friction[host] = friction
+            for on in (host, *others):
+                normal, along = self.axes[on, 0] / 2, self.axes[on, 1] / (2 * friction)
+                self.axes[on] = np.stack([normal + along, normal - along], axis=1)
+                self.both_held |= bool(self.held[on].any())
 
 
 def interfaces_of(problem: Problem) -> tuple[Interface, ...]:
     """Those that a problem declares."""
     given, origin = problem.given, np.zeros((1, problem.bodies.gdim))
-    between = [Interface((it.primary, it.secondary), strength_of(it)) for it in given.contacts]
-    beside = []
+    flat = problem.bodies.gdim == 2
+    found = [Interface((it.primary, it.secondary), strength_of(it)) for it in given.contacts]
     for it in given.obstacles:
         into = it.towards(origin)[1][0] if isinstance(it, Plane) else None
-        beside.append(Interface((it.on,), strength_of(it), it, into))
-    return (*between, *beside)
+        found.append(Interface((it.on,), strength_of(it), it, into))
+    return tuple(
+        replace(it, dilation=it.strength.friction if flat and it.strength.associated else 0.0)
+        for it in found
+    )
 
 
 def _rows(problem: Problem, facets: FacetGeometry, on: Ints, held: Flags, free: Flags) -> FacetRows:

@@ -13,6 +13,8 @@ With μ = 0 slip does follow it, and both limit theorems hold. With Coulomb's fr
 does not, and Drucker's two theorems do (J. Appl. Mech. 21 (1954), 71). True tractions are in the
 set, so that its upper bound is one of whatever slips. And true friction dissipates (c + μp)‖w_t‖,
 no less than any tractions of the set with μ = 0 do, so that the lower bound of c alone is one too.
+Where a contact says that slip follows the normal, as of a joint that dilates, both theorems hold of
+the whole set.
 """
 
 from dataclasses import dataclass
@@ -28,15 +30,17 @@ class ContactStrength:
     Attributes:
         adhesion: C (stress), at least 0.
         friction: μ, at least 0.
+        associated: Whether slip follows the normal of the set.
     """
 
     adhesion: float
     friction: float
+    associated: bool = False
 
 
 def strength_of(terms: FrictionTerms) -> ContactStrength:
     """What a contact or an obstacle says of it."""
-    return ContactStrength(terms.tresca or 0.0, terms.coulomb or 0.0)
+    return ContactStrength(terms.tresca or 0.0, terms.coulomb or 0.0, terms.associated)
 
 
 def strengths_of(problem: Problem) -> list[ContactStrength]:

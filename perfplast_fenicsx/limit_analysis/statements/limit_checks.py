@@ -3,6 +3,7 @@
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import carries_any_load
 from perfplast_fenicsx.problem.declared.loads import PorePressure
+from perfplast_fenicsx.problem.judged.slip import check_slip_is_true
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -23,6 +24,7 @@ def check_friction_has_limits(problem: Problem) -> None:
         InputError: If any is Coulomb's.
     """
     if problem.friction.follows_pressure:
+        check_slip_is_true(problem)
         raise InputError(
             "with Coulomb's friction (coulomb = ...) no limit theorem holds, which the interior"
             " point method rests on; search along a loading path (control = 'work', until ="

@@ -146,7 +146,9 @@ def certify_stress(
         left_of_strength=missing / strength,
         overstress=over,
     )
-    return certificate, -on_facets[static.form.pressed]
+    pushes = -on_facets
+    pushes[:-1] += np.where(static.form.dilating[:-1], pushes[1:], 0.0)  # both add up to r·n
+    return certificate, pushes[static.form.pressed]
 
 
 def beside_mechanism(

@@ -44,7 +44,9 @@ class StaticForm:
         dead: Those that it does not.
         open_jumps: Owned unknowns that are jumps of contact which may open.
         jumps: Whether an owned facet unknown is a jump of contact, shape (num_unknowns,).
-        pressed: Those of the vertices, on the axis too, where there is no pressure.
+        pressed: Those of the vertices along the normal, or the first of two, on the axis too, where
+            there is no pressure.
+        dilating: Whether it and the one after it are the jumps of a facet that parts as it slips.
         slips: Whether it is a tangential one on a surface in contact that does not rub.
         pieces: Cells that facets join.
     """
@@ -62,6 +64,7 @@ class StaticForm:
     open_jumps: Ints
     jumps: npt.NDArray[np.bool_]
     pressed: npt.NDArray[np.bool_]
+    dilating: npt.NDArray[np.bool_]
     slips: npt.NDArray[np.bool_]
     pieces: Pieces
 
@@ -95,6 +98,8 @@ def static_form(problem: Problem) -> StaticForm:
     everywhere = np.zeros((num_owned, form.nodes, tdim), dtype=bool)
     jumps, slips, held = everywhere.copy(), everywhere.copy(), everywhere
     jumps[at.facets.hosts, :, 0] = True
+    dilates = at.facets.friction[:num_owned] > 0
+    jumps[dilates, :, 1] = True
     slips[at.facets.in_contact, :, 1:] = True
     slips[at.facets.rubbing] = False
     on_axis = form.areas[:num_owned] == 0
@@ -104,8 +109,9 @@ def static_form(problem: Problem) -> StaticForm:
     mine = np.flatnonzero((lead >= 0) & (lead < num_owned))
     lead, unknowns = lead[mine], at.rigid.free.shape[1]
     held.reshape(num_owned, size)[lead, :unknowns] = at.rigid.free[mine] == 0
-    pressed = jumps.copy()
-    pressed[:, tdim:] = False
+    pressed, dilating = jumps.copy(), everywhere.copy()
+    pressed[:, tdim:] = pressed[..., 1:] = False
+    dilating[dilates, :, 0] = True
     jumps &= ~on_axis[..., None]
     moves, parts_freely = _idle(strains)
     pushes = jumps.ravel() & moves & ~parts_freely
@@ -143,6 +149,7 @@ def static_form(problem: Problem) -> StaticForm:
         open_jumps=open_jumps,
         jumps=jumps.ravel(),
         pressed=pressed.ravel(),
+        dilating=dilating.ravel(),
         slips=slips.ravel() & ~held.ravel(),
         pieces=Pieces.of(mesh, at.numbers),
     )
@@ -179,4 +186,12 @@ def _slip_places(at: BoundBody, areas: Floats) -> SlipPlaces:
     shares = np.eye(tdim - 1) * ~at.facets.held[of, None, 1:]
     area: Floats = areas[of, places]
     index = (first[:, None] + np.arange(1, tdim)).astype(np.int32)
+    friction = at.facets.friction[of]
+    dilates = friction > 0
+    if dilates.any():  # w_t = (a − b)/2μ of two unknowns
+        index = np.column_stack([index, np.full(len(of), -1, dtype=np.int32)])
+        shares = np.concatenate([shares, np.zeros_like(shares)], axis=2)
+        index[dilates] = first[dilates, None] + np.arange(2)
+        half = 0.5 / friction[dilates]
+        shares[dilates, 0] = np.column_stack([half, -half])
     return SlipPlaces(index, shares, area, at.facets.adhesion[of] * area)

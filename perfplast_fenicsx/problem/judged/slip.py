@@ -1,6 +1,7 @@
 """What has slipped, and from where friction counts slip in a level."""
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -30,3 +31,17 @@ def remember_slip(problem: Problem, start: State | None) -> None:
     """
     if problem.in_stages and problem.friction.count and start is not None:
         problem.friction.origin[:] += slipped(problem, start)
+
+
+def check_slip_is_true(problem: Problem) -> None:
+    """Refuse friction whose slip is associated, which neither levels nor paths have.
+
+    Raises:
+        InputError: If it is associated.
+    """
+    for it in (*problem.given.contacts, *problem.given.obstacles):
+        if it.associated:
+            raise InputError(
+                f"the friction at '{it.on}' is associated, which parts surfaces that slip, and is"
+                " for bounds of the body alone; give control = 'bounds', or leave associated out."
+            )

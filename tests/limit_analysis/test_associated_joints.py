@@ -1,0 +1,99 @@
+"""Joints whose slip is associated: both limit theorems hold of them, and both bounds are theirs."""
+
+import math
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx import (
+    Contact,
+    Newton,
+    Plane,
+    Pressure,
+    Problem,
+    ResultFolder,
+    Support,
+    VonMises,
+    limit_bounds,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.proof import check
+from tests.checks import assert_refused
+from tests.contact.blocks_apart import blocks_apart
+from tests.limit_analysis.test_rings import disc
+from tests.limit_analysis.test_rubbing_bounds import K, between_platens, both
+
+COMM = MPI.COMM_WORLD
+LEAD = VonMises(young=16000.0, poisson=0.44, yield_stress=20.0)
+SLOPE = 0.5
+SINE, COSINE = SLOPE / math.hypot(1, SLOPE), 1 / math.hypot(1, SLOPE)
+
+
+def cut_column(mu: float, c: float, around: float = 0.0) -> Problem:
+    """A column under the pressure 1, cut by a plane, with another pressure on its sides."""
+    sides = ("x0", "x1", "upper_x0", "upper_x1") if around else ()
+    return Problem(
+        blocks_apart(COMM, (2, 2), (2, 2), moved_by=0.0, slope=SLOPE),
+        {"lower": LEAD, "upper": LEAD},
+        [Support("bottom")],
+        [Pressure("top", 1.0), *(Pressure(side, around, constant=True) for side in sides)],
+        [Contact("lower_top", "upper_bottom", tresca=c, coulomb=mu, associated=True)],
+        degree=2,
+    )
+
+
+@pytest.mark.parametrize(("mu", "c", "around"), [(0.2, 0.3, 0.0), (0.4, 1.0, 0.0), (0.3, 0.0, 2.0)])
+def test_a_column_slides_along_its_cut(mu: float, c: float, around: float) -> None:
+    """Its stress is uniform: (q − p) sin cos = c + μ (q cos² + p sin²) on the cut."""
+    exact = c + around * (SINE * COSINE + mu * SINE**2)
+    exact /= SINE * COSINE - mu * COSINE**2
+    bounds = limit_bounds(cut_column(mu, c, around), 1e-6)
+    assert bounds.strict
+    assert exact * (1 - 3e-6) < (bounds.lower.value or 0.0) <= exact * (1 + 1e-9)
+    assert exact * (1 - 1e-9) <= (bounds.upper.value or 0.0) < exact * (1 + 3e-6)
+    assert "part by its coefficient times their slip" in bounds.in_words()
+    assert "Drucker" not in bounds.in_words()
+
+
+def test_both_bounds_are_those_of_the_joint() -> None:
+    """From above as of Drucker's pair, from below far above the frictionless one."""
+    pair = both(limit_bounds(between_platens(4, coulomb=0.1)))
+    joint = both(limit_bounds(between_platens(4, coulomb=0.1, associated=True)))
+    assert joint[1] == pytest.approx(pair[1], rel=1e-6)
+    assert 1.05 * pair[0] < joint[0] < joint[1] < 1.04 * joint[0]
+    more = both(limit_bounds(between_platens(4, coulomb=0.1, tresca=0.1 * K, associated=True)))
+    assert joint[0] < more[0] < more[1]
+
+
+def test_around_an_axis() -> None:
+    pair, joint = (
+        limit_bounds(disc(2, coulomb=0.1, associated=associated)) for associated in (False, True)
+    )
+    assert joint.strict
+    assert joint.upper.value == pytest.approx(pair.upper.value, rel=1e-6)
+    assert 1.02 * (pair.lower.value or 0.0) < (joint.lower.value or 0.0)
+
+
+@pytest.mark.parametrize("associated", [False, True])
+def test_the_file_says_which_it_is(shared_tmp_path: Path, associated: bool) -> None:
+    """The lower half has the friction of an associated joint, and none of another."""
+    bounds = limit_bounds(between_platens(2, coulomb=0.1, associated=associated))
+    results = ResultFolder(COMM, shared_tmp_path)
+    write_proof(results, results.file("bounds.h5"), *proofs(bounds, bounds))
+    found = check(results.file("bounds.h5"))
+    assert found["lower"].proven == pytest.approx(bounds.lower.value, rel=1e-9)
+    assert found["upper"].proven == pytest.approx(bounds.upper.value, rel=1e-9)
+
+
+def test_levels_are_refused() -> None:
+    words = ["'lower_top'", "associated", "control = 'bounds'"]
+    assert_refused(lambda: Newton(between_platens(2, coulomb=0.1, associated=True)), words)
+
+
+@pytest.mark.serial
+def test_friction_that_parts_nothing_is_refused() -> None:
+    words = ["associated = true", "coulomb"]
+    assert_refused(lambda: Contact("a", "b", tresca=1.0, associated=True), words)
+    assert_refused(lambda: Plane("a", (0.0, 0.0), (0.0, 1.0), associated=True), words)
