@@ -29,6 +29,7 @@ from perfplast_fenicsx.io.results.proven_directions import read_proven
 from perfplast_fenicsx.io.results.result_files import KNOWN
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.run_lock import INTERRUPTED
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.discrete.drucker import drucker_bounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
@@ -219,8 +220,10 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
         with at(case.path.name):
             limit = case.loading.find(_asked(context, solver, stages, recorder))
     except Interrupted as interrupted:
-        found = interrupted.found  # on a later mesh, of several, than results are written for
-        if isinstance(found, LimitLoad) and _is_on(context.problem, found):
+        adapted, found = interrupted.adapted, interrupted.found
+        if isinstance(adapted, AdaptiveBounds):
+            recorder.limit(adapted.best.mesh, adapted.body, adapted)
+        elif isinstance(found, LimitLoad) and _is_on(context.problem, found):
             recorder.limit(found)
         raise
     results = recorder.results

@@ -5,6 +5,7 @@ from typing import Literal
 
 from perfplast_fenicsx.controls.control import OfBody, Run
 from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.controls.interim import of_other_loads
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.least_load import (
@@ -59,7 +60,8 @@ class BoundsControl(OfBody):
             told = (record.mesh, record.interior)
             found = adaptive_bounds(problem, run.adapt, self.limit_tolerance, *told, self.design)
             body = found.body
-        body = self._with_least(run, body)
+        with of_other_loads(found):  # turned round
+            body = self._with_least(run, body)
         mesh = found.best.mesh if found else body.mesh
         record.limit(mesh, body, found)
         return mesh

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 from perfplast_fenicsx.controls.control import OfBody, Run
 from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.controls.interim import of_other_loads
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.limit_analysis.body.interaction import envelope
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
@@ -90,17 +91,20 @@ class EnvelopeControl(OfBody):
     def find(self, run: Run) -> LimitLoad:
         """Bound the limit load in one direction after the other. Collective."""
         growing = [load for load in run.problem.given.loads if not load.constant]
-        found = envelope(
-            run.problem,
-            [[load for load in growing if called(load) in names] for names in self.named.values()],
-            directions=self.directions,
-            until=self.until,
-            around=self.signed,
-            rtol=self.limit_tolerance,
-            adaptation=run.adapt,
-            monitor=run.record.direction,
-            steps=run.record.interior,
-            known=run.directions,
-        )
-        run.record.envelope(found, [" + ".join(names) for names in self.named.values()])
+        named = self.named.values()
+        groups = [[load for load in growing if called(load) in names] for names in named]
+        with of_other_loads():  # in each direction
+            found = envelope(
+                run.problem,
+                groups,
+                directions=self.directions,
+                until=self.until,
+                around=self.signed,
+                rtol=self.limit_tolerance,
+                adaptation=run.adapt,
+                monitor=run.record.direction,
+                steps=run.record.interior,
+                known=run.directions,
+            )
+        run.record.envelope(found, [" + ".join(names) for names in named])
         return replace(found.last.mesh, levelled_off=found.gap <= self.until)

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 from perfplast_fenicsx.controls.control import OfBody, Run
 from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.controls.interim import of_other_loads
 from perfplast_fenicsx.limit_analysis.body.safety_factor import check_stands, factor_of_safety
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
@@ -41,7 +42,8 @@ class StrengthControl(OfBody):
     def find(self, run: Run) -> LimitLoad:
         """Find both factors. Collective."""
         told = (run.adapt, run.record.factor, run.record.interior)
-        safety = factor_of_safety(run.problem, self.limit_tolerance, *told)
+        with of_other_loads():  # and strengths
+            safety = factor_of_safety(run.problem, self.limit_tolerance, *told)
         run.record.safety(safety)
         known = safety.lower is not None and safety.upper is not None
         return replace(safety.last.mesh, levelled_off=known)

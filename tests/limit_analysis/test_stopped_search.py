@@ -28,6 +28,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, 
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
+from perfplast_fenicsx.proof import check
 from tests.models import Read
 
 MANY = 10 * int(os.environ.get("PERFPLAST_FUZZ", "0"))
@@ -199,7 +200,7 @@ def test_an_interrupted_run_writes_what_it_knows(
 def test_a_run_that_is_interrupted_on_its_second_mesh(
     comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its mechanism is none of the mesh that results are written for."""
+    """What the first mesh has proven is on file, with its mechanism and what is left to do."""
     case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
     until = 'until = "limit"\n'
     if comm.rank == 0:
@@ -216,6 +217,36 @@ def test_a_run_that_is_interrupted_on_its_second_mesh(
     monkeypatch.setattr(Recorder, "mesh", lambda _, round_: rounds.append(round_))
     assert main(["run", str(case), "-o", str(results)]) == 128 + 15
     assert len(rounds) == 1
+    if comm.rank == 0:
+        limit = json.loads((results / "summary.json").read_text())["limit"]
+        body, (step,) = limit["body"], limit["next_steps"]
+        assert (body["lower"], body["upper"]) == (rounds[0].lower, rounds[0].upper)
+        assert body["strict"]
+        assert [mesh["cells"] for mesh in body["meshes"]] == [rounds[0].cells]
+        assert "the search on the next mesh was interrupted" in step
+        assert {"bounds.h5", "mechanism.vtkhdf"} <= {path.name for path in results.iterdir()}
+        assert not any(of.faults for of in check(results / "bounds.h5").values())
+
+
+def test_what_is_found_of_other_loads_is_not_told(
+    comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Strengths that are reduced are none of the case."""
+    case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
+    if comm.rank == 0:
+        text = CASE.replace('control = "work"', 'control = "strength"')
+        text = text.replace('until = "limit"\n', "").replace("-1.0]", "-1.0]\nconstant = true")
+        case.write_text(text)
+    comm.barrier()
+
+    def interior(_: Recorder, step: InteriorStep) -> None:
+        if step.number == 3:
+            raise Interrupted(15)
+
+    monkeypatch.setattr(Recorder, "interior", interior)
+    assert main(["run", str(case), "-o", str(results)]) == 128 + 15
+    if comm.rank == 0:
+        assert json.loads((results / "summary.json").read_text())["limit"] is None
 
 
 def test_elastic_bodies_that_may_turn(read: Read) -> None:

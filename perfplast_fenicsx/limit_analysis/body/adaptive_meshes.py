@@ -21,6 +21,7 @@ from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
 from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import StopSearch
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, Verdict
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.question import Question
@@ -148,40 +149,46 @@ def adaptive_bounds(
     found = limit_bounds(problem, rtol, steps)
     low = high = found
     of_low = of_high = problem
-    while True:
-        gap = low.lower.apart(high.upper)
-        round_ = Round(
-            number=len(rounds) + 1,
-            cells=_count(problem.tagged_mesh),
-            lower=found.lower.value,
-            upper=found.upper.value,
-            gap=gap,
-            seconds=time.perf_counter() - began,
-        )
-        rounds.append(round_)
-        if monitor is not None:
-            monitor(round_)
-        # where constant loads are what is bounded, it is whether they are carried once
-        stands = 1.0 if low.question is Question.STANDS else None
-        if ends := adaptation.ends(low.lower, high.upper, stands or design):
-            reason = ends
-            break
-        finer = _finer(problem, found, adaptation.cells)
-        if isinstance(finer, str):
-            reason = finer
-            break
-        finer_problem = problem.on(finer)
-        try:
-            found = limit_bounds(finer_problem, rtol, steps)
-        except TooLarge as fault:
-            reason = f"the next mesh has {_count(finer)} cells: {fault}"
-            break
-        problem = finer_problem
-        other = found.question is not low.question  # bounds of other loads are no better ones
-        if other or _better(found.lower, low.lower, 1):
-            low, of_low = found, problem
-        if other or _better(found.upper, high.upper, -1):
-            high, of_high = found, problem
+    try:
+        while True:
+            gap = low.lower.apart(high.upper)
+            round_ = Round(
+                number=len(rounds) + 1,
+                cells=_count(problem.tagged_mesh),
+                lower=found.lower.value,
+                upper=found.upper.value,
+                gap=gap,
+                seconds=time.perf_counter() - began,
+            )
+            rounds.append(round_)
+            if monitor is not None:
+                monitor(round_)
+            # where constant loads are what is bounded, it is whether they are carried once
+            stands = 1.0 if low.question is Question.STANDS else None
+            if ends := adaptation.ends(low.lower, high.upper, stands or design):
+                reason = ends
+                break
+            finer = _finer(problem, found, adaptation.cells)
+            if isinstance(finer, str):
+                reason = finer
+                break
+            finer_problem = problem.on(finer)
+            try:
+                found = limit_bounds(finer_problem, rtol, steps)
+            except TooLarge as fault:
+                reason = f"the next mesh has {_count(finer)} cells: {fault}"
+                break
+            problem = finer_problem
+            other = found.question is not low.question  # bounds of other loads are no better ones
+            if other or found.lower.improves(low.lower):
+                low, of_low = found, problem
+            if other or found.upper.improves(high.upper):
+                high, of_high = found, problem
+    except StopSearch as stop:
+        reason = "the search on the next mesh was interrupted"
+        of_both = (of_low, of_high)
+        stop.adapted = AdaptiveBounds(low, high, found, problem, of_both, rounds, reason)
+        raise
     return AdaptiveBounds(low, high, found, problem, (of_low, of_high), rounds, reason)
 
 
@@ -189,21 +196,6 @@ def _count(tagged_mesh: TaggedMesh) -> int:
     topology = tagged_mesh.mesh.topology
     count: int = topology.index_map(topology.dim).size_global
     return count
-
-
-def _better(new: Bound, old: Bound, sign: int) -> bool:
-    """Whether a bound is the better one of the body: of those of meshes alone the new one.
-
-    Args:
-        new: Of the new mesh.
-        old: The best one so far.
-        sign: 1 of lower bounds, −1 of upper ones.
-    """
-    if new.value is None or old.value is None:
-        return new.value is not None
-    if new.strict and old.strict:
-        return sign * new.value > sign * old.value
-    return new.strict or not old.strict
 
 
 def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:

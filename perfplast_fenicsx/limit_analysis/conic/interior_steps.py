@@ -20,9 +20,11 @@ class StopSearch(Exception):
 
     Attributes:
         found: What the search has found so far; None if it had not begun.
+        adapted: What meshes before have given, where there are several; else None.
     """
 
     found: object = None
+    adapted: object = None
 
 
 class Verdict(StrEnum):

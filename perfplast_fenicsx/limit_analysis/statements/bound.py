@@ -75,6 +75,14 @@ class Bound:
             return None
         return (upper.value - self.value) / min(abs(self.value), abs(upper.value))
 
+    def improves(self, old: "Bound") -> bool:
+        """Whether it is the better one of the body: of those of meshes alone the new one is."""
+        if self.value is None or old.value is None:
+            return self.value is not None
+        if self.strict and old.strict:
+            return self.value > old.value if self.kind == "lower" else self.value < old.value
+        return self.strict or not old.strict
+
     def __repr__(self) -> str:
         value = self.shown
         told = f"; not strict: {', '.join(self.why_not)}" if self.why_not else ""
