@@ -95,7 +95,7 @@ def _verdict(verdict: Verdict, meaning: str) -> str:
 
 def _words(text: str) -> str:
     """A sentence whose load factors are not torn apart at the end of a line."""
-    return escape(text).replace("ζ = ", "ζ&nbsp;=&nbsp;")
+    return escape(text).replace("ζ = ", "ζ&nbsp;=&nbsp;").replace(" %", "&nbsp;%")
 
 
 def _view(view: View) -> str:
